@@ -1,0 +1,146 @@
+"""The one narrow protocol every robot speaks, simulated or real.
+
+State is cached and reading it never blocks; motions are started, never awaited; the behavior tree polls
+`state.moving`. Time is the robot's own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.pose import Array, Pose
+from palpate.trace import Hand, Samples
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Limits:
+    """What the arm may do. Sources are given where an instance is made.
+
+    Attributes:
+        q_min, q_max: (7,) joint range, rad. dq_max: (7,) rad/s. tau_max: (7,) N m.
+        force_max: N, largest external force at the TCP in any commanded interaction.
+        torque_max: N m, largest external torque at the TCP.
+        speed_max: m/s, TCP speed.
+        tracking_max: m, largest distance between commanded equilibrium and measured TCP.
+        payload: kg, heaviest object to lift.
+        opening: m, widest object the hand takes.
+        workspace_min, workspace_max: (3,) m, box around the arm's base that the TCP stays in.
+        stale_after: s, oldest sensor sample that may be acted upon.
+    """
+
+    q_min: Array
+    q_max: Array
+    dq_max: Array
+    tau_max: Array
+    force_max: float
+    torque_max: float
+    speed_max: float
+    tracking_max: float
+    payload: float
+    opening: float
+    workspace_min: Array
+    workspace_max: Array
+    stale_after: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RobotState:
+    """The latest cached state.
+
+    Attributes:
+        t: robot time now, s. stamp: robot time of the newest sensor sample, s.
+        q, dq: (7,) rad, rad/s. tau_ext: (7,) N m.
+        pose_world_tcp: measured TCP pose. target_world_tcp: commanded equilibrium pose.
+        twist: (6,) TCP velocity, world axes.
+        wrench: (6,) external wrench, the convention of `palpate.trace`.
+        width: m between the fingers. gripping: fingers stopped on something before closing fully.
+        moving: the arm's commanded motion is still under way.
+        gripper_moving: the fingers are still under way.
+    """
+
+    t: float
+    stamp: float
+    q: Array
+    dq: Array
+    tau_ext: Array
+    pose_world_tcp: Pose
+    target_world_tcp: Pose
+    twist: Array
+    wrench: Array
+    width: float
+    gripping: bool
+    moving: bool
+    gripper_moving: bool
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CameraFrame:
+    """One camera image: stamp in robot time (s) and RGB pixels (height, width, 3) uint8."""
+
+    t: float
+    pixels: NDArray[np.uint8]
+
+
+class Robot(Protocol):
+    """A 7-axis arm with a parallel hand and joint torque sensing."""
+
+    @property
+    def limits(self) -> Limits: ...
+    @property
+    def hand(self) -> Hand: ...
+    @property
+    def gravity(self) -> float:
+        """m/s^2, magnitude, along world -z."""
+        ...
+    @property
+    def state(self) -> RobotState:
+        """The latest cached state; never blocks."""
+        ...
+
+    def move_joints(self, q: Array, speed: float = 1.0) -> None:
+        """Start a smooth (bounded jerk) motion to joint positions `q` (7,). Replaces any motion under way.
+
+        `speed` scales the default speed, in (0, 1].
+        """
+        ...
+
+    def move_pose(self, target: Pose, speed: float) -> None:
+        """Start a smooth straight motion of the commanded TCP pose to `target` (world) at most `speed` m/s."""
+        ...
+
+    def move_axis(self, direction: Array, speed: float, travel: float) -> None:
+        """Start a straight motion along unit `direction` (3,) (world) at `speed` m/s for `travel` m."""
+        ...
+
+    def open_gripper(self) -> None:
+        """Start opening the fingers fully."""
+        ...
+
+    def close_gripper(self) -> None:
+        """Start closing the fingers with the default grasp force until they meet resistance or each other."""
+        ...
+
+    def hold(self) -> None:
+        """Stop the arm smoothly where it is and hold there; the fingers keep their grasp."""
+        ...
+
+    def advance(self, duration: float) -> None:
+        """Let robot time pass: simulated robots step, real ones sleep until the time has come."""
+        ...
+
+    def drain(self) -> Samples:
+        """The samples logged since the last call."""
+        ...
+
+    def close(self) -> None:
+        """Stop and let go of the connection. May be called twice."""
+        ...
+
+
+HOME: Sequence[float] = (0.0, -np.pi / 4, 0.0, -3 * np.pi / 4, 0.0, np.pi / 2, np.pi / 4)
+"""The manufacturer's ready configuration, rad."""
