@@ -19,10 +19,10 @@ from pydantic import BaseModel, ConfigDict
 
 from palpate.errors import unknown_name
 from palpate.estimation.estimate import Estimate
-from palpate.pose import Pose
 from palpate.quantities import QUANTITIES, Quantity
 from palpate.robots.robot import Robot
 from palpate.robots.safety import Expectation, violation
+from palpate.scene.scene import Scene
 from palpate.trace import Conversion, Recording, Trace
 from palpate.vocabulary.state import SymbolicState
 
@@ -53,7 +53,6 @@ class Recorder:
 class Cell:
     """What a running primitive may use: the robot, the symbolic state, the recorder.
 
-    `interaction` names the running motion (for a sensing leaf beside it in a Parallel), or None.
     `owner` maps each claimed resource to the leaf that has it; the first motion claims the arm, any
     other that asks for it fails.
     """
@@ -66,12 +65,9 @@ class Cell:
     owner: dict[Resource, object] = field(default_factory=dict[Resource, object])
 
     @property
-    def scene(self):  # noqa: ANN201 - the type is SymbolicState's
+    def scene(self) -> Scene:
+        """What is believed about the cell at rest."""
         return self.state.scene
-
-    def resolve(self, expression: str) -> Pose:
-        """A pose expression's pose in the world; the names come from the scene."""
-        return self.scene.symbols.resolve(expression)
 
 
 class Primitive(BaseModel):
@@ -92,8 +88,12 @@ class Primitive(BaseModel):
         """Violated preconditions, worded so that a model or a person can repair the plan; empty when none."""
         return []
 
+    def during(self, state: SymbolicState) -> SymbolicState:
+        """The symbolic state while this runs: what a sensing leaf beside it in a Parallel records."""
+        return state
+
     def effects(self, state: SymbolicState) -> SymbolicState:
-        """The symbolic state after SUCCESS."""
+        """The symbolic state after SUCCESS, folded from the state before `during`."""
         return state
 
     def expectation(self, state: SymbolicState) -> Expectation:
@@ -194,13 +194,8 @@ def vocabulary() -> Vocabulary:
 def _declared(module: ModuleType) -> dict[str, type[Primitive]]:
     names: list[str] = list(getattr(module, "__all__", vars(module)))
     candidates = [getattr(module, name) for name in names]
-    return {c.__name__: c for c in candidates
-            if isinstance(c, type) and issubclass(c, Primitive) and "run" in vars(c) or _is_concrete(c)}
-
-
-def _is_concrete(candidate: object) -> bool:
-    return (isinstance(candidate, type) and issubclass(candidate, Primitive)
-            and candidate not in (Primitive, ConversionPrimitive))
+    return {c.__name__: c for c in candidates if isinstance(c, type) and issubclass(c, Primitive)
+            and c not in (Primitive, ConversionPrimitive)}
 
 
 def _order(name: str, core: ModuleType) -> tuple[int, str]:

@@ -1,0 +1,137 @@
+"""Primitives that turn a buffer into an estimate; each brings its estimator."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import ClassVar
+
+from palpate.estimation import kinematic, mass, surface
+from palpate.estimation.estimate import Estimate
+from palpate.quantities import QUANTITIES, Gap, Quantity
+from palpate.trace import FORCES, POSE, Context, Conversion, Trace
+from palpate.vocabulary.primitive import Cell, ConversionPrimitive, LeafFailure, Steps
+from palpate.vocabulary.state import SymbolicState
+
+GRIPPER = "gripper"
+"""The subject of a velocity or momentum measured with empty fingers."""
+
+
+class _Conversion(ConversionPrimitive):
+    """What all conversions share: they read one buffer, whose context says what it is about."""
+
+    needs: ClassVar[str]
+
+    def about(self, context: Context) -> str | None:
+        """The subject of a buffer written in `context`; None when it is not what this converts."""
+        raise NotImplementedError
+
+    def subject(self, state: SymbolicState) -> str | None:
+        context = state.buffers.get(self.reads or "")
+        return self.about(context) if context else None
+
+    def requires(self, state: SymbolicState) -> list[str]:
+        if self.reads not in state.buffers:
+            writer = "MeasureForces" if self.reads == FORCES else "MeasureGripperPose"
+            return [f"`{self.reads}` is empty; {writer} must come before {type(self).__name__}"]
+        if self.subject(state) is None:
+            return [f"`{self.reads}` was not logged {self.needs}, so {type(self).__name__} has nothing to convert"]
+        return []
+
+    def effects(self, state: SymbolicState) -> SymbolicState:
+        subject, quantity = self.subject(state), self.measures
+        if subject is None or quantity is None:
+            return state
+        return replace(state, converted=state.converted | {Gap(subject, quantity.id)})
+
+    def run(self, cell: Cell) -> Steps:
+        subject, quantity = self.subject(cell.state), self.measures
+        assert subject is not None
+        assert quantity is not None
+        yield
+        recording = next(r for r in reversed(cell.recorder.recordings) if r.buffer == self.reads)
+        conversion = Conversion(type(self).__name__, subject, quantity.id, recording, cell.robot.state.t)
+        found = self.estimate(cell.recorder.snapshot(), conversion)
+        if found.verdict == "not identified":
+            raise LeafFailure(f"{found.gap} is not identified: {found.method}")
+        cell.recorder.conversions.append(conversion)
+        shown = ", ".join(f"{v:.4g} ± {s:.2g}" for v, s in zip(found.value, found.std, strict=True))
+        return f"{subject} {quantity.label} {shown} {quantity.unit}"
+
+
+class Force2Mass(_Conversion):
+    """Convert `gripper_forces` into the mass of the held object. Only for a log made while the object was held
+    still, lifted and balanced; not when it hangs tilted off its centre."""
+
+    reads: ClassVar[str | None] = FORCES
+    measures: ClassVar[Quantity | None] = QUANTITIES["mass"]
+    needs: ClassVar[str] = "while an object was held still and lifted"
+
+    def about(self, context: Context) -> str | None:
+        return context.holding if context.activity == "still" else None
+
+    @classmethod
+    def estimate(cls, trace: Trace, conversion: Conversion) -> Estimate:
+        return mass.estimate_mass(trace, conversion)
+
+
+class Force2Velocity(_Conversion):
+    """Convert `gripper_forces` logged beside a motion into the velocity of the gripper. Irrelevant for anything
+    static."""
+
+    reads: ClassVar[str | None] = FORCES
+    measures: ClassVar[Quantity | None] = QUANTITIES["velocity"]
+    needs: ClassVar[str] = "beside a motion in a Parallel"
+
+    def about(self, context: Context) -> str | None:
+        return (context.holding or GRIPPER) if context.activity in ("moving", "sliding") else None
+
+    @classmethod
+    def estimate(cls, trace: Trace, conversion: Conversion) -> Estimate:
+        return kinematic.estimate_velocity(trace, conversion)
+
+
+class Force2Momentum(_Conversion):
+    """Convert `gripper_forces` logged beside a motion into the momentum of the held object. Irrelevant for
+    anything static."""
+
+    reads: ClassVar[str | None] = FORCES
+    measures: ClassVar[Quantity | None] = QUANTITIES["momentum"]
+    needs: ClassVar[str] = "beside a motion of a held, lifted object in a Parallel"
+
+    def about(self, context: Context) -> str | None:
+        return context.holding if context.activity == "moving" else None
+
+    @classmethod
+    def estimate(cls, trace: Trace, conversion: Conversion) -> Estimate:
+        return kinematic.estimate_momentum(trace, conversion)
+
+
+class Pose2Height(_Conversion):
+    """Convert `gripper_pose` logged in contact with a surface into the height of that surface above the world's
+    origin."""
+
+    reads: ClassVar[str | None] = POSE
+    measures: ClassVar[Quantity | None] = QUANTITIES["height"]
+    needs: ClassVar[str] = "in contact with a surface after MoveUntilContact -z"
+
+    def about(self, context: Context) -> str | None:
+        return context.support if context.activity == "contact" else None
+
+    @classmethod
+    def estimate(cls, trace: Trace, conversion: Conversion) -> Estimate:
+        return surface.estimate_height(trace, conversion)
+
+
+class Pose2Plan(_Conversion):
+    """Convert `gripper_pose` logged while an object is held into that object's x-y position."""
+
+    reads: ClassVar[str | None] = POSE
+    measures: ClassVar[Quantity | None] = QUANTITIES["position"]
+    needs: ClassVar[str] = "while an object was held"
+
+    def about(self, context: Context) -> str | None:
+        return context.holding
+
+    @classmethod
+    def estimate(cls, trace: Trace, conversion: Conversion) -> Estimate:
+        return kinematic.estimate_position(trace, conversion)
