@@ -1,0 +1,88 @@
+"""The cell a run happens in: the embedded world, or a real robot.
+
+The simulated world is hidden. Its truth is a separate question, `truth`, which the pipeline asks only after
+the estimates are made.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from palpate.errors import InputError, Unavailable
+from palpate.job import Job
+from palpate.quantities import Gap
+from palpate.scene.scene import Body, Scene, load_scene
+
+if TYPE_CHECKING:
+    from palpate.robots.mujoco import MujocoRobot
+
+SIZE_TOLERANCE = 0.02
+"""m: how far an object's extents in scene and world may differ and still be the same object."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SimulatedCell:
+    """A world made of MJCF, with what is true in it.
+
+    Attributes:
+        world: the world as a scene, nothing missing but what does not matter.
+        drawn: values that were drawn from priors, for a world made from D.
+        description: for the report.
+    """
+
+    world: Scene
+    drawn: Mapping[Gap, tuple[float, ...]]
+    description: str
+
+    def robot(self, job: Job) -> MujocoRobot:
+        """The embedded FR3 in this world."""
+        from palpate.robots.mujoco import MujocoRobot
+
+        return MujocoRobot(self.world.spec(self.drawn), self.world.pose_world_base, noise=job.noise, seed=job.seed)
+
+    def truth(self, gap: Gap) -> tuple[float, ...] | None:
+        """What is true in the world, or None where it is not defined. Ask after estimating."""
+        if gap in self.drawn:
+            return self.drawn[gap]
+        body = self.world.bodies.get(gap.object)
+        return body.known.get(gap.quantity) if body else None
+
+
+def simulated_cell(job: Job, scene: Scene) -> SimulatedCell:
+    """The hidden world of a job.
+
+    Raises:
+        InputError: the world does not match the scene.
+        Unavailable: the job names a real robot, which this build cannot reach.
+    """
+    if job.robot is not None:
+        raise Unavailable(f"no driver for '{job.robot}': leave --robot out to use the embedded FR3")
+    if job.world is None:
+        from palpate.scene.priors import draw_truth
+
+        drawn = draw_truth(scene, job.seed)
+        return SimulatedCell(scene, drawn, "simulated from the scene, its unknowns drawn from priors")
+    world = load_scene(job.world)
+    _match(scene, world)
+    return SimulatedCell(world, {}, f"simulated world {job.world.name}")
+
+
+def _match(scene: Scene, world: Scene) -> None:
+    """The world holds every object and surface of the scene, at about the same size."""
+    absent = [name for name in scene.bodies if name not in world.bodies]
+    if absent:
+        raise InputError(f"scene and world do not match: the world has no {', '.join(absent)}; "
+                         f"it has {', '.join(world.bodies)}")
+    for name, body in scene.objects.items():
+        _match_body(body, world.bodies[name])
+
+
+def _match_body(mine: Body, theirs: Body) -> None:
+    if mine.role != theirs.role:
+        raise InputError(f"scene and world do not match: '{mine.name}' is an {mine.role} in the scene and a "
+                         f"{theirs.role} in the world")
+    if (abs(mine.size - theirs.size) > SIZE_TOLERANCE).any():
+        raise InputError(f"scene and world do not match: '{mine.name}' measures {mine.size.round(3).tolist()} m in the "
+                         f"scene and {theirs.size.round(3).tolist()} m in the world")
