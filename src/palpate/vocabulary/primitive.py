@@ -23,7 +23,7 @@ from palpate.quantities import QUANTITIES, Quantity
 from palpate.robots.robot import Robot
 from palpate.robots.safety import Expectation, violation
 from palpate.scene.scene import Scene
-from palpate.trace import Conversion, Recording, Trace
+from palpate.trace import Conversion, LeafRun, Recording, Samples, Trace
 from palpate.vocabulary.state import SymbolicState
 
 Steps = Generator[None, None, str]
@@ -37,16 +37,26 @@ class LeafFailure(Exception):
 
 
 class Recorder:
-    """What leaves write while they run. Owned by the runner, which drains the robot into it every tick."""
+    """What is written while a plan runs. The runner drains the robot into it every tick."""
 
     def __init__(self, robot: Robot) -> None:
         self.recordings: list[Recording] = []
         self.conversions: list[Conversion] = []
+        self.leaves: list[LeafRun] = []
         self._robot = robot
+        self._parts: list[Samples] = []
+
+    def drain(self) -> None:
+        """Take over the samples that the robot logged since the last call."""
+        samples = self._robot.drain()
+        if len(samples):
+            self._parts.append(samples)
 
     def snapshot(self) -> Trace:
-        """The trace so far. The runner's recorder overrides this."""
-        raise NotImplementedError
+        """The trace so far."""
+        self._parts = [Samples.concatenate(self._parts)]
+        return Trace(self._parts[0], tuple(self.leaves), tuple(self.recordings), tuple(self.conversions),
+                     self._robot.hand, self._robot.gravity)
 
 
 @dataclass
@@ -102,7 +112,8 @@ class Primitive(BaseModel):
 
     def unsafe(self, cell: Cell) -> str | None:
         """The safety predicate, evaluated every tick: the reason it is violated, or None."""
-        return violation(cell.robot.state, cell.robot.limits, self.expectation(cell.state))
+        return violation(cell.robot.state, cell.robot.limits, self.expectation(cell.state),
+                         cell.scene.pose_world_base)
 
     def run(self, cell: Cell) -> Steps:
         """Behave. Yield once a tick while RUNNING."""

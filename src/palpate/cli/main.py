@@ -1,0 +1,218 @@
+"""The command line. Heavy imports happen inside the commands, so that `--help` answers at once."""
+
+from __future__ import annotations
+
+import json
+import sys
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, NoReturn
+
+import typer
+
+from palpate import __version__
+from palpate.errors import PalpateError
+
+if TYPE_CHECKING:
+    from palpate.job import Job
+    from palpate.pipeline import Outcome
+
+app = typer.Typer(
+    name="palpate", no_args_is_help=True, add_completion=False, rich_markup_mode="rich", pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+    help="Physics-accurate digital twins by touch: say what you want to simulate, and a robot measures only what your "
+         "MuJoCo scene does not know yet.",
+    epilog="Exit status: 0 every parameter estimated · 1 finished, but a parameter is not identified · 2 bad input · "
+           "3 no plan (the explanation says why) · 4 stopped safely during execution · 5 planner or robot unavailable.",
+)
+study = typer.Typer(no_args_is_help=True, help="Run a study: accuracy, efficiency, ablation, repeatability.")
+app.add_typer(study, name="study")
+
+
+class Noise(StrEnum):
+    """Sensor worlds."""
+
+    none = "none"
+    lab = "lab"
+    datasheet = "datasheet"
+
+
+Request = Annotated[str | None, typer.Option("-r", "--request", help="What you want to simulate, in your words.")]
+SceneFile = Annotated[Path | None, typer.Option("--scene", help="Your MJCF; what is absent or '?' is unknown.")]
+Images = Annotated[list[Path] | None, typer.Option("--image", help="Picture of the workspace; may be repeated.")]
+Poses = Annotated[Path | None, typer.Option("--poses", help="poses.yaml: objects, places, offsets.")]
+World = Annotated[Path | None, typer.Option("--world", help="MJCF of the hidden world of the embedded robot.")]
+RobotUrl = Annotated[str | None, typer.Option("--robot", help="URL of a real robot instead of the embedded one.")]
+Planner = Annotated[str, typer.Option("--planner", help="symbolic | exhaustive | replay:FILE | PROVIDER:MODEL")]
+NoiseLevel = Annotated[Noise, typer.Option("--noise", help="Sensor world of the embedded robot.")]
+Seed = Annotated[int, typer.Option("--seed", help="Seed of everything random.")]
+Out = Annotated[Path | None, typer.Option("--out", help="Run folder to make (default: runs/NAME-TIME).")]
+AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")]
+Yes = Annotated[bool, typer.Option("--yes", help="Do not ask before a real robot moves.")]
+Remeasure = Annotated[bool, typer.Option("--remeasure", help="Measure what is asked even if the scene states it.")]
+
+
+def main() -> None:
+    """Entry point: every `PalpateError` becomes one line and its exit status."""
+    try:
+        app(standalone_mode=False)
+    except PalpateError as error:
+        fail(error)
+    except typer.Exit as exit_:
+        sys.exit(exit_.exit_code)
+    except typer.Abort:
+        sys.exit(4)
+    except KeyboardInterrupt:
+        print("interrupted", file=sys.stderr)
+        sys.exit(4)
+    except Exception as error:
+        if type(error).__module__.split(".")[0] in ("click", "typer"):
+            usage(error)
+        raise
+
+
+def fail(error: PalpateError) -> NoReturn:
+    """Print the error where it belongs and leave with its status."""
+    if "--json" in sys.argv:
+        print(json.dumps({"status": "rejected" if error.exit_code == 3 else "failed",
+                          "error": {"message": str(error), "exit_status": error.exit_code}}, ensure_ascii=False))
+    print(f"palpate: {error}", file=sys.stderr)
+    sys.exit(error.exit_code)
+
+
+def usage(error: Any) -> NoReturn:
+    """A wrong option or argument: the command line library's own message."""
+    show = getattr(error, "show", None)
+    if show:
+        show()
+    else:
+        print(f"palpate: {error}", file=sys.stderr)
+    sys.exit(getattr(error, "exit_code", 2))
+
+
+def _version(value: bool) -> None:
+    if value:
+        print(f"palpate {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def root(version: Annotated[bool, typer.Option("--version", callback=_version, is_eager=True,
+                                               help="Print the version.")] = False) -> None:
+    """Options of palpate itself."""
+
+
+@app.command()
+def demo(name: Annotated[str, typer.Argument(metavar="[SCENARIO]")] = "bottle_and_table", noise: NoiseLevel = Noise.lab,
+         seed: Seed = 0, planner: Annotated[str | None, typer.Option("--planner")] = None, out: Out = None,
+         as_json: AsJson = False) -> None:
+    """Run a bundled scenario from the sentence to the report."""
+    from palpate.scenarios.catalogue import scenario
+
+    changes: dict[str, Any] = {"noise": noise.value, "seed": seed, "out": out}
+    carry_out(scenario(name).job(**changes, **({"planner": planner} if planner else {})), as_json)
+
+
+@app.command()
+def scenarios(as_json: AsJson = False) -> None:
+    """List the bundled scenarios."""
+    from palpate.cli.show import show_scenarios
+
+    show_scenarios(as_json)
+
+
+@app.command()
+def run(request: Request = None, scene: SceneFile = None, image: Images = None, poses: Poses = None,
+        world: World = None, robot: RobotUrl = None, planner: Planner = "symbolic", noise: NoiseLevel = Noise.lab,
+        seed: Seed = 0, out: Out = None, as_json: AsJson = False, yes: Yes = False,
+        remeasure: Remeasure = False) -> None:
+    """Measure what is missing and write the twin and the report."""
+    carry_out(_job(locals()), as_json)
+
+
+@app.command()
+def gap(scene: Annotated[Path, typer.Argument(help="Your MJCF.")], poses: Poses = None,
+        as_json: AsJson = False) -> None:
+    """Show what a scene states and what is missing."""
+    from palpate.cli.show import show_gap
+    from palpate.scene.scene import load_scene
+
+    show_gap(load_scene(scene, poses), as_json)
+
+
+@app.command()
+def plan(request: Request = None, scene: SceneFile = None, image: Images = None, poses: Poses = None,
+         planner: Planner = "symbolic", remeasure: Remeasure = False,
+         out: Annotated[Path | None, typer.Option("--out", help="File to write the plan to.")] = None,
+         as_json: AsJson = False) -> None:
+    """Plan only: which parameters, which tree, and why."""
+    from palpate import pipeline
+    from palpate.cli.show import show_plan
+
+    job = _job({**locals(), "out": None}).checked()
+    found, findings = pipeline.think(job, pipeline.look(job))
+    show_plan(found, findings, as_json, out)
+    raise typer.Exit(3 if found.tree is None or findings else 0)
+
+
+@app.command()
+def check(plan: Annotated[Path, typer.Argument(metavar="PLAN", help="A plan file, or a run folder.")],
+          scene: SceneFile = None, poses: Poses = None, as_json: AsJson = False) -> None:
+    """Check a plan against the vocabulary and a scene."""
+    from palpate.cli.show import check_plan_file
+
+    raise typer.Exit(check_plan_file(plan, scene, poses, as_json))
+
+
+@app.command()
+def execute(plan: Annotated[Path, typer.Argument(metavar="PLAN", help="A plan file, or a run folder.")],
+            scene: SceneFile = None, poses: Poses = None, world: World = None, robot: RobotUrl = None,
+            noise: NoiseLevel = Noise.lab, seed: Seed = 0, out: Out = None, as_json: AsJson = False,
+            yes: Yes = False) -> None:
+    """Execute a plan that exists already."""
+    from palpate.planning.replay import plan_file
+
+    carry_out(_job({**locals(), "planner": f"replay:{plan_file(plan)}"}), as_json)
+
+
+@app.command()
+def vocabulary(as_json: Annotated[bool, typer.Option("--json", help="The JSON schema of a plan.")] = False,
+               btcpp: Annotated[bool, typer.Option("--btcpp", help="BT.CPP 4 TreeNodesModel.")] = False) -> None:
+    """Print the primitives and composites that plans are made of."""
+    from palpate.cli.show import show_vocabulary
+
+    show_vocabulary(as_json, btcpp)
+
+
+@app.command()
+def doctor() -> None:
+    """Explain what is and what is not available on this machine."""
+    from palpate.cli.doctor import examine
+
+    raise typer.Exit(examine())
+
+
+def _job(options: dict[str, Any]) -> Job:
+    from palpate.job import Job
+
+    fields = {k: v for k, v in options.items() if k in Job.__dataclass_fields__}
+    fields["images"] = tuple(options.get("image") or ())
+    if "noise" in fields:
+        fields["noise"] = fields["noise"].value
+    return Job(**fields)
+
+
+def carry_out(job: Job, as_json: bool) -> None:
+    """Run a job with a live view on stderr, print the result, leave with its exit status."""
+    from palpate.cli.show import live_view, show_outcome
+    from palpate.pipeline import EXIT
+    from palpate.pipeline import run as run_pipeline
+
+    with live_view() as (observer, say):
+        outcome: Outcome = run_pipeline(job, observer, say)
+    show_outcome(outcome, as_json)
+    raise typer.Exit(EXIT[outcome.status])
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,207 @@
+"""What the commands print: tables for people on a terminal, one JSON object for scripts."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+if TYPE_CHECKING:
+    from palpate.pipeline import Outcome
+    from palpate.planning.check import Finding
+    from palpate.planning.plan import Node, Plan
+    from palpate.scene.scene import Body, Scene
+    from palpate.tree.runner import Observer
+
+out = Console(highlight=False)
+err = Console(stderr=True, highlight=False)
+
+
+def print_json(content: Any) -> None:
+    """One object on stdout, strict JSON."""
+    sys.stdout.write(json.dumps(content, ensure_ascii=False, allow_nan=False) + "\n")
+
+
+@contextmanager
+def live_view() -> Iterator[tuple[Observer, Callable[[str], None]]]:
+    """The live view on stderr and a way to name the present stage."""
+    from palpate.tree.live import LiveView
+
+    with LiveView(err) as view:
+        yield view, view.say
+
+
+def show_outcome(outcome: Outcome, as_json: bool) -> None:
+    """The result: values with error bars, and where the files are."""
+    from palpate.report.result import result_json
+
+    if as_json:
+        print_json(result_json(outcome, outcome.folder))
+        return
+    if outcome.status == "rejected":
+        _show_rejection(outcome)
+    else:
+        _show_estimates(outcome)
+    for note in outcome.plan.notes:
+        out.print(f"[dim]note[/] {escape(note)}")
+    out.print(f"[dim]run folder[/]  {outcome.folder}", soft_wrap=True)
+    if outcome.folder:
+        out.print(f"[dim]report[/]      {outcome.folder / 'report.html'}", soft_wrap=True)
+
+
+def escape(text: str) -> str:
+    """Untrusted text for rich."""
+    from rich.markup import escape as rich_escape
+
+    return rich_escape(text)
+
+
+def _show_rejection(outcome: Outcome) -> None:
+    out.print("[bold yellow]no plan[/]", escape(outcome.plan.explanation))
+    for finding in outcome.findings:
+        out.print(f"  [yellow]{finding.rule}[/] {escape(finding.path)}: {escape(finding.message)}")
+
+
+def _show_estimates(outcome: Outcome) -> None:
+    from palpate.quantities import quantity
+
+    table = Table(box=None, header_style="dim", pad_edge=False)
+    for heading in ("object", "quantity", "value", "± std", "95 % interval", "verdict"):
+        table.add_column(heading)
+    if outcome.cell:
+        table.add_column("hidden truth", style="dim")
+    for estimate in outcome.estimates:
+        unit = quantity(estimate.gap.quantity).unit
+        row = [estimate.gap.object, estimate.gap.quantity, f"[bold]{_numbers(estimate.value)}[/] {unit}",
+               _numbers(estimate.std, 2), " ".join(f"{low:.5g} … {high:.5g}" for low, high in estimate.ci95),
+               estimate.verdict]
+        if outcome.cell:
+            truth = outcome.cell.truth(estimate.gap)
+            row.append(_numbers(truth) if truth else "–")
+        table.add_row(*row)
+    out.print(table)
+    if outcome.execution and outcome.execution.stopped_by:
+        out.print(f"[bold red]stopped[/] {escape(outcome.execution.stopped_by)}")
+
+
+def _numbers(values: tuple[float, ...], digits: int = 5) -> str:
+    return " ".join(f"{v:.{digits}g}" for v in values)
+
+
+def show_scenarios(as_json: bool) -> None:
+    """The bundled scenarios."""
+    from palpate.scenarios.catalogue import names, scenario
+
+    found = [scenario(name) for name in names()]
+    if as_json:
+        print_json([{"name": s.name, "title": s.title, "request": s.request, "planner": s.planner.split("/")[0],
+                     "expects": [str(g) for g in s.expects]} for s in found])
+        return
+    table = Table(box=None, header_style="dim", pad_edge=False)
+    table.add_column("scenario", style="bold")
+    table.add_column("what it shows")
+    table.add_column("request")
+    for s in found:
+        table.add_row(s.name, s.title, Text(s.request or "– (whatever the scene lacks)", style="italic"))
+    out.print(table)
+    out.print("\nRun one with [bold]palpate demo NAME[/].")
+
+
+def show_gap(scene: Scene, as_json: bool) -> None:
+    """What is known and what is missing, body by body."""
+    if as_json:
+        print_json({"missing": [{"object": g.object, "quantity": g.quantity} for g in scene.missing()],
+                    "bodies": [_body_json(b) for b in scene.bodies.values()]})
+        return
+    table = Table(box=None, header_style="dim", pad_edge=False)
+    for heading in ("name", "role", "missing", "known", "assumed"):
+        table.add_column(heading)
+    for body in scene.bodies.values():
+        known = ", ".join(f"{k} {_numbers(v, 4)}" for k, v in body.known.items())
+        table.add_row(escape(body.name), body.role, f"[bold red]{', '.join(sorted(body.missing))}[/]" if body.missing
+                      else "[green]nothing[/]", f"[dim]{known}[/]", f"[dim]{', '.join(sorted(body.assumed))}[/]")
+    out.print(table)
+
+
+def _body_json(body: Body) -> dict[str, Any]:
+    return {"name": body.name, "role": body.role, "missing": sorted(body.missing), "assumed": sorted(body.assumed),
+            "known": {k: list(v) for k, v in body.known.items()}}
+
+
+def show_plan(plan: Plan, findings: tuple[Finding, ...], as_json: bool, file: Path | None) -> None:
+    """A plan: parameters, tree in the paper's notation, explanation, findings."""
+    from palpate.planning.plan import dump_plan, plan_json
+
+    if file:
+        file.write_text(dump_plan(plan), encoding="utf-8")
+    if as_json:
+        print_json(plan_json(plan) | {"findings": [finding_json(f) for f in findings]})
+        return
+    out.print("measures  ", ", ".join(str(g) for g in plan.parameters) or "nothing", markup=False)
+    if plan.tree:
+        out.print(*tree_lines(plan.tree), sep="\n", markup=False)
+    out.print(f"\n{plan.explanation}", markup=False)
+    for note in plan.notes:
+        out.print(f"[dim]note[/] {escape(note)}")
+    for finding in findings:
+        out.print(f"[yellow]{finding.rule}[/] {finding.path}: {escape(finding.message)}")
+
+
+def finding_json(finding: Finding) -> dict[str, str]:
+    """The contract's form of a finding."""
+    return {"path": finding.path, "rule": finding.rule, "message": finding.message}
+
+
+def tree_lines(node: Node, depth: int = 0) -> Iterator[str]:
+    """The paper's notation: {-} Sequence, /_/ Parallel, -> action."""
+    from palpate.vocabulary.composites import COMPOSITES
+
+    symbol = COMPOSITES[node.type].symbol if node.type in COMPOSITES else "→"
+    args = ", ".join(str(v) for _, v in node.args)
+    yield f"{'    ' * depth}{symbol} {node.type}" + (f"({args})" if node.type not in COMPOSITES else "")
+    for child in node.children:
+        yield from tree_lines(child, depth + 1)
+
+
+def check_plan_file(path: Path, scene: Path | None, poses: Path | None, as_json: bool) -> int:
+    """Check a plan file; the exit status is 0 when valid and 3 when not."""
+    from palpate.planning.check import check
+    from palpate.planning.replay import load_plan
+    from palpate.scene.scene import load_scene
+
+    findings = check(load_plan(path), load_scene(scene, poses) if scene else None)
+    if as_json:
+        print_json({"valid": not findings, "findings": [finding_json(f) for f in findings]})
+    elif not findings:
+        out.print("[green]valid[/]")
+    for finding in () if as_json else findings:
+        out.print(f"[yellow]{finding.rule}[/] {finding.path}: {escape(finding.message)}")
+    return 3 if findings else 0
+
+
+def show_vocabulary(as_json: bool, btcpp: bool) -> None:
+    """The vocabulary for people, as JSON schema, or as BT.CPP TreeNodesModel."""
+    from palpate.tree.btcpp import tree_nodes_model
+    from palpate.vocabulary.primitive import vocabulary
+    from palpate.vocabulary.schema import plan_schema
+
+    words = vocabulary()
+    if as_json:
+        print_json(plan_schema(words))
+        return
+    if btcpp:
+        sys.stdout.write(tree_nodes_model(words))
+        return
+    for name, cls in words.primitives.items():
+        fields = ", ".join(cls.model_fields)
+        buffers = "".join([f" reads {cls.reads}" if cls.reads else "", f" writes {cls.writes}" if cls.writes else ""])
+        out.print(f"→ [bold]{name}[/]({fields})[dim]{buffers}[/]\n  {escape(cls.summary())}")
+    for composite in words.composites.values():
+        out.print(f"{escape(composite.symbol)} [bold]{composite.name}[/]\n  {escape(composite.summary)}")

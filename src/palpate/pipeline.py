@@ -1,0 +1,124 @@
+"""The whole story on one page: a sentence, or an incomplete scene, becomes a digital twin.
+
+    request + scene + image ─► gap ─► plan ─► (check) ─► tree ─ticks─► trace ─► estimates ─► twin + report
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import closing
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+from palpate.cell import SimulatedCell, simulated_cell
+from palpate.errors import InputError, PlanRejected
+from palpate.estimation.derive import estimate_all
+from palpate.estimation.estimate import Estimate
+from palpate.job import Job
+from palpate.planning.check import Finding, check
+from palpate.planning.plan import Plan
+from palpate.planning.planner import make_planner
+from palpate.run_folder import default_folder, new_folder
+from palpate.scene.camera import load_image
+from palpate.scene.scene import Scene, load_scene
+from palpate.twin.twin import Twin, build_twin
+
+if TYPE_CHECKING:
+    from palpate.tree.runner import Execution, Observer
+
+Status = Literal["complete", "rejected", "aborted", "failed"]
+EXIT = {"complete": 0, "failed": 1, "rejected": 3, "aborted": 4}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Outcome:
+    """All that a run made. What did not come to be is None or empty."""
+
+    job: Job
+    scene: Scene
+    plan: Plan
+    findings: tuple[Finding, ...] = ()
+    cell: SimulatedCell | None = None
+    execution: Execution | None = None
+    estimates: tuple[Estimate, ...] = ()
+    twin: Twin | None = None
+    folder: Path | None = None
+
+    @property
+    def status(self) -> Status:
+        """`complete` when every promised parameter is estimated."""
+        if self.execution is None:
+            return "rejected"
+        if self.execution.status == "stopped":
+            return "aborted"
+        found = {e.gap for e in self.estimates if e.verdict != "not identified"}
+        return "complete" if found >= set(self.plan.parameters) else "failed"
+
+
+def run(job: Job, observer: Observer | None = None, say: Callable[[str], None] = lambda _: None) -> Outcome:
+    """From a job to a finished run folder.
+
+    Raises:
+        InputError: bad input. Unavailable: planner or robot out of reach.
+    """
+    job = job.checked()
+    scene = look(job)
+    say("planning")
+    plan, findings = think(job, scene)
+    return execute(job, scene, plan, findings, observer, say)
+
+
+def execute(job: Job, scene: Scene, plan: Plan, findings: tuple[Finding, ...], observer: Observer | None = None,
+            say: Callable[[str], None] = lambda _: None) -> Outcome:
+    """From a checked plan to a finished run folder."""
+    outcome = Outcome(job, scene, plan, findings)
+    if plan.tree is not None and not findings:
+        cell = simulated_cell(job, scene)
+        say("touching")
+        execution = touch(job, scene, plan, cell, observer)
+        say("estimating")
+        estimates = estimate_all(plan.parameters, execution.trace, scene)
+        twin = build_twin(scene, estimates, plan, execution.trace, say)
+        outcome = replace(outcome, cell=cell, execution=execution, estimates=estimates, twin=twin)
+    say("writing the report")
+    return write(outcome)
+
+
+def look(job: Job) -> Scene:
+    """D and the poses that came with it; the pictures are checked on the way."""
+    for image in job.images:
+        load_image(image)
+    if job.scene is None:
+        raise InputError("the request needs a scene to work on: give an MJCF with --scene D.xml")
+    return load_scene(job.scene, job.poses)
+
+
+def think(job: Job, scene: Scene) -> tuple[Plan, tuple[Finding, ...]]:
+    """A plan and what the check finds wrong with it; a plan without a tree is an honest rejection."""
+    planner = make_planner(job.planner, remeasure=job.remeasure)
+    try:
+        plan = planner.plan(job.request, scene, job.images)
+    except PlanRejected as rejection:
+        plan = Plan((), None, str(rejection), job.planner)
+    if plan.tree is None:
+        return plan, ()
+    return plan, check(plan, scene, remeasure=job.remeasure or job.planner == "exhaustive")
+
+
+def touch(job: Job, scene: Scene, plan: Plan, cell: SimulatedCell, observer: Observer | None) -> Execution:
+    """Run the tree on the robot; whatever happens, the robot is stopped and let go."""
+    from palpate.tree.runner import run as run_tree
+
+    with closing(cell.robot(job)) as robot:
+        return run_tree(plan, scene, robot, observer=observer)
+
+
+def write(outcome: Outcome) -> Outcome:
+    """The run folder: request, plan, tree, trace, result, twin, report and images."""
+    from palpate.report.folder import write_outcome
+
+    folder = outcome.job.out or default_folder(outcome.job.scene.parent.name if outcome.job.scene else "run")
+    with new_folder(folder) as scratch:
+        write_outcome(outcome, scratch, folder)
+    return replace(outcome, folder=folder)

@@ -1,0 +1,106 @@
+"""Does the twin behave as the robot felt? It must compile, come to rest, and give back the recorded touch."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from palpate.errors import PalpateError
+from palpate.scene.scene import Scene
+from palpate.trace import FORCES, Recording, Trace
+
+Replay = Callable[[mujoco.MjSpec], Trace]
+"""Executes the plan again in a world made of the given model, and returns what the robot felt there."""
+
+SETTLE_TIME = 2.0
+"""s of free simulation before the twin's objects must rest."""
+REST_SPEED = 0.01
+"""m/s."""
+
+
+@dataclass(frozen=True, slots=True)
+class Residual:
+    """How far a replay is from the recording.
+
+    Attributes:
+        force: N, root mean square over the force recordings of the difference of mean wrench forces.
+        position: m, the same for the TCP positions of the pose recordings.
+        note: why there are no figures, or empty.
+    """
+
+    force: float | None
+    position: float | None
+    note: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Validation:
+    """The twin's marks.
+
+    Attributes:
+        settled: every object rests after `SETTLE_TIME`.
+        drift: m, largest way an object moved while settling.
+        twin, template: residuals of the twin and of the untouched template (unknowns at their priors).
+    """
+
+    settled: bool
+    drift: float
+    twin: Residual
+    template: Residual
+
+
+def validate(twin: Scene, template: Scene, recorded: Trace, replay: Replay) -> Validation:
+    """All marks of a twin scene against what was recorded."""
+    settled, drift = settle(twin)
+    return Validation(settled, drift, _residual(twin.spec(), recorded, replay),
+                      _residual(template.spec(), recorded, replay))
+
+
+def settle(scene: Scene) -> tuple[bool, float]:
+    """Whether all objects rest after `SETTLE_TIME` s, and the largest way one moved, m."""
+    model = scene.spec().compile()
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    bodies = [model.body(name).id for name in scene.objects]
+    start = data.xpos[bodies].copy()
+    mujoco.mj_step(model, data, nstep=round(SETTLE_TIME / model.opt.timestep))
+    drift = float(np.linalg.norm(data.xpos[bodies] - start, axis=1).max(initial=0.0))
+    speed = float(np.abs(data.qvel).max(initial=0.0))
+    return bool(np.isfinite(speed) and speed < REST_SPEED), drift
+
+
+def _residual(spec: mujoco.MjSpec, recorded: Trace, replay: Replay) -> Residual:
+    try:
+        replayed = replay(spec)
+    except PalpateError as error:
+        return Residual(None, None, str(error))
+    if len(replayed.recordings) < len(recorded.recordings):
+        return Residual(None, None, f"the replay stopped after {len(replayed.recordings)} of "
+                                    f"{len(recorded.recordings)} recordings")
+    return compare(recorded, replayed)
+
+
+def compare(recorded: Trace, replayed: Trace) -> Residual:
+    """The residual between two traces of the same plan, recording by recording."""
+    pairs = list(zip(recorded.recordings, replayed.recordings, strict=False))
+    force = [_mean_force(recorded, a) - _mean_force(replayed, b) for a, b in pairs if a.buffer == FORCES]
+    position = [_mean_position(recorded, a) - _mean_position(replayed, b) for a, b in pairs if a.buffer != FORCES]
+    return Residual(_rms(force), _rms(position))
+
+
+def _mean_force(trace: Trace, recording: Recording) -> np.ndarray:
+    return trace.of(recording).wrench[:, :3].mean(axis=0)
+
+
+def _mean_position(trace: Trace, recording: Recording) -> np.ndarray:
+    return trace.of(recording).pose_world_tcp[:, :3].mean(axis=0)
+
+
+
+def _rms(differences: list[np.ndarray]) -> float | None:
+    if not differences:
+        return None
+    return float(np.sqrt(np.mean([d @ d for d in differences])))
