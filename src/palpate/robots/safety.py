@@ -2,11 +2,26 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 
+from palpate.pose import Array, Pose
 from palpate.robots.robot import Limits, RobotState
+from palpate.trace import STANDARD_GRAVITY
+
+JOINT_MARGIN = 0.01
+"""rad: a joint this near to its end stop is a violation."""
+
+FREE_FORCE = 15.0
+"""N: more than this in free air is a collision. Twice the worst residual of a moving arm (friction, unmodelled
+inertia), well below the 65 N that ISO/TS 15066 allows on the most sensitive part of the body, the face."""
+
+OVERLOAD = 3.0
+"""N above the payload's weight: room for acceleration and the relative accuracy of the force."""
+
+ORIGIN = Pose.of((0.0, 0.0, 0.0))
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,6 +39,103 @@ class Expectation:
     grasped: bool = False
 
 
-def violation(state: RobotState, limits: Limits, expected: Expectation) -> str | None:
-    """The first violated predicate, worded with its figures; None while the state is safe."""
-    raise NotImplementedError
+def violation(
+    state: RobotState, limits: Limits, expected: Expectation, pose_world_base: Pose = ORIGIN
+) -> str | None:
+    """The first violated predicate, worded with its figures; None while the state is safe.
+
+    Sensor data comes first: nothing else can be judged by values that are stale or not numbers.
+    """
+    return (
+        _not_finite(state)
+        or _stale(state, limits)
+        or _joints(state, limits)
+        or _workspace(state, limits, pose_world_base)
+        or _tracking(state, limits)
+        or _forces(state, limits, expected)
+        or _slip(state, expected)
+    )
+
+
+def _not_finite(state: RobotState) -> str | None:
+    total = (state.q.sum() + state.dq.sum() + state.tau_ext.sum() + state.wrench.sum() + state.twist.sum()
+             + state.pose_world_tcp.position.sum() + state.pose_world_tcp.quaternion.sum() + state.width)
+    if np.isfinite(total):
+        return None
+    bad = [name for name in ("q", "dq", "tau_ext", "wrench", "twist")
+           if not np.isfinite(getattr(state, name)).all()]
+    return f"sensor data is not finite: {', '.join(bad) or 'pose or width'}"
+
+
+def _stale(state: RobotState, limits: Limits) -> str | None:
+    age = state.t - state.stamp
+    if age <= limits.stale_after:
+        return None
+    return f"sensor data is {1e3 * age:.0f} ms old, more than {1e3 * limits.stale_after:.0f} ms"
+
+
+def _joints(state: RobotState, limits: Limits) -> str | None:
+    room = np.minimum(state.q - limits.q_min, limits.q_max - state.q)
+    if room.min() < JOINT_MARGIN:
+        i = int(room.argmin())
+        return (f"joint {i + 1} is at {state.q[i]:.3f} rad, within {JOINT_MARGIN:g} rad of its range "
+                f"[{limits.q_min[i]:.3f}, {limits.q_max[i]:.3f}]")
+    excess = np.abs(state.dq) - limits.dq_max
+    if excess.max() > 0:
+        i = int(excess.argmax())
+        return f"joint {i + 1} moves at {state.dq[i]:.2f} rad/s, more than {limits.dq_max[i]:.2f} rad/s"
+    return None
+
+
+def _workspace(state: RobotState, limits: Limits, pose_world_base: Pose) -> str | None:
+    position = state.pose_world_tcp.position
+    x, y, z = pose_world_base.rotation.T @ (position - pose_world_base.position)
+    low, high = limits.workspace_min, limits.workspace_max
+    if low[0] <= x <= high[0] and low[1] <= y <= high[1] and low[2] <= z <= high[2]:
+        return None
+    return (f"the TCP is at {_vector(np.array([x, y, z]))} m from the base, outside the workspace "
+            f"{_vector(low)} to {_vector(high)} m")
+
+
+def _tracking(state: RobotState, limits: Limits) -> str | None:
+    speed = _norm(state.twist[:3])
+    if speed > limits.speed_max:
+        return f"the TCP moves at {speed:.2f} m/s, more than {limits.speed_max:.2f} m/s"
+    error = state.pose_world_tcp.distance_to(state.target_world_tcp)
+    if error > limits.tracking_max:
+        return (f"the TCP is {1e3 * error:.0f} mm from where it is commanded, more than "
+                f"{1e3 * limits.tracking_max:.0f} mm: something holds it back")
+    return None
+
+
+def _forces(state: RobotState, limits: Limits, expected: Expectation) -> str | None:
+    weight = limits.payload * STANDARD_GRAVITY
+    vertical = float(state.wrench[2])
+    if expected.holding and vertical > weight + OVERLOAD:
+        return (f"the held object pulls with {vertical:.1f} N, more than the payload of {limits.payload:g} kg "
+                f"({weight:.1f} N)")
+    force = state.wrench[:3]
+    if expected.holding:
+        force = force - np.array([0.0, 0.0, min(max(vertical, 0.0), weight)])
+    size, twisting = _norm(force), _norm(state.wrench[3:])
+    if size > limits.force_max:
+        return f"external force {size:.1f} N exceeds the limit of {limits.force_max:.0f} N"
+    if twisting > limits.torque_max:
+        return f"external torque {twisting:.1f} N m exceeds the limit of {limits.torque_max:.0f} N m"
+    if size > FREE_FORCE and not expected.contact:
+        return f"unexpected contact: {size:.1f} N {_vector(force)} where at most {FREE_FORCE:g} N is explained"
+    return None
+
+
+def _slip(state: RobotState, expected: Expectation) -> str | None:
+    if not expected.grasped or state.gripping:
+        return None
+    return f"slip: the fingers closed to {1e3 * state.width:.1f} mm and hold nothing any more"
+
+
+def _norm(v: Array) -> float:
+    return math.sqrt(v @ v)
+
+
+def _vector(v: Array) -> str:
+    return f"({', '.join(f'{c:.2f}' for c in v)})"
