@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from contextlib import closing
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
@@ -25,10 +26,19 @@ from palpate.scene.scene import Scene, load_scene
 from palpate.twin.twin import Twin, build_twin
 
 if TYPE_CHECKING:
+    from mujoco import MjSpec
+
+    from palpate.robots.robot import Robot
+    from palpate.trace import Trace
     from palpate.tree.runner import Execution, Observer
 
 Status = Literal["complete", "rejected", "aborted", "failed"]
+Say = Callable[[str], None]
 EXIT = {"complete": 0, "failed": 1, "rejected": 3, "aborted": 4}
+
+
+def silent(_: str) -> None:
+    """Tell nobody which stage is under way."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -56,7 +66,7 @@ class Outcome:
         return "complete" if found >= set(self.plan.parameters) else "failed"
 
 
-def run(job: Job, observer: Observer | None = None, say: Callable[[str], None] = lambda _: None) -> Outcome:
+def run(job: Job, observer: Observer | None = None, say: Say = silent) -> Outcome:
     """From a job to a finished run folder.
 
     Raises:
@@ -70,19 +80,29 @@ def run(job: Job, observer: Observer | None = None, say: Callable[[str], None] =
 
 
 def execute(job: Job, scene: Scene, plan: Plan, findings: tuple[Finding, ...], observer: Observer | None = None,
-            say: Callable[[str], None] = lambda _: None) -> Outcome:
+            say: Say = silent) -> Outcome:
     """From a checked plan to a finished run folder."""
-    outcome = Outcome(job, scene, plan, findings)
-    if plan.tree is not None and not findings:
-        cell = simulated_cell(job, scene)
-        say("touching")
-        execution = touch(job, scene, plan, cell, observer)
-        say("estimating")
-        estimates = estimate_all(plan.parameters, execution.trace, scene)
-        twin = build_twin(scene, estimates, plan, execution.trace, say)
-        outcome = replace(outcome, cell=cell, execution=execution, estimates=estimates, twin=twin)
+    outcome = measure(job, scene, plan, findings, observer, say)
+    if outcome.execution is not None:
+        say("building the twin, and touching it in simulation")
+        replay = partial(_replay, scene, plan)
+        twin = build_twin(scene, outcome.estimates, outcome.execution.trace, replay)
+        outcome = replace(outcome, twin=twin)
     say("writing the report")
     return write(outcome)
+
+
+def measure(job: Job, scene: Scene, plan: Plan, findings: tuple[Finding, ...], observer: Observer | None = None,
+            say: Say = silent) -> Outcome:
+    """From a checked plan to estimates. A plan with findings, or without a tree, is rejected: nothing moves."""
+    if plan.tree is None or findings:
+        return Outcome(job, scene, plan, findings)
+    cell = simulated_cell(job, scene)
+    say("touching")
+    execution = touch(plan, scene, cell.robot(job), observer)
+    say("estimating")
+    estimates = estimate_all(plan.parameters, execution.trace, scene)
+    return Outcome(job, scene, plan, findings, cell, execution, estimates)
 
 
 def look(job: Job) -> Scene:
@@ -106,12 +126,19 @@ def think(job: Job, scene: Scene) -> tuple[Plan, tuple[Finding, ...]]:
     return plan, check(plan, scene, remeasure=job.remeasure or job.planner == "exhaustive")
 
 
-def touch(job: Job, scene: Scene, plan: Plan, cell: SimulatedCell, observer: Observer | None) -> Execution:
+def touch(plan: Plan, scene: Scene, robot: Robot, observer: Observer | None = None) -> Execution:
     """Run the tree on the robot; whatever happens, the robot is stopped and let go."""
     from palpate.tree.runner import run as run_tree
 
-    with closing(cell.robot(job)) as robot:
+    with closing(robot):
         return run_tree(plan, scene, robot, observer=observer)
+
+
+def _replay(scene: Scene, plan: Plan, world: MjSpec) -> Trace:
+    """What a perfect robot feels when the plan is executed in `world`."""
+    from palpate.robots.mujoco import MujocoRobot
+
+    return touch(plan, scene, MujocoRobot(world, scene.pose_world_base)).trace
 
 
 def write(outcome: Outcome) -> Outcome:

@@ -1,0 +1,110 @@
+"""How close, and how honestly: a scenario over many seeds, against the hidden truth."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass, replace
+from functools import partial
+from statistics import fmean, stdev
+
+from palpate import pipeline
+from palpate.job import Job
+from palpate.quantities import Gap
+
+
+@dataclass(frozen=True, slots=True)
+class Trial:
+    """One estimate of one seed. `single_shot` is the naive mean of F_z/g from the same recording, for masses."""
+
+    gap: Gap
+    component: int
+    seed: int
+    value: float
+    std: float
+    low: float
+    high: float
+    truth: float
+    single_shot: float | None
+
+    @property
+    def covered(self) -> bool:
+        """Whether the 95 % interval holds the truth."""
+        return self.low <= self.truth <= self.high
+
+
+@dataclass(frozen=True, slots=True)
+class Run:
+    """One seed: its trials, and how the run ended."""
+
+    seed: int
+    status: str
+    actions: int
+    robot_seconds: float
+    trials: tuple[Trial, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Summary:
+    """A gap over all seeds, in its SI unit. `claimed` is the mean of the stated standard deviations."""
+
+    gap: Gap
+    component: int
+    runs: int
+    truth: float
+    mean: float
+    bias: float
+    sd: float
+    claimed: float
+    covered: int
+    single_shot_sd: float | None
+
+
+def run_seed(job: Job, seed: int) -> Run:
+    """Plan, execute and estimate once; no twin and no report."""
+    job = replace(job, seed=seed)
+    scene = pipeline.look(job)
+    plan, findings = pipeline.think(job, scene)
+    outcome = pipeline.measure(job, scene, plan, findings)
+    done = outcome.execution
+    return Run(seed, outcome.status, done.actions if done else 0, done.robot_seconds if done else 0.0,
+               tuple(_trials(outcome, seed)))
+
+
+def _trials(outcome: pipeline.Outcome, seed: int) -> Iterable[Trial]:
+    for estimate in outcome.estimates:
+        truth = outcome.cell.truth(estimate.gap) if outcome.cell else None
+        shot = estimate.components.get("single-shot")
+        for i, true_value in enumerate(truth or ()):
+            yield Trial(estimate.gap, i, seed, estimate.value[i], estimate.std[i], *estimate.ci95[i], true_value,
+                        shot[0] if shot else None)
+
+
+def accuracy(job: Job, seeds: Sequence[int], workers: int = 1) -> list[Run]:
+    """The job over all seeds, in order; each seed is deterministic whatever the number of workers."""
+    if workers == 1:
+        return [run_seed(job, seed) for seed in seeds]
+    with ProcessPoolExecutor(workers) as pool:
+        return list(pool.map(partial(run_seed, job), seeds))
+
+
+def summarise(runs: Sequence[Run]) -> list[Summary]:
+    """One row a gap and component, in order of first appearance."""
+    groups: dict[tuple[Gap, int], list[Trial]] = {}
+    for trial in (t for run in runs for t in run.trials):
+        groups.setdefault((trial.gap, trial.component), []).append(trial)
+    return [_summary(*key, trials) for key, trials in groups.items()]
+
+
+def _summary(gap: Gap, component: int, trials: list[Trial]) -> Summary:
+    errors = [t.value - t.truth for t in trials]
+    shots = [t.single_shot - t.truth for t in trials if t.single_shot is not None]
+    return Summary(
+        gap=gap, component=component, runs=len(trials), truth=fmean(t.truth for t in trials),
+        mean=fmean(t.value for t in trials), bias=fmean(errors), sd=_sd(errors), claimed=fmean(t.std for t in trials),
+        covered=sum(t.covered for t in trials), single_shot_sd=_sd(shots) if shots else None,
+    )
+
+
+def _sd(values: Sequence[float]) -> float:
+    return stdev(values) if len(values) > 1 else 0.0

@@ -1,0 +1,94 @@
+"""`make bench`: performance as ratios and times taken side by side in one run."""
+
+from __future__ import annotations
+
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import mujoco
+
+from palpate import pipeline
+from palpate.cell import simulated_cell
+from palpate.scenarios.catalogue import scenario
+from palpate.studies.variety import crowd
+
+ROUNDS = 3
+
+
+def main() -> None:
+    """Print every figure with its budget."""
+    _line("closed loop / bare mj_step", f"{closed_loop_ratio():.2f}", "≤ 1.6")
+    _line("palpate --help", f"{_median(lambda: _palpate('--help')):.2f} s", "≤ 0.4 s")
+    with tempfile.TemporaryDirectory() as folder:
+        scene = crowd(Path(folder), 15)
+        _line("palpate plan, 15 objects, cold", f"{_median(lambda: _palpate('plan', '--scene', str(scene))):.2f} s",
+              "≤ 1.5 s")
+        _line("  of which planning and checking", f"{1e3 * planning_seconds(scene):.0f} ms", "≤ 100 ms")
+
+
+def closed_loop_ratio() -> float:
+    """Wall time of the whole loop (control, sensing, ticks, logging) over bare `mj_step` of as many steps, alternated."""
+    ratios: list[float] = []
+    for seed in range(ROUNDS):
+        job = scenario("bottle_and_table").job(noise="lab", seed=seed)
+        scene = pipeline.look(job)
+        plan, _ = pipeline.think(job, scene)
+        robot = simulated_cell(job, scene).robot(job)
+        model = robot.world.model
+        start = time.perf_counter()
+        execution = pipeline.touch(plan, scene, robot)
+        loop = time.perf_counter() - start
+        steps = round(execution.robot_seconds / model.opt.timestep)
+        ratios.append(loop / _bare(model, robot.world.frames, steps))
+    return statistics.median(ratios)
+
+
+def _bare(model: mujoco.MjModel, frames: list[tuple[float, object]], steps: int) -> float:
+    """Seconds for `steps` bare steps through the same states: restarted at each stored frame of the run."""
+    data = mujoco.MjData(model)
+    chunk = steps // len(frames)
+    start = time.perf_counter()
+    for _, qpos in frames:
+        data.qpos[:] = qpos
+        data.qvel[:] = 0.0
+        mujoco.mj_step(model, data, nstep=chunk)
+    return (time.perf_counter() - start) * steps / (chunk * len(frames))
+
+
+def planning_seconds(scene_file: Path) -> float:
+    """Planning and checking alone, warm imports, cold caches."""
+    from palpate.job import Job
+
+    job = Job(scene=scene_file)
+    scene = pipeline.look(job)
+    pipeline.think(scenario("one_missing_mass").job(), pipeline.look(scenario("one_missing_mass").job()))
+    start = time.perf_counter()
+    pipeline.think(job, scene)
+    return time.perf_counter() - start
+
+
+def _palpate(*args: str) -> None:
+    subprocess.run([sys.executable, "-m", "palpate.cli.main", *args], check=True, stdout=subprocess.DEVNULL,
+                   stderr=subprocess.DEVNULL)
+
+
+def _median(run: Callable[[], None]) -> float:
+    times: list[float] = []
+    for _ in range(ROUNDS):
+        start = time.perf_counter()
+        run()
+        times.append(time.perf_counter() - start)
+    return statistics.median(times)
+
+
+def _line(what: str, figure: str, budget: str) -> None:
+    print(f"{what:36s} {figure:>10s}   budget {budget}")
+
+
+if __name__ == "__main__":
+    main()

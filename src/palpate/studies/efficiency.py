@@ -1,0 +1,42 @@
+"""Intent-driven against exhaustive: actions and robot time of both planners on the same scene."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+
+from palpate.studies.accuracy import Run, run_seed
+from palpate.scenarios.catalogue import names, scenario
+
+PAPER = (29, 62.0, 12, 33.0)
+"""Exhaustive actions and seconds, intent-driven actions and seconds: section VI-B of the paper."""
+
+
+@dataclass(frozen=True, slots=True)
+class Comparison:
+    """One scenario under both planners."""
+
+    scenario: str
+    exhaustive: Run
+    intent: Run
+
+    @property
+    def time_saved(self) -> float:
+        """Fraction of robot time that intent saves."""
+        return 1.0 - self.intent.robot_seconds / self.exhaustive.robot_seconds
+
+
+def comparable() -> list[str]:
+    """Scenarios that the symbolic planner completes."""
+    found = [scenario(name) for name in names()]
+    return [s.name for s in found if s.status == "complete" and s.planner == "symbolic"]
+
+
+def efficiency(scenarios: Iterable[str], noise: str = "lab", seed: int = 0) -> list[Comparison]:
+    """Both planners on each scenario."""
+    return [_compare(name, noise, seed) for name in scenarios]
+
+
+def _compare(name: str, noise: str, seed: int) -> Comparison:
+    job = scenario(name).job(noise=noise)
+    return Comparison(name, run_seed(replace(job, planner="exhaustive"), seed), run_seed(job, seed))
