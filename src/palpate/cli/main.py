@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 import typer
 
 from palpate import __version__
+from palpate.cli import study
 from palpate.errors import PalpateError
 
 if TYPE_CHECKING:
@@ -25,8 +26,7 @@ app = typer.Typer(
     epilog="Exit status: 0 every parameter estimated · 1 finished, but a parameter is not identified · 2 bad input · "
            "3 no plan (the explanation says why) · 4 stopped safely during execution · 5 planner or robot unavailable.",
 )
-study = typer.Typer(no_args_is_help=True, help="Run a study: accuracy, efficiency, ablation, repeatability.")
-app.add_typer(study, name="study")
+app.add_typer(study.app, name="study")
 
 
 class Noise(StrEnum):

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
-from palpate.studies.accuracy import Run, run_seed
 from palpate.scenarios.catalogue import names, scenario
+from palpate.studies.accuracy import Run, run_seed
 
 PAPER = (29, 62.0, 12, 33.0)
 """Exhaustive actions and seconds, intent-driven actions and seconds: section VI-B of the paper."""

@@ -6,12 +6,16 @@ world, in which they are not.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass, replace
+from functools import partial
 from math import cos, pi, sin
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 from palpate.job import Job
 from palpate.quantities import Gap
+from palpate.studies.accuracy import Run, run_seed
 
 FRUSTUM_SIDES = 12
 
@@ -70,7 +74,8 @@ class Variety:
         z = self.height + thing.half_height + raised
         mass = "" if massless else f' mass="{thing.mass}"'
         size = " ".join(f"{s:g}" for s in thing.size)
-        shape = f'type="mesh" mesh="{thing.name}"' if thing.shape == "frustum" else f'type="{thing.shape}" size="{size}"'
+        mesh = thing.shape == "frustum"
+        shape = f'type="mesh" mesh="{thing.name}"' if mesh else f'type="{thing.shape}" size="{size}"'
         return (f'    <body name="{thing.name}" pos="{thing.at[0]} {thing.at[1]} {z:.4f}" euler="0 0 {thing.yaw:g}">\n'
                 f'      <freejoint/>\n      <geom {shape}{mass} friction="0.7 0.005 0.0001" rgba="0.3 0.5 0.8 1"/>\n'
                 '    </body>')
@@ -117,6 +122,16 @@ SCENES: tuple[Variety, ...] = (
             _mass("bucket", "block")),
     Variety("only_height", 0.75, 0.7, (Thing("vase", "cylinder", (0.028, 0.1), 0.4, (0.6, -0.2)),), (HEIGHT,)),
 )
+
+
+def run_all(noise: str, seed: int, workers: int = 1) -> dict[str, Run]:
+    """Every scene once, by name."""
+    with TemporaryDirectory() as folder:
+        jobs = [replace(s.write(Path(folder) / s.name), noise=noise).checked() for s in SCENES]
+        if workers == 1:
+            return {s.name: run_seed(job, seed) for s, job in zip(SCENES, jobs, strict=True)}
+        with ProcessPoolExecutor(workers) as pool:
+            return dict(zip((s.name for s in SCENES), pool.map(partial(run_seed, seed=seed), jobs), strict=True))
 
 
 def crowd(folder: Path, count: int) -> Path:
