@@ -1,0 +1,153 @@
+"""Cutting a trace into rests and passes: when the object hung on the hand, and when the arm was where."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.pose import Array, Pose
+from palpate.trace import Recording, Samples, Trace
+
+Mask = NDArray[np.bool_]
+
+SETTLE = 0.15
+"""s after the commanded pose stopped moving: the impedance controller's transient."""
+
+START = 0.06
+"""s before the commanded pose moves on: a smooth start accelerates before it visibly moves."""
+
+STILL_SPEED = 0.004
+"""m/s: below this the TCP counts as at rest."""
+
+NEAR = 0.012
+"""m off the measured pose that a rest may be and still count as the same pose (a loaded arm sags by m g / k)."""
+
+NEAR_ANGLE = 0.06
+"""rad, likewise."""
+
+CORRIDOR = 0.02
+"""m beside the line from the grasp to the measured pose that a pass may run."""
+
+CLEARANCE = 0.015
+"""m of the path above the grasp left out: there the support may still carry part of the object."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Load:
+    """Which rows of a trace had the object in the hand; rows while the fingers moved belong to neither.
+
+    `grasps` are the times at which the hand's content changed to or from the object.
+    """
+
+    loaded: Mask
+    empty: Mask
+    grasps: tuple[float, ...]
+
+
+def load_of(trace: Trace, name: str | None) -> Load:
+    """When `name` was held, from the leaves' symbolic contexts."""
+    t = trace.samples.t
+    loaded, empty = np.zeros(len(t), dtype=bool), np.ones(len(t), dtype=bool)
+    held: str | None = None
+    grasps: list[float] = []
+    for leaf in sorted(trace.leaves, key=lambda run: run.end):
+        if leaf.context is None or leaf.context.holding == held:
+            continue
+        if name in (held, leaf.context.holding):
+            grasps.append(leaf.end if leaf.context.holding else leaf.start)
+        held = leaf.context.holding
+        loaded[t >= leaf.start] = empty[t >= leaf.start] = False
+        loaded[t > leaf.end] = held == name and held is not None
+        empty[t > leaf.end] = held is None
+    return Load(loaded, empty, tuple(grasps))
+
+
+def mean_pose(samples: Samples) -> Pose:
+    """Mean TCP pose (world) of samples that lie close together.
+
+    Raises:
+        ValueError: there are no samples.
+    """
+    if not len(samples):
+        raise ValueError("no samples to average a pose over")
+    quaternions = samples.pose_world_tcp[:, 3:]
+    signs = np.where(quaternions @ quaternions[0] < 0, -1.0, 1.0)
+    return Pose.of(samples.pose_world_tcp[:, :3].mean(axis=0), (quaternions * signs[:, None]).mean(axis=0))
+
+
+def runs(mask: Mask) -> Iterator[slice]:
+    """The maximal stretches of True."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], mask.astype(np.int8), [0]])))
+    for start, end in zip(edges[::2], edges[1::2], strict=True):
+        yield slice(int(start), int(end))
+
+
+def at_rest(samples: Samples) -> Mask:
+    """Rows where neither the commanded pose nor the arm moves, transients left out."""
+    t = samples.t
+    if len(t) < 2:
+        return np.zeros(len(t), dtype=bool)
+    step = np.linalg.norm(np.diff(samples.target_world_tcp[:, :3], axis=0), axis=1) > 1e-6
+    changed = np.concatenate([[False], step])
+    last_change = np.maximum.accumulate(np.where(changed, t, -np.inf))
+    slow = np.linalg.norm(samples.twist[:, :3], axis=1) < STILL_SPEED
+    next_change = np.minimum.accumulate(np.where(changed, t, np.inf)[::-1])[::-1]
+    return (t - last_change > SETTLE) & (next_change - t > START) & slow
+
+
+def near(samples: Samples, pose: Pose) -> Mask:
+    """Rows where the TCP is at `pose`, up to the sag of a loaded arm."""
+    close = np.linalg.norm(samples.pose_world_tcp[:, :3] - pose.position, axis=1) < NEAR
+    return close & aligned(samples, pose)
+
+
+def aligned(samples: Samples, pose: Pose) -> Mask:
+    """Rows where the TCP is oriented as in `pose`."""
+    dots = np.abs(samples.pose_world_tcp[:, 3:] @ pose.quaternion)
+    return 2.0 * np.arccos(np.minimum(dots, 1.0)) < NEAR_ANGLE
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Path:
+    """The straight line on which the object was lifted: from the grasp to where it was measured.
+
+    Attributes:
+        origin: (3,) world, the grasp. axis: (3,) unit. length: m. pose: where it was measured.
+    """
+
+    origin: Array
+    axis: Array
+    length: float
+    pose: Pose
+
+    def progress(self, samples: Samples) -> Array:
+        """(n,) m along the line from its origin."""
+        return (samples.pose_world_tcp[:, :3] - self.origin) @ self.axis
+
+    def inside(self, samples: Samples) -> Mask:
+        """Rows on the line, clear of the support, in the measured orientation."""
+        relative = samples.pose_world_tcp[:, :3] - self.origin
+        along = relative @ self.axis
+        beside = np.linalg.norm(relative - along[:, None] * self.axis, axis=1)
+        clear = (along > min(CLEARANCE, 0.4 * self.length)) & (along < self.length)
+        return clear & (beside < CORRIDOR) & aligned(samples, self.pose)
+
+
+def lift_path(trace: Trace, recording: Recording, load: Load) -> Path | None:
+    """The path of the lift before `recording`; None when the grasp is not in the trace or not elsewhere."""
+    before = [time for time in load.grasps if time <= recording.start]
+    window = trace.of(recording)
+    if not before or not len(window):
+        return None
+    origin = mean_pose(trace.samples.where(slice(_row(trace.samples, before[-1]), None)).where(slice(0, 1)))
+    measured = mean_pose(window)
+    line = measured.position - origin.position
+    length = float(np.linalg.norm(line))
+    return Path(origin.position, line / length, length, measured) if length > 0.02 else None
+
+
+def _row(samples: Samples, time: float) -> int:
+    return min(int(np.searchsorted(samples.t, time)), len(samples) - 1)
