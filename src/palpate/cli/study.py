@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
 app = typer.Typer(no_args_is_help=True, help="Run a study: accuracy, efficiency, variety, ablation, repeatability.")
 
+CORES = os.cpu_count() or 1
 Noise = Annotated[str, typer.Option("--noise", help="Sensor world: none, lab or datasheet.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")]
 Workers = Annotated[int, typer.Option("--workers", help="Processes.", min=1)]
@@ -23,7 +24,7 @@ Workers = Annotated[int, typer.Option("--workers", help="Processes.", min=1)]
 
 @app.command()
 def accuracy(scenario: Annotated[str, typer.Argument()] = "bottle_and_table", noise: Noise = "lab",
-             seeds: Annotated[int, typer.Option("--seeds", min=1)] = 20, workers: Workers = os.cpu_count() or 1,
+             seeds: Annotated[int, typer.Option("--seeds", min=1)] = 20, workers: Workers = CORES,
              as_json: AsJson = False) -> None:
     """Repeat a scenario over many seeds, against the hidden truth."""
     from palpate.scenarios.catalogue import scenario as find
@@ -36,7 +37,7 @@ def accuracy(scenario: Annotated[str, typer.Argument()] = "bottle_and_table", no
 
 @app.command()
 def variety(noise: Noise = "lab", seed: Annotated[int, typer.Option("--seed", min=0)] = 0,
-            workers: Workers = os.cpu_count() or 1, as_json: AsJson = False) -> None:
+            workers: Workers = CORES, as_json: AsJson = False) -> None:
     """Ten scenes of other objects, heights and gaps, one run each."""
     from palpate.studies.accuracy import summarise
     from palpate.studies.variety import run_all

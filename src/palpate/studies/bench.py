@@ -32,7 +32,7 @@ def main() -> None:
 
 
 def closed_loop_ratio() -> float:
-    """Wall time of the whole loop (control, sensing, ticks, logging) over bare `mj_step` of as many steps, alternated."""
+    """Wall time of the whole loop (control, sensing, ticks, logging) over as many bare `mj_step`s, alternated."""
     ratios: list[float] = []
     for seed in range(ROUNDS):
         job = scenario("bottle_and_table").job(noise="lab", seed=seed)
