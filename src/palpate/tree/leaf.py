@@ -157,7 +157,8 @@ def merged(now: SymbolicState, base: SymbolicState, after: SymbolicState) -> Sym
 def _merged(now: Any, base: Any, after: Any) -> Any:
     """Collections that only grow (buffers, logs, conversions) keep what others added meanwhile."""
     if isinstance(after, Mapping):
-        return {**now, **{key: value for key, value in after.items() if base.get(key) is not value}}
+        entries = cast(Mapping[str, object], after)
+        return {**now, **{key: value for key, value in entries.items() if base.get(key) is not value}}
     if isinstance(after, frozenset):
         return now | after
     if isinstance(after, tuple):

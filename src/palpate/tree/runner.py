@@ -1,0 +1,244 @@
+"""Runs a plan on a robot: one loop, and however it ends, a robot that stands still and drops nothing."""
+
+from __future__ import annotations
+
+import logging
+import math
+import signal
+import threading
+import time
+from collections.abc import Callable, Generator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from types import FrameType
+from typing import Literal, Protocol
+
+from py_trees.behaviour import Behaviour
+from py_trees.common import Status
+
+from palpate.errors import InputError
+from palpate.planning.plan import Plan
+from palpate.robots.robot import Robot, RobotState
+from palpate.scene.scene import Scene
+from palpate.trace import LeafRun, Trace
+from palpate.tree.build import build
+from palpate.tree.leaf import PrimitiveLeaf
+from palpate.tree.stop import PutDown
+from palpate.vocabulary.primitive import Cell, Recorder, Vocabulary, vocabulary
+from palpate.vocabulary.state import SymbolicState
+
+log = logging.getLogger(__name__)
+
+TICK_PERIOD = 0.02
+"""s of robot time between two ticks."""
+MAX_ROBOT_SECONDS = 1800.0
+"""s of robot time that a whole run may take."""
+STOP_SECONDS = 2.0
+"""s of robot time for the arm to come to rest after `hold`."""
+STOP_NODE = "stop"
+"""`LeafRun.node` of what the runner itself runs on the way to a controlled stop; no plan has such a node."""
+
+Asked = Callable[[], str | None]
+"""Whether somebody wants the run to stop, and who."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Execution:
+    """What a run gave.
+
+    Attributes:
+        trace: everything recorded, up to and including a controlled stop.
+        status: `complete` when the tree succeeded, else `stopped`.
+        stopped_by: why, in one sentence; None when complete.
+        final_state: what is believed about the cell now.
+        actions: leaves of the plan that were started.
+        robot_seconds, wall_seconds: how long it took.
+    """
+
+    trace: Trace
+    status: Literal["complete", "stopped"]
+    stopped_by: str | None
+    final_state: SymbolicState
+    actions: int
+    robot_seconds: float
+    wall_seconds: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class View:
+    """What an observer sees after a tick.
+
+    Attributes:
+        root: the plan's tree. robot: the cached state. elapsed: robot time since the start, s.
+        leaves: lives that have ended so far. stopping: why the run is being stopped, None while it is not.
+    """
+
+    root: Behaviour
+    robot: RobotState
+    elapsed: float
+    leaves: Sequence[LeafRun]
+    stopping: str | None = None
+
+
+class Observer(Protocol):
+    """Watches a run, e.g. to draw it. Called in the loop after every tick, so it must be quick."""
+
+    def on_tick(self, view: View) -> None: ...
+
+
+def run(
+    plan: Plan, scene: Scene, robot: Robot, *, tick_period: float = TICK_PERIOD, observer: Observer | None = None,
+    stop_requested: Callable[[], bool] | None = None, max_robot_seconds: float = MAX_ROBOT_SECONDS,
+    words: Vocabulary | None = None,
+) -> Execution:
+    """Run a checked plan to its end, or to a controlled stop.
+
+    A failed leaf, an exception, an interrupt (SIGINT), `stop_requested` and the time budget all end in a controlled
+    stop: the arm comes to rest, then a held object is put down, or, where that is not safe, held still. A second
+    interrupt abandons the putting down and holds at once. What was recorded is returned in every case.
+
+    The robot is left holding its position; closing it is up to the caller who opened it.
+
+    Raises:
+        InputError: the plan has no tree, or one that cannot be built; nothing has moved then.
+    """
+    if plan.tree is None:
+        raise InputError(f"the plan has no tree to run: {plan.explanation}")
+    cell = Cell(robot, SymbolicState(scene), Recorder(robot))
+    root = build(plan.tree, words or vocabulary(), cell)
+    loop = _Loop(cell, root, tick_period, observer)
+    began = time.perf_counter()
+    try:
+        with _interrupts() as interrupted:
+            asked = _either(interrupted, stop_requested)
+            loop.stopping = _reason(lambda: loop.tick_to_end(root, max_robot_seconds, asked))
+            if loop.stopping is not None:
+                _reason(loop.stop)
+    finally:
+        _reason(robot.hold)
+    return loop.execution(time.perf_counter() - began)
+
+
+@dataclass
+class _Loop:
+    """One run: the tree and what it works on."""
+
+    cell: Cell
+    root: Behaviour
+    tick_period: float
+    observer: Observer | None
+    stopping: str | None = None
+    start: float = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.start = self.cell.robot.state.t
+
+    def tick_to_end(self, root: Behaviour, budget: float, asked: Asked) -> str | None:
+        """Tick until `root` ends: None when it succeeded, else why not. `budget` is robot time in s."""
+        for _ in range(math.ceil(budget / self.tick_period)):
+            self._advance()
+            if reason := asked():
+                return reason
+            root.tick_once()
+            self._show()
+            if root.status is Status.SUCCESS:
+                return None
+            if root.status is Status.FAILURE:
+                return self._failure()
+        return f"not done after {budget:g} s of robot time, the budget of a run"
+
+    def stop(self) -> None:
+        """Bring everything to rest, then put down what is held."""
+        try:
+            self._interrupt()
+        finally:
+            self.cell.robot.hold()
+        for _ in range(math.ceil(STOP_SECONDS / self.tick_period)):
+            self._advance()
+            self._show()
+            if not (self.cell.robot.state.moving or self.cell.robot.state.gripper_moving):
+                break
+        if self.cell.robot.state.gripping:
+            down = PrimitiveLeaf(PutDown(), self.cell, STOP_NODE)
+            try:
+                self.tick_to_end(down, PutDown.timeout, _nobody)
+            finally:
+                down.stop(Status.INVALID)
+
+    def execution(self, wall_seconds: float) -> Execution:
+        """The result as it stands."""
+        _reason(self.cell.recorder.drain)
+        trace = self.cell.recorder.snapshot()
+        return Execution(
+            trace, "complete" if self.stopping is None else "stopped", self._stopped_by(), self.cell.state,
+            sum(leaf.node != STOP_NODE for leaf in trace.leaves), self._elapsed(), wall_seconds)
+
+    def _advance(self) -> None:
+        self.cell.robot.advance(self.tick_period)
+        self.cell.recorder.drain()
+
+    def _show(self) -> None:
+        if self.observer is not None:
+            leaves = self.cell.recorder.leaves
+            self.observer.on_tick(View(self.root, self.cell.robot.state, self._elapsed(), leaves, self.stopping))
+
+    def _elapsed(self) -> float:
+        return self.cell.robot.state.t - self.start
+
+    def _failure(self) -> str:
+        failed = next(leaf for leaf in reversed(self.cell.recorder.leaves) if leaf.status == "FAILURE")
+        return f"{failed.label}: {failed.message}"
+
+    def _stopped_by(self) -> str | None:
+        held = self.cell.state.holding
+        if self.stopping is None or held is None or not self.cell.robot.state.gripping:
+            return self.stopping
+        return f"{self.stopping}; the fingers still hold '{held}'"
+
+    def _interrupt(self) -> None:
+        """End what still runs; what has ended keeps its status, which stopping the root would erase."""
+        for node in self.root.iterate():
+            if node.status is Status.RUNNING:
+                if isinstance(node, PrimitiveLeaf):
+                    node.stop(Status.INVALID)
+                node.status = Status.INVALID
+
+
+def _nobody() -> None:
+    """Nobody wants the run to stop."""
+
+
+def _either(interrupted: Asked, stop_requested: Callable[[], bool] | None) -> Asked:
+    return lambda: interrupted() or ("stop requested" if stop_requested and stop_requested() else None)
+
+
+def _reason(step: Callable[[], str | None]) -> str | None:
+    """The step's own result, or what it raised, in words: nothing may keep the runner from stopping the robot."""
+    try:
+        return step()
+    except KeyboardInterrupt:
+        return "interrupted"
+    except Exception as error:
+        log.exception("the run failed")
+        return f"{type(error).__name__}: {error}"
+
+
+@contextmanager
+def _interrupts() -> Generator[Asked]:
+    """The first SIGINT only asks; the second raises `KeyboardInterrupt`. Off the main thread, leaves signals alone."""
+    if threading.current_thread() is not threading.main_thread():
+        yield _nobody
+        return
+    pressed = 0
+
+    def press(_signum: int, _frame: FrameType | None) -> None:
+        nonlocal pressed
+        pressed += 1
+        if pressed > 1:
+            raise KeyboardInterrupt
+
+    previous = signal.signal(signal.SIGINT, press)
+    try:
+        yield lambda: "interrupted" if pressed else None
+    finally:
+        signal.signal(signal.SIGINT, previous or signal.SIG_DFL)

@@ -1,0 +1,100 @@
+"""What happens to a held object when a run stops early: it is put down, or held still, never dropped."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import ClassVar
+
+import numpy as np
+
+from palpate.robots.safety import Expectation
+from palpate.vocabulary.primitive import Cell, LeafFailure, Primitive, Resource, Steps
+from palpate.vocabulary.state import SymbolicState
+
+DOWN = np.array([0.0, 0.0, -1.0])
+LOWERING_SPEED = 0.02
+"""m/s."""
+AT_GRASP = 0.003
+"""m: an object this near to the height where it was grasped still stands on its support."""
+EXTRA_TRAVEL = 0.015
+"""m below the height where it was grasped: covers the arm's sag and a soft support."""
+SUPPORTED = 5.0
+"""N that the support must take over before the fingers open."""
+RETREAT_SPEED = 0.05
+"""m/s."""
+RETREAT = 0.10
+"""m."""
+SETTLING = 0.3
+"""s."""
+
+
+class PutDown(Primitive):
+    """Lower the held object until its support takes its weight, open the fingers, retreat upwards.
+
+    Fails, and leaves the object in the closed fingers, when it meets no support down to where it was grasped.
+    Not part of the vocabulary: only the runner uses it, on its way to a controlled stop.
+    """
+
+    claims: ClassVar[frozenset[Resource]] = frozenset({"arm", "gripper"})
+    group: ClassVar = "motion"
+    timeout: ClassVar[float] = 60.0
+
+    def expectation(self, state: SymbolicState) -> Expectation:
+        held = state.holding is not None
+        return Expectation(holding=held, contact=True, grasped=held)
+
+    def run(self, cell: Cell) -> Steps:
+        height = self._height(cell)
+        if height > AT_GRASP or cell.state.lifted:
+            yield from self._lower(cell, max(height, 0.0) + EXTRA_TRAVEL)
+        name = cell.state.holding or "the object"
+        cell.state = released(cell)
+        cell.robot.open_gripper()
+        yield
+        while cell.robot.state.gripper_moving:
+            yield
+        cell.robot.move_axis(-DOWN, RETREAT_SPEED, RETREAT)
+        yield from _arrive(cell)
+        return f"put {name} down"
+
+    def _height(self, cell: Cell) -> float:
+        """How far above the place of its grasp the object is, m; 0 when it was not lifted since."""
+        grasp = cell.state.grasp
+        if grasp is None:
+            return 0.0
+        z = cell.scene.symbols.resolve(grasp).position[2]
+        return float(cell.robot.state.pose_world_tcp.position[2] - z)
+
+    def _lower(self, cell: Cell, travel: float) -> Steps:
+        cell.robot.move_axis(DOWN, LOWERING_SPEED, travel)
+        yield
+        free = cell.robot.state.wrench[2]
+        while free - cell.robot.state.wrench[2] < SUPPORTED:
+            if not cell.robot.state.moving:
+                raise LeafFailure(f"no support within {1e3 * travel:.0f} mm below '{cell.state.holding}': "
+                                  "it stays in the fingers")
+            yield
+        cell.robot.hold()
+        yield from _arrive(cell)
+        return "supported"
+
+
+def released(cell: Cell) -> SymbolicState:
+    """The symbolic state once the fingers let go where they are now."""
+    state, tcp = cell.state, cell.robot.state.pose_world_tcp
+    moved = dict(state.moved)
+    if state.holding is not None and state.pose_tcp_object is not None:
+        moved[state.holding] = tcp @ state.pose_tcp_object
+    return replace(state, at=None, pose_world_tcp=tcp, gripper="open", holding=None, grasp=None,
+                   pose_tcp_object=None, lifted=False, contact=None, activity="still", moved=moved)
+
+
+def _arrive(cell: Cell) -> Steps:
+    """Wait until the arm's motion has ended and it had time to come to rest."""
+    yield
+    while cell.robot.state.moving:
+        yield
+    since = cell.robot.state.t
+    while cell.robot.state.t - since < SETTLING:
+        yield
+    return "arrived"
