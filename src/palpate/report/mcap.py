@@ -94,7 +94,7 @@ def read_mcap(path: Path) -> Trace:
     Raises:
         InputError: not such a file.
     """
-    from mcap.reader import make_reader
+    from mcap.reader import SeekingReader
     from mcap_ros2.decoder import DecoderFactory
     from pydantic import TypeAdapter
 
@@ -104,8 +104,8 @@ def read_mcap(path: Path) -> Trace:
         raise InputError(f"'{path}' is larger than {MAX_BYTES >> 20} MiB, no trace of palpate's is")
     try:
         with path.open("rb") as file:
-            reader = make_reader(file, validate_crcs=True, decoder_factories=[DecoderFactory()],
-                                 record_size_limit=MAX_RECORD)
+            reader = SeekingReader(file, validate_crcs=True, decoder_factories=[DecoderFactory()],
+                                   record_size_limit=MAX_RECORD)
             metadata = {m.name: m.metadata for m in reader.iter_metadata()}
             record = TypeAdapter(_Record).validate_json(metadata[METADATA]["trace"])
             samples = _read_samples(reader.iter_decoded_messages(topics=list(_COLUMNS)))
