@@ -1,12 +1,28 @@
-"""The plan as a file and as a type: parameters, explanation, tree."""
+"""The plan as a file and as a type: parameters, explanation, tree.
+
+A plan's text comes from a file or from a model and is not trusted: its size, nesting and number of nodes are
+bounded before anything is built from it.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import json
+import math
+import re
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NoReturn, cast
 
+from palpate.errors import InputError
 from palpate.quantities import Gap
+
+MAX_BYTES = 1_000_000
+MAX_NESTING = 64
+"""Nested JSON brackets; a node costs two, so a tree may be about 30 deep."""
+MAX_NODES = 5000
+
+_STRING = re.compile(r'"(?:[^"\\]|\\.)*"', re.DOTALL)
+_NODE_FIELDS = ("type", "name", "children")
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,3 +54,186 @@ class Plan:
     planner: str = ""
     notes: tuple[str, ...] = ()
     """Remarks for the result, e.g. that a requested quantity is known already."""
+
+    @property
+    def actions(self) -> int:
+        """How many atomic actions (leaves) the tree has."""
+        return 0 if self.tree is None else sum(not node.children for _, node in self.tree.walk())
+
+
+def parse_plan(text: str | bytes) -> Plan:
+    """A plan from JSON text: a plan file, a run folder's `plan.json`, or a model's answer.
+
+    Fields of the document that a plan does not have (a provider's usage, findings, …) are ignored.
+
+    Raises:
+        InputError: not JSON, too large, too deep, or not of a plan's form; the message says where.
+    """
+    return plan_from(_load(_decoded(text)))
+
+
+def plan_from(document: object) -> Plan:
+    """A plan from an already parsed JSON document.
+
+    Raises:
+        InputError: not of a plan's form; the message says where.
+    """
+    fields = _mapping(document, "a plan")
+    for required in ("parameters", "tree"):
+        if required not in fields:
+            _fail("a plan", f"needs the field '{required}'; it has {_listed(fields)}")
+    tree = fields["tree"]
+    return Plan(
+        parameters=tuple(_gap(item, f"parameters[{i}]")
+                         for i, item in enumerate(_array(fields["parameters"], "parameters"))),
+        tree=None if tree is None else _node(tree, "tree", depth=0, budget=[MAX_NODES]),
+        explanation=_text(fields.get("explanation", ""), "explanation"),
+        planner=_text(fields.get("planner", ""), "planner"),
+        notes=tuple(_text(note, f"notes[{i}]") for i, note in enumerate(_array(fields.get("notes", []), "notes"))),
+    )
+
+
+def plan_json(plan: Plan) -> dict[str, Any]:
+    """The plan as plain JSON values; `plan_from` reads it back unchanged."""
+    document: dict[str, Any] = {
+        "parameters": [{"object": gap.object, "quantity": gap.quantity} for gap in plan.parameters],
+        "explanation": plan.explanation,
+        "tree": None if plan.tree is None else _node_document(plan.tree),
+    }
+    if plan.planner:
+        document["planner"] = plan.planner
+    if plan.notes:
+        document["notes"] = list(plan.notes)
+    return document
+
+
+def dump_plan(plan: Plan, extra: Mapping[str, Any] | None = None) -> str:
+    """The plan as JSON text, the same for the same plan; `extra` fields (a provider's figures) come last."""
+    document = {**plan_json(plan), **{k: v for k, v in (extra or {}).items() if k not in Plan.__slots__}}
+    return json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+
+
+def _decoded(text: str | bytes) -> str:
+    if len(text) > MAX_BYTES:
+        raise InputError(f"the plan is larger than {MAX_BYTES // 1000} kB; shorten it")
+    if isinstance(text, str):
+        return text.removeprefix("\ufeff")
+    try:
+        return text.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise InputError(f"the plan is not UTF-8 text (byte {error.start})") from None
+
+
+def _load(text: str) -> object:
+    depth = 0
+    for bracket in re.findall(r"[\[\]{}]", _STRING.sub("", text)):
+        depth += 1 if bracket in "[{" else -1
+        if depth > MAX_NESTING:
+            raise InputError(f"the plan is nested deeper than {MAX_NESTING} brackets; flatten its tree")
+    try:
+        return json.loads(text, object_pairs_hook=_unique, parse_constant=_no_constant, parse_float=_finite)
+    except json.JSONDecodeError as error:
+        raise InputError(f"the plan is not JSON: {error.msg} at line {error.lineno}, "
+                         f"column {error.colno}") from None
+    except (ValueError, RecursionError) as error:
+        raise InputError(f"the plan is not usable JSON: {error}") from None
+
+
+def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    found: dict[str, Any] = {}
+    for key, value in pairs:
+        if key in found:
+            raise InputError(f"the plan has the field '{key[:40]}' twice in one object; keep one")
+        found[key] = value
+    return found
+
+
+def _no_constant(name: str) -> NoReturn:
+    raise InputError(f"the plan contains {name}; numbers must be finite")
+
+
+def _finite(digits: str) -> float:
+    value = float(digits)
+    if not math.isfinite(value):
+        raise InputError(f"the plan contains {digits[:20]}; numbers must be finite")
+    return value
+
+
+def _node(value: object, path: str, depth: int, budget: list[int]) -> Node:
+    budget[0] -= 1
+    if budget[0] < 0:
+        raise InputError(f"the plan has more than {MAX_NODES} nodes; split it")
+    if depth > MAX_NESTING:
+        _fail(path, "is nested too deep; flatten the tree")
+    fields = _mapping(value, path)
+    if "type" not in fields:
+        _fail(path, f"needs the field 'type'; it has {_listed(fields)}")
+    children = _array(fields.get("children", []), f"{path}.children")
+    return Node(
+        type=_text(fields["type"], f"{path}.type"),
+        args=tuple((_text(k, path), _frozen(v, f"{path}.{k}")) for k, v in fields.items() if k not in _NODE_FIELDS),
+        children=tuple(_node(c, f"{path}.children[{i}]", depth + 1, budget) for i, c in enumerate(children)),
+        name=_text(fields.get("name", ""), f"{path}.name"),
+    )
+
+
+def _gap(value: object, path: str) -> Gap:
+    fields = _mapping(value, path)
+    if set(fields) != {"object", "quantity"}:
+        _fail(path, f"needs exactly 'object' and 'quantity'; it has {_listed(fields)}")
+    return Gap(_text(fields["object"], f"{path}.object"), _text(fields["quantity"], f"{path}.quantity"))
+
+
+def _frozen(value: object, path: str) -> object:
+    """The JSON value with its arrays as tuples, so that nodes compare and do not share mutable parts."""
+    if isinstance(value, list):
+        return tuple(_frozen(item, path) for item in cast("list[object]", value))
+    if isinstance(value, str):
+        return _text(value, path)
+    if isinstance(value, dict):
+        _fail(path, "is an object; arguments are texts, numbers or lists of them, written beside 'type'")
+    return value
+
+
+def _node_document(node: Node) -> dict[str, Any]:
+    document: dict[str, Any] = {"type": node.type}
+    if node.name:
+        document["name"] = node.name
+    document.update(node.args)
+    if node.children:
+        document["children"] = [_node_document(child) for child in node.children]
+    return document
+
+
+def _mapping(value: object, path: str) -> dict[str, Any]:
+    if not isinstance(value, dict):
+        _fail(path, f"must be a JSON object, not {_kind(value)}")
+    return cast("dict[str, Any]", value)
+
+
+def _array(value: object, path: str) -> list[object]:
+    if not isinstance(value, list):
+        _fail(path, f"must be a list, not {_kind(value)}")
+    return cast("list[object]", value)
+
+
+def _text(value: object, path: str) -> str:
+    if not isinstance(value, str):
+        _fail(path, f"must be text, not {_kind(value)}")
+    if any("\ud800" <= c <= "\udfff" for c in value):
+        _fail(path, "contains half of a surrogate pair")
+    return value
+
+
+def _kind(value: object) -> str:
+    names: dict[type, str] = {dict: "an object", list: "a list", str: "text", bool: "true/false", int: "a number",
+                              float: "a number"}
+    return names.get(type(value), "null")
+
+
+def _listed(fields: Mapping[str, object]) -> str:
+    return ", ".join(f"'{key[:40]}'" for key in list(fields)[:10]) or "none"
+
+
+def _fail(path: str, problem: str) -> NoReturn:
+    raise InputError(f"plan: {path[:120]} {problem}")
