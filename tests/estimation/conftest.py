@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from palpate.pose import Array, Pose
-from palpate.trace import FORCES, Activity, Context, Conversion, Hand, LeafRun, Recording, Samples, Trace
+from palpate.trace import FORCES, POSE, Activity, Context, Conversion, Hand, LeafRun, Recording, Samples, Trace
 
 DT = 0.01
 STIFFNESS = 1200.0
@@ -143,6 +143,45 @@ class Bench:
         self.holding, self.grasp, self.width = None, None, 0.08
         self.dwell(0.4)
         self.leaf("OpenGripper", begin, "still")
+
+    def descend(self, press: Callable[[float], float], support: str, speed: float = 0.015,
+                threshold: float = 8.0) -> Recording:
+        """A guarded descent on what pushes the tip back with `press(tip_z)` N, a recorded pose, and the retreat."""
+        begin, equilibrium = self.t, self.position.copy()
+        height, z, force = equilibrium[2], equilibrium[2], 0.0
+        path: list[float] = []
+        while force < threshold:
+            height -= speed * DT
+            path.append(height)
+            z, force = self.balance(height, press)
+            self.pressed(equilibrium, height, z, force)
+        for _ in range(40):
+            self.pressed(equilibrium, height, z, force)
+        self.leaf("MoveUntilContact", begin, "contact")
+        measured = self.t
+        for _ in range(30):
+            self.pressed(equilibrium, height, z, force)
+        recording = self.record(measured, "contact", support, POSE)
+        for height in np.arange(height, equilibrium[2], 0.05 * DT):
+            z, force = self.balance(float(height), press)
+            self.pressed(equilibrium, float(height), z, force)
+        self.go(str(self.at), equilibrium.tolist())
+        return recording
+
+    def balance(self, height: float, press: Callable[[float], float]) -> tuple[float, float]:
+        """Where the arm's spring and the surface are in balance: TCP z and the pressing force."""
+        low, high = height - 1e-6, height + 0.2
+        for _ in range(50):
+            z = (low + high) / 2
+            low, high = (z, high) if press(z - HAND.tip_offset) > STIFFNESS * (z - height) else (low, z)
+        return high, press(high - HAND.tip_offset)
+
+    def pressed(self, column: Array, height: float, z: float, force: float) -> None:
+        last = self.rows[-1][1][2]
+        target, position = column.copy(), column.copy()
+        target[2], position[2] = height, z
+        self.row(target, position, np.array([0, 0, (z - last) / DT]), np.zeros(3),
+                 np.array([0, 0, -force, 0, 0, 0]))
 
     def measure(self, duration: float = 1.5, activity: Activity = "still", support: str | None = None,
                 buffer: str = FORCES) -> Recording:

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from statistics import NormalDist
 
 import numpy as np
-from scipy.stats import norm
 
 from palpate.estimation.estimate import Estimate
 from palpate.estimation.mass import estimate_mass
@@ -14,7 +14,7 @@ from palpate.pose import Array
 from palpate.quantities import Gap
 from palpate.trace import Conversion, Samples, Trace
 
-Z95 = float(norm.ppf(0.975))
+Z95 = NormalDist().inv_cdf(0.975)
 
 
 def estimate_velocity(trace: Trace, conversion: Conversion) -> Estimate:

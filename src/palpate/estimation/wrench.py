@@ -18,11 +18,10 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import product
+from statistics import NormalDist
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import brentq
-from scipy.stats import norm
 
 from palpate.estimation.windows import Load, Path, at_rest, lift_path, load_of, mean_pose, near, runs
 from palpate.pose import Array
@@ -133,10 +132,15 @@ def fit_load(found: Sequence[Segment], axis: int, gravity: float, hand: Hand) ->
     scale = 1.0 if axis < 3 else TORQUE_LEVER
     apparent = APPARENT_MASS[0] if axis == 2 else 0.0
     design, prior = _design(found, axis, gravity, scale)
-    y = np.concatenate([s.mean[:, axis] - apparent * s.acceleration for s in found]) / scale
-    noise = np.concatenate([s.variance[:, axis] for s in found]) / scale**2 + FLOOR**2
-    still = np.array([s.at_rest for s in found])
-    fits = [(*_solve(design, np.concatenate([prior, np.where(still, rest, moving)]), y, noise),
+    readings: list[Array] = [s.mean[:, axis] - apparent * s.acceleration for s in found]
+    y = np.concatenate(readings) / scale
+    variances: list[Array] = [s.variance[:, axis] for s in found]
+    noise = np.concatenate(variances) / scale**2 + FLOOR**2
+
+    def scatter(rest: float, moving: float) -> list[float]:
+        return [rest if s.at_rest else moving for s in found]
+
+    fits = [(*_solve(design, np.array([*prior, *scatter(rest, moving)]), y, noise),
              _half_cauchy(rest, hand.force_repeatability / 2) + _half_cauchy(moving, PASS_SCATTER))
             for rest, moving in product(_GRID, _GRID)]
     value, variance, evidence, log_prior = (np.array(column) for column in zip(*fits, strict=True))
@@ -185,11 +189,19 @@ def _mixture(means: Array, stds: Array, weights: Array) -> Contrast:
     mean = float(weights @ means)
     std = float(np.sqrt(weights @ (stds**2 + (means - mean) ** 2)))
 
-    def quantile(p: float) -> float:
-        low, high = float((means - 12 * stds).min()), float((means + 12 * stds).max())
-        return float(brentq(lambda x: float(weights @ norm.cdf(x, means, stds)) - p, low, high))
+    parts = [(w, NormalDist(m, s)) for w, m, s in zip(weights, means, stds, strict=True) if w > 1e-6]
+    return Contrast(mean, std, (_quantile(parts, 0.025), _quantile(parts, 0.975)))
 
-    return Contrast(mean, std, (quantile(0.025), quantile(0.975)))
+
+def _quantile(parts: Sequence[tuple[float, NormalDist]], p: float) -> float:
+    """The point below which the mixture has `p` of its mass, by bisection."""
+    low = min(part.mean - 12 * part.stdev for _, part in parts)
+    high = max(part.mean + 12 * part.stdev for _, part in parts)
+    for _ in range(60):
+        middle = (low + high) / 2
+        below = sum(w * part.cdf(middle) for w, part in parts)
+        low, high = (middle, high) if below < p else (low, middle)
+    return (low + high) / 2
 
 
 @dataclass(frozen=True, slots=True)
@@ -262,7 +274,8 @@ def _segment(samples: Samples, cut: _Cut, path: Array, bins: Sequence[NDArray[np
 
 def _noise_density(samples: Samples, cuts: Sequence[_Cut]) -> Array:
     """(6,) variance that the mean of n rows has, times n: from means over blocks of rests, trend removed."""
-    pooled, freedom = np.zeros(6), 0
+    pooled: Array = np.zeros(6)
+    freedom = 0
     for cut in cuts:
         y, t = samples.wrench[cut.rows], samples.t[cut.rows]
         size = max(1, round(BLOCK * (len(t) - 1) / max(float(t[-1] - t[0]), 1e-9)))
@@ -271,7 +284,7 @@ def _noise_density(samples: Samples, cuts: Sequence[_Cut]) -> Array:
             continue
         blocks = y[: count * size].reshape(count, size, 6).mean(axis=1)
         basis = np.vander(np.linspace(-1.0, 1.0, count), TREND + 1)
-        residual = blocks - basis @ np.linalg.lstsq(basis, blocks, rcond=None)[0]
-        pooled += size * (residual**2).sum(axis=0)
+        residual: Array = blocks - basis @ (np.linalg.pinv(basis) @ blocks)
+        pooled = pooled + size * (residual**2).sum(axis=0)
         freedom += count - TREND - 1
     return pooled / freedom if freedom else np.full(6, 0.01)
