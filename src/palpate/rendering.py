@@ -92,7 +92,6 @@ def dress(spec: mujoco.MjSpec) -> None:
                                  diffuse=[0.6, 0.6, 0.6], specular=[0.2, 0.2, 0.2], castshadow=True)
     spec.visual.headlight.ambient = [0.35, 0.35, 0.35]
     spec.visual.headlight.diffuse = [0.45, 0.45, 0.45]
-    spec.visual.quality.shadowsize = 4096
 
 
 def extent(model: mujoco.MjModel, data: mujoco.MjData, bodies: Collection[str] = ()) -> Array:
@@ -154,12 +153,14 @@ class Painter:
         RuntimeError: no usable OpenGL (ask `gl_available` first).
     """
 
-    def __init__(self, model: mujoco.MjModel, width: int = 960, height: int = 600) -> None:
+    def __init__(self, model: mujoco.MjModel, width: int = 960, height: int = 600, shadow: int = 4096) -> None:
+        """Pixels of the picture, and of the shadow map's side: without a GPU the shadow takes most of the time."""
         usable, reason = gl_available()
         if not usable:
             raise RuntimeError(reason)
         model.vis.global_.offwidth = max(width, model.vis.global_.offwidth)
         model.vis.global_.offheight = max(height, model.vis.global_.offheight)
+        model.vis.quality.shadowsize = shadow
         self.model = model
         self.aspect = width / height
         self._renderer = mujoco.Renderer(model, height, width)

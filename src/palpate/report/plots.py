@@ -1,0 +1,181 @@
+"""Plotly figures of a trace, as the plain dictionaries that plotly.js draws.
+
+Names come from the user's files: they are escaped here, because plotly renders a subset of HTML in every label.
+Colours of paper, grid and text are left to the page, which knows whether it is light or dark.
+"""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Mapping, Sequence
+from html import escape
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.pose import Array
+from palpate.trace import LeafRun, Recording, Samples, Trace
+
+Figure = dict[str, Any]
+
+MAX_POINTS = 1500
+"""Per series: about the pixels of a wide screen."""
+
+X, Y, Z, NORM, FAINT, MARK = "#e5484d", "#30a46c", "#3b82f6", "#8b8d98", "#a1a5b0", "#0d9488"
+"""Axes in the colours every robot viewer gives them; MARK is the page's accent, for what was measured."""
+
+GROUPS = {"motion": "#8293a7", "gripper": "#d9a13b", "sensing": "#0d9488", "conversion": "#8b5cf6"}
+FAILED, STOPPED = "#e5484d", "#b0b4bd"
+
+_FORCE, _HEIGHT, _LEAVES = (0.56, 1.0), (0.17, 0.49), (0.0, 0.09)
+"""Share of the figure's height that each row takes."""
+
+
+def timeline(trace: Trace, windows: Mapping[Recording, str], groups: Mapping[str, str]) -> Figure:
+    """Force, height and leaves over robot time, on one shared axis.
+
+    `windows` names the recordings to shade; `groups` says which group each primitive belongs to.
+    """
+    start, end = _span(trace)
+    return {
+        "data": [*_forces(trace.samples), *_heights(trace), *_contacts(trace), _leaf_bars(trace.leaves, groups)],
+        "layout": {
+            "height": 660, "margin": {"l": 58, "r": 14, "t": 64, "b": 44}, "hovermode": "x unified",
+            "legend": {"orientation": "h", "x": 0, "y": 1.12, "yanchor": "top"}, "uniformtext": {"mode": "hide",
+                                                                                               "minsize": 9},
+            "bargap": 0.1, "dragmode": "zoom",
+            "xaxis": {"range": [start, end], "anchor": "y3", "title": {"text": "robot time (s)"}, "ticks": "outside",
+                      "showspikes": True, "spikemode": "across", "spikethickness": 1, "spikedash": "dot",
+                      "hoverformat": ".2f"},
+            "yaxis": {"domain": _FORCE, "title": {"text": "force (N)"}, "hoverformat": ".3f"},
+            "yaxis2": {"domain": _HEIGHT, "title": {"text": "height (m)"}, "hoverformat": ".4f"},
+            "yaxis3": {"domain": _LEAVES, "visible": False, "fixedrange": True, "autorange": "reversed"},
+            "shapes": [*_boundaries(trace.leaves), *_shades(windows)],
+            "annotations": _names(windows, end - start),
+        },
+    }
+
+
+def decimate(t: Array, y: Array, limit: int = MAX_POINTS) -> tuple[Array, Array]:
+    """At most `limit` points with every peak kept: the least and the largest of each of `limit` / 2 blocks."""
+    if len(t) <= limit:
+        return t, y
+    edges = np.linspace(0, len(t), limit // 2 + 1).astype(int)
+    kept = [start + f(y[start:stop]) for start, stop in pairwise(edges)
+            for f in (np.argmin, np.argmax)]
+    rows = np.unique(np.array(kept, dtype=int))
+    return t[rows], y[rows]
+
+
+def tip_height(trace: Trace) -> Array:
+    """World z of the fingertips' end, (n,) m."""
+    pose = trace.samples.pose_world_tcp
+    tool_z_up = 1 - 2 * (pose[:, 4] ** 2 + pose[:, 5] ** 2)
+    return pose[:, 2] + trace.hand.tip_offset * tool_z_up
+
+
+def _span(trace: Trace) -> tuple[float, float]:
+    times = [*trace.samples.t[[0, -1]].tolist()] if len(trace.samples) else []
+    times += [t for leaf in trace.leaves for t in (leaf.start, leaf.end)]
+    return (min(times), max(times)) if times else (0.0, 1.0)
+
+
+def _line(name: str, t: Array, y: Array, colour: str, axis: str = "y", **more: Any) -> Figure:
+    x, y = decimate(t, y)
+    return {"type": "scatter", "mode": "lines", "name": name, "x": _packed(x), "y": _packed(y), "yaxis": axis,
+            "line": {"color": colour, "width": 1.4}, **more}
+
+
+def _packed(values: NDArray[Any]) -> dict[str, str]:
+    """Plotly's typed array: binary float32."""
+    return {"dtype": "f4", "bdata": base64.b64encode(values.astype("<f4").tobytes()).decode()}
+
+
+def _forces(samples: Samples) -> list[Figure]:
+    force = samples.wrench[:, :3]
+    return [
+        _line("F<sub>x</sub>", samples.t, force[:, 0], X),
+        _line("F<sub>y</sub>", samples.t, force[:, 1], Y),
+        _line("F<sub>z</sub>", samples.t, force[:, 2], Z),
+        _line("|F|", samples.t, np.linalg.norm(force, axis=1), NORM, opacity=0.75),
+    ]
+
+
+def _heights(trace: Trace) -> list[Figure]:
+    s, hidden = trace.samples, {"visible": "legendonly"}
+    dotted = {"line": {"color": FAINT, "width": 1.2, "dash": "dot"}}
+    return [
+        _line("TCP z", s.t, s.pose_world_tcp[:, 2], Z, "y2", opacity=0.6),
+        _line("fingertips z", s.t, tip_height(trace), MARK, "y2"),
+        _line("commanded z", s.t, s.target_world_tcp[:, 2], FAINT, "y2", **dotted),
+        _line("TCP x", s.t, s.pose_world_tcp[:, 0], X, "y2", **hidden),
+        _line("TCP y", s.t, s.pose_world_tcp[:, 1], Y, "y2", **hidden),
+        _line("finger opening", s.t, s.width, NORM, "y2", **hidden),
+    ]
+
+
+def _contacts(trace: Trace) -> list[Figure]:
+    """Where guarded motions met something."""
+    touches = [leaf for leaf in trace.leaf_runs("MoveUntilContact") if len(trace.samples)]
+    if not touches:
+        return []
+    times = np.array([leaf.end for leaf in touches])
+    heights = np.interp(times, trace.samples.t, tip_height(trace))
+    return [{"type": "scatter", "mode": "markers", "name": "contact", "x": _packed(times), "y": _packed(heights),
+             "yaxis": "y2", "marker": {"symbol": "circle-open", "size": 13, "color": MARK, "line": {"width": 2.5}}}]
+
+
+def _leaf_bars(leaves: Sequence[LeafRun], groups: Mapping[str, str]) -> Figure:
+    colours = [_leaf_colour(leaf, groups) for leaf in leaves]
+    return {"type": "bar", "orientation": "h", "name": "leaf", "yaxis": "y3", "showlegend": False,
+            "base": [leaf.start for leaf in leaves], "x": [max(leaf.end - leaf.start, 0.05) for leaf in leaves],
+            "y": _lanes(leaves), "text": [escape(leaf.primitive) for leaf in leaves], "textposition": "inside",
+            "insidetextanchor": "middle", "textangle": 0, "insidetextfont": {"color": "#fff"},
+            "marker": {"color": colours, "line": {"width": 0}},
+            "customdata": [[escape(leaf.label), leaf.status.lower(), round(leaf.end - leaf.start, 2)]
+                           for leaf in leaves],
+            "hovertemplate": "%{customdata[0]}: %{customdata[1]}, %{customdata[2]} s<extra></extra>"}
+
+
+def _leaf_colour(leaf: LeafRun, groups: Mapping[str, str]) -> str:
+    if leaf.status == "SUCCESS":
+        return GROUPS.get(groups.get(leaf.primitive, ""), NORM)
+    return FAILED if leaf.status == "FAILURE" else STOPPED
+
+
+def _lanes(leaves: Sequence[LeafRun]) -> list[int]:
+    """The first lane that is free, so that leaves of a Parallel lie under one another."""
+    busy_until: list[float] = []
+    lanes: list[int] = []
+    for leaf in leaves:
+        lane = next((i for i, end in enumerate(busy_until) if end <= leaf.start + 1e-6), len(busy_until))
+        busy_until[lane:lane + 1] = [leaf.end]
+        lanes.append(lane)
+    return lanes
+
+
+def _boundaries(leaves: Sequence[LeafRun]) -> list[Figure]:
+    return [{"type": "line", "xref": "x", "yref": "paper", "x0": t, "x1": t, "y0": _LEAVES[1], "y1": 1,
+             "layer": "below", "line": {"color": FAINT, "width": 0.6, "dash": "dot"}}
+            for t in sorted({leaf.start for leaf in leaves})]
+
+
+def _shades(windows: Mapping[Recording, str]) -> list[Figure]:
+    return [{"type": "rect", "xref": "x", "yref": "paper", "x0": r.start, "x1": r.end, "y0": _HEIGHT[0], "y1": 1,
+             "layer": "below", "fillcolor": MARK, "opacity": 0.16, "line": {"color": MARK, "width": 1}}
+            for r in windows]
+
+
+def _names(windows: Mapping[Recording, str], span: float) -> list[Figure]:
+    """A name above each window; where two would collide, the later goes a line lower."""
+    ends = [-np.inf] * 3
+    out: list[Figure] = []
+    for recording, name in sorted(windows.items(), key=lambda item: item[0].start):
+        level = next((i for i, end in enumerate(ends) if recording.start >= end), len(ends) - 1)
+        ends[level] = recording.start + span * 0.008 * (len(name) + 2)
+        out.append({"xref": "x", "yref": "paper", "x": recording.start, "y": 1, "yshift": -15 * level,
+                    "text": escape(name), "showarrow": False, "xanchor": "left", "yanchor": "top",
+                    "font": {"size": 11, "color": MARK}})
+    return out

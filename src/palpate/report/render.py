@@ -1,0 +1,135 @@
+"""The report's pictures: the scene before and after, and the run as a film."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Sequence
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+from PIL import Image, ImageDraw, ImageFont
+
+from palpate.pose import Array
+from palpate.rendering import Painter, Pixels, dress, extent, png, points_over
+from palpate.report.video import mp4
+from palpate.trace import Trace
+
+FPS = 12.0
+SPEED = 2.0
+"""A film runs at twice robot time; longer runs faster."""
+LONGEST = 25.0
+"""s: no film is longer, so that the page stays small."""
+SIZE = (640, 400)
+
+
+@dataclass(frozen=True, slots=True)
+class Film:
+    """An MP4 and how many times faster than robot time it plays."""
+
+    mp4: bytes
+    speed: float
+
+
+def render_before_after(before: mujoco.MjSpec, after: mujoco.MjSpec, bodies: Collection[str] = (), *,
+                        width: int = 960, height: int = 640) -> tuple[bytes, bytes]:
+    """Two PNGs from one camera that has the named bodies (all, when none is named) of both scenes in view.
+
+    Raises:
+        RuntimeError: no usable OpenGL.
+    """
+    models = [_dressed(before), _dressed(after)]
+    posed = [(model, _forwarded(model)) for model in models]
+    points = np.concatenate([extent(model, data, bodies) for model, data in posed])
+    pictures: list[bytes] = []
+    for model, data in posed:
+        with Painter(model, width, height) as painter:
+            pictures.append(png(painter.paint(data, painter.around(points))))
+    return pictures[0], pictures[1]
+
+
+def render_scene(spec: mujoco.MjSpec, bodies: Collection[str] = (), *, width: int = 960, height: int = 640) -> bytes:
+    """A PNG of the scene as it stands.
+
+    Raises:
+        RuntimeError: no usable OpenGL.
+    """
+    model = _dressed(spec)
+    data = _forwarded(model)
+    with Painter(model, width, height) as painter:
+        return png(painter.paint(data, painter.around(extent(model, data, bodies))))
+
+
+def film(model: mujoco.MjModel, t: Array, qpos: Array, trace: Trace | None = None,
+         bodies: Collection[str] = ()) -> Film | None:
+    """The run, from stored frames: times `t` (n,) in s and configurations `qpos` (n, nq). None without frames.
+
+    With a trace, each frame says which leaf runs and what force is felt.
+
+    Raises:
+        RuntimeError: no usable OpenGL.
+    """
+    if len(t) == 0:
+        return None
+    speed = max(SPEED, float(np.ceil((t[-1] - t[0]) / LONGEST)))
+    rows = np.searchsorted(t, np.arange(t[0], t[-1], speed / FPS))
+    encoded = mp4(_frames(model, t[rows], qpos[rows], trace, bodies), FPS)
+    return Film(encoded, speed) if encoded else None
+
+
+def _frames(model: mujoco.MjModel, t: Array, qpos: Array, trace: Trace | None,
+            bodies: Collection[str]) -> Iterator[Pixels]:
+    data = mujoco.MjData(model)
+    points = points_over(model, qpos[:: max(1, len(qpos) // 12)], bodies)
+    with Painter(model, *SIZE, shadow=1024) as painter:
+        camera = painter.around(points)
+        for now, configuration in zip(t, qpos, strict=True):
+            data.qpos[:] = configuration
+            mujoco.mj_forward(model, data)
+            picture = painter.paint(data, camera)
+            yield _captioned(picture, _caption(trace, float(now))) if trace else picture
+
+
+def _caption(trace: Trace, t: float) -> tuple[str, str]:
+    """What the robot does, and what it feels, at robot time `t`."""
+    running = [leaf.label for leaf in trace.leaves if leaf.start <= t < leaf.end]
+    force = ""
+    if len(trace.samples):
+        row = min(int(np.searchsorted(trace.samples.t, t)), len(trace.samples) - 1)
+        force = f"Fz {trace.samples.wrench[row, 2]:+5.1f} N"
+    return " + ".join(running), f"{force}   {t:5.1f} s"
+
+
+def _captioned(picture: Pixels, caption: tuple[str, str]) -> Pixels:
+    """The picture with a line of text on a dark band at its foot: words at the left, figures at the right."""
+    image = Image.fromarray(picture)
+    draw = ImageDraw.Draw(image, "RGBA")
+    font = ImageFont.load_default(size=14)
+    width, height = image.size
+    draw.rectangle((0, height - 28, width, height), fill=(15, 20, 26, 190))
+    draw.text((12, height - 22), _fitting(caption[0], draw, font, width - 190), font=font, fill=(240, 244, 248, 255))
+    draw.text((width - 12, height - 22), caption[1], font=font, fill=(94, 234, 212, 255), anchor="ra")
+    return np.asarray(image)
+
+
+def _fitting(text: str, draw: ImageDraw.ImageDraw, font: ImageFont.FreeTypeFont | ImageFont.ImageFont,
+             width: int) -> str:
+    while text and draw.textlength(text, font=font) > width:
+        text = text[:-2] + "…"
+    return text
+
+
+def _dressed(spec: mujoco.MjSpec) -> mujoco.MjModel:
+    copy = spec.copy()
+    dress(copy)
+    return copy.compile()
+
+
+def _forwarded(model: mujoco.MjModel) -> mujoco.MjData:
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    return data
+
+
+def frames_of(stored: Sequence[tuple[float, Array]]) -> tuple[Array, Array]:
+    """Stored `(t, qpos)` pairs as the two arrays `film` takes."""
+    return np.array([t for t, _ in stored]), np.array([qpos for _, qpos in stored])
