@@ -174,10 +174,12 @@ def _estimate(conversion: Conversion, stiff: _Stiff, soft: float | None, full: f
     penetration = stiff.compliance * max(full - stiff.knee, 0.0)
     std = float(np.sqrt(hand.pose_repeatability**2 + stiff.scatter**2 + (CORRECTION * penetration) ** 2
                         + (stiff.compliance * hand.force_repeatability) ** 2))
+    rigid = stiff.compliance < RIGID
+    if not rigid:
+        std = max(std, stiff.compliance * full)
     components = {"penetration": (penetration, CORRECTION * penetration)}
     if soft is not None:
         components["soft onset"] = (soft, 1e-3)
-    rigid = stiff.compliance < RIGID
     return Estimate(
         Gap(conversion.object, "height"), (stiff.height,), (std,),
         ((stiff.height - 1.96 * std, stiff.height + 1.96 * std),), _method(stiff, soft, full),

@@ -39,7 +39,7 @@ KIND_BIAS = 0.3
 PASS_SCATTER = 0.02
 """N: prior scale of the scatter between passes; joints that slide hold no stick residual."""
 
-DRIFT = 0.004
+DRIFT = 0.001
 """N/s (1 sigma)."""
 
 APPARENT_MASS = (4.0, 4.0)

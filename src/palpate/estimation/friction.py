@@ -1,0 +1,185 @@
+"""Coulomb friction between a held object and what it is dragged along.
+
+While the hand drags the object, the sensed wrench holds the tangential force and, as what is missing from the
+object's weight, the normal force: N = (f_z with the object in the air) - f_z. Each drag, in whichever direction,
+follows
+
+    f_t = mu N + h,
+
+h being what the arm's own friction leaves in the reading. h does not depend on N, so it shows as soon as N varies;
+otherwise only its prior bounds it, and the standard deviation says so.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from palpate.estimation.estimate import Estimate
+from palpate.estimation.windows import Load, Mask, at_rest, load_of, runs
+from palpate.pose import Array
+from palpate.quantities import Gap
+from palpate.trace import Recording, Samples, Trace
+
+DRAG_SPEED = 0.002
+"""m/s, commanded and horizontal, from which a row belongs to a drag."""
+
+SLIPPING = 0.5
+"""Part of the commanded speed at which the object certainly slides."""
+
+TRANSIENT = 0.25
+"""s after breakaway in which the spring between arm and object still swings."""
+
+DOWN = 0.006
+"""m above the grasp that the hand may be while the object is on its support."""
+
+DRIVE_BIAS = 0.2
+"""N (1 sigma): residual of the arm's own joint friction in a horizontal force while the joints slide."""
+
+NORMAL_MIN = 0.5
+"""N: below this the quotient of forces says nothing."""
+
+RAMP = 0.12
+"""s before breakaway over which the rising force is extrapolated to it."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Drag:
+    """One drag: times (s), tangential and normal force (N), speed along the drag (m/s), commanded speed."""
+
+    t: Array
+    tangential: Array
+    normal: Array
+    speed: Array
+    commanded: Array
+
+    @property
+    def breakaway(self) -> int:
+        """Row at which the object begins to slide."""
+        slipping = np.flatnonzero(self.speed > SLIPPING * np.maximum(self.commanded, DRAG_SPEED))
+        return int(slipping[0]) if len(slipping) else len(self.t) - 1
+
+    @property
+    def steady(self) -> Mask:
+        """Rows of steady sliding."""
+        after = self.t > self.t[self.breakaway] + TRANSIENT
+        fast = self.commanded > 0.3 * self.commanded.max()
+        return after & fast & (self.speed > 0.0) & (self.normal > NORMAL_MIN)
+
+
+def estimate_friction(trace: Trace, gap: Gap) -> Estimate:
+    """Sliding friction of `gap.object` on its support from every drag in the trace, recorded or on the way back.
+
+    The value is the dynamic coefficient; `components` holds `static` and `dynamic`, and `normal force` in N.
+
+    Raises:
+        ValueError: the object was never dragged, or never held in the air.
+    """
+    evidence = tuple(r for r in trace.recordings
+                     if r.context.activity == "sliding" and r.context.holding == gap.object)
+    load = load_of(trace, gap.object)
+    drags = _drags(trace, load)
+    steady = [drag for drag in drags if drag.steady.sum() >= 10]
+    if not steady:
+        return _nothing(gap, evidence, "No recording shows the held object sliding steadily along its support.")
+    dynamic, residual, covariance = _dynamic(steady)
+    static = _static(drags, residual, covariance[1, 1])
+    return _estimate(gap, evidence, dynamic, covariance, static, steady)
+
+
+def _drags(trace: Trace, load: Load) -> list[_Drag]:
+    samples = trace.samples
+    reference = _reference(samples, load)
+    if reference is None or not load.grasps:
+        return []
+    step = np.gradient(samples.target_world_tcp[:, :3], samples.t, axis=0)
+    horizontal = np.linalg.norm(step[:, :2], axis=1)
+    floor = min(_height_at(samples, time) for time in load.grasps)
+    low = samples.pose_world_tcp[:, 2] < floor + DOWN
+    dragging = load.loaded & low & (horizontal > DRAG_SPEED) & (np.abs(step[:, 2]) < 0.3 * horizontal)
+    return [_drag(samples, rows, step[:, :2], reference) for rows in runs(dragging) if rows.stop - rows.start > 20]
+
+
+def _height_at(samples: Samples, time: float) -> float:
+    return float(samples.pose_world_tcp[min(int(np.searchsorted(samples.t, time)), len(samples) - 1), 2])
+
+
+def _reference(samples: Samples, load: Load) -> Array | None:
+    """(3,) N: the force with the object hanging free: what is sensed with nothing tangential and no support."""
+    floor = min((_height_at(samples, time) for time in load.grasps), default=np.inf)
+    hanging = at_rest(samples) & load.loaded & (samples.pose_world_tcp[:, 2] > floor + 0.02)
+    return samples.wrench[hanging, :3].mean(axis=0) if hanging.any() else None
+
+
+def _drag(samples: Samples, rows: slice, step: Array, reference: Array) -> _Drag:
+    velocity = step[rows]
+    way = velocity.sum(axis=0) / np.linalg.norm(velocity.sum(axis=0))
+    force = samples.wrench[rows, :3] - reference
+    return _Drag(samples.t[rows], force[:, :2] @ way, -force[:, 2], samples.twist[rows, :2] @ way, velocity @ way)
+
+
+def _dynamic(drags: Sequence[_Drag]) -> tuple[float, float, Array]:
+    """mu_d, the common residual h (N), and their covariance, by least squares with a prior on h."""
+    tangential = np.concatenate([d.tangential[d.steady] for d in drags])
+    normal = np.concatenate([d.normal[d.steady] for d in drags])
+    design = np.column_stack([normal, np.ones_like(normal)])
+    rough = float(tangential @ normal / (normal @ normal))
+    noise = max(float((tangential - rough * normal).std()), 1e-3)
+    spread = noise**2 * CORRELATION
+    information = design.T @ design / spread + np.diag([0.0, DRIVE_BIAS**-2])
+    covariance = np.linalg.inv(information)
+    dynamic, residual = covariance @ (design.T @ tangential) / spread
+    return float(dynamic), float(residual), covariance
+
+
+CORRELATION = 10.0
+"""Rows of a drag per independent one: stick-slip and the arm's own swing correlate over a tenth of a second."""
+
+
+def _static(drags: Sequence[_Drag], residual: float, residual_variance: float) -> tuple[float, float] | None:
+    """mu_s and its standard deviation, from the force at each breakaway."""
+    found = [peak for peak in (_peak(drag, residual) for drag in drags) if peak is not None]
+    if not found:
+        return None
+    ratios, noises, normals = (np.array(column) for column in zip(*found, strict=True))
+    scatter = float(ratios.std(ddof=1)) if len(ratios) > 1 else 0.0
+    common = residual_variance / float(normals.mean()) ** 2
+    return float(ratios.mean()), float(np.sqrt((np.mean(noises**2) + scatter**2) / len(ratios) + common))
+
+
+def _peak(drag: _Drag, residual: float) -> tuple[float, float, float] | None:
+    """mu_s of one breakaway, its noise, and the normal force: the rising force carried on to the first slip."""
+    k = drag.breakaway
+    rising = (drag.t > drag.t[k] - RAMP) & (drag.t <= drag.t[k])
+    if rising.sum() < 4:
+        return None
+    normal = float(drag.normal[rising].mean())
+    if normal < NORMAL_MIN:
+        return None
+    top = max(_at_end(drag.t[rising], drag.tangential[rising]), float(drag.tangential[rising][-3:].mean()))
+    noise = float(np.diff(drag.tangential[rising]).std()) / np.sqrt(2.0)
+    return (top - residual) / normal, noise / normal, normal
+
+
+def _at_end(t: Array, y: Array) -> float:
+    return float(np.polyfit(t - t[-1], y, 1)[1])
+
+
+def _estimate(gap: Gap, evidence: tuple[Recording, ...], dynamic: float, covariance: Array,
+              static: tuple[float, float] | None, drags: Sequence[_Drag]) -> Estimate:
+    normal = np.concatenate([d.normal[d.steady] for d in drags])
+    std = float(np.sqrt(covariance[0, 0]))
+    components = {"dynamic": (dynamic, std), "normal force": (float(normal.mean()), float(normal.std()))}
+    if static is not None:
+        components["static"] = static
+    method = (f"Tangential over normal force in {len(drags)} drag{'s' * (len(drags) > 1)} under "
+              f"{normal.min():.1f} to {normal.max():.1f} N, both measured against the object hanging free; "
+              "static at breakaway, dynamic while sliding steadily.")
+    return Estimate(gap, (dynamic,), (std,), ((max(dynamic - 1.96 * std, 0.0), dynamic + 1.96 * std),), method,
+                    evidence, "identified" if dynamic > 2.0 * std else "not identified", components)
+
+
+def _nothing(gap: Gap, evidence: tuple[Recording, ...], why: str) -> Estimate:
+    return Estimate(gap, (0.5,), (0.3,), ((0.0, 1.5),), why, evidence, "not identified")
