@@ -109,11 +109,11 @@ def run(
     loop = _Loop(cell, root, tick_period, observer)
     began = time.perf_counter()
     try:
-        with _interrupts() as interrupted:
-            asked = _either(interrupted, stop_requested)
+        with _interrupts() as interrupts:
+            asked = _either(interrupts.asked, stop_requested)
             loop.stopping = _reason(lambda: loop.tick_to_end(root, max_robot_seconds, asked))
             if loop.stopping is not None:
-                _reason(loop.stop)
+                _reason(lambda: loop.stop(put_down=interrupts.pressed < 2))
     finally:
         _reason(robot.hold)
     return loop.execution(time.perf_counter() - began)
@@ -147,17 +147,15 @@ class _Loop:
                 return self._failure()
         return f"not done after {budget:g} s of robot time, the budget of a run"
 
-    def stop(self) -> None:
+    def stop(self, put_down: bool) -> None:
         """Bring everything to rest, then put down what is held."""
         try:
             self._interrupt()
         finally:
             self.cell.robot.hold()
-        for _ in range(math.ceil(STOP_SECONDS / self.tick_period)):
-            self._advance()
-            self._show()
-            if not (self.cell.robot.state.moving or self.cell.robot.state.gripper_moving):
-                break
+        if not put_down:
+            return
+        self._rest()
         if self.cell.robot.state.gripping:
             down = PrimitiveLeaf(PutDown(), self.cell, STOP_NODE)
             try:
@@ -172,6 +170,13 @@ class _Loop:
         return Execution(
             trace, "complete" if self.stopping is None else "stopped", self._stopped_by(), self.cell.state,
             sum(leaf.node != STOP_NODE for leaf in trace.leaves), self._elapsed(), wall_seconds)
+
+    def _rest(self) -> None:
+        for _ in range(math.ceil(STOP_SECONDS / self.tick_period)):
+            self._advance()
+            self._show()
+            if not (self.cell.robot.state.moving or self.cell.robot.state.gripper_moving):
+                return
 
     def _advance(self) -> None:
         self.cell.robot.advance(self.tick_period)
@@ -223,22 +228,30 @@ def _reason(step: Callable[[], str | None]) -> str | None:
         return f"{type(error).__name__}: {error}"
 
 
-@contextmanager
-def _interrupts() -> Generator[Asked]:
-    """The first SIGINT only asks; the second raises `KeyboardInterrupt`. Off the main thread, leaves signals alone."""
-    if threading.current_thread() is not threading.main_thread():
-        yield _nobody
-        return
-    pressed = 0
+@dataclass
+class _Interrupts:
+    """How often SIGINT came: the first one only asks, the second raises `KeyboardInterrupt`."""
 
-    def press(_signum: int, _frame: FrameType | None) -> None:
-        nonlocal pressed
-        pressed += 1
-        if pressed > 1:
+    pressed: int = 0
+
+    def asked(self) -> str | None:
+        return "interrupted" if self.pressed else None
+
+    def press(self, _signum: int, _frame: FrameType | None) -> None:
+        self.pressed += 1
+        if self.pressed > 1:
             raise KeyboardInterrupt
 
-    previous = signal.signal(signal.SIGINT, press)
+
+@contextmanager
+def _interrupts() -> Generator[_Interrupts]:
+    """Counts SIGINTs meanwhile. Off the main thread, where Python takes none, it leaves them alone."""
+    interrupts = _Interrupts()
+    if threading.current_thread() is not threading.main_thread():
+        yield interrupts
+        return
+    previous = signal.signal(signal.SIGINT, interrupts.press)
     try:
-        yield lambda: "interrupted" if pressed else None
+        yield interrupts
     finally:
         signal.signal(signal.SIGINT, previous or signal.SIG_DFL)
