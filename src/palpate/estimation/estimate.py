@@ -17,7 +17,7 @@ class Estimate:
     """A measured quantity.
 
     Attributes:
-        value, std: one number per component, in the quantity's unit.
+        value, std: one number per component, in the quantity's unit; empty when nothing is known.
         ci95: (low, high) per component.
         method: one sentence for people: what was done with which recordings.
         evidence: the recordings it rests on, for the report's plots.
@@ -33,3 +33,8 @@ class Estimate:
     evidence: tuple[Recording, ...]
     verdict: Verdict = "identified"
     components: Mapping[str, tuple[float, float]] = field(default_factory=dict[str, tuple[float, float]])
+
+
+def not_identified(gap: Gap, method: str, evidence: tuple[Recording, ...] = ()) -> Estimate:
+    """The honest absence of an estimate: no value at all, and the reason in words."""
+    return Estimate(gap, (), (), (), method, evidence, "not identified")

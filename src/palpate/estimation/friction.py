@@ -17,7 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from palpate.estimation.estimate import Estimate
+from palpate.estimation.estimate import Estimate, not_identified
 from palpate.estimation.windows import Load, Mask, at_rest, load_of, runs
 from palpate.pose import Array
 from palpate.quantities import Gap
@@ -73,9 +73,6 @@ def estimate_friction(trace: Trace, gap: Gap) -> Estimate:
     """Sliding friction of `gap.object` on its support from every drag in the trace, recorded or on the way back.
 
     The value is the dynamic coefficient; `components` holds `static` and `dynamic`, and `normal force` in N.
-
-    Raises:
-        ValueError: the object was never dragged, or never held in the air.
     """
     evidence = tuple(r for r in trace.recordings
                      if r.context.activity == "sliding" and r.context.holding == gap.object)
@@ -83,7 +80,7 @@ def estimate_friction(trace: Trace, gap: Gap) -> Estimate:
     drags = _drags(trace, load)
     steady = [drag for drag in drags if drag.steady.sum() >= 10]
     if not steady:
-        return _nothing(gap, evidence, "No recording shows the held object sliding steadily along its support.")
+        return not_identified(gap, "No recording shows the held object sliding steadily along its support.", evidence)
     dynamic, residual, covariance = _dynamic(steady)
     static = _static(drags, residual, covariance[1, 1])
     return _estimate(gap, evidence, dynamic, covariance, static, steady)
@@ -129,7 +126,7 @@ def _dynamic(drags: Sequence[_Drag]) -> tuple[float, float, Array]:
     noise = max(float((tangential - rough * normal).std()), 1e-3)
     spread = noise**2 * CORRELATION
     information = design.T @ design / spread + np.diag([0.0, DRIVE_BIAS**-2])
-    covariance = np.linalg.inv(information)
+    covariance: Array = np.linalg.inv(information).astype(np.float64)
     dynamic, residual = covariance @ (design.T @ tangential) / spread
     return float(dynamic), float(residual), covariance
 
@@ -164,7 +161,8 @@ def _peak(drag: _Drag, residual: float) -> tuple[float, float, float] | None:
 
 
 def _at_end(t: Array, y: Array) -> float:
-    return float(np.polyfit(t - t[-1], y, 1)[1])
+    basis = np.vander(t - t[-1], 2)
+    return float((np.linalg.pinv(basis) @ y)[1])
 
 
 def _estimate(gap: Gap, evidence: tuple[Recording, ...], dynamic: float, covariance: Array,
@@ -179,7 +177,3 @@ def _estimate(gap: Gap, evidence: tuple[Recording, ...], dynamic: float, covaria
               "static at breakaway, dynamic while sliding steadily.")
     return Estimate(gap, (dynamic,), (std,), ((max(dynamic - 1.96 * std, 0.0), dynamic + 1.96 * std),), method,
                     evidence, "identified" if dynamic > 2.0 * std else "not identified", components)
-
-
-def _nothing(gap: Gap, evidence: tuple[Recording, ...], why: str) -> Estimate:
-    return Estimate(gap, (0.5,), (0.3,), ((0.0, 1.5),), why, evidence, "not identified")

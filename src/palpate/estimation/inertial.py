@@ -93,8 +93,9 @@ def _solve(grasps: Sequence[_Grasp], body: Body) -> tuple[Array, Array]:
     rows = np.vstack([grasp.rows for grasp in grasps])
     right = np.concatenate([grasp.right for grasp in grasps])
     weight = np.concatenate([grasp.std for grasp in grasps]) ** -2.0
-    prior = np.diag((PRIOR * np.maximum(body.size, 1e-3)) ** -2)
-    covariance: Array = np.linalg.inv((rows.T * weight) @ rows + prior)
+    prior: Array = np.diag((PRIOR * np.maximum(body.size, 1e-3)) ** -2.0).astype(np.float64)
+    information: Array = (rows.T * weight) @ rows + prior
+    covariance: Array = np.linalg.inv(information).astype(np.float64)
     centre = covariance @ ((rows.T * weight) @ right + prior @ body.centre)
     misfit = float(np.sqrt(np.mean((right - rows @ centre) ** 2 * weight)))
     inflated: Array = covariance * max(1.0, misfit) ** 2
