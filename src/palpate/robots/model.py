@@ -1,0 +1,135 @@
+"""The nominal FR3: the manufacturer's kinematics and inertias, which the controller and the wrench rely on."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import mujoco
+import numpy as np
+
+from palpate.pose import Array, Pose
+from palpate.robots.robot import Limits
+from palpate.trace import Hand
+
+FR3 = Path(__file__).with_name("fr3.xml")
+ARM = tuple(f"fr3_joint{i}" for i in range(1, 8))
+FINGERS = ("finger_joint1", "finger_joint2")
+
+HAND = Hand(tip_offset=0.009, force_resolution=0.05, force_repeatability=0.15, torque_gain=0.01,
+            pose_repeatability=1e-4)
+"""The tip is the end of the pad in fr3.xml. Force resolution 0.05 N, force repeatability 0.15 N and pose
+repeatability 0.1 mm: Franka Research 3 datasheet (R02212); its relative force accuracy of 0.8 N is what 1 % of a joint's
+gravity torque comes to at the TCP."""
+
+REGULARISATION = 1e-9
+"""Added to J J^T (m^2), far below its smallest eigenvalue in the workspace, so that a singular pose stays finite."""
+
+
+def limits() -> Limits:
+    """Joint ranges, speeds and torques: Franka Research 3 datasheet (R02212), as in franka_description."""
+    ranges = np.array([[-2.9007, 2.9007], [-1.8361, 1.8361], [-2.9007, 2.9007], [-3.077, -0.1169],
+                       [-2.8763, 2.8763], [0.4398, 4.6216], [-3.0508, 3.0508]])
+    return Limits(
+        q_min=ranges[:, 0], q_max=ranges[:, 1],
+        dq_max=np.array([2.62, 2.62, 2.62, 2.62, 5.26, 4.18, 5.26]),
+        tau_max=np.array([87.0, 87.0, 87.0, 87.0, 12.0, 12.0, 12.0]),
+        force_max=60.0, torque_max=15.0,
+        speed_max=0.40,  # 0.25 m/s commanded, and what an impedance overshoots by
+        tracking_max=0.05, payload=3.0, opening=0.08,
+        workspace_min=np.array([-0.855, -0.855, -0.90]), workspace_max=np.array([0.855, 0.855, 1.19]),
+        stale_after=0.1,
+    )
+
+
+def robot_spec(gravity: Array | None = None) -> mujoco.MjSpec:
+    """An editable copy of the robot, its options those of every world it is put in."""
+    spec = mujoco.MjSpec.from_file(str(FR3))
+    spec.option.timestep = 0.001
+    if gravity is not None:
+        spec.option.gravity = gravity
+    return spec
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Kinematics:
+    """Where the nominal arm is, n configurations at once.
+
+    Attributes:
+        pose_world_tcp: (n, 7). jacobian: (n, 6, 7), world axes about the TCP.
+        gravity_torque: (n, 7), N m, what holds the arm up.
+    """
+
+    pose_world_tcp: Array
+    jacobian: Array
+    gravity_torque: Array
+
+    def wrench_map(self) -> Array:
+        """(J^T)^+ (n, 6, 7): joint torques to the wrench at the TCP."""
+        j = self.jacobian
+        square = j @ j.transpose(0, 2, 1)
+        square[:, range(6), range(6)] += REGULARISATION
+        return np.linalg.solve(square, j)
+
+
+class NominalArm:
+    """The unperturbed robot alone, at its place in the world, fingers half open."""
+
+    def __init__(self, pose_world_base: Pose, gravity: Array) -> None:
+        spec = robot_spec(gravity)
+        base = spec.body("fr3_link0")
+        base.pos, base.quat = pose_world_base.position, pose_world_base.quaternion
+        self._model = spec.compile()
+        self._data = mujoco.MjData(self._model)
+        self._tcp = self._model.site("tcp").id
+        self._hand = self._model.body("hand").id
+        self._data.qpos[7:] = 0.02
+
+    def kinematics(self, q: Array) -> Kinematics:
+        """At configurations `q` (n, 7)."""
+        n, model, data = len(q), self._model, self._data
+        pose, jacobian = np.empty((n, 7)), np.empty((n, 6, model.nv))
+        gravity = np.empty((n, model.nv))
+        data.qvel[:] = 0.0
+        for i in range(n):
+            data.qpos[:7] = q[i]
+            mujoco.mj_kinematics(model, data)
+            mujoco.mj_comPos(model, data)
+            mujoco.mj_jacSite(model, data, jacobian[i, :3], jacobian[i, 3:], self._tcp)
+            mujoco.mj_rne(model, data, 0, gravity[i])
+            pose[i, :3], pose[i, 3:] = data.site_xpos[self._tcp], data.xquat[self._hand]
+        return Kinematics(pose, jacobian[:, :, :7], gravity[:, :7])
+
+    def pose(self, q: Array) -> Pose:
+        """The TCP's pose at one configuration (7,)."""
+        self._data.qpos[:7] = q
+        mujoco.mj_kinematics(self._model, self._data)
+        return Pose(self._data.site_xpos[self._tcp].copy(), self._data.xquat[self._hand].copy())
+
+    def coriolis_torque(self, q: Array, dq: Array) -> Array:
+        """Coriolis and centrifugal torques (7,), N m."""
+        model, data = self._model, self._data
+        data.qpos[:7], data.qvel[:7] = q, dq
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_comPos(model, data)
+        mujoco.mj_comVel(model, data)
+        moving, still = np.empty(model.nv), np.empty(model.nv)
+        mujoco.mj_rne(model, data, 0, moving)
+        data.qvel[:] = 0.0
+        mujoco.mj_comVel(model, data)
+        mujoco.mj_rne(model, data, 0, still)
+        return (moving - still)[:7]
+
+    def mass_matrix(self, q: Array) -> Array:
+        """Joint-space inertia (7, 7) with the motors' reflected one, kg m^2."""
+        model, data = self._model, self._data
+        data.qpos[:7] = q
+        mujoco.mj_fwdPosition(model, data)
+        full = np.empty((model.nv, model.nv))
+        mujoco.mj_fullM(model, data, full)
+        return full[:7, :7]
+
+    @property
+    def armature(self) -> Array:
+        """The motors' reflected inertia (7,), kg m^2."""
+        return self._model.dof_armature[:7].copy()

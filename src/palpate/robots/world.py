@@ -1,0 +1,171 @@
+"""The hidden world: the scene's physics with the true robot in it.
+
+Nothing here passes through the robot's protocol. The controller gives set-points and gets joint signals; truth and
+pictures are for those who look at the world from outside, after the estimates are made.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+from mujoco.batch import Batch
+
+from palpate.errors import ExecutionAborted, InputError, unknown_name
+from palpate.pose import Array, Pose
+from palpate.robots.impedance import PREFIX, Actuators, equip
+from palpate.robots.model import ARM, FINGERS, robot_spec
+from palpate.robots.robot import HOME
+from palpate.robots.sensors import Imperfections, perturb_links
+
+TIMESTEP = 0.001
+"""s."""
+FRAME_PERIOD = 1.0 / 30.0
+"""s between camera frames."""
+OPEN = 0.04
+"""m: each finger's way from the middle when open."""
+
+_RECORD = ("qpos", "qvel", "qfrc_actuator")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Steps:
+    """What n steps of physics did to the robot.
+
+    Attributes:
+        q, dq: (n, 7) after each step. torque: (n, 7) commanded joint torques during it, N m.
+        fingers: (n, 2) m. finger_speed: (n, 2) m/s.
+    """
+
+    q: Array
+    dq: Array
+    torque: Array
+    fingers: Array
+    finger_speed: Array
+
+
+class World:
+    """The physics of one run. `model`, `data` and `frames` are for pictures, `true_*` for the report.
+
+    Attributes:
+        model: the compiled world, robot included (its names start with `robot/`).
+        frames: (t, qpos) every 1/30 s, what a 30 Hz camera saw.
+        actuators: the controller's, in `control`.
+        control: (nu,) controls that hold still; rows for `step` start as copies of it.
+    """
+
+    def __init__(self, spec: mujoco.MjSpec, pose_world_base: Pose, kinds: Imperfections,
+                 random: np.random.Generator) -> None:
+        self.model = _compile(spec, pose_world_base, kinds, random)
+        self._data = mujoco.MjData(self.model)
+        joints = [self.model.joint(PREFIX + name) for name in ARM]
+        self._q, self._v = _run(joints[0].qposadr[0], 7), _run(joints[0].dofadr[0], 7)
+        finger = self.model.joint(PREFIX + FINGERS[0])
+        self._finger_q, self._finger_v = _run(finger.qposadr[0], 2), _run(finger.dofadr[0], 2)
+        self._fingers_control = int(self.model.actuator_ctrladr[self.model.actuator(PREFIX + "fingers").id])
+        self._data.qpos[self._q], self._data.qpos[self._finger_q] = HOME, OPEN
+        self._batch = Batch(self.model, 1, 1, persistent=True)
+        self._batch.qpos = self._data.qpos
+        self.actuators = Actuators(self.model, self._batch.expand("actuator_gainprm")[0],
+                                   self._batch.expand("actuator_biasprm")[0])
+        self.control = np.zeros(self.model.nu)
+        self.control[self.actuators.orientation.start] = 1.0
+        self.frames: list[tuple[float, Array]] = [(0.0, self._data.qpos.copy())]
+        self.t = 0.0
+
+    def step(self, control: Array) -> Steps:
+        """Step once per row of `control` (n, nu).
+
+        Raises:
+            ExecutionAborted: the physics became unstable.
+        """
+        n = len(control)
+        out = self._batch.rollout(n, control, mujoco.mjtState.mjSTATE_CTRL.value, _RECORD)
+        if self._batch.warning[0, :, 1].any():
+            raise ExecutionAborted(f"the simulated world became unstable at {self.t:.2f} s of robot time: "
+                                   "check its masses, sizes and contact parameters")
+        qpos, qvel, torque = out["qpos"][0], out["qvel"][0], out["qfrc_actuator"][0]
+        self._film(qpos)
+        self.t += n * TIMESTEP
+        return Steps(qpos[:, self._q], qvel[:, self._v], torque[:, self._v], qpos[:, self._finger_q],
+                     qvel[:, self._finger_v])
+
+    def set_fingers(self, control: Array, opening: Array) -> None:
+        """Command each finger's way from the middle, m, in the rows of `control`."""
+        control[:, self._fingers_control] = opening
+
+    def true_gravity_torque(self) -> Array:
+        """(7,) N m that hold the true arm up where it stands now, at rest."""
+        data = self._at(self.qpos)
+        return data.qfrc_bias[self._v].copy()
+
+    @property
+    def qpos(self) -> Array:
+        """(nq,) now."""
+        return self._batch.qpos[0].copy()
+
+    @property
+    def gravity(self) -> Array:
+        """(3,) m/s^2, world axes."""
+        return self.model.opt.gravity.copy()
+
+    def data(self, qpos: Array | None = None) -> mujoco.MjData:
+        """The world now, or at `qpos` (one of `frames`), forwarded: for pictures. Reused by the next call."""
+        return self._at(self.qpos if qpos is None else qpos)
+
+    def true_pose(self, body: str) -> Pose:
+        """Where a body really is now, in the world.
+
+        Raises:
+            InputError: there is no such body.
+        """
+        names = [self.model.body(i).name for i in range(self.model.nbody)]
+        if body not in names:
+            raise unknown_name("body", body, [n for n in names if not n.startswith(PREFIX)])
+        frame = self._at(self.qpos).body(body)
+        return Pose(frame.xpos.copy(), frame.xquat.copy())
+
+    def true_tcp(self) -> Pose:
+        """Where the TCP really is now, in the world."""
+        data = self._at(self.qpos)
+        return Pose(data.site(PREFIX + "tcp").xpos.copy(), data.body(PREFIX + "hand").xquat.copy())
+
+    def _at(self, qpos: Array) -> mujoco.MjData:
+        self._data.qpos[:] = qpos
+        self._data.qvel[:] = 0.0
+        mujoco.mj_forward(self.model, self._data)
+        return self._data
+
+    def _film(self, qpos: Array) -> None:
+        """Keep the configurations at which the camera takes a frame."""
+        due = len(self.frames) * FRAME_PERIOD
+        while (row := round((due - self.t) / TIMESTEP) - 1) < len(qpos):
+            self.frames.append((self.t + (row + 1) * TIMESTEP, qpos[row].copy()))
+            due = len(self.frames) * FRAME_PERIOD
+
+
+def _compile(spec: mujoco.MjSpec, pose_world_base: Pose, kinds: Imperfections,
+             random: np.random.Generator) -> mujoco.MjModel:
+    """The world with the robot in it.
+
+    Raises:
+        InputError: MuJoCo does not accept the result.
+    """
+    robot = robot_spec()
+    perturb_links(robot, kinds, random)
+    spec.option.timestep = TIMESTEP
+    for name in ("integrator", "cone", "impratio"):
+        setattr(spec.option, name, getattr(robot.option, name))
+    robot.option.gravity = spec.option.gravity
+    try:
+        frame = spec.worldbody.add_frame(pos=pose_world_base.position, quat=pose_world_base.quaternion)
+        spec.attach(robot, frame=frame, prefix=PREFIX)
+        equip(spec)
+        return spec.compile()
+    except ValueError as error:
+        raise InputError(f"the simulated world does not compile with the robot in it: {error}") from error
+
+
+def _run(first: int, count: int) -> slice:
+    return slice(int(first), int(first) + count)
