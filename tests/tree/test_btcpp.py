@@ -98,16 +98,15 @@ def run_in_btcpp(plan, fails=()):
     """The leaves that BT.CPP itself ticks, in order, and how the tree ends."""
     factory, ticked = bt.BehaviorTreeFactory(), []
 
-    def action(kind):
-        class Leaf(bt.SyncActionNode):
-            def tick(self):
-                ticked.append(kind)
-                return bt.NodeStatus.FAILURE if kind in fails else bt.NodeStatus.SUCCESS
+    def leaf_of(kind):
+        def tick(*_):
+            ticked.append(kind)
+            return bt.NodeStatus.FAILURE if kind in fails else bt.NodeStatus.SUCCESS
 
-        return Leaf
+        return tick
 
     for kind in vocabulary().primitives:
-        factory.register_node_type(action(kind), kind)
+        factory.register_simple_action(kind, leaf_of(kind))
     tree = factory.create_tree_from_text(without_ports(tree_xml(plan, vocabulary())))
     return tree.tick_while_running(), ticked
 

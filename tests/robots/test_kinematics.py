@@ -1,0 +1,116 @@
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import mujoco
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from palpate.pose import Pose
+from palpate.robots.kinematics import (
+    LIMIT_MARGIN,
+    inverse_kinematics,
+    joint_range,
+    nominal_arm,
+    reachable,
+    within_joint_limits,
+)
+from palpate.robots.robot import HOME
+
+BASE = Pose.of((0.0, 0.0, 0.0))
+
+
+def forward(q):
+    """TCP pose in the base frame."""
+    arm = nominal_arm()
+    data = mujoco.MjData(arm)
+    data.qpos[:] = q
+    mujoco.mj_kinematics(arm, data)
+    quaternion = np.empty(4)
+    mujoco.mju_mat2Quat(quaternion, data.site("tcp").xmat)
+    return Pose.of(data.site("tcp").xpos, quaternion)
+
+
+@settings(max_examples=150, deadline=None)
+@given(st.floats(0.35, 0.6), st.floats(-1.5, 1.5), st.floats(0.0, 0.5), st.floats(-1.5, 1.5))
+def test_top_down_poses_in_front_of_the_arm_are_reached_within_tolerance_and_limits(radius, azimuth, z, yaw):
+    target = Pose.top_down((radius * np.cos(azimuth), radius * np.sin(azimuth), z), azimuth + yaw)
+    q = inverse_kinematics(target, BASE)
+    assert q is not None
+    low, high = joint_range()
+    assert (q >= low + LIMIT_MARGIN - 1e-9).all()
+    assert (q <= high - LIMIT_MARGIN + 1e-9).all()
+    reached = forward(q)
+    assert reached.distance_to(target) < 0.001
+    assert np.degrees(reached.angle_to(target)) < 0.5
+
+
+@pytest.mark.parametrize("position", [(1.2, 0, 0.3), (0.86, 0, 0.1), (0.0, 0.0, 0.4), (0.5, 0, 1.5), (50.0, 0, 0)])
+def test_out_of_reach_is_none(position):
+    assert inverse_kinematics(Pose.top_down(position, 0.0), BASE) is None
+    assert not reachable(Pose.top_down(position, 0.0), BASE)
+
+
+def test_the_base_may_stand_anywhere():
+    base = Pose.of((3.0, -2.0, 0.7), (np.cos(0.6), 0, 0, np.sin(0.6)))
+    target = Pose.top_down((0.45, 0.1, 0.2), 0.3)
+    here, there = inverse_kinematics(target, BASE), inverse_kinematics(base @ target, base)
+    assert here is not None
+    np.testing.assert_allclose(there, here, atol=1e-3)
+    assert not reachable(target, base)
+
+
+def test_the_ready_pose_gives_the_ready_configuration():
+    q = inverse_kinematics(forward(HOME), BASE)
+    np.testing.assert_allclose(q, HOME, atol=1e-3)
+
+
+def test_the_elbow_is_up_and_the_posture_near_ready():
+    for y in (-0.3, 0.0, 0.3):
+        q = inverse_kinematics(Pose.top_down((0.45, y, 0.15), 0.0), BASE)
+        assert q is not None
+        arm = nominal_arm()
+        data = mujoco.MjData(arm)
+        data.qpos[:] = q
+        mujoco.mj_kinematics(arm, data)
+        elbow, wrist = data.body("fr3_link4").xpos, data.body("fr3_link6").xpos
+        assert elbow[2] > wrist[2]
+        turned = np.array(HOME) + [np.arctan2(y, 0.45), 0, 0, 0, 0, 0, 0]
+        assert np.abs(q - turned)[[0, 2, 4]].max() < 0.2
+
+
+def test_a_seed_chooses_the_solution():
+    target = Pose.top_down((0.45, 0.0, 0.2), 0.0)
+    default = inverse_kinematics(target, BASE)
+    swung = inverse_kinematics(target, BASE, np.array(HOME) + [0.6, 0, -0.6, 0, 0, 0, 0])
+    assert default is not None
+    assert swung is not None
+    assert abs(swung[0] - default[0]) > 0.1
+    assert forward(swung).distance_to(target) < 0.001
+
+
+def test_the_result_is_the_callers_own():
+    target = Pose.top_down((0.4, 0.0, 0.2), 0.0)
+    first = inverse_kinematics(target, BASE)
+    assert first is not None
+    first[:] = 0.0
+    second = inverse_kinematics(target, BASE)
+    assert second is not None
+    assert second.any()
+
+
+def test_joint_limits():
+    low, high = joint_range()
+    assert within_joint_limits(np.array(HOME))
+    assert within_joint_limits((low + high) / 2)
+    assert not within_joint_limits(high)
+    assert not within_joint_limits(np.array([*HOME[:3], 0.0, *HOME[4:]]))
+    assert not within_joint_limits(np.array([np.nan, *HOME[1:]]))
+
+
+def test_importing_it_does_not_load_mink():
+    code = "import sys, palpate.robots.kinematics; assert 'mink' not in sys.modules and 'daqp' not in sys.modules"
+    subprocess.run([sys.executable, "-c", code], check=True)
