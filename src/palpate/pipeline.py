@@ -24,6 +24,7 @@ from palpate.run_folder import default_folder, new_folder
 from palpate.scene.camera import load_image
 from palpate.scene.scene import Scene, load_scene
 from palpate.twin.twin import Twin, build_twin
+from palpate.vocabulary.primitive import ConversionPrimitive, vocabulary
 
 if TYPE_CHECKING:
     from mujoco import MjSpec
@@ -101,7 +102,8 @@ def measure(job: Job, scene: Scene, plan: Plan, findings: tuple[Finding, ...], o
     say("touching")
     execution = touch(plan, scene, cell.robot(job), observer)
     say("estimating")
-    estimates = estimate_all(plan.parameters, execution.trace, scene)
+    estimators = {name: p.estimate for name, p in vocabulary().primitives.items() if issubclass(p, ConversionPrimitive)}
+    estimates = estimate_all(plan.parameters, execution.trace, scene, estimators)
     return Outcome(job, scene, plan, findings, cell, execution, estimates)
 
 

@@ -107,7 +107,8 @@ class Context:
 class Recording:
     """A window of the trace that a sensing leaf marked as measured.
 
-    `buffer` is `gripper_forces` or `gripper_pose`; the samples are `trace.samples.between(start, end)`.
+    `buffer` is `gripper_forces`, `gripper_pose` or a third party's own; the samples are
+    `trace.samples.between(start, end)`. `reading` holds the values of a sensor that is not the arm's.
     """
 
     buffer: str
@@ -115,6 +116,7 @@ class Recording:
     end: float
     context: Context
     node: str = ""
+    reading: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
