@@ -1,0 +1,95 @@
+"""A third party's primitive: one class is all it takes.
+
+The thermometer is a digital one that appends its readings, in °C, one a line, to a file, as serial loggers do.
+The environment variable `PALPATE_THERMOMETER` names that file.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+from dataclasses import replace
+from pathlib import Path
+from statistics import fmean, stdev
+from typing import ClassVar
+
+from palpate.estimation.estimate import Estimate, not_identified
+from palpate.quantities import Gap, Quantity
+from palpate.trace import Conversion, Recording, Trace
+from palpate.vocabulary.primitive import Cell, ConversionPrimitive, LeafFailure, Steps
+from palpate.vocabulary.state import SymbolicState
+
+__all__ = ["MeasureTemperature"]
+
+LOG = "PALPATE_THERMOMETER"
+TOOL = "thermometer"
+SOAK = 1.0
+"""s that the tip is held still over what it measures."""
+ACCURACY = 0.1
+"""°C, one standard deviation of the instrument."""
+TAIL = 5
+"""Latest readings that are averaged."""
+
+TEMPERATURE = Quantity(
+    id="temperature", unit="°C", label="temperature", synonyms=("temperature", "warm", "cold", "hot"), size=1,
+    subject="object", how="hold the thermometer over the object, then MeasureTemperature",
+)
+
+
+class MeasureTemperature(ConversionPrimitive):
+    """Read the thermometer while it is held still over an object: fetch it, MovePose to the object's probe pose,
+    then measure; one reading is the temperature of the object below."""
+
+    writes: ClassVar[str | None] = "temperature_readings"
+    measures: ClassVar[Quantity | None] = TEMPERATURE
+
+    def subject(self, state: SymbolicState) -> str | None:
+        if state.holding != TOOL or state.pose_world_tcp is None:
+            return None
+        below = state.surface_below(state.pose_world_tcp)
+        return below.name if below else None
+
+    def requires(self, state: SymbolicState) -> list[str]:
+        if state.holding != TOOL:
+            return ["the thermometer is not in the gripper; grasp and lift it first"]
+        if self.subject(state) is None:
+            return ["nothing is below the thermometer; MovePose over what is to be measured first"]
+        return []
+
+    def effects(self, state: SymbolicState) -> SymbolicState:
+        subject = self.subject(state)
+        return replace(state, converted=state.converted | {Gap(subject, TEMPERATURE.id)}) if subject else state
+
+    def run(self, cell: Cell) -> Steps:
+        subject, start = self.subject(cell.state), cell.robot.state.t
+        assert subject is not None
+        while cell.robot.state.t - start < SOAK:
+            yield
+        recording = Recording("temperature_readings", start, cell.robot.state.t, cell.state.context(),
+                              reading=_latest_readings())
+        cell.recorder.recordings.append(recording)
+        cell.recorder.conversions.append(
+            Conversion(type(self).__name__, subject, TEMPERATURE.id, recording, cell.robot.state.t))
+        return f"{subject} {fmean(recording.reading):.1f} °C"
+
+    @classmethod
+    def estimate(cls, trace: Trace, conversion: Conversion) -> Estimate:
+        gap, readings = Gap(conversion.object, TEMPERATURE.id), conversion.recording.reading
+        if not readings:
+            return not_identified(gap, "The thermometer gave no reading.")
+        value = fmean(readings)
+        scatter = stdev(readings) / math.sqrt(len(readings)) if len(readings) > 1 else 0.0
+        std = math.hypot(ACCURACY, scatter)
+        return Estimate(gap, (value,), (std,), ((value - 1.96 * std, value + 1.96 * std),),
+                        f"Mean of {len(readings)} thermometer readings.", (conversion.recording,))
+
+
+def _latest_readings() -> tuple[float, ...]:
+    path = os.environ.get(LOG)
+    if not path:
+        raise LeafFailure(f"no thermometer: set {LOG} to the file its logger writes")
+    try:
+        lines = Path(path).read_text(encoding="utf-8").split()
+        return tuple(float(line) for line in lines[-TAIL:])
+    except (OSError, ValueError) as error:
+        raise LeafFailure(f"the thermometer's log cannot be read: {error}") from error
