@@ -5,14 +5,21 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Literal
 
+import numpy as np
+
+from palpate.errors import unknown_name
 from palpate.pose import Array, Pose
-from palpate.quantities import Gap
+from palpate.quantities import QUANTITIES, Gap
+from palpate.scene.mjcf import Document, parse_document, read_text
 
 if TYPE_CHECKING:
     import mujoco
 
+    from palpate.scene.poses import Poses
+    from palpate.scene.source import Source
     from palpate.scene.symbols import Symbols
 
 
@@ -23,9 +30,11 @@ class Body:
     Attributes:
         name: as in the MJCF.
         role: `object` or `surface`.
-        words: lower-case words a request may use for it: parts of its name, its colour.
-        pose_world: believed pose of the body frame; unknown numbers hold a prior.
-        centre, size: (3,) box around its geoms in its own frame: centre and full extents, m.
+        words: lower-case words a request may use for it: parts of its name, its colour, its shape.
+        pose_world: believed pose of the body frame (of a geom that stands in the worldbody: its frame);
+            unknown numbers hold a prior.
+        centre, size: (3,) box around its geoms in its own frame: centre and full extents, m. Of a surface: the
+            box around the geom whose top carries.
         known: quantity id to value, for what the MJCF states.
         missing: quantity ids that the MJCF leaves out or writes `?`.
         assumed: quantity ids MuJoCo would infer (com, inertia from uniform density).
@@ -43,15 +52,26 @@ class Body:
 
     def top_z(self, pose_world: Pose | None = None) -> float:
         """World z of the top of its box, at its believed pose or at `pose_world`, m."""
-        raise NotImplementedError
+        middle, half = self._vertical(pose_world or self.pose_world)
+        return middle + half
 
     def bottom_z(self, pose_world: Pose | None = None) -> float:
         """World z of the bottom of its box, m."""
-        raise NotImplementedError
+        middle, half = self._vertical(pose_world or self.pose_world)
+        return middle - half
 
     def covers(self, x: float, y: float, pose_world: Pose | None = None) -> bool:
         """Whether the point is above its box's footprint."""
-        raise NotImplementedError
+        pose = pose_world or self.pose_world
+        down = pose.rotation[2]
+        start = pose.inverse().apply((x, y, pose.position[2])) - self.centre
+        along = np.where(np.abs(down) > 1e-9, down, 1e-9)
+        near, far = (-start - self.size / 2) / along, (-start + self.size / 2) / along
+        return bool(np.minimum(near, far).max() <= np.maximum(near, far).min() + 1e-9)
+
+    def _vertical(self, pose: Pose) -> tuple[float, float]:
+        up = pose.rotation[2]
+        return float(pose.position[2] + up @ self.centre), float(np.abs(up) @ self.size / 2)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -63,8 +83,11 @@ class Scene:
         path: the file it came from, None when built from text.
         bodies: objects and surfaces by name, in document order.
         symbols: names a plan may use: poses, places, joint configurations, offsets.
-        pose_world_base: where the arm stands (site `robot_base`, else the origin).
+        pose_world_base: where the arm stands (site `robot_base`, else where the scene's own robot stands,
+            else the origin).
         gravity: m/s^2, magnitude.
+        priors: what is believed of every missing quantity before it is measured.
+        source: the parsed file, for `spec` and the twin.
     """
 
     text: str
@@ -73,16 +96,23 @@ class Scene:
     symbols: Symbols
     pose_world_base: Pose
     gravity: float
+    priors: Mapping[Gap, tuple[float, ...]]
+    source: Source
 
     @property
     def objects(self) -> Mapping[str, Body]:
         """Bodies with a free joint."""
-        raise NotImplementedError
+        return {name: body for name, body in self.bodies.items() if body.role == "object"}
 
     @property
     def surfaces(self) -> Mapping[str, Body]:
         """Static bodies that carry things."""
-        raise NotImplementedError
+        return {name: body for name, body in self.bodies.items() if body.role == "surface"}
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """Every other file the MJCF needs (includes, meshes, textures), absolute."""
+        return self.source.document.files
 
     def body(self, name: str) -> Body:
         """The object or surface named `name`.
@@ -90,15 +120,18 @@ class Scene:
         Raises:
             InputError: there is none; the message lists those there are.
         """
-        raise NotImplementedError
+        if name not in self.bodies:
+            raise unknown_name("object or surface", name, self.bodies)
+        return self.bodies[name]
 
     def missing(self) -> tuple[Gap, ...]:
         """Everything the MJCF does not state, in document order ("everything missing")."""
-        raise NotImplementedError
+        return tuple(Gap(body.name, quantity) for body in self.bodies.values()
+                     for quantity in QUANTITIES if quantity in body.missing)
 
     def spec(self, values: Mapping[Gap, tuple[float, ...]] | None = None) -> mujoco.MjSpec:
         """The scene as an editable model without any robot, unknowns filled from `values`, else from priors."""
-        raise NotImplementedError
+        return self.source.spec({**self.priors, **(values or {})})
 
 
 def load_scene(path: Path, poses: Path | None = None) -> Scene:
@@ -107,4 +140,36 @@ def load_scene(path: Path, poses: Path | None = None) -> Scene:
     Raises:
         InputError: malformed XML, entities, missing or escaping files, names that do not match.
     """
-    raise NotImplementedError
+    from palpate.scene.poses import read_poses
+
+    path = Path(path)
+    text = read_text(path)
+    document = parse_document(text, path.resolve().parent, str(path))
+    return _scene(document, path, read_poses(Path(poses)) if poses is not None else None)
+
+
+def parse_scene(text: str, folder: Path | None = None, poses: str | None = None) -> Scene:
+    """As `load_scene`, from text; `folder` is where relative file names start.
+
+    Raises:
+        InputError: as `load_scene`.
+    """
+    from palpate.scene.poses import parse_poses
+
+    return _scene(parse_document(text, folder), None, parse_poses(poses) if poses is not None else None)
+
+
+def _scene(document: Document, path: Path | None, poses: Poses | None) -> Scene:
+    from palpate.scene.derive import derive_symbols
+    from palpate.scene.poses import Poses
+    from palpate.scene.source import believe
+
+    belief = believe(document, poses or Poses())
+    bodies = {body.name: body for body in belief.bodies()}
+    base = belief.shapes.base()
+    return Scene(
+        text=document.text, path=path, bodies=MappingProxyType(bodies),
+        symbols=derive_symbols(belief, bodies, base), pose_world_base=base,
+        gravity=float(np.linalg.norm(belief.shapes.model.opt.gravity)),
+        priors=MappingProxyType(belief.priors), source=belief.source,
+    )

@@ -1,0 +1,105 @@
+"""Free spots: where a surface may be touched, and where an object may be put out of the way."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from palpate.pose import Array, Pose
+from palpate.scene.grasp import HAND, above
+from palpate.scene.outline import clearance, rectangle
+
+MARGINS = (0.06, 0.04, 0.02, 0.005)
+"""m between the hand and the nearest object; the largest that leaves a spot is used."""
+
+REACH = (0.30, 0.75)
+"""m: horizontal distances from the base at which the arm works well with the tool down (FR3)."""
+
+SHOULDER = 0.333
+"""m: height of the shoulder above the base (FR3)."""
+
+FLANGE = 0.21
+"""m: from the TCP up to the wrist's centre, tool down (FR3 with its hand)."""
+
+ARM = 0.78
+"""m: farthest the wrist's centre gets from the shoulder in practice."""
+
+SWEET = 0.5
+"""m: distance from the base that is preferred."""
+
+STEP = 0.02
+"""m: spacing of the grid of candidate spots."""
+
+SEARCH = 1.0
+"""m: how far around the first choice spots are looked for."""
+
+TOUCHING = 0.012
+"""m: half extent of the closed fingertips, which must land on the surface."""
+
+
+def reachable(spots: Array, z: float, base: Pose) -> Array:
+    """(n,) bool: whether the TCP, tool down, gets to each of `spots` (n, 2) at height `z`; a quick estimate."""
+    local = (np.column_stack([spots, np.full(len(spots), z)]) - base.position) @ base.rotation
+    flat = np.hypot(local[:, 0], local[:, 1])
+    azimuth = np.abs(np.arctan2(local[:, 1], local[:, 0]))
+    wrist = np.hypot(flat, local[:, 2] + FLANGE - SHOULDER)
+    return (flat >= REACH[0]) & (flat <= REACH[1]) & (azimuth <= np.deg2rad(100)) & (wrist <= ARM)
+
+
+def free_spot(shape: Array, footing: Array, top: Array, obstacles: Sequence[Array], near: Array, z: float,
+              base: Pose) -> tuple[Array, float] | None:
+    """The (2,) spot where `shape` is clear of the obstacles and `footing` is on the surface, and its margin, m.
+
+    `shape` and `footing` are (k, 2) about the spot, `top` (n, 3) the points of the surface. The spot is the one
+    nearest to `near`, to the arm's sweet spot and away from the edge; None when there is none in reach.
+    """
+    spots = _grid(footing, top, near)
+    spots = spots[reachable(spots, z, base)]
+    room = clearance(shape, spots, obstacles)
+    margin = next((m for m in MARGINS if (room >= m).any()), None)
+    if margin is None:
+        return None
+    inside = np.minimum(spots - top.min(axis=0)[:2], top.max(axis=0)[:2] - spots).min(axis=1)
+    cost = np.linalg.norm(spots - near, axis=1) + np.where(inside < 0.05, 0.3, 0.0)
+    cost += 0.3 * np.abs(np.linalg.norm(spots - base.position[:2], axis=1) - SWEET)
+    return spots[int(np.argmin(np.where(room >= margin, cost, np.inf)))], margin
+
+
+def _grid(footing: Array, top: Array, near: Array) -> Array:
+    """(n, 2) spots of a grid through `near` at which `footing` stays within the box around `top`."""
+    low = np.maximum(top.min(axis=0)[:2] - footing.min(axis=0), near - SEARCH)
+    high = np.minimum(top.max(axis=0)[:2] - footing.max(axis=0), near + SEARCH)
+    axes = [np.arange(np.ceil((a - n) / STEP), np.floor((b - n) / STEP) + 1) * STEP + n
+            for a, b, n in zip(low, high, near, strict=True)]
+    return np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, 2)
+
+
+def approach_pose(top: Array, others: Sequence[Array], objects: Sequence[Array], clear: float,
+                  base: Pose) -> Pose | None:
+    """TCP pose `clear` m above a free spot of the surface with points `top`, near its `objects` ((n, 3) each).
+
+    `others` are all shapes the hand must keep clear of. Both ways of turning the hand are tried.
+    """
+    height = float(top[:, 2].max())
+    obstacles = above(others, height + 0.002)
+    near = _middle(top, objects, base)
+    turn = float(np.arctan2(base.rotation[1, 0], base.rotation[0, 0]))
+    tips = rectangle(np.zeros(2), np.array([1.0, 0.0]), TOUCHING, TOUCHING)
+    found: list[tuple[float, Pose]] = []
+    for yaw in (turn, turn + np.pi / 2):
+        along = np.array([np.cos(yaw), np.sin(yaw)])
+        hand = rectangle(np.zeros(2), along, *HAND)
+        spot = free_spot(hand, tips, top, obstacles, near, height, base)
+        if spot is not None:
+            found.append((spot[1], Pose.top_down((*spot[0], height + clear), yaw)))
+    return max(found, key=lambda f: f[0])[1] if found else None
+
+
+def _middle(top: Array, objects: Sequence[Array], base: Pose) -> Array:
+    """Where to look first: amid the objects on the surface, else its middle or what of it is in front of the arm."""
+    if objects:
+        return np.mean([(o.max(axis=0) + o.min(axis=0))[:2] / 2 for o in objects], axis=0)
+    ahead = base.position[:2] + SWEET * base.rotation[:2, 0]
+    low, high = top.min(axis=0)[:2], top.max(axis=0)[:2]
+    return np.clip(ahead, low, high) if (high - low).max() > 1.0 else (low + high) / 2

@@ -1,0 +1,145 @@
+"""`poses.yaml`: what a pose estimator, or a person, says about where things are. Angles in rad, lengths in m.
+
+    objects: {bottle: {pos: [0.5, 0.1, 0.8], yaw: 0.3}}       # pose of the body frame in the world
+    places: {shelf_approach: {pos: [0.4, 0.2, 0.6]}}          # pose of the TCP; top-down unless quat is given
+    joints: {home_config: [0, -0.785, 0, -2.356, 0, 1.571, 0.785]}
+    offsets: {z_offset: 0.12, hammer: {x_offset: 0.04}}        # metres, or [x, y, z] along the grasp's axes
+    grasps: {hammer: {pos: [0.02, 0, 0.01], yaw: 0}}           # pose of the TCP in the object's frame
+    camera: {pos: [...], quat: [...], fovy: 45, size: [640, 480]}
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import yaml
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+from palpate.errors import InputError
+from palpate.pose import Pose
+
+MAX_BYTES = 1_000_000
+"""Largest poses file."""
+
+Number = Annotated[float, Field(allow_inf_nan=False, ge=-100.0, le=100.0)]
+Vector = tuple[Number, Number, Number]
+Quaternion = tuple[Number, Number, Number, Number]
+Name = Annotated[str, Field(min_length=1, max_length=100)]
+
+
+class _Strict(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+class PoseEntry(_Strict):
+    """A pose: position, and at most one of yaw (rad about world z), euler (rad, fixed x-y-z) and quat (wxyz)."""
+
+    pos: Vector
+    yaw: Number | None = None
+    euler: Vector | None = None
+    quat: Quaternion | None = None
+
+    @model_validator(mode="after")
+    def _one_orientation(self) -> PoseEntry:
+        if sum(v is not None for v in (self.yaw, self.euler, self.quat)) > 1:
+            raise ValueError("give one of yaw, euler, quat")
+        if self.quat is not None and sum(v * v for v in self.quat) < 1e-9:
+            raise ValueError("quat is all zero")
+        return self
+
+    def body_pose(self) -> Pose:
+        """As the pose of a body: upright unless turned."""
+        return Pose.of(self.pos, self._quaternion() or (1.0, 0.0, 0.0, 0.0))
+
+    def tool_pose(self) -> Pose:
+        """As the pose of the TCP: top-down, turned by yaw, unless euler or quat says otherwise."""
+        if self.quat is None and self.euler is None:
+            return Pose.top_down(self.pos, self.yaw or 0.0)
+        return self.body_pose()
+
+    def _quaternion(self) -> Quaternion | None:
+        if self.quat is not None or (self.euler is None and self.yaw is None):
+            return self.quat
+        return _from_euler(self.euler or (0.0, 0.0, self.yaw or 0.0))
+
+
+class CameraEntry(_Strict):
+    """A pinhole camera looking along its own -z, as in MuJoCo."""
+
+    pos: Vector
+    quat: Quaternion
+    fovy: Annotated[float, Field(gt=1, lt=170)]
+    """Vertical field of view, degrees, as in MJCF."""
+    size: tuple[Annotated[int, Field(gt=0, le=20000)], Annotated[int, Field(gt=0, le=20000)]]
+    """Width and height, pixels."""
+
+
+Offset = Number | Vector
+
+
+class Poses(_Strict):
+    """The content of a `poses.yaml`."""
+
+    objects: dict[Name, PoseEntry] = {}
+    places: dict[Name, PoseEntry] = {}
+    joints: dict[Name, tuple[Number, Number, Number, Number, Number, Number, Number]] = {}
+    offsets: dict[Name, Offset | dict[Name, Offset]] = {}
+    grasps: dict[Name, PoseEntry] = {}
+    camera: CameraEntry | None = None
+
+
+def read_poses(path: Path) -> Poses:
+    """Read and validate a poses file.
+
+    Raises:
+        InputError: unreadable, too large, not YAML, or not of this form.
+    """
+    try:
+        if path.stat().st_size > MAX_BYTES:
+            raise InputError(f"{path} is larger than {MAX_BYTES // 1_000_000} MB, too large for poses")
+        text = path.read_text("utf-8")
+    except OSError as error:
+        raise InputError(f"cannot read {path}: {error.strerror or error}") from None
+    except UnicodeDecodeError:
+        raise InputError(f"{path} is not utf-8 text") from None
+    return parse_poses(text, str(path))
+
+
+def parse_poses(text: str, where: str = "poses") -> Poses:
+    """As `read_poses`, from text.
+
+    Raises:
+        InputError: not YAML, or not of this form.
+    """
+    try:
+        content: Any = _load(text)
+    except yaml.YAMLError as error:
+        mark = getattr(error, "problem_mark", None)
+        at = f", line {mark.line + 1}, column {mark.column + 1}" if mark is not None else ""
+        raise InputError(f"{where}{at}: not YAML: {getattr(error, 'problem', None) or error}") from None
+    except (RecursionError, ValueError):
+        raise InputError(f"{where}: nested too deep, or a value that is none") from None
+    try:
+        return Poses.model_validate(content or {})
+    except ValidationError as error:
+        first = error.errors()[0]
+        raise InputError(f"{where}: {'.'.join(str(p) for p in first['loc']) or 'content'}: {first['msg']}") from None
+
+
+def _load(text: str) -> Any:
+    """YAML without aliases, whose expansion is unbounded."""
+    for token in yaml.scan(text, Loader=yaml.SafeLoader):
+        if isinstance(token, yaml.AliasToken):
+            raise yaml.MarkedYAMLError(problem="aliases are not accepted", problem_mark=token.start_mark)
+    return yaml.safe_load(text)
+
+
+def _from_euler(angles: Vector) -> Quaternion:
+    import mujoco
+    import numpy as np
+
+    quaternion = np.empty(4)
+    mujoco.mju_euler2Quat(quaternion, np.array(angles), "XYZ")
+    w, x, y, z = (float(v) for v in quaternion)
+    return w, x, y, z
