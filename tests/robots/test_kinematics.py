@@ -78,14 +78,14 @@ def test_the_elbow_is_up_and_the_posture_near_ready():
         mujoco.mj_kinematics(arm, data)
         elbow, wrist = data.body("fr3_link4").xpos, data.body("fr3_link6").xpos
         assert elbow[2] > wrist[2]
-        turned = np.array(HOME) + [np.arctan2(y, 0.45), 0, 0, 0, 0, 0, 0]
+        turned = np.add(HOME, [np.arctan2(y, 0.45), 0, 0, 0, 0, 0, 0])
         assert np.abs(q - turned)[[0, 2, 4]].max() < 0.2
 
 
 def test_a_seed_chooses_the_solution():
     target = Pose.top_down((0.45, 0.0, 0.2), 0.0)
     default = inverse_kinematics(target, BASE)
-    swung = inverse_kinematics(target, BASE, np.array(HOME) + [0.6, 0, -0.6, 0, 0, 0, 0])
+    swung = inverse_kinematics(target, BASE, np.add(HOME, [0.6, 0, -0.6, 0, 0, 0, 0]))
     assert default is not None
     assert swung is not None
     assert abs(swung[0] - default[0]) > 0.1

@@ -51,7 +51,8 @@ def test_two_motions_in_a_parallel_the_first_claims_the_second_fails(node, words
     root = build(node("Parallel", node("Go", z=0.1), node("Go", z=0.2)), words, cell)
     assert run(root, robot) is Status.FAILURE
     second = next(run for run in cell.recorder.leaves if run.status == "FAILURE")
-    assert (second.node, second.message) == ("tree.children[1]", "the arm is in use by Go(0.1, 0.1): one motion at a time")
+    assert second.node == "tree.children[1]"
+    assert second.message == "the arm is in use by Go(0.1, 0.1): one motion at a time"
     assert [call for call, _ in robot.calls] == ["move_pose", "hold"]
 
 

@@ -95,7 +95,7 @@ def test_timeout_is_on_robot_time(words, cell, robot):
 
 
 @pytest.mark.parametrize(("change", "reason"), [
-    ({"force": (20.0, 0, 0, 0, 0, 0)}, "unexpected contact: 20.0 N"),
+    ({"force": (30.0, 0, 0, 0, 0, 0)}, "unexpected contact: 30.0 N"),
     ({"force": (0.0, 0, 50, 0, 0, 0)}, "exceeds the limit of 40 N"),
 ])
 def test_the_safety_predicate_is_checked_every_tick(words, cell, robot, change, reason):
