@@ -11,6 +11,7 @@ import os
 import subprocess
 import sys
 from collections.abc import Collection, Iterable
+from copy import copy
 from functools import cache
 from types import TracebackType
 
@@ -26,6 +27,9 @@ Pixels = NDArray[np.uint8]
 
 AZIMUTH, ELEVATION = 145.0, -22.0
 """degrees, MuJoCo's free camera: from in front of the arm, over its left shoulder's side, a little from above."""
+
+AMBIENT = 0.35
+"""Least share of light from everywhere, so that shadows are not black; MuJoCo's default is 0.1."""
 
 _REMEDY = "for pictures install a software OpenGL (Debian, Ubuntu: apt-get install libegl1 libgl1-mesa-dri)"
 _OFF = {"disable", "disabled", "off", "false", "0"}
@@ -90,8 +94,6 @@ def dress(spec: mujoco.MjSpec) -> None:
     if not list(spec.lights):
         spec.worldbody.add_light(name="palpate_lamp", pos=[0.6, -0.8, 2.6], dir=[-0.1, 0.3, -1.0],
                                  diffuse=[0.6, 0.6, 0.6], specular=[0.2, 0.2, 0.2], castshadow=True)
-    spec.visual.headlight.ambient = [0.35, 0.35, 0.35]
-    spec.visual.headlight.diffuse = [0.45, 0.45, 0.45]
 
 
 def extent(model: mujoco.MjModel, data: mujoco.MjData, bodies: Collection[str] = ()) -> Array:
@@ -158,9 +160,11 @@ class Painter:
         usable, reason = gl_available()
         if not usable:
             raise RuntimeError(reason)
+        model = copy(model)
         model.vis.global_.offwidth = max(width, model.vis.global_.offwidth)
         model.vis.global_.offheight = max(height, model.vis.global_.offheight)
         model.vis.quality.shadowsize = shadow
+        model.vis.headlight.ambient[:] = np.maximum(model.vis.headlight.ambient, AMBIENT)
         self.model = model
         self.aspect = width / height
         self._renderer = mujoco.Renderer(model, height, width)

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import difflib
+
 import numpy as np
 import pytest
 
 from palpate.estimation.estimate import Estimate
 from palpate.planning.plan import Node, Plan
 from palpate.quantities import Gap
+from palpate.report.report import GapRow, Measured, ReportData
 from palpate.trace import FORCES, POSE, Context, Conversion, Hand, LeafRun, Recording, Samples, Trace
 
 MASS, HEIGHT = Gap("bottle", "mass"), Gap("table", "height")
@@ -55,8 +58,7 @@ def samples(duration: float, rate: float = 100.0) -> Samples:
                    width=np.where((t > 8) & (t < 15), 0.062, 0.08))
 
 
-@pytest.fixture(scope="session")
-def trace() -> Trace:
+def make_trace() -> Trace:
     leaves = leaf_runs()
     weigh = Recording(FORCES, leaves[6].start, leaves[6].end,
                       Context("still", at="bottle_pose + z_offset", holding="bottle", grasp="bottle_pose"),
@@ -68,16 +70,14 @@ def trace() -> Trace:
     return Trace(samples(31.0), leaves, (weigh, touch), conversions, HAND)
 
 
-@pytest.fixture(scope="session")
-def plan() -> Plan:
+def make_plan() -> Plan:
     children = tuple(Node(kind, tuple(args.items())) for kind, args, _ in STEPS)
     return Plan((MASS, HEIGHT), Node("Sequence", (), children),
                 "The bottle's mass is weighed by lifting it clear of the table; the table's height is felt beside it.",
                 "symbolic", ("the friction of the table is known already",))
 
 
-@pytest.fixture(scope="session")
-def estimates(trace: Trace) -> tuple[Estimate, ...]:
+def make_estimates(trace: Trace) -> tuple[Estimate, ...]:
     weigh, touch = trace.recordings
     mass = Estimate(MASS, (0.2541,), (0.0008,), ((0.2525, 0.2557),),
                     "Mean vertical force while held still, less the empty hand's at the same pose, over g.", (weigh,),
@@ -85,3 +85,45 @@ def estimates(trace: Trace) -> tuple[Estimate, ...]:
     height = Estimate(HEIGHT, (0.76503,), (0.00006,), ((0.76491, 0.76515),),
                       "Fingertip height at the onset of contact, corrected for penetration and compliance.", (touch,))
     return mass, height
+
+
+SCENE = """<mujoco>
+  <worldbody>
+    <!-- height? -->
+    <body name="table" pos="0.58 0 ?">
+      <geom type="box" size=".35 .45 .018"/>
+    </body>
+    <body name="bottle" pos="0.50 0.10 0.868">
+      <freejoint/>
+      <geom type="cylinder" size=".031 .100" material="glass"/>
+    </body>
+  </worldbody>
+</mujoco>
+"""
+TWIN = SCENE.replace("0.58 0 ?", "0.58 0 0.74703").replace('material="glass"', 'material="glass" mass="0.2541"')
+
+
+def make_data() -> ReportData:
+    trace = make_trace()
+    mass, height = make_estimates(trace)
+    diff = difflib.unified_diff(SCENE.splitlines(True), TWIN.splitlines(True), "scene.xml", "twin.xml")
+    return ReportData(
+        request="We want to build a simulation, but we don't know the mass of the bottle and the height of the table.",
+        status="complete", plan=make_plan(), world="simulated world world.xml",
+        gaps=(GapRow("table", "height", "missing", True), GapRow("table", "friction", "known", False, (0.6,)),
+              GapRow("bottle", "mass", "missing", True), GapRow("bottle", "friction", "known", True, (0.7,)),
+              GapRow("bottle", "com", "assumed", False)),
+        measured=(Measured(mass, "kg", (0.254,)), Measured(height, "m", (0.765,))), trace=trace, robot_seconds=31.0,
+        wall_seconds=4.2, twin_diff="".join(diff), twin_checks={"force residual, twin": "0.02 N", "settled": "yes"},
+        versions={"palpate": "0.1.0", "mujoco": "4.0.0"}, seed=7, noise="lab",
+        files=("request.json", "plan.json", "tree.xml", "trace.mcap", "result.json", "twin.xml", "images/before.png"))
+
+
+@pytest.fixture(scope="session")
+def trace() -> Trace:
+    return make_trace()
+
+
+@pytest.fixture(scope="session")
+def data() -> ReportData:
+    return make_data()

@@ -42,10 +42,9 @@ def timeline(trace: Trace, windows: Mapping[Recording, str], groups: Mapping[str
     return {
         "data": [*_forces(trace.samples), *_heights(trace), *_contacts(trace), _leaf_bars(trace.leaves, groups)],
         "layout": {
-            "height": 660, "margin": {"l": 58, "r": 14, "t": 64, "b": 44}, "hovermode": "x unified",
-            "legend": {"orientation": "h", "x": 0, "y": 1.12, "yanchor": "top"}, "uniformtext": {"mode": "hide",
-                                                                                               "minsize": 9},
-            "bargap": 0.1, "dragmode": "zoom",
+            "height": 680, "margin": {"l": 58, "r": 14, "t": 84, "b": 44}, "hovermode": "x unified",
+            "legend": {"orientation": "h", "x": 0, "y": 1.02, "yanchor": "bottom"},
+            "uniformtext": {"mode": "hide", "minsize": 9}, "bargap": 0.1, "dragmode": "zoom",
             "xaxis": {"range": [start, end], "anchor": "y3", "title": {"text": "robot time (s)"}, "ticks": "outside",
                       "showspikes": True, "spikemode": "across", "spikethickness": 1, "spikedash": "dot",
                       "hoverformat": ".2f"},
@@ -133,7 +132,7 @@ def _leaf_bars(leaves: Sequence[LeafRun], groups: Mapping[str, str]) -> Figure:
             "base": [leaf.start for leaf in leaves], "x": [max(leaf.end - leaf.start, 0.05) for leaf in leaves],
             "y": _lanes(leaves), "text": [escape(leaf.primitive) for leaf in leaves], "textposition": "inside",
             "insidetextanchor": "middle", "textangle": 0, "insidetextfont": {"color": "#fff"},
-            "marker": {"color": colours, "line": {"width": 0}},
+            "marker": {"color": colours, "line": {"width": 1, "color": "rgba(255,255,255,0.7)"}},
             "customdata": [[escape(leaf.label), leaf.status.lower(), round(leaf.end - leaf.start, 2)]
                            for leaf in leaves],
             "hovertemplate": "%{customdata[0]}: %{customdata[1]}, %{customdata[2]} s<extra></extra>"}

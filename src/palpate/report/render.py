@@ -113,7 +113,7 @@ def _captioned(picture: Pixels, caption: tuple[str, str]) -> Pixels:
 
 def _fitting(text: str, draw: ImageDraw.ImageDraw, font: ImageFont.FreeTypeFont | ImageFont.ImageFont,
              width: int) -> str:
-    while text and draw.textlength(text, font=font) > width:
+    while len(text) > 1 and draw.textlength(text, font=font) > width:
         text = text[:-2] + "…"
     return text
 

@@ -1,0 +1,82 @@
+"""What the report page is made from."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Literal
+
+from palpate.estimation.estimate import Estimate
+from palpate.planning.plan import Plan
+from palpate.trace import Trace
+
+
+@dataclass(frozen=True, slots=True)
+class GapRow:
+    """One quantity of one object: what the scene says about it, and whether the request names it."""
+
+    object: str
+    quantity: str
+    state: Literal["known", "missing", "assumed"]
+    asked: bool
+    value: tuple[float, ...] | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Measured:
+    """An estimate, its unit, and what is true in a simulated world (None on a real robot)."""
+
+    estimate: Estimate
+    unit: str
+    truth: tuple[float, ...] | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class ReportData:
+    """All the page shows. What did not come to be stays empty, and its section is left out.
+
+    Attributes:
+        request: the sentence; None when only a scene was given.
+        status: of the run, as in `result.json`.
+        plan: with `tree` None when the request was rejected.
+        world: where it ran, in words.
+        gaps: what the scene knows and lacks.
+        measured: the estimates.
+        findings: why the plan did not pass the check, one line each.
+        trace: None when nothing was executed.
+        stopped_by: why the robot stopped early.
+        robot_seconds, wall_seconds: how long the execution took.
+        workspace, before, after: PNG or JPEG.
+        video: MP4, played `video_speed` times faster than robot time.
+        twin_diff: unified diff from the user's MJCF to the twin.
+        twin_checks: label to value, e.g. the residual of the replayed measurement.
+        twin_notes: remarks about the twin.
+        versions: name to version. seed, noise: of a simulated world.
+        files: paths in the run folder, relative to the page.
+        warnings: one line each, e.g. how to get pictures.
+    """
+
+    request: str | None
+    status: Literal["complete", "rejected", "aborted", "failed"]
+    plan: Plan
+    world: str
+    gaps: tuple[GapRow, ...] = ()
+    measured: tuple[Measured, ...] = ()
+    findings: tuple[str, ...] = ()
+    trace: Trace | None = None
+    stopped_by: str | None = None
+    robot_seconds: float | None = None
+    wall_seconds: float | None = None
+    workspace: bytes | None = None
+    before: bytes | None = None
+    after: bytes | None = None
+    video: bytes | None = None
+    video_speed: float = 1.0
+    twin_diff: str = ""
+    twin_checks: Mapping[str, str] = field(default_factory=dict[str, str])
+    twin_notes: tuple[str, ...] = ()
+    versions: Mapping[str, str] = field(default_factory=dict[str, str])
+    seed: int | None = None
+    noise: str | None = None
+    files: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()

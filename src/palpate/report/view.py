@@ -1,0 +1,252 @@
+"""From the run's types to what the template prints: numbers with sensible digits, bars in per cent, rows."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import groupby
+
+import numpy as np
+
+from palpate.estimation.estimate import Estimate
+from palpate.planning.plan import Node, Plan
+from palpate.quantities import QUANTITIES, Gap
+from palpate.report.data import GapRow, Measured
+from palpate.report.plots import tip_height
+from palpate.trace import FORCES, LeafRun, Recording, Trace
+from palpate.vocabulary.composites import COMPOSITES
+from palpate.vocabulary.primitive import vocabulary
+
+AXES = {2: ("x", "y"), 3: ("x", "y", "z"), 6: ("xx", "yy", "zz", "xy", "xz", "yz")}
+"""Names of the components of a vector, and of a symmetric tensor in MuJoCo's `fullinertia` order."""
+
+SMALL = {"kg": ("g", 1e3), "m": ("mm", 1e3)}
+"""Units in which errors are easier to read."""
+
+OFF_SCALE = 5.0
+"""A truth farther than so many interval half widths is drawn at the edge, lest the interval vanish."""
+
+
+@dataclass(frozen=True, slots=True)
+class Interval:
+    """One component of an estimate; `left`, `width`, `dot`, `truth_at` in per cent of the bar."""
+
+    axis: str
+    value: str
+    std: str
+    low: str
+    high: str
+    left: float
+    width: float
+    dot: float
+    truth: str | None = None
+    truth_at: float | None = None
+    error: str | None = None
+    covered: bool | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Evidence:
+    """A measured window: when, what was so, what was read, and its signal as an SVG polyline in 100 x 24."""
+
+    name: str
+    what: str
+    when: str
+    reading: str
+    line: str
+
+
+@dataclass(frozen=True, slots=True)
+class Card:
+    """An estimate as it is printed."""
+
+    object: str
+    quantity: str
+    unit: str
+    verdict: str
+    method: str
+    intervals: tuple[Interval, ...]
+    further: tuple[tuple[str, str], ...]
+    evidence: tuple[Evidence, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Branch:
+    """A node of the tree with its fate; `left` and `width` place it in the run, in per cent."""
+
+    symbol: str
+    label: str
+    group: str
+    status: str
+    duration: str
+    left: float
+    width: float
+    message: str
+    summary: str
+    children: tuple[Branch, ...]
+
+
+def rounded(value: float, std: float) -> tuple[str, str]:
+    """Value and standard deviation, to one digit of the latter, or two where it begins with 1 or 2."""
+    if not (math.isfinite(value) and math.isfinite(std) and std > 0):
+        return f"{value:.6g}", f"{std:.2g}"
+    exponent = math.floor(math.log10(std))
+    decimals = min(max((1 if std < 3 * 10**exponent else 0) - exponent, 0), 9)
+    return f"{value:.{decimals}f}", f"{std:.{decimals}f}"
+
+
+def quantity_label(id: str) -> str:
+    """In words, or the id itself where a quantity is not in the catalogue."""
+    return QUANTITIES[id].label if id in QUANTITIES else id
+
+
+def _unit(quantity: str) -> str:
+    unit = QUANTITIES[quantity].unit if quantity in QUANTITIES else "1"
+    return "" if unit == "1" else f" {unit}"
+
+
+def cards(measured: Sequence[Measured], trace: Trace | None) -> list[Card]:
+    """One per estimate."""
+    return [_card(m, trace) for m in measured]
+
+
+def _card(measured: Measured, trace: Trace | None) -> Card:
+    e = measured.estimate
+    axes = AXES.get(len(e.value), ("",) * len(e.value))
+    truths = measured.truth if measured.truth and len(measured.truth) == len(e.value) else (None,) * len(e.value)
+    intervals = tuple(_interval(*row, measured.unit) for row in zip(axes, e.value, e.std, e.ci95, truths, strict=True))
+    further = tuple((name, " ± ".join(rounded(value, std))) for name, (value, std) in e.components.items())
+    evidence = tuple(_evidence(r, trace, e.gap) for r in e.evidence) if trace else ()
+    return Card(e.gap.object, quantity_label(e.gap.quantity), "" if measured.unit == "1" else measured.unit, e.verdict,
+                e.method, intervals, further, evidence)
+
+
+def _interval(axis: str, value: float, std: float, ci: tuple[float, float], truth: float | None,
+              unit: str) -> Interval:
+    shown, spread = rounded(value, std)
+    low, high = (rounded(bound, std)[0] for bound in ci)
+    half = max((ci[1] - ci[0]) / 2, 1e-12)
+    reach = 1.35 * half
+    if truth is not None:
+        reach = max(reach, min(1.2 * abs(truth - value), OFF_SCALE * half))
+
+    def percent(x: float) -> float:
+        return round(min(max(50 + 50 * (x - value) / reach, 0.0), 100.0), 2)
+
+    left = percent(ci[0])
+    plain = Interval(axis, shown, spread, low, high, left, round(percent(ci[1]) - left, 2), 50.0)
+    if truth is None:
+        return plain
+    return replace(plain, truth=f"{truth:.6g}", truth_at=percent(truth), error=_error(value, truth, unit),
+                   covered=ci[0] <= truth <= ci[1])
+
+
+def _error(value: float, truth: float, unit: str) -> str:
+    name, factor = SMALL.get(unit, (unit, 1.0))
+    error = f"{factor * (value - truth):+.2g}" + (f" {name}" if name != "1" else "")
+    return f"{error} ({100 * (value - truth) / truth:+.2g} %)" if truth else error
+
+
+def windows(trace: Trace, estimates: Sequence[Estimate]) -> dict[Recording, str]:
+    """Every recording with the name of what it is evidence of."""
+    of: dict[Recording, list[str]] = {recording: [] for recording in trace.recordings}
+    claims = [(r, e.gap) for e in estimates for r in e.evidence]
+    claims += [(c.recording, Gap(c.object, c.quantity)) for c in trace.conversions]
+    for recording, gap in claims:
+        name = f"{gap.object} {quantity_label(gap.quantity)}"
+        if recording in of and name not in of[recording]:
+            of[recording].append(name)
+    return {r: ", ".join(names) or f"{r.context.activity} {r.context.holding or r.context.support or ''}".strip()
+            for r, names in of.items()}
+
+
+def _evidence(recording: Recording, trace: Trace, gap: Gap) -> Evidence:
+    samples = trace.of(recording)
+    c = recording.context
+    signal, unit = ((samples.wrench[:, 2], "N") if recording.buffer == FORCES
+                    else (tip_height(trace)[np.isin(trace.samples.t, samples.t)], "m"))
+    about = [c.activity, f"holding {c.holding}" if c.holding else "", f"on {c.support}" if c.support else "",
+             f"at {c.at}" if c.at else ""]
+    symbol = "Fz" if unit == "N" else "fingertips z"
+    reading = (f"{symbol} = {' ± '.join(rounded(float(signal.mean()), float(signal.std())))} {unit}, "
+               f"{len(signal)} samples" if len(signal) else "no samples")
+    return Evidence(f"{gap.object} {quantity_label(gap.quantity)}", ", ".join(filter(None, about)),
+                    f"{recording.start:.2f}–{recording.end:.2f} s", reading, _polyline(signal))
+
+
+def _polyline(signal: np.ndarray[tuple[int, ...], np.dtype[np.float64]], points: int = 80) -> str:
+    """The signal's block means in a box 100 wide and 24 high."""
+    if len(signal) < 2:
+        return ""
+    blocks = np.array([block.mean() for block in np.array_split(signal, min(points, len(signal)))])
+    span = float(np.ptp(blocks)) or 1.0
+    x, y = np.linspace(0, 100, len(blocks)), 22 - 20 * (blocks - blocks.min()) / span
+    return " ".join(f"{a:.1f},{b:.1f}" for a, b in zip(x, y, strict=True))
+
+
+def gap_groups(rows: Sequence[GapRow], measured: Sequence[Measured]) -> list[tuple[str, list[tuple[GapRow, str, str]]]]:
+    """Rows by object, each with its quantity in words and its value as text."""
+    found = {m.estimate.gap: m for m in measured if m.estimate.verdict != "not identified"}
+    return [(name, [(row, quantity_label(row.quantity), _value(row, found)) for row in group])
+            for name, group in groupby(rows, key=lambda row: row.object)]
+
+
+def _value(row: GapRow, found: Mapping[Gap, Measured]) -> str:
+    now = found.get(Gap(row.object, row.quantity))
+    before = " ".join(f"{v:.6g}" for v in row.value) if row.value else "–" if row.state == "known" else "?"
+    if now is None:
+        return before if not row.value else f"{before}{_unit(row.quantity)}"
+    pairs = zip(now.estimate.value, now.estimate.std, strict=True)
+    return f"{before} → {' '.join(rounded(v, s)[0] for v, s in pairs)}{_unit(row.quantity)}"
+
+
+def primitive_groups() -> dict[str, str]:
+    """Which group each registered primitive belongs to."""
+    return {name: cls.group for name, cls in vocabulary().primitives.items()}
+
+
+def branches(plan: Plan, trace: Trace | None) -> Branch | None:
+    """The plan's tree with what became of each node."""
+    if plan.tree is None:
+        return None
+    runs = {leaf.node: leaf for leaf in trace.leaves} if trace else {}
+    end = max((leaf.end for leaf in runs.values()), default=0.0) or 1.0
+    return _branch(plan.tree, "tree", runs, end)
+
+
+def _branch(node: Node, path: str, runs: Mapping[str, LeafRun], end: float) -> Branch:
+    if node.type in COMPOSITES:
+        return _composite(node, path, runs, end)
+    run = runs.get(path)
+    cls = vocabulary().primitives.get(node.type)
+    label = f"{node.type}({', '.join(str(value) for _, value in node.args)})"[:160]
+    group, summary = (cls.group, cls.summary()) if cls else ("", "")
+    if run is None:
+        return Branch("→", label, group, "waiting", "", 0, 0, "", summary, ())
+    return Branch("→", label, group, _STATUS[run.status], f"{run.end - run.start:.1f} s",
+                  *_place(run.start, run.end, end), run.message, summary, ())
+
+
+def _composite(node: Node, path: str, runs: Mapping[str, LeafRun], end: float) -> Branch:
+    composite = COMPOSITES[node.type]
+    children = tuple(_branch(child, f"{path}.children[{i}]", runs, end) for i, child in enumerate(node.children))
+    under = [leaf for at, leaf in runs.items() if at.startswith(f"{path}.")]
+    start, stop = min((x.start for x in under), default=0.0), max((x.end for x in under), default=0.0)
+    return Branch(composite.symbol, node.name or node.type, "composite", _fate([c.status for c in children]),
+                  f"{stop - start:.1f} s" if under else "", *_place(start, stop, end), "", composite.summary, children)
+
+
+_STATUS = {"SUCCESS": "success", "FAILURE": "failure", "INVALID": "stopped"}
+
+
+def _fate(statuses: Sequence[str]) -> str:
+    """A composite's final status, from its children's."""
+    for status in ("failure", "stopped"):
+        if status in statuses:
+            return status
+    return "success" if statuses and all(s == "success" for s in statuses) else "waiting"
+
+
+def _place(start: float, stop: float, end: float) -> tuple[float, float]:
+    return round(100 * start / end, 2), round(max(100 * (stop - start) / end, 0.6), 2)
