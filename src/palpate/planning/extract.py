@@ -76,10 +76,10 @@ def nested(document: Mapping[str, Any]) -> dict[str, Any]:
     if not nodes:
         return {**plan, "tree": None}
     below = [child for node in nodes.values() for child in _children(node)]
-    roots = [id for id in nodes if id not in below]
+    roots = nodes.keys() - set(below)
     if len(roots) != 1 or len(below) != len(set(below)):
         raise InputError("nodes: every node but one, the root, must be the child of exactly one other")
-    tree, used = _grown(roots[0], nodes, depth=0)
+    tree, used = _grown(roots.pop(), nodes, depth=0)
     if used != len(nodes):
         raise InputError("nodes: some are not below the root; every node must be")
     return {**plan, "tree": tree}

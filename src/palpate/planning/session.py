@@ -8,7 +8,7 @@ from __future__ import annotations
 import asyncio
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 from palpate.errors import PalpateError, Unavailable
@@ -106,6 +106,7 @@ class Session:
                 except Exception as error:  # the SDKs raise their own kinds on answers they do not understand
                     raise self._failure(TOO_LARGE if is_too_large(error) else NOT_THE_API) from None
                 else:
+                    response = _without_keys(response)
                     self.messages.append(response)
                     return response, attempt
             await asyncio.sleep(wait)
@@ -192,13 +193,20 @@ def _chat_model(provider: Provider, model: str, address: str | None, client: htt
                                                                     http_client=client))
 
 
+def _without_keys(response: ModelResponse) -> ModelResponse:
+    from pydantic_ai.messages import TextPart
+
+    return replace(response, parts=[replace(part, content=redact(part.content)) if isinstance(part, TextPart) else part
+                                    for part in response.parts])
+
+
 def _answer(response: ModelResponse, seconds: float, requests: int) -> Answer:
     from pydantic_ai.messages import TextPart
 
     usage = response.usage
     text = "".join(part.content for part in response.parts if isinstance(part, TextPart))
     refusal = str((response.provider_details or {}).get("refusal", ""))
-    return Answer(redact(text or refusal), response.model_name or "", usage.input_tokens, usage.cache_read_tokens,
+    return Answer(text or redact(refusal), response.model_name or "", usage.input_tokens, usage.cache_read_tokens,
                   usage.output_tokens, _cost(response), seconds, requests, response.finish_reason or "")
 
 
@@ -240,4 +248,6 @@ def _reason(error: ModelAPIError, provider: Provider, model: str) -> str:
         return "the provider cannot be reached; check the network and the base URL"
     if isinstance(error, e.ModelServerError | e.ModelUnavailableError):
         return f"the provider failed{status}"
-    return f"the request was not answered as expected{status}: {' '.join(str(error).split())[:200]}"
+    if not isinstance(error, e.ModelHTTPError):
+        return NOT_THE_API
+    return f"the request was refused{status}: {' '.join(str(error.body).split())[:200]}"

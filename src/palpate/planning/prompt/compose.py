@@ -5,9 +5,10 @@ S holds nothing of the task and is therefore the same bytes for every one, so th
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from importlib import resources
+from math import atan2, degrees
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -15,6 +16,7 @@ from palpate.errors import InputError, unknown_name
 from palpate.quantities import QUANTITIES, Quantity
 
 if TYPE_CHECKING:
+    from palpate.pose import Array, Pose
     from palpate.scene.scene import Scene
     from palpate.scene.symbols import Symbols
     from palpate.vocabulary.primitive import Primitive, Vocabulary
@@ -143,4 +145,23 @@ def _pictures(count: int) -> str:
 
 
 def _poses(symbols: Symbols) -> str:
-    raise NotImplementedError
+    lines = [*(_pose(name, pose) for name, pose in symbols.poses.items()),
+             *(f"{name}: a free spot for {symbols.subjects.get(name, 'it')}" for name in symbols.later
+               if name not in symbols.poses),
+             *(f"{name}: joint configuration" for name in symbols.configurations),
+             *(f"offsets of {name}: {_offsets(own)}" for name, own in symbols.own_offsets.items()),
+             f"offsets of other poses: {_offsets(symbols.offsets)}",
+             *(f"{name} cannot be grasped: {reason}" for name, reason in symbols.ungraspable.items())]
+    return "# Named poses (gripper in the world: x y z in m, direction of its x axis in degrees; offsets in m)\n" \
+        + fenced("\n".join(lines))
+
+
+def _pose(name: str, pose: Pose) -> str:
+    x, y, z = pose.position
+    return f"{name}: {x:.3f} {y:.3f} {z:.3f}, {degrees(atan2(pose.rotation[1, 0], pose.rotation[0, 0])):.0f}"
+
+
+def _offsets(offsets: Mapping[str, Array]) -> str:
+    """Each with its length, or as a vector where it lies along no single axis."""
+    return ", ".join(f"{name} {max(v, key=abs):.3f}" if sum(abs(v) > 1e-9) <= 1
+                     else f"{name} ({', '.join(f'{c:.3f}' for c in v)})" for name, v in offsets.items())

@@ -1,0 +1,57 @@
+"""The paper's table II: what each part of the prompt is worth, over independent trials."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+
+from palpate.studies.attempt import Settings, attempt
+from palpate.studies.trials import Record, Trial, run_trials
+
+CONFIGURATIONS: dict[str, frozenset[str]] = {
+    "full": frozenset(),
+    "no image": frozenset({"image"}),
+    "no text": frozenset({"text"}),
+    "no role": frozenset({"role"}),
+    "no actions": frozenset({"actions"}),
+    "no composites": frozenset({"composites"}),
+    "no rules": frozenset({"reasoning_rules", "bt_rules"}),
+    "no output": frozenset({"output"}),
+    "no system prompt": frozenset({"all"}),
+}
+"""The rows of the paper's table, with what each leaves out."""
+
+PAPER: dict[str, tuple[int, int | None]] = {
+    "full": (10, 10), "no image": (10, 5), "no text": (10, None), "no role": (10, 10), "no actions": (10, 0),
+    "no composites": (10, 8), "no rules": (10, 3), "no output": (0, 0), "no system prompt": (0, 0),
+}
+"""Valid syntax and task success of 10 with Gemini 1.5 Pro: table II of the paper."""
+
+TRIALS = 10
+
+
+def ablation(scenario: str, planners: Sequence[str], file: Path, settings: Settings, trials: int = TRIALS,
+             configurations: Iterable[str] = CONFIGURATIONS, in_flight: int = 4,
+             say: Callable[[str], None] = lambda _: None) -> list[Record]:
+    """Every configuration with every planner, `trials` times each; results are appended to `file`.
+
+    Raises:
+        InputError: unknown scenario, planner or configuration. Unavailable: the provider was; what is done is kept.
+    """
+    wanted = [Trial(scenario, planner, configuration, number)
+              for planner in planners for configuration in configurations for number in range(trials)]
+    return run_trials(wanted, lambda trial: attempt(trial, without(trial.configuration), settings), file, in_flight,
+                      say)
+
+
+def without(configuration: str) -> frozenset[str]:
+    """The modules that a configuration leaves out.
+
+    Raises:
+        InputError: no such configuration; the message lists those there are.
+    """
+    from palpate.errors import unknown_name
+
+    if configuration not in CONFIGURATIONS:
+        raise unknown_name("configuration", configuration, CONFIGURATIONS)
+    return CONFIGURATIONS[configuration]

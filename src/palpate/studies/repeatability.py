@@ -1,0 +1,25 @@
+"""The paper's table III: the same task over and over, with different models."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from palpate.studies.attempt import Settings, attempt
+from palpate.studies.trials import Record, Trial, run_trials
+
+PAPER: dict[str, tuple[int, int]] = {"GPT-4": (20, 20), "Gemini 1.5 Pro": (20, 20)}
+"""Valid syntax and task success of 20: table III of the paper."""
+
+TRIALS = 20
+
+
+def repeatability(scenario: str, planners: Sequence[str], file: Path, settings: Settings, trials: int = TRIALS,
+                  in_flight: int = 4, say: Callable[[str], None] = lambda _: None) -> list[Record]:
+    """The full prompt with every planner, `trials` times each; results are appended to `file`.
+
+    Raises:
+        InputError: unknown scenario or planner. Unavailable: the provider was; what is done is kept.
+    """
+    wanted = [Trial(scenario, planner, "full", number) for planner in planners for number in range(trials)]
+    return run_trials(wanted, lambda trial: attempt(trial, frozenset(), settings), file, in_flight, say)
