@@ -16,10 +16,21 @@ from palpate.quantities import Gap
 from palpate.scene.scene import Body, Scene, load_scene
 
 if TYPE_CHECKING:
+    import mujoco
+
+    from palpate.pose import Array
     from palpate.robots.mujoco import MujocoRobot
 
 SIZE_TOLERANCE = 0.02
 """m: how far an object's extents in scene and world may differ and still be the same object."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Footage:
+    """What the cell's 30 Hz camera saw: the world's model and its configurations, (t in s, qpos), to be rendered."""
+
+    model: mujoco.MjModel
+    frames: tuple[tuple[float, Array], ...]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -12,7 +12,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from palpate.cell import SimulatedCell, simulated_cell
+from palpate.cell import Footage, SimulatedCell, simulated_cell
 from palpate.errors import InputError, PlanRejected
 from palpate.estimation.derive import estimate_all
 from palpate.estimation.estimate import Estimate
@@ -52,6 +52,7 @@ class Outcome:
     findings: tuple[Finding, ...] = ()
     cell: SimulatedCell | None = None
     execution: Execution | None = None
+    footage: Footage | None = None
     estimates: tuple[Estimate, ...] = ()
     twin: Twin | None = None
     folder: Path | None = None
@@ -100,11 +101,13 @@ def measure(job: Job, scene: Scene, plan: Plan, findings: tuple[Finding, ...], o
         return Outcome(job, scene, plan, findings)
     cell = simulated_cell(job, scene)
     say("touching")
-    execution = touch(plan, scene, cell.robot(job), observer)
+    robot = cell.robot(job)
+    execution = touch(plan, scene, robot, observer)
+    footage = Footage(robot.world.model, tuple(robot.world.frames))
     say("estimating")
     estimators = {name: p.estimate for name, p in vocabulary().primitives.items() if issubclass(p, ConversionPrimitive)}
     estimates = estimate_all(plan.parameters, execution.trace, scene, estimators)
-    return Outcome(job, scene, plan, findings, cell, execution, estimates)
+    return Outcome(job, scene, plan, findings, cell, execution, footage, estimates)
 
 
 def look(job: Job) -> Scene:

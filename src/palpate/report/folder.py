@@ -1,0 +1,145 @@
+"""Everything a run leaves behind, written into its folder."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from palpate import __version__
+from palpate.planning.plan import dump_plan
+from palpate.quantities import Gap, quantity
+from palpate.rendering import gl_available, png
+from palpate.report.data import GapRow, Measured, ReportData
+from palpate.report.mcap import write_mcap
+from palpate.report.render import Film, film, frames_of, render_before_after, render_scene
+from palpate.report.report import write_report
+from palpate.report.result import result_json
+from palpate.run_folder import write_json
+from palpate.scene.camera import load_image
+
+if TYPE_CHECKING:
+    from palpate.pipeline import Outcome
+    from palpate.twin.validate import Residual, Validation
+
+LIBRARIES = ("mujoco", "mink", "py_trees", "numpy", "scipy")
+
+
+@dataclass(frozen=True, slots=True)
+class Pictures:
+    """PNG and MP4 of a run; None where there is nothing to show or no OpenGL to show it with."""
+
+    workspace: bytes | None = None
+    before: bytes | None = None
+    after: bytes | None = None
+    film: Film | None = None
+
+
+def write_outcome(outcome: Outcome, scratch: Path, folder: Path) -> None:
+    """Write all files of a run into `scratch`, which will become `folder`."""
+    from palpate.tree.btcpp import to_xml
+
+    write_json(scratch / "request.json", request_json(outcome))
+    (scratch / "plan.json").write_text(dump_plan(outcome.plan), encoding="utf-8")
+    if outcome.plan.tree is not None and not outcome.findings:
+        (scratch / "tree.xml").write_text(to_xml(outcome.plan.tree), encoding="utf-8")
+    if outcome.execution is not None:
+        write_mcap(scratch / "trace.mcap", outcome.execution.trace)
+    if outcome.twin is not None:
+        (scratch / "twin.xml").write_text(outcome.twin.text, encoding="utf-8", newline="")
+    write_json(scratch / "result.json", result_json(outcome, folder))
+    pictures = take_pictures(outcome)
+    write_images(pictures, scratch / "images")
+    write_report(scratch / "report.html", report_data(outcome, pictures, scratch))
+
+
+def request_json(outcome: Outcome) -> dict[str, Any]:
+    """What was asked: enough to run it again."""
+    job = outcome.job
+
+    def shown(path: Path | None) -> str | None:
+        return str(path.absolute()) if path else None
+
+    return {"request": job.request, "scene": shown(job.scene), "poses": shown(job.poses),
+            "images": [shown(p) for p in job.images], "world": shown(job.world), "robot": job.robot,
+            "planner": job.planner, "noise": job.noise, "seed": job.seed, "remeasure": job.remeasure,
+            "palpate": __version__}
+
+
+def take_pictures(outcome: Outcome) -> Pictures:
+    """Workspace, before, after and film, as far as there is something to see and a way to see it."""
+    given = load_image(outcome.job.images[0]) if outcome.job.images else None
+    workspace = png(given) if given is not None else None
+    if not gl_available()[0]:
+        return Pictures(workspace)
+    names = tuple(outcome.scene.bodies)
+    before = outcome.scene.spec()
+    if outcome.twin is None or outcome.footage is None:
+        return Pictures(workspace or render_scene(before, names))
+    found = {e.gap: e.value for e in outcome.estimates if e.verdict != "not identified"}
+    pair = render_before_after(before, outcome.scene.spec(found), names)
+    t, qpos = frames_of(outcome.footage.frames)
+    moving = film(outcome.footage.model, t, qpos, outcome.execution.trace if outcome.execution else None)
+    return Pictures(workspace or pair[0], *pair, moving)
+
+
+def write_images(pictures: Pictures, folder: Path) -> None:
+    """The pictures as files of their own."""
+    folder.mkdir()
+    contents = {"workspace.png": pictures.workspace, "before.png": pictures.before, "after.png": pictures.after,
+                "execution.mp4": pictures.film.mp4 if pictures.film else None}
+    for name, content in contents.items():
+        if content is not None:
+            (folder / name).write_bytes(content)
+
+
+def report_data(outcome: Outcome, pictures: Pictures, scratch: Path) -> ReportData:
+    """What the page shows."""
+    job, done, twin = outcome.job, outcome.execution, outcome.twin
+    gl, remedy = gl_available()
+    return ReportData(
+        request=job.request, status=outcome.status, plan=outcome.plan,
+        world=outcome.cell.description if outcome.cell else "nothing was moved",
+        gaps=tuple(_gap_rows(outcome)), measured=tuple(_measured(outcome)),
+        findings=tuple(f"{f.path}: {f.message}" for f in outcome.findings),
+        trace=done.trace if done else None, stopped_by=done.stopped_by if done else None,
+        robot_seconds=done.robot_seconds if done else None, wall_seconds=done.wall_seconds if done else None,
+        workspace=pictures.workspace, before=pictures.before, after=pictures.after,
+        video=pictures.film.mp4 if pictures.film else None, video_speed=pictures.film.speed if pictures.film else 1.0,
+        twin_diff=twin.diff if twin else "", twin_notes=twin.notes if twin else (),
+        twin_checks=twin_checks(twin.validation) if twin and twin.validation else {},
+        versions={"palpate": __version__, **{name: version(name) for name in LIBRARIES}},
+        seed=job.seed, noise=job.noise, warnings=() if gl else (remedy,),
+        files=tuple(sorted(str(p.relative_to(scratch)) for p in scratch.rglob("*") if p.is_file())),
+    )
+
+
+def _gap_rows(outcome: Outcome) -> list[GapRow]:
+    asked = set(outcome.plan.parameters)
+    rows: list[GapRow] = []
+    for body in outcome.scene.bodies.values():
+        rows += [GapRow(body.name, q, "missing", Gap(body.name, q) in asked) for q in sorted(body.missing)]
+        rows += [GapRow(body.name, q, "known", Gap(body.name, q) in asked, v) for q, v in body.known.items()]
+        rows += [GapRow(body.name, q, "assumed", Gap(body.name, q) in asked) for q in sorted(body.assumed)]
+    return rows
+
+
+def _measured(outcome: Outcome) -> list[Measured]:
+    truth = outcome.cell.truth if outcome.cell else lambda _: None
+    return [Measured(e, quantity(e.gap.quantity).unit, truth(e.gap)) for e in outcome.estimates]
+
+
+def twin_checks(marks: Validation) -> dict[str, str]:
+    """The twin's marks in words and figures."""
+    return {
+        "Comes to rest": f"{'yes' if marks.settled else 'no'}, after moving {1e3 * marks.drift:.2f} mm",
+        "Recorded touch replayed in the twin": _shown(marks.twin),
+        "Recorded touch replayed in the untouched template": _shown(marks.template),
+    }
+
+
+def _shown(residual: Residual) -> str:
+    parts = [f"{residual.force:.3f} N" if residual.force is not None else "",
+             f"{1e3 * residual.position:.2f} mm" if residual.position is not None else "", residual.note]
+    return "off by " + ", ".join(p for p in parts if p) if any(parts) else "nothing to compare"
