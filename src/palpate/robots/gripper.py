@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from palpate.pose import Array
@@ -55,12 +57,12 @@ class Gripper:
             return np.minimum(self._from + way, self._goal)
         return np.maximum(self._from - way, self._goal)
 
-    def observe(self, t: float, fingers: Array, speed: float) -> None:
-        """Take note of the fingers' ways (2,), m, and their greatest speed, m/s."""
-        self.width = float(fingers[0] + fingers[1])
+    def observe(self, t: float, fingers: Sequence[float], speeds: Sequence[float]) -> None:
+        """Take note of the fingers' two ways from the middle, m, and their speeds, m/s."""
+        self.width = sum(fingers)
         if not self.moving:
             return
-        if speed > STANDSTILL or not self._pressed(t):
+        if max(map(abs, speeds)) > STANDSTILL or not self._pressed(t):
             self._last_moved = t
         self.moving = t - self._last_moved < STANDING
 

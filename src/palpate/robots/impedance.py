@@ -14,7 +14,7 @@ import mujoco
 import numpy as np
 
 from palpate.pose import Array
-from palpate.robots.model import ARM
+from palpate.robots.model import ARM, wrench
 
 STIFFNESS = 3000.0
 """N/m: 1.5 kg sag by 5 mm, and at 0.015 m/s a contact's force rises by 45 N/s."""
@@ -75,20 +75,15 @@ class Gains:
 
     Attributes:
         cartesian: the TCP's springs act, and the joint drives take torques; else the joints' springs act.
-        linear, turning: (3,) and scalar damping at the TCP. joints: (7,) damping of the joints.
+        damping: (6, 1) at the TCP, world axes, or (7, 7) at the joints.
     """
 
     cartesian: bool
-    linear: Array
-    turning: float
-    joints: Array
+    damping: Array
 
     def joint_damping(self, jacobian: Array) -> Array:
         """What all dampers come to at the joints, (7, 7)."""
-        if not self.cartesian:
-            return np.diag(self.joints)
-        weight = np.concatenate([self.linear, np.full(3, self.turning)])
-        return jacobian.T @ (weight[:, None] * jacobian)
+        return jacobian.T @ (self.damping * jacobian) if self.cartesian else self.damping
 
 
 class Actuators:
@@ -98,8 +93,8 @@ class Actuators:
         position, orientation, drives: indices into `ctrl`.
     """
 
-    def __init__(self, model: mujoco.MjModel, gainprm: Array, biasprm: Array) -> None:
-        self._gain, self._bias = gainprm, biasprm
+    def __init__(self, model: mujoco.MjModel) -> None:
+        self._gain, self._bias = model.actuator_gainprm, model.actuator_biasprm
         self._axes = [model.actuator(name).id for name in AXES]
         self._turn = model.actuator(ORIENTATION).id
         self._drives = [model.actuator(name).id for name in DRIVES]
@@ -113,21 +108,21 @@ class Actuators:
         self._spring(self._axes, STIFFNESS, damping.linear)
         self._spring(self._turn, TURNING_STIFFNESS, damping.turning)
         self._gain[self._drives, 0], self._bias[self._drives] = 1.0, 0.0
-        return Gains(True, damping.linear, damping.turning, np.zeros(7))
+        return Gains(True, np.concatenate([damping.linear, np.full(3, damping.turning)])[:, None])
 
     def joints(self, damping: Damping) -> Gains:
         """Let the joints' springs act alone."""
         self._spring(self._axes, 0.0, 0.0)
         self._spring(self._turn, 0.0, 0.0)
         self._spring(self._drives, JOINT_STIFFNESS, damping.joints)
-        return Gains(False, np.zeros(3), 0.0, damping.joints)
+        return Gains(False, np.diag(damping.joints))
 
     def _spring(self, which: list[int] | int, stiffness: Array | float, damping: Array | float) -> None:
         self._gain[which, 0] = stiffness
         self._bias[which, 1], self._bias[which, 2] = -np.asarray(stiffness), -np.asarray(damping)
 
 
-def posture_torque(q: Array, dq: Array, posture: Array, jacobian: Array, wrench_map: Array) -> Array:
+def posture_torque(q: Array, dq: Array, posture: Array, jacobian: Array) -> Array:
     """(7,) N m towards `posture`, projected so that the TCP feels no force of it."""
     torque = POSTURE_STIFFNESS * (posture - q) - POSTURE_DAMPING * dq
-    return torque - jacobian.T @ (wrench_map @ torque)
+    return torque - jacobian.T @ wrench(jacobian, torque)

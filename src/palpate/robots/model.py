@@ -64,12 +64,20 @@ class Kinematics:
     jacobian: Array
     gravity_torque: Array
 
-    def wrench_map(self) -> Array:
-        """(J^T)^+ (n, 6, 7): joint torques to the wrench at the TCP."""
-        j = self.jacobian
-        square = j @ j.transpose(0, 2, 1)
-        square[:, range(6), range(6)] += REGULARISATION
-        return np.linalg.solve(square, j)
+
+def wrench(jacobian: Array, torque: Array) -> Array:
+    """(J^T)^+ tau: the wrench (6,) at the TCP of joint torques (7,). `jacobian` is (6, 7)."""
+    return wrenches(jacobian[None], torque[None])[0]
+
+
+def wrenches(jacobian: Array, torque: Array) -> Array:
+    """`wrench` (n, 6) of n Jacobians (n, 6, 7) and torques (n, 7)."""
+    square = np.matmul(jacobian, jacobian.transpose(0, 2, 1))
+    square += _RIDGE
+    return np.linalg.solve(square, np.matmul(jacobian, torque[:, :, None]))[:, :, 0]
+
+
+_RIDGE = REGULARISATION * np.eye(6)
 
 
 class NominalArm:
@@ -79,51 +87,54 @@ class NominalArm:
         spec = robot_spec(gravity)
         base = spec.body("fr3_link0")
         base.pos, base.quat = pose_world_base.position, pose_world_base.quaternion
+        for geom in list(spec.geoms):
+            spec.delete(geom)
         self._model = spec.compile()
         self._data = mujoco.MjData(self._model)
         self._tcp = self._model.site("tcp").id
-        self._hand = self._model.body("hand").id
+        self._q, self._dq = self._data.qpos[:7], self._data.qvel[:7]
+        self._position = self._data.site_xpos[self._tcp]
+        self._quaternion = self._data.xquat[self._model.body("hand").id]
         self._data.qpos[7:] = 0.02
 
     def kinematics(self, q: Array) -> Kinematics:
         """At configurations `q` (n, 7)."""
         n, model, data = len(q), self._model, self._data
-        pose, jacobian = np.empty((n, 7)), np.empty((n, 6, model.nv))
-        gravity = np.empty((n, model.nv))
-        data.qvel[:] = 0.0
+        pose, jacobian, gravity = np.empty((n, 7)), np.empty((n, 6, model.nv)), np.empty((n, model.nv))
+        self._dq[:] = 0.0
         for i in range(n):
-            data.qpos[:7] = q[i]
+            self._q[:] = q[i]
             mujoco.mj_kinematics(model, data)
             mujoco.mj_comPos(model, data)
             mujoco.mj_jacSite(model, data, jacobian[i, :3], jacobian[i, 3:], self._tcp)
             mujoco.mj_rne(model, data, 0, gravity[i])
-            pose[i, :3], pose[i, 3:] = data.site_xpos[self._tcp], data.xquat[self._hand]
+            pose[i, :3], pose[i, 3:] = self._position, self._quaternion
         return Kinematics(pose, jacobian[:, :, :7], gravity[:, :7])
 
-    def pose(self, q: Array) -> Pose:
-        """The TCP's pose at one configuration (7,)."""
-        self._data.qpos[:7] = q
-        mujoco.mj_kinematics(self._model, self._data)
-        return Pose(self._data.site_xpos[self._tcp].copy(), self._data.xquat[self._hand].copy())
+    def poses(self, q: Array) -> Array:
+        """The TCP's poses (n, 7) at configurations `q` (n, 7)."""
+        out = np.empty((len(q), 7))
+        for i in range(len(q)):
+            self._q[:] = q[i]
+            mujoco.mj_kinematics(self._model, self._data)
+            out[i, :3], out[i, 3:] = self._position, self._quaternion
+        return out
 
-    def coriolis_torque(self, q: Array, dq: Array) -> Array:
-        """Coriolis and centrifugal torques (7,), N m."""
+    def bias_torque(self, q: Array, dq: Array) -> Array:
+        """Gravity, Coriolis and centrifugal torques (7,), N m."""
         model, data = self._model, self._data
-        data.qpos[:7], data.qvel[:7] = q, dq
+        self._q[:], self._dq[:] = q, dq
         mujoco.mj_kinematics(model, data)
         mujoco.mj_comPos(model, data)
         mujoco.mj_comVel(model, data)
-        moving, still = np.empty(model.nv), np.empty(model.nv)
-        mujoco.mj_rne(model, data, 0, moving)
-        data.qvel[:] = 0.0
-        mujoco.mj_comVel(model, data)
-        mujoco.mj_rne(model, data, 0, still)
-        return (moving - still)[:7]
+        out = np.empty(model.nv)
+        mujoco.mj_rne(model, data, 0, out)
+        return out[:7]
 
     def mass_matrix(self, q: Array) -> Array:
         """Joint-space inertia (7, 7) with the motors' reflected one, kg m^2."""
         model, data = self._model, self._data
-        data.qpos[:7] = q
+        self._q[:] = q
         mujoco.mj_fwdPosition(model, data)
         full = np.empty((model.nv, model.nv))
         mujoco.mj_fullM(model, data, full)

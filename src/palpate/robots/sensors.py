@@ -139,7 +139,7 @@ class Sensors:
         n, kinds = len(torque), self._kinds
         step = np.abs(dq) * self._period
         keep = np.exp(step * (-1.0 / kinds.presliding))
-        pull = np.sign(dq) * kinds.friction * (1.0 - keep)
+        pull = np.copysign(kinds.friction * (1.0 - keep), dq)
         extra = np.empty((n, 7))
         for i in range(n):
             self._friction *= keep[i]
@@ -147,10 +147,13 @@ class Sensors:
             extra[i] = self._friction
         if kinds.repeatability:
             self._settle(extra, step, jacobian)
+        noise = self._random.standard_normal((n + 1, 7))
         fade = n * self._period / kinds.drift_time
-        self._drift += kinds.drift * (2 * fade) ** 0.5 * self._random.standard_normal(7) - fade * self._drift
-        extra += self._random.standard_normal((n, 7)) * self._noise + (self._drift - self._zero)
-        return self._gain * torque + extra
+        self._drift += kinds.drift * (2 * fade) ** 0.5 * noise[n] - fade * self._drift
+        extra += noise[:n] * self._noise
+        extra += self._drift - self._zero
+        extra += self._gain * torque
+        return extra
 
     def _settle(self, extra: Array, step: Array, jacobian: Array) -> None:
         """Add the torque that sticks in resting joints, and let the pose's deviation follow the motion."""

@@ -10,7 +10,6 @@ from dataclasses import dataclass
 
 import mujoco
 import numpy as np
-from mujoco.batch import Batch
 
 from palpate.errors import ExecutionAborted, InputError, unknown_name
 from palpate.pose import Array, Pose
@@ -21,21 +20,21 @@ from palpate.robots.sensors import Imperfections, perturb_links
 
 TIMESTEP = 0.001
 """s."""
+BLOCK = 5
+"""Steps per logged sample: 200 Hz."""
+PERIOD = BLOCK * TIMESTEP
 FRAME_PERIOD = 1.0 / 30.0
 """s between camera frames."""
 OPEN = 0.04
 """m: each finger's way from the middle when open."""
 
-_RECORD = ("qpos", "qvel", "qfrc_actuator")
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class Steps:
-    """What n steps of physics did to the robot.
+    """What some blocks of steps did to the robot.
 
     Attributes:
-        q, dq: (n, 7) after each step. torque: (n, 7) commanded joint torques during it, N m.
-        fingers: (n, 2) m. finger_speed: (n, 2) m/s.
+        q, dq: (n, 7) at the end of each block. torque: (n, 7) mean commanded joint torques, N m.
+        fingers, finger_speed: (n, 2) at the end of each block, m, m/s.
     """
 
     q: Array
@@ -51,8 +50,8 @@ class World:
     Attributes:
         model: the compiled world, robot included (its names start with `robot/`).
         frames: (t, qpos) every 1/30 s, what a 30 Hz camera saw.
-        actuators: the controller's, in `control`.
-        control: (nu,) controls that hold still; rows for `step` start as copies of it.
+        actuators: the controller's.
+        rest_control: (nu,) what rows of controls start from, valid for actuators that nobody commands.
     """
 
     def __init__(self, spec: mujoco.MjSpec, pose_world_base: Pose, kinds: Imperfections,
@@ -65,31 +64,35 @@ class World:
         self._finger_q, self._finger_v = _run(finger.qposadr[0], 2), _run(finger.dofadr[0], 2)
         self._fingers_control = int(self.model.actuator_ctrladr[self.model.actuator(PREFIX + "fingers").id])
         self._data.qpos[self._q], self._data.qpos[self._finger_q] = HOME, OPEN
-        self._batch = Batch(self.model, 1, 1, persistent=True)
-        self._batch.qpos = self._data.qpos
-        self.actuators = Actuators(self.model, self._batch.expand("actuator_gainprm")[0],
-                                   self._batch.expand("actuator_biasprm")[0])
-        self.control = np.zeros(self.model.nu)
-        self.control[self.actuators.orientation.start] = 1.0
+        self._seen = mujoco.MjData(self.model)
+        self.actuators = Actuators(self.model)
+        self.rest_control = np.zeros(self.model.nu)
+        self.rest_control[self.actuators.orientation.start] = 1.0
         self.frames: list[tuple[float, Array]] = [(0.0, self._data.qpos.copy())]
         self.t = 0.0
 
     def step(self, control: Array) -> Steps:
-        """Step once per row of `control` (n, nu).
+        """Step once per row of `control` (n * BLOCK, nu).
 
         Raises:
             ExecutionAborted: the physics became unstable.
         """
-        n = len(control)
-        out = self._batch.rollout(n, control, mujoco.mjtState.mjSTATE_CTRL.value, _RECORD)
-        if self._batch.warning[0, :, 1].any():
-            raise ExecutionAborted(f"the simulated world became unstable at {self.t:.2f} s of robot time: "
-                                   "check its masses, sizes and contact parameters")
-        qpos, qvel, torque = out["qpos"][0], out["qvel"][0], out["qfrc_actuator"][0]
+        model, data, n = self.model, self._data, len(control) // BLOCK
+        qpos, qvel, torque = np.empty((n, model.nq)), np.empty((n, model.nv)), np.empty((n, BLOCK, 7))
+        now, speed, inputs, commanded = data.qpos, data.qvel, data.ctrl, data.qfrc_actuator[self._v]
+        for block, rows in enumerate(control.reshape(n, BLOCK, -1)):
+            for i in range(BLOCK):
+                inputs[:] = rows[i]
+                mujoco.mj_step(model, data)
+                torque[block, i] = commanded
+            qpos[block], qvel[block] = now, speed
         self._film(qpos)
-        self.t += n * TIMESTEP
-        return Steps(qpos[:, self._q], qvel[:, self._v], torque[:, self._v], qpos[:, self._finger_q],
-                     qvel[:, self._finger_v])
+        self.t = round(self.t + n * PERIOD, 9)
+        if abs(data.time - self.t) > TIMESTEP / 2:  # MuJoCo starts over when it diverges
+            raise ExecutionAborted(f"the simulated world became unstable before {self.t:.2f} s of robot time: "
+                                   "check its masses, sizes and contact parameters")
+        mean = np.add.reduce(torque, axis=1) / BLOCK
+        return Steps(qpos[:, self._q], qvel[:, self._v], mean, qpos[:, self._finger_q], qvel[:, self._finger_v])
 
     def set_fingers(self, control: Array, opening: Array) -> None:
         """Command each finger's way from the middle, m, in the rows of `control`."""
@@ -103,7 +106,7 @@ class World:
     @property
     def qpos(self) -> Array:
         """(nq,) now."""
-        return self._batch.qpos[0].copy()
+        return self._data.qpos.copy()
 
     @property
     def gravity(self) -> Array:
@@ -132,17 +135,14 @@ class World:
         return Pose(data.site(PREFIX + "tcp").xpos.copy(), data.body(PREFIX + "hand").xquat.copy())
 
     def _at(self, qpos: Array) -> mujoco.MjData:
-        self._data.qpos[:] = qpos
-        self._data.qvel[:] = 0.0
-        mujoco.mj_forward(self.model, self._data)
-        return self._data
+        self._seen.qpos[:] = qpos
+        mujoco.mj_forward(self.model, self._seen)
+        return self._seen
 
     def _film(self, qpos: Array) -> None:
-        """Keep the configurations at which the camera takes a frame."""
-        due = len(self.frames) * FRAME_PERIOD
-        while (row := round((due - self.t) / TIMESTEP) - 1) < len(qpos):
-            self.frames.append((self.t + (row + 1) * TIMESTEP, qpos[row].copy()))
-            due = len(self.frames) * FRAME_PERIOD
+        """Keep the configurations, at the end of a log period, that are nearest to when the camera takes a frame."""
+        while (row := round((len(self.frames) * FRAME_PERIOD - self.t) / PERIOD) - 1) < len(qpos):
+            self.frames.append((self.t + (row + 1) * PERIOD, qpos[row].copy()))
 
 
 def _compile(spec: mujoco.MjSpec, pose_world_base: Pose, kinds: Imperfections,
