@@ -38,12 +38,13 @@ class Pictures:
 
 def write_outcome(outcome: Outcome, scratch: Path, folder: Path) -> None:
     """Write all files of a run into `scratch`, which will become `folder`."""
-    from palpate.tree.btcpp import to_xml
+    from palpate.tree.btcpp import tree_xml
+    from palpate.vocabulary.primitive import vocabulary
 
     write_json(scratch / "request.json", request_json(outcome))
     (scratch / "plan.json").write_text(dump_plan(outcome.plan), encoding="utf-8")
     if outcome.plan.tree is not None and not outcome.findings:
-        (scratch / "tree.xml").write_text(to_xml(outcome.plan.tree), encoding="utf-8")
+        (scratch / "tree.xml").write_text(tree_xml(outcome.plan, vocabulary()), encoding="utf-8")
     if outcome.execution is not None:
         write_mcap(scratch / "trace.mcap", outcome.execution.trace)
     if outcome.twin is not None:

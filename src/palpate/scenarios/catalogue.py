@@ -51,7 +51,7 @@ class Scenario:
 
 def names() -> list[str]:
     """All bundled scenarios, the paper's first one first."""
-    found = sorted(p.parent.name for p in ROOT.glob("*/scenario.yaml"))
+    found = sorted(p.parent.relative_to(ROOT).as_posix() for p in ROOT.rglob("scenario.yaml"))
     return sorted(found, key=lambda n: n != "bottle_and_table")
 
 
