@@ -168,6 +168,34 @@ class Bench:
         self.go(str(self.at), equilibrium.tolist())
         return recording
 
+    def drag(self, at: str, goal: Sequence[float], static: float, dynamic: float, press: tuple[float, float],
+             support: str = "table", speed: float = 0.02) -> None:
+        """Drag the grasped object along its support; `press` (m) is how deep the equilibrium is, first and last.
+
+        Quasi-static: it sticks until the arm's spring exceeds static times normal force, then follows at dynamic.
+        """
+        start, end = self.position.copy(), np.array(goal, dtype=float)
+        begin, distance = self.t, float(np.linalg.norm(end - start))
+        way = (end - start) / distance
+        duration = 1.875 * distance / speed
+        weight = self.payload * 9.81
+        on, x, sliding = 0.0, 0.0, False
+        for time in np.arange(-0.5, duration + 0.4, DT):
+            s = min(max(time / duration, 0.0), 1.0)
+            on = distance * (10 * s**3 - 15 * s**4 + 6 * s**5)
+            depth = (press[0] + (press[1] - press[0]) * on / distance) * min(1.0, (time + 0.5) / 0.3)
+            normal = STIFFNESS * depth + weight
+            sliding = sliding or STIFFNESS * (on - x) > static * normal
+            before, x = x, max(x, on - dynamic * normal / STIFFNESS) if sliding else x
+            here, target = start + way * x, start + way * on
+            target[2] -= depth
+            force = np.concatenate([STIFFNESS * (on - x) * way, np.zeros(3)])
+            force[2] = -normal
+            self.row(target, here, way * (x - before) / DT, np.zeros(3), force)
+        self.position, self.at = end, at
+        self.leaf("MovePose", begin, "contact")
+        self.record(begin, "sliding", support)
+
     def balance(self, height: float, press: Callable[[float], float]) -> tuple[float, float]:
         """Where the arm's spring and the surface are in balance: TCP z and the pressing force."""
         low, high = height - 1e-6, height + 0.2
@@ -220,15 +248,15 @@ def weigh(mass: float, noise: Noise, seed: int = 0, com: Sequence[float] = (0.0,
     """The project's weighing plan: approach, grasp, lift, measure, put back, leave."""
     bench = Bench(noise, seed)
     above, grasp = (0.5, 0.1, 0.32), (0.5, 0.1, 0.2)
-    bench.go("bottle_pose + z_offset", above, 0.25)
-    bench.go("bottle_pose", grasp, 0.25)
+    bench.go("bottle_pose + z_offset", above)
+    bench.go("bottle_pose", grasp)
     bench.close("bottle", mass, com)
     bench.go("bottle_pose + z_offset", above)
     recording = bench.measure()
     conversion = Conversion("Force2Mass", "bottle", "mass", recording, bench.t)
     bench.go("bottle_pose", grasp)
     bench.open()
-    bench.go("bottle_pose + z_offset", above, 0.25)
+    bench.go("bottle_pose + z_offset", above)
     bench.go("home", (0.4, 0.0, 0.5), 0.25)
     return bench.trace(), conversion
 

@@ -6,8 +6,9 @@ follows
 
     f_t = mu N + h,
 
-h being what the arm's own friction leaves in the reading. h does not depend on N, so it shows as soon as N varies;
-otherwise only its prior bounds it, and the standard deviation says so.
+h being what the arm's own friction and bias leave in the reading, partly the same in all drags (friction turns
+round with the motion), partly not (bias does not). h does not depend on N, so it shows as soon as N varies; otherwise
+only its prior bounds it, and the standard deviation says so.
 """
 
 from __future__ import annotations
@@ -35,7 +36,7 @@ TRANSIENT = 0.25
 DOWN = 0.006
 """m above the grasp that the hand may be while the object is on its support."""
 
-DRIVE_BIAS = 0.2
+DRIVE_BIAS = 0.3
 """N (1 sigma): residual of the arm's own joint friction in a horizontal force while the joints slide."""
 
 NORMAL_MIN = 0.5
@@ -81,9 +82,9 @@ def estimate_friction(trace: Trace, gap: Gap) -> Estimate:
     steady = [drag for drag in drags if drag.steady.sum() >= 10]
     if not steady:
         return not_identified(gap, "No recording shows the held object sliding steadily along its support.", evidence)
-    dynamic, residual, covariance = _dynamic(steady)
-    static = _static(drags, residual, covariance[1, 1])
-    return _estimate(gap, evidence, dynamic, covariance, static, steady)
+    dynamic, residuals, covariance = _dynamic(steady)
+    static = _static(steady, residuals, float(covariance[1, 1]))
+    return _estimate(gap, evidence, dynamic, float(np.sqrt(covariance[0, 0])), static, steady)
 
 
 def _drags(trace: Trace, load: Load) -> list[_Drag]:
@@ -117,27 +118,31 @@ def _drag(samples: Samples, rows: slice, step: Array, reference: Array) -> _Drag
     return _Drag(samples.t[rows], force[:, :2] @ way, -force[:, 2], samples.twist[rows, :2] @ way, velocity @ way)
 
 
-def _dynamic(drags: Sequence[_Drag]) -> tuple[float, float, Array]:
-    """mu_d, the common residual h (N), and their covariance, by least squares with a prior on h."""
+def _dynamic(drags: Sequence[_Drag]) -> tuple[float, Array, Array]:
+    """mu_d, each drag's residual h (N), and the covariance of mu_d and the mean of h, given priors on h."""
     tangential = np.concatenate([d.tangential[d.steady] for d in drags])
     normal = np.concatenate([d.normal[d.steady] for d in drags])
-    design = np.column_stack([normal, np.ones_like(normal)])
+    owner = np.repeat(np.arange(len(drags)), [int(d.steady.sum()) for d in drags])
+    own = owner[:, None] == np.arange(len(drags))
+    design = np.column_stack([normal, np.ones_like(normal), own]).astype(np.float64)
+    prior = np.diag([0.0] + [DRIVE_BIAS**-2] * (1 + len(drags)))
     rough = float(tangential @ normal / (normal @ normal))
-    noise = max(float((tangential - rough * normal).std()), 1e-3)
-    spread = noise**2 * CORRELATION
-    information = design.T @ design / spread + np.diag([0.0, DRIVE_BIAS**-2])
-    covariance: Array = np.linalg.inv(information).astype(np.float64)
-    dynamic, residual = covariance @ (design.T @ tangential) / spread
-    return float(dynamic), float(residual), covariance
+    spread = CORRELATION * max(float((tangential - rough * normal).std()), 1e-3) ** 2
+    covariance: Array = np.linalg.inv(design.T @ design / spread + prior).astype(np.float64)
+    found: Array = covariance @ (design.T @ tangential) / spread
+    mean_of = np.eye(2, len(found))
+    mean_of[1, 2:] = 1.0 / len(drags)
+    return float(found[0]), found[1] + found[2:], mean_of @ covariance @ mean_of.T
 
 
 CORRELATION = 10.0
 """Rows of a drag per independent one: stick-slip and the arm's own swing correlate over a tenth of a second."""
 
 
-def _static(drags: Sequence[_Drag], residual: float, residual_variance: float) -> tuple[float, float] | None:
+def _static(drags: Sequence[_Drag], residuals: Array, residual_variance: float) -> tuple[float, float] | None:
     """mu_s and its standard deviation, from the force at each breakaway."""
-    found = [peak for peak in (_peak(drag, residual) for drag in drags) if peak is not None]
+    peaks = (_peak(drag, float(residual)) for drag, residual in zip(drags, residuals, strict=True))
+    found = [peak for peak in peaks if peak is not None]
     if not found:
         return None
     ratios, noises, normals = (np.array(column) for column in zip(*found, strict=True))
@@ -149,26 +154,26 @@ def _static(drags: Sequence[_Drag], residual: float, residual_variance: float) -
 def _peak(drag: _Drag, residual: float) -> tuple[float, float, float] | None:
     """mu_s of one breakaway, its noise, and the normal force: the rising force carried on to the first slip."""
     k = drag.breakaway
-    rising = (drag.t > drag.t[k] - RAMP) & (drag.t <= drag.t[k])
-    if rising.sum() < 4:
+    rising = (drag.t > drag.t[k] - RAMP) & (drag.t < drag.t[k])
+    if rising.sum() < 6:
         return None
     normal = float(drag.normal[rising].mean())
     if normal < NORMAL_MIN:
         return None
-    top = max(_at_end(drag.t[rising], drag.tangential[rising]), float(drag.tangential[rising][-3:].mean()))
+    top = _carried_on(drag.t[rising], drag.tangential[rising], float(drag.t[k - 1] + drag.t[k]) / 2)
     noise = float(np.diff(drag.tangential[rising]).std()) / np.sqrt(2.0)
     return (top - residual) / normal, noise / normal, normal
 
 
-def _at_end(t: Array, y: Array) -> float:
-    basis = np.vander(t - t[-1], 2)
-    return float((np.linalg.pinv(basis) @ y)[1])
+def _carried_on(t: Array, y: Array, end: float) -> float:
+    """A parabola through the rise, at its end: smooth motions load the spring ever faster."""
+    basis = np.vander(t - end, 3)
+    return float((np.linalg.pinv(basis) @ y)[2])
 
 
-def _estimate(gap: Gap, evidence: tuple[Recording, ...], dynamic: float, covariance: Array,
+def _estimate(gap: Gap, evidence: tuple[Recording, ...], dynamic: float, std: float,
               static: tuple[float, float] | None, drags: Sequence[_Drag]) -> Estimate:
     normal = np.concatenate([d.normal[d.steady] for d in drags])
-    std = float(np.sqrt(covariance[0, 0]))
     components = {"dynamic": (dynamic, std), "normal force": (float(normal.mean()), float(normal.std()))}
     if static is not None:
         components["static"] = static

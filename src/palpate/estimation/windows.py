@@ -19,7 +19,7 @@ SETTLE = 0.15
 START = 0.06
 """s before the commanded pose moves on: a smooth start accelerates before it visibly moves."""
 
-STILL_SPEED = 0.004
+STILL_SPEED = 0.001
 """m/s: below this the TCP counts as at rest."""
 
 NEAR = 0.012

@@ -42,8 +42,11 @@ PASS_SCATTER = 0.02
 DRIFT = 0.001
 """N/s (1 sigma)."""
 
-APPARENT_MASS = (4.0, 4.0)
+APPARENT_MASS = (6.0, 3.0)
 """kg, mean and 1 sigma: apparent vertical mass of a 7-axis arm at its TCP."""
+
+CENTRIFUGAL = 8.0
+"""N s^2/m^2 (1 sigma): how much two passes differ whose squared speeds differ; equal motions compare best."""
 
 BLOCK = 0.1
 """s: samples are averaged over blocks of this length before their scatter is taken, so correlation counts."""
@@ -66,6 +69,9 @@ ARRIVAL = 0.02
 PASS_SPEED = 0.01
 """m/s along the path from which the joints certainly slide."""
 
+CORRELATED_BINS = 3.0
+"""What the model of a pass leaves out is the same in about so many neighbouring bins."""
+
 BINS = 10
 """Bins along the path, so that all passes are compared at the same configurations."""
 
@@ -79,7 +85,7 @@ class Segment:
         loaded: with the object in the hand.
         t: mean time, s. start, end: s.
         path: (k,) position along the path, -1 to 1.
-        acceleration: (k,) vertical, m/s^2.
+        acceleration: (k,) vertical, m/s^2. speed2: (k,) m^2/s^2, squared speed.
         mean, variance: (k, 6) of the wrench.
     """
 
@@ -90,6 +96,7 @@ class Segment:
     end: float
     path: Array
     acceleration: Array
+    speed2: Array
     mean: Array
     variance: Array
 
@@ -137,8 +144,12 @@ def fit_load(found: Sequence[Segment], axis: int, gravity: float, hand: Hand) ->
     variances: list[Array] = [s.variance[:, axis] for s in found]
     noise = np.concatenate(variances) / scale**2 + FLOOR**2
 
+    noise = noise + _misfit(found, design, np.concatenate([prior, np.full(len(found), 0.02)]), y, noise)
+
+    unequal = _unequal(found)
+
     def scatter(rest: float, moving: float) -> list[float]:
-        return [rest if s.at_rest else moving for s in found]
+        return [float(np.hypot(rest if s.at_rest else moving, extra)) for s, extra in zip(found, unequal, strict=True)]
 
     fits = [(*_solve(design, np.array([*prior, *scatter(rest, moving)]), y, noise),
              _half_cauchy(rest, hand.force_repeatability / 2) + _half_cauchy(moving, PASS_SCATTER))
@@ -182,6 +193,26 @@ def _solve(design: Array, prior: Array, y: Array, variance: Array) -> tuple[floa
     misfit = float(y @ (y / variance) - projected @ mean)
     log_det = float(2.0 * np.log(prior).sum() + np.linalg.slogdet(information)[1])
     return float(mean[0]), float(covariance[0, 0]), -0.5 * (misfit + log_det)
+
+
+def _unequal(found: Sequence[Segment]) -> list[float]:
+    """N: scatter of each pass for moving at another speed than the others of its kind."""
+    speed2 = {kind: np.mean([float(s.speed2.mean()) for s in found if s.kind == kind]) for kind in {s.kind for s in found}}
+    return [0.0 if s.at_rest else CENTRIFUGAL * abs(float(s.speed2.mean() - speed2[s.kind])) for s in found]
+
+
+def _misfit(found: Sequence[Segment], design: Array, prior: Array, y: Array, noise: Array) -> Array:
+    """Variance to add to each row: what the model leaves of each pass beyond its noise, as correlated over bins."""
+    information = (design.T / noise) @ design + np.diag(prior**-2)
+    residual = y - design @ np.linalg.solve(information, design.T @ (y / noise))
+    out = np.zeros_like(y)
+    first = 0
+    for segment in found:
+        rows = slice(first, first + len(segment.path))
+        first = rows.stop
+        if not segment.at_rest:
+            out[rows] = CORRELATED_BINS * max(0.0, float((residual[rows] ** 2 - noise[rows]).mean()))
+    return out
 
 
 def _mixture(means: Array, stds: Array, weights: Array) -> Contrast:
@@ -263,10 +294,12 @@ def _measure(samples: Samples, rests: Sequence[_Cut], passes: Sequence[_Cut], pa
 def _segment(samples: Samples, cut: _Cut, path: Array, bins: Sequence[NDArray[np.intp] | slice],
              density: Array) -> Segment:
     acceleration = np.gradient(samples.twist[:, 2], samples.t)
+    speed2 = (samples.twist[:, :3] ** 2).sum(axis=1)
     t = samples.t[cut.rows]
     return Segment(
         cut.kind, cut.loaded, float(t.mean()), float(t[0]), float(t[-1]), path,
-        np.array([0.0 if cut.kind.startswith("rest") else acceleration[rows].mean() for rows in bins]),
+        np.array([acceleration[rows].mean() for rows in bins]),
+        np.array([speed2[rows].mean() for rows in bins]),
         np.array([samples.wrench[rows].mean(axis=0) for rows in bins]),
         np.array([density / len(samples.t[rows]) for rows in bins]),
     )
