@@ -70,7 +70,7 @@ def test_an_outage_keeps_what_is_done_and_says_so(tmp_path: Path) -> None:
             raise Unavailable("b:2: the key was refused")
         return good(trial)
 
-    with pytest.raises(Unavailable, match="key was refused.*run the study again"):
+    with pytest.raises(Unavailable, match=r"key was refused.*run the study again"):
         run_trials(TRIALS, out, file, in_flight=1)
     assert len(read_records(file)) == 6
     assert len(asked) == 6 + 3

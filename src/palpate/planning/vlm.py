@@ -93,9 +93,8 @@ class VlmPlanner:
         from palpate.planning.check import check
 
         plan = proposal.plan
-        if plan.tree is None:
-            return [] if plan.explanation.strip() else ["'tree' is null without an explanation; say why"]
-        scene = scene or self._seen(proposal.scene)
+        if plan.tree is not None and scene is None:
+            scene = self._seen(proposal.scene)
         return [f"{f.path}: {f.message}" for f in check(plan, scene, remeasure=self.remeasure)]
 
     def _seen(self, objects: tuple[SceneObject, ...]) -> Scene:
