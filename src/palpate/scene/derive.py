@@ -13,8 +13,9 @@ from palpate.pose import Array, Pose
 from palpate.scene.grasp import HAND, PAD, Grasp, above, derive_grasp
 from palpate.scene.outline import rectangle, rim
 from palpate.scene.places import approach_pose, free_spot
+from palpate.scene.priors import APPROACH, RESTING
 from palpate.scene.scene import Body
-from palpate.scene.source import APPROACH, RESTING, Belief
+from palpate.scene.source import Belief
 from palpate.scene.symbols import DEFAULT_OFFSETS, HOME, Symbols, vectors
 
 LIFT = (0.10, 0.35)
@@ -83,7 +84,7 @@ def _middle(cloud: Array) -> tuple[float, float]:
 def derive_symbols(belief: Belief, bodies: Mapping[str, Body], base: Pose) -> Symbols:
     """All names of the scene: those of poses.yaml, and what geometry implies for the rest."""
     geometry = Geometry.of(belief, bodies, base)
-    entries = belief.poses
+    entries = belief.source.poses
     grasps = {name: _grasp(geometry, name) for name in geometry.objects}
     ungraspable = {n: g.problem for n, g in grasps.items() if g.problem and n not in entries.grasps}
     for name in geometry.objects:
@@ -139,12 +140,17 @@ def _later(geometry: Geometry, name: str, pose: Pose) -> Callable[[], Pose | Non
 
 
 def _grasp(geometry: Geometry, name: str) -> Grasp:
+    """The grasp among the neighbours, else the one there is once other objects are carried away."""
     rotation = geometry.bodies[name].pose_world.rotation
     level = int(np.argmax(np.hypot(rotation[0], rotation[1])))
     yaw = float(np.arctan2(rotation[1, level], rotation[0, level]))
     support = geometry.support(name)
     names = (name,) if support is None else (name, support)
-    return derive_grasp(geometry.objects[name], geometry.others(*names), yaw, geometry.base)
+    found = derive_grasp(geometry.objects[name], geometry.others(*names), yaw, geometry.base)
+    if not found.problem:
+        return found
+    cleared = geometry.others(*names, *geometry.objects)
+    return derive_grasp(geometry.objects[name], cleared, yaw, geometry.base)
 
 
 def _approach(geometry: Geometry, name: str) -> Pose | None:

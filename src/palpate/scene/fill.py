@@ -148,19 +148,27 @@ class Filler:
 
     def _standing(self, values: Values) -> Iterator[Edit]:
         for thing in self.found.objects.values():
-            if has_unknown(thing.element, "pos", 2):
-                _refuse_frame(thing.element)
-                bottom = float(self.shapes.cloud(thing.geoms)[:, 2].min())
-                z = self.given_z.get(thing.name, self.support_z(thing, values) - bottom)
+            if not has_unknown(thing.element, "pos", 2):
+                continue
+            _refuse_frame(thing.element)
+            support = self.support_z(thing, values)
+            if support is not None or thing.name in self.given_z:
+                bottom = float(self.shapes.cloud(thing.colliding)[:, 2].min())
+                z = self.given_z.get(thing.name, (support or 0.0) - bottom)
                 yield Edit(thing.element, "pos", {2: number(z)})
 
-    def support_z(self, thing: ObjectEntry, values: Values) -> float:
-        """World z of the highest surface below the middle of an object, the ground without one, m."""
-        cloud = self.shapes.cloud(thing.geoms)
+    def support_z(self, thing: ObjectEntry, values: Values) -> float | None:
+        """World z of the highest surface below the middle of an object, the ground without one, m.
+
+        None while the height of a surface below it is unknown.
+        """
+        cloud = self.shapes.cloud(thing.colliding)
         middle = (cloud.max(axis=0) + cloud.min(axis=0)) / 2
-        tops = [values.get(Gap(s.name, "height"), (self.top_z(s),))[0]
-                for s in self.found.surfaces.values() if self.covers(s, middle)]
-        return max(tops, default=0.0)
+        below = [s for s in self.found.surfaces.values() if self.covers(s, middle)]
+        heights = {s.name: values.get(Gap(s.name, "height")) for s in below}
+        if any(s.missing and heights[s.name] is None for s in below):
+            return None
+        return max(((heights[s.name] or (self.top_z(s),))[0] for s in below), default=0.0)
 
     def covers(self, surface: SurfaceEntry, point: Array) -> bool:
         """Whether a point's x-y is within the box around the surface's top."""
@@ -194,7 +202,7 @@ class Filler:
     @staticmethod
     def _half_height(unknown: frozenset[str], rise: float) -> tuple[float, float]:
         """What the position rises and the half height becomes, from how far the top must rise."""
-        if unknown == {"size"}:
+        if unknown == frozenset({"size"}):
             return 0.0, PLACEHOLDER + rise
         half = (rise + PLACEHOLDER) / 2
         return half, half
@@ -209,7 +217,10 @@ class Filler:
                   known: Values) -> Iterator[Edit | Insert]:
         if any(e.tag == "body" for e in thing.element.iterdescendants()):
             raise InputError(f"'{thing.name}' is made of several bodies; its centre of mass has no single place in MJCF")
-        mass = (mine.get("mass") or known.get(Gap(thing.name, "mass")) or (self.mass(thing),))[0]
+        given = mine.get("mass") or known.get(Gap(thing.name, "mass"))
+        if given is None and "mass" in thing.missing:
+            raise InputError(f"the centre of mass of '{thing.name}' cannot be written without its mass")
+        mass = given[0] if given else self.mass(thing)
         com = np.array(mine.get("com") or known.get(Gap(thing.name, "com")) or self.com(thing))
         tensor = _tensor(mine["inertia"]) if "inertia" in mine else self.inertia(thing, mass, com)
         pos = {i: self._text(thing.name, "com", float(v)) for i, v in enumerate(com)}

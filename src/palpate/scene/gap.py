@@ -247,6 +247,21 @@ def _register(name: str, element: Element, found: Inventory) -> None:
     found.order.append(name)
 
 
+def marked(found: Inventory) -> set[tuple[str, str]]:
+    """(name, quantity) of everything missing that is written `?`, so that the file does not compile without it."""
+    gaps: set[tuple[str, str]] = set()
+    for thing in found.objects.values():
+        stated = {"mass": ("mass", "density"), "friction": ("friction",)}
+        for quantity, attributes in stated.items():
+            if any(UNKNOWN in tokens(found.defaults.attribute(g, a)) for g in thing.geoms for a in attributes):
+                gaps.add((thing.name, quantity))
+        inertial = {"mass": ("mass",), "com": ("pos",), "inertia": ("diaginertia", "fullinertia")}
+        gaps |= {(thing.name, q) for q, names in inertial.items() for a in names if has_unknown(thing.inertial, a)}
+        gaps |= {(thing.name, "position")} & {(thing.name, q) for q in thing.missing}
+    gaps |= {(surface.name, "height") for surface in found.surfaces.values() if surface.unknown}
+    return {(name, q) for name, q in gaps if name in found.surfaces or q in found.objects[name].missing}
+
+
 def measurable_slots(found: Inventory) -> set[tuple[Element, str]]:
     """Every (element, attribute) where a `?` stands for something that is measured or follows from it."""
     slots: set[tuple[Element, str]] = set()

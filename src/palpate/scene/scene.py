@@ -159,6 +159,15 @@ def parse_scene(text: str, folder: Path | None = None, poses: str | None = None)
     return _scene(parse_document(text, folder), None, parse_poses(poses) if poses is not None else None)
 
 
+def scene_from_text(text: str, like: Scene) -> Scene:
+    """Another version of a scene's MJCF (its twin), with the same folder and the same poses.
+
+    Raises:
+        InputError: as `load_scene`.
+    """
+    return _scene(parse_document(text, like.source.document.folder), like.path, like.source.poses)
+
+
 def _scene(document: Document, path: Path | None, poses: Poses | None) -> Scene:
     from palpate.scene.derive import derive_symbols
     from palpate.scene.poses import Poses

@@ -9,33 +9,18 @@ import mujoco
 import numpy as np
 
 from palpate.errors import InputError, unknown_name
-from palpate.pose import Array, Pose
+from palpate.pose import Array
 from palpate.quantities import Gap
 from palpate.scene.edits import Edit, Insert
 from palpate.scene.fill import Filler, carrier, inertia_components, placeholders
 from palpate.scene.gap import Inventory, ObjectEntry, SurfaceEntry, inventory
-from palpate.scene.mjcf import UNKNOWN, Document, Element, has_unknown, label, tokens
+from palpate.scene.mjcf import Document, Element, has_unknown, label
 from palpate.scene.model import compile_spec, model_tree
 from palpate.scene.poses import Poses
+from palpate.scene.priors import RESTING, box_around, derive_priors, standing_point
 from palpate.scene.scene import Body
 from palpate.scene.shapes import Shapes, compile_shapes
 from palpate.scene.words import thing_words
-
-PRIOR_DENSITY = 500.0
-"""kg/m³: between hollow household things and wood."""
-PRIOR_MASS = (0.02, 1.5)
-"""kg: bounds of the prior."""
-PRIOR_FRICTION = 0.5
-PRIOR_HEIGHT = 0.4
-"""m, of a surface on which nothing stands."""
-PRIOR_POSITION = (0.5, 0.0)
-"""m, of an object whose place nobody gave."""
-
-APPROACH = 0.10
-"""m: how far above a surface its approach pose has the TCP."""
-
-RESTING = 0.02
-"""m: an object whose bottom is this close to a top stands on it."""
 
 CARRYING = 0.10
 """m: a static thing narrower than this is a surface only when something stands on it."""
@@ -51,6 +36,7 @@ class Source:
     found: Inventory
     filler: Filler
     overrides: tuple[Edit, ...]
+    poses: Poses
 
     def edits(self, values: Mapping[Gap, tuple[float, ...]]) -> list[Edit | Insert]:
         """Poses that came with the scene, then `values`."""
@@ -67,7 +53,6 @@ class Belief:
     """A source, what is believed of its unknowns, and the geometry that follows."""
 
     source: Source
-    poses: Poses
     priors: dict[Gap, tuple[float, ...]]
     shapes: Shapes
 
@@ -82,7 +67,7 @@ class Belief:
 
     def _object(self, thing: ObjectEntry) -> Body:
         pose = self.shapes.body_pose(thing.name)
-        centre, size = _box(pose, self.shapes.cloud(thing.colliding))
+        centre, size = box_around(pose, self.shapes.cloud(thing.colliding))
         return Body(thing.name, "object", self._words(thing.name, thing.geoms), pose, centre, size,
                     known_values(self.source.filler, self.shapes, thing), thing.missing, thing.assumed)
 
@@ -91,7 +76,7 @@ class Belief:
         is_body = surface.element.tag == "body"
         pose = self.shapes.body_pose(surface.name) if is_body else self.shapes.geom_pose(surface.element)
         cloud = self.shapes.points(geom)
-        centre, size = _box(pose, cloud)
+        centre, size = box_around(pose, cloud)
         known = {} if surface.missing else {"height": (float(cloud[:, 2].max()),)}
         return Body(surface.name, "surface", self._words(surface.name, (geom,), shapes=False), pose, centre, size,
                     known, surface.missing)
@@ -112,11 +97,11 @@ def believe(document: Document, poses: Poses) -> Belief:
     first = compile_shapes(document, found, [*placeholders(found), *overrides])
     found = replace(found, surfaces=_carrying(found, first))
     filler = Filler(found, first, given_z={n: z for n, z in given_z.items() if n in found.objects})
-    source = Source(document, found, filler, tuple(overrides))
-    priors = _priors(filler, poses, given_z)
+    source = Source(document, found, filler, tuple(overrides), poses)
+    priors = derive_priors(filler, poses, given_z)
     shapes = compile_shapes(document, found, source.edits(priors)) if priors or _open_z(found) else first
     _check_heights(filler, shapes, priors)
-    return Belief(source, poses, priors, shapes)
+    return Belief(source, priors, shapes)
 
 
 def known_values(filler: Filler, shapes: Shapes, thing: ObjectEntry) -> dict[str, tuple[float, ...]]:
@@ -136,13 +121,6 @@ def known_values(filler: Filler, shapes: Shapes, thing: ObjectEntry) -> dict[str
         x, y, _ = shapes.body_pose(thing.name).position
         known["position"] = (float(x), float(y))
     return known
-
-
-def _box(pose: Pose, cloud: Array) -> tuple[Array, Array]:
-    """Centre and size of the box around world points, in the frame `pose`."""
-    local = (cloud - pose.position) @ pose.rotation
-    low, high = local.min(axis=0), local.max(axis=0)
-    return (low + high) / 2, high - low
 
 
 def _check_names(poses: Poses, found: Inventory) -> None:
@@ -183,15 +161,9 @@ def _open_z(found: Inventory) -> bool:
 
 
 def _carrying(found: Inventory, shapes: Shapes) -> dict[str, SurfaceEntry]:
-    bottoms = {name: _standing_point(shapes, thing) for name, thing in found.objects.items()}
+    bottoms = {name: standing_point(shapes, thing) for name, thing in found.objects.items()}
     return {name: surface for name, surface in found.surfaces.items()
             if surface.missing or _is_surface(surface, shapes, list(bottoms.values()))}
-
-
-def _standing_point(shapes: Shapes, thing: ObjectEntry) -> Array:
-    cloud = shapes.cloud(thing.colliding)
-    low, high = cloud.min(axis=0), cloud.max(axis=0)
-    return np.array([(low[0] + high[0]) / 2, (low[1] + high[1]) / 2, low[2]])
 
 
 def _is_surface(surface: SurfaceEntry, shapes: Shapes, standing: list[Array]) -> bool:
@@ -223,70 +195,6 @@ def _level(shapes: Shapes, geom: Element) -> bool:
     if kind in (mujoco.mjtGeom.mjGEOM_CYLINDER, mujoco.mjtGeom.mjGEOM_PLANE):
         return bool(up[2] > 0.999)
     return kind in (mujoco.mjtGeom.mjGEOM_MESH, mujoco.mjtGeom.mjGEOM_HFIELD)
-
-
-def _priors(filler: Filler, poses: Poses, given_z: Mapping[str, float]) -> dict[Gap, tuple[float, ...]]:
-    priors: dict[Gap, tuple[float, ...]] = {}
-    for surface in filler.found.surfaces.values():
-        if surface.missing:
-            priors[Gap(surface.name, "height")] = (_prior_height(filler, surface, poses, given_z),)
-    for thing in filler.found.objects.values():
-        priors |= {Gap(thing.name, quantity): value for quantity, value in _prior_values(filler, thing, poses)}
-    return priors
-
-
-def _prior_height(filler: Filler, surface: SurfaceEntry, poses: Poses, given_z: Mapping[str, float]) -> float:
-    if surface.name in given_z and "body" in surface.unknown | ({"body"} if surface.element.tag == "geom" else set()):
-        return filler.top_z(surface) + given_z[surface.name]
-    known_tops = [(s, filler.top_z(s)) for s in filler.found.surfaces.values() if not s.missing]
-    bottoms = [point[2] for point in _above(filler, surface)
-               if not any(abs(point[2] - top) < RESTING and filler.covers(s, point) for s, top in known_tops)]
-    if bottoms:
-        return float(min(bottoms))
-    approach = poses.places.get(f"{surface.name}_approach")
-    return approach.pos[2] - APPROACH if approach is not None else PRIOR_HEIGHT
-
-
-def _above(filler: Filler, surface: SurfaceEntry) -> Iterator[Array]:
-    """The standing points of objects with a known z over a surface."""
-    for thing in filler.found.objects.values():
-        point = _standing_point(filler.shapes, thing)
-        if thing.name in filler.given_z:
-            point[2] += filler.given_z[thing.name]
-        elif has_unknown(thing.element, "pos", 2):
-            continue
-        if filler.covers(surface, point):
-            yield point
-
-
-def _prior_values(filler: Filler, thing: ObjectEntry, poses: Poses) -> Iterator[tuple[str, tuple[float, ...]]]:
-    volume = sum(filler.shapes.volume(geom) for geom in thing.colliding)
-    mass = float(np.clip(volume * PRIOR_DENSITY, *PRIOR_MASS))
-    if "mass" in thing.missing:
-        yield "mass", (mass,)
-    if "friction" in thing.missing:
-        yield "friction", (PRIOR_FRICTION,)
-    com = filler.com(thing)
-    if "com" in thing.missing:
-        com = _prior_com(filler, thing)
-        yield "com", com
-    if "inertia" in thing.missing:
-        own = mass if "mass" in thing.missing else filler.mass(thing)
-        yield "inertia", filler.inertia_values(thing, own, np.array(com))
-    if "position" in thing.missing:
-        entry = poses.objects.get(thing.name)
-        given = entry.pos if entry is not None else PRIOR_POSITION
-        stated = tokens(thing.element.get("pos"))
-        x, y = (given[i] if stated[i] == UNKNOWN or entry else float(stated[i]) for i in (0, 1))
-        yield "position", (x, y)
-
-
-def _prior_com(filler: Filler, thing: ObjectEntry) -> tuple[float, ...]:
-    """The middle of the geoms, except for the numbers that are stated."""
-    assert thing.inertial is not None
-    centre, _ = _box(filler.shapes.body_pose(thing.name), filler.shapes.cloud(thing.colliding))
-    stated = tokens(thing.inertial.get("pos")) or [UNKNOWN] * 3
-    return tuple(float(c) if part == UNKNOWN else float(part) for c, part in zip(centre, stated, strict=True))
 
 
 def _check_heights(filler: Filler, shapes: Shapes, priors: Mapping[Gap, tuple[float, ...]]) -> None:

@@ -66,13 +66,14 @@ class Symbols:
         later: names of poses that are worked out when first asked for, with how.
     """
 
-    poses: dict[str, Pose]
+    poses: Mapping[str, Pose]
     subjects: Mapping[str, str]
     configurations: Mapping[str, Array]
     offsets: Mapping[str, Array]
     own_offsets: Mapping[str, Mapping[str, Array]]
     ungraspable: Mapping[str, str] = field(default_factory=dict[str, str])
     later: Mapping[str, Callable[[], Pose | None]] = field(default_factory=dict[str, "Callable[[], Pose | None]"])
+    _found: dict[str, Pose | None] = field(default_factory=dict[str, "Pose | None"], init=False, repr=False)
 
     @cached_property
     def names(self) -> tuple[str, ...]:
@@ -124,14 +125,16 @@ class Symbols:
         Raises:
             InputError: unknown, or there is no room for it.
         """
-        if name not in self.poses and name in self.later:
-            found = self.later[name]()
-            if found is None:
-                raise InputError(f"there is no free place within reach for '{name}'; give one in poses.yaml")
-            self.poses[name] = found
-        if name not in self.poses:
+        if name in self.poses:
+            return self.poses[name]
+        if name not in self.later:
             raise unknown_name("pose", name, self.names)
-        return self.poses[name]
+        if name not in self._found:
+            self._found[name] = self.later[name]()
+        found = self._found[name]
+        if found is None:
+            raise InputError(f"there is no free place within reach for '{name}'; give one in poses.yaml")
+        return found
 
     def offset(self, name: str, pose: str) -> Array:
         """The vector (3,) m that an offset is at a named pose: along tool x, along tool y, along world z."""
@@ -189,7 +192,8 @@ def _coefficient(match: re.Match[str], text: str) -> float:
 
 def _in_world(base: Pose, shift: Array) -> Array:
     """A shift along tool x, tool y (both laid level) and world z, in world axes."""
-    return _level(base.rotation[:, 0]) * shift[0] + _level(base.rotation[:, 1]) * shift[1] + shift[2] * np.array([0, 0, 1])
+    x, y, z = shift
+    return _level(base.rotation[:, 0]) * x + _level(base.rotation[:, 1]) * y + np.array([0.0, 0.0, z])
 
 
 def _level(axis: Array) -> Array:

@@ -10,7 +10,7 @@ from palpate.errors import PalpateError
 from palpate.estimation.estimate import Estimate
 from palpate.scene.scene import Scene, scene_from_text
 from palpate.trace import Trace
-from palpate.twin.inject import inject
+from palpate.twin.inject import complete
 from palpate.twin.validate import Replay, Validation, validate
 
 
@@ -33,7 +33,7 @@ class Twin:
 def build_twin(scene: Scene, estimates: Sequence[Estimate], trace: Trace, replay: Replay) -> Twin:
     """Inject what was identified, then check that the result behaves as recorded."""
     identified = [e for e in estimates if e.verdict != "not identified"]
-    text, notes = inject(scene, identified)
+    text, notes = complete(scene, identified)
     diff = "".join(difflib.unified_diff(scene.text.splitlines(keepends=True), text.splitlines(keepends=True),
                                         "scene.xml", "twin.xml"))
     try:

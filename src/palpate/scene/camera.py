@@ -1,0 +1,84 @@
+"""I: the images of the workspace, and the camera that took them."""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+from palpate.errors import InputError
+from palpate.pose import Array, Pose
+from palpate.scene.poses import CameraEntry
+
+MAX_PIXELS = 64_000_000
+"""Largest picture that is opened."""
+
+MAX_SIDE = 1024
+"""Pixels: longer side after loading; larger pictures are downscaled, smaller ones left alone."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Camera:
+    """A pinhole camera.
+
+    Attributes:
+        pose_world_camera: it looks along its own -z, its x points right in the image and its y up, as in MuJoCo.
+        fovy: vertical field of view, rad.
+        width, height: pixels.
+    """
+
+    pose_world_camera: Pose
+    fovy: float
+    width: int
+    height: int
+
+    @classmethod
+    def of(cls, entry: CameraEntry) -> Camera:
+        """From `poses.yaml`."""
+        return cls(Pose.of(entry.pos, entry.quat), float(np.deg2rad(entry.fovy)), *entry.size)
+
+    @property
+    def focal(self) -> float:
+        """Focal length, pixels (square pixels, centre of the image on the axis)."""
+        return self.height / 2 / float(np.tan(self.fovy / 2))
+
+    def ray(self, u: float, v: float) -> Array:
+        """(3,) unit vector in the world through pixel (u right, v down)."""
+        local = np.array([u - self.width / 2, self.height / 2 - v, -self.focal])
+        return self.pose_world_camera.rotation @ (local / np.linalg.norm(local))
+
+    def on_plane(self, u: float, v: float, z: float) -> Array | None:
+        """(3,) where the ray through a pixel meets the level plane at world `z`; None when it does not."""
+        ray, eye = self.ray(u, v), self.pose_world_camera.position
+        distance = (z - eye[2]) / ray[2] if abs(ray[2]) > 1e-9 else -1.0
+        return eye + distance * ray if distance > 0 else None
+
+    def project(self, point: Array) -> tuple[float, float] | None:
+        """Pixel (u, v) of a point in the world; None behind the camera."""
+        x, y, z = self.pose_world_camera.inverse().apply(point)
+        if z >= 0:
+            return None
+        return self.width / 2 - self.focal * x / z, self.height / 2 + self.focal * y / z
+
+
+def load_image(path: Path, max_side: int = MAX_SIDE) -> NDArray[np.uint8]:
+    """A PNG or JPEG as RGB pixels (height, width, 3), downscaled to at most `max_side` on its longer side.
+
+    Raises:
+        InputError: not readable, not such a picture, or too large.
+    """
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", Image.DecompressionBombWarning)
+            with Image.open(path, formats=("PNG", "JPEG")) as file:
+                if file.width * file.height > MAX_PIXELS:
+                    raise InputError(f"the image {path} has {file.width} × {file.height} pixels; at most "
+                                     f"{MAX_PIXELS // 1_000_000} million are read")
+                file.thumbnail((max_side, max_side))
+                return np.asarray(file.convert("RGB"), dtype=np.uint8)
+    except (OSError, ValueError, SyntaxError, Image.DecompressionBombError, Image.DecompressionBombWarning) as error:
+        raise InputError(f"cannot read the image {path}: {error}; give a PNG or JPEG file") from None

@@ -1,0 +1,222 @@
+"""Estimates into the user's own MJCF text: a minimal change that leaves every other byte alone.
+
+What is written where is decided in `palpate.scene.fill`. Every estimate is also recorded in `<custom>`:
+
+- numeric `palpate_<object>_<quantity>`: value, standard deviation, low and high end of the 95 % interval; with
+  several components all values come first, then all deviations, and so on;
+- numeric `palpate_<object>_<quantity>_<component>`: value and deviation of a further result (static friction);
+- text `palpate_<object>_<quantity>_method`: how it was found.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from lxml import etree
+
+from palpate.errors import InputError
+from palpate.estimation.estimate import Estimate
+from palpate.quantities import Gap
+from palpate.scene.edits import Edit, Insert
+from palpate.scene.gap import inventory, marked
+from palpate.scene.mjcf import UNKNOWN, Document, Element, elements, parse_document, parse_xml, tokens
+from palpate.scene.model import MUJOCO_FRICTION
+from palpate.scene.poses import Poses
+from palpate.scene.scene import Scene
+from palpate.scene.source import Source, believe
+from palpate.twin import spans
+
+Values = Mapping[Gap, tuple[float, ...]]
+
+
+def inject(text: str, values: Values, records: Sequence[Estimate] = (), folder: Path | None = None) -> str:
+    """The MJCF with `values` in it and `records` in its `<custom>`; nothing else changes.
+
+    A `?` that `values` does not answer stays; see `unfilled`. `folder` is where relative file names start. When
+    a value belongs into an included file, that file's content takes the place of its `<include>`.
+
+    Raises:
+        InputError: not a usable scene, or a value that has no place in it.
+    """
+    document = parse_document(text, folder)
+    source = believe(document, Poses()).source
+    source = replace(source, filler=replace(source.filler, std=_deviations(records)))
+    edits = [*source.filler.edits(values, {}), *_leftovers(source, values)]
+    if any(_target(edit) not in document.index for edit in edits):
+        assert folder is not None
+        return inject(spans.inline_includes(text, folder), values, records, folder)
+    return _written(document, edits, list(_entries(records)))
+
+
+def complete(scene: Scene, estimates: Sequence[Estimate]) -> tuple[str, tuple[str, ...]]:
+    """The twin's text, and remarks: what could not be written, and which `?` nobody measured and now hold a prior."""
+    folder = scene.source.document.folder
+    values = {e.gap: e.value for e in estimates}
+    reasons = {gap: _unfit(scene, gap, values) for gap in values}
+    fitting = {gap: value for gap, value in values.items() if not reasons[gap]}
+    notes = [f"{gap} is not in the twin: {reason}" for gap, reason in reasons.items() if reason]
+    open_gaps = [gap for gap in unfilled(scene.text, folder) if gap not in fitting]
+    notes += [f"{gap} was not measured; the twin holds the assumed value {_numbers(scene.priors[gap])}"
+              for gap in open_gaps]
+    priors = {gap: scene.priors[gap] for gap in open_gaps}
+    text = inject(scene.text, {**priors, **fitting}, [e for e in estimates if e.gap in fitting], folder)
+    return text, tuple(notes)
+
+
+def unfilled(text: str, folder: Path | None = None) -> list[Gap]:
+    """What is written `?` and hence must be answered before MuJoCo reads the file, in document order."""
+    found = inventory(parse_document(text, folder))
+    gaps = marked(found)
+    return sorted((Gap(*gap) for gap in gaps), key=lambda gap: (found.order.index(gap.object), gap.quantity))
+
+
+def _unfit(scene: Scene, gap: Gap, values: Values) -> str:
+    """Why a value cannot be written, or nothing."""
+    needed = {g: v for g, v in values.items() if g.object == gap.object and g.quantity in (gap.quantity, "mass")}
+    try:
+        scene.source.filler.edits(needed, scene.priors)
+    except InputError as error:
+        return str(error)
+    return ""
+
+
+def _deviations(records: Sequence[Estimate]) -> dict[Gap, float]:
+    return {record.gap: min(record.std) for record in records if record.std}
+
+
+def _target(edit: Edit | Insert) -> Element:
+    return edit.parent if isinstance(edit, Insert) else edit.element
+
+
+def _leftovers(source: Source, values: Values) -> Iterator[Edit]:
+    """A `?` that no longer means anything once every mass, or friction, is known: in a defaults class, mostly."""
+    still = {quantity for name, quantity in marked(source.found) if Gap(name, quantity) not in values}
+    slots = {(g, a) for thing in source.found.objects.values() for g in thing.geoms
+             for a in ("mass", "density", "friction")}
+    for element in elements(source.document.root):
+        for attribute in ("mass", "density"):
+            if UNKNOWN in tokens(element.get(attribute)) and element.tag == "geom" and "mass" not in still \
+                    and (element, attribute) not in slots:
+                yield Edit(element, attribute, None)
+        parts = tokens(element.get("friction"))
+        if UNKNOWN in parts and "friction" not in still and (element, "friction") not in slots:
+            yield Edit(element, "friction", {i: MUJOCO_FRICTION[i] for i, p in enumerate(parts) if p == UNKNOWN})
+
+
+@dataclass(frozen=True, slots=True)
+class _Entry:
+    """An element of `<custom>`."""
+
+    tag: str
+    name: str
+    data: str
+
+    @property
+    def attributes(self) -> dict[str, str]:
+        return {"name": self.name, "data": self.data}
+
+
+def _entries(records: Iterable[Estimate]) -> Iterator[_Entry]:
+    for record in records:
+        name = f"palpate_{record.gap.object}_{record.gap.quantity}"
+        low, high = zip(*record.ci95, strict=True) if record.ci95 else ((), ())
+        yield _Entry("numeric", name, _numbers([*record.value, *record.std, *low, *high]))
+        for component, (value, std) in record.components.items():
+            yield _Entry("numeric", f"{name}_{component.replace(' ', '_')}", _numbers([value, std]))
+        yield _Entry("text", f"{name}_method", _printable(record.method) or "measured")
+
+
+def _numbers(values: Iterable[float]) -> str:
+    return " ".join(f"{value:.7g}" for value in values)
+
+
+def _printable(text: str) -> str:
+    return " ".join("".join(c if c.isprintable() else " " for c in text).split())[:1000]
+
+
+def _written(document: Document, edits: Sequence[Edit | Insert], entries: list[_Entry]) -> str:
+    """The main text with the changes made, read again to make sure that nothing else has changed."""
+    tags = spans.scan(document.text)
+    data = document.text.encode("utf-8")
+    values = _attribute_values(document, edits)
+    inserts = [edit for edit in edits if isinstance(edit, Insert)]
+    changes = [spans.remove_attribute(data, tags[i], name) if value is None
+               else spans.set_attribute(tags[i], name, value) for (i, name), value in values.items()]
+    changes += [spans.first_child(data, tags[document.index[i.parent]], spans.element(i.tag, i.attributes))
+                for i in inserts]
+    result = spans.changed(document.text, changes)
+    _require_same(document, result, values, inserts)
+    return _recorded(result, entries)
+
+
+def _attribute_values(document: Document, edits: Sequence[Edit | Insert]) -> dict[tuple[int, str], str | None]:
+    """New text of each changed attribute, by number of its element; several edits of one attribute add up."""
+    values: dict[tuple[int, str], str | None] = {}
+    for edit in edits:
+        if isinstance(edit, Edit):
+            key = (document.index[edit.element], edit.attribute)
+            values[key] = edit.value(values.get(key, edit.element.get(edit.attribute)))
+    return values
+
+
+def _require_same(document: Document, result: str, values: Mapping[tuple[int, str], str | None],
+                  inserts: Sequence[Insert]) -> None:
+    before, after = parse_xml(document.text, "the scene"), parse_xml(result, "the twin")
+    listed = list(elements(before))
+    for (i, name), value in values.items():
+        if value is None:
+            del listed[i].attrib[name]
+        else:
+            listed[i].set(name, value)
+    for insert in inserts:
+        listed[document.index[insert.parent]].insert(0, etree.Element(insert.tag, dict(insert.attributes)))
+    if _content(before) != _content(after):
+        raise InputError("the estimates cannot be written into this MJCF without changing more than them; "
+                         "write its numbers without character references")
+
+
+def _content(root: Element) -> list[tuple[str, dict[str, str]]]:
+    return [(str(e.tag), {str(k): str(v) for k, v in e.items()}) for e in elements(root)]
+
+
+def _recorded(text: str, entries: Sequence[_Entry]) -> str:
+    """With the entries in `<custom>`: those that are there get new data, the others are added."""
+    if not entries:
+        return text
+    tags = spans.scan(text)
+    data = text.encode("utf-8")
+    custom = next((tag for tag in tags if tag.name == "custom" and tag.depth == 1), None)
+    present = {_value(data, tag, "name"): tag for tag in tags if tag.name in ("numeric", "text") and tag.depth == 2}
+    changes = [spans.set_attribute(present[e.name], "data", e.data) for e in entries if e.name in present]
+    added = [spans.element(e.tag, e.attributes) for e in entries if e.name not in present]
+    if added:
+        changes.append(_added(data, tags, custom, added))
+    return spans.changed(text, changes)
+
+
+def _value(data: bytes, tag: spans.Tag, name: str) -> str:
+    start, end = tag.attributes.get(name, (0, 0))
+    return data[start:end].decode("utf-8")
+
+
+def _added(data: bytes, tags: list[spans.Tag], custom: spans.Tag | None, added: list[str]) -> spans.Change:
+    line = _line_break(data, tags)
+    step = line.lstrip("\r\n") or "  "
+    deeper = line + step if line else ""
+    inner = "".join(deeper + element for element in added)
+    if custom is None:
+        return spans.last_children(data, tags[0], [f"<custom>{inner}{line}</custom>"], line)
+    if custom.empty:
+        return spans.Change(custom.start, custom.last, f"<custom>{inner}{line}</custom>")
+    return spans.last_children(data, custom, added, deeper)
+
+
+def _line_break(data: bytes, tags: list[spans.Tag]) -> str:
+    """Line break and indentation before the first element inside the root; nothing in a text of one line."""
+    before = data[tags[0].end : tags[1].start]
+    space = before[len(before.rstrip(b" \t")) :].decode("utf-8")
+    if b"\n" not in before:
+        return ""
+    return ("\r\n" if b"\r\n" in before else "\n") + space
