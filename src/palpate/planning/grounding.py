@@ -18,7 +18,7 @@ from palpate.scene.scene import Scene
 MAX_REQUEST = 20_000
 """Characters of a request that are read."""
 
-_TURNS = frozenset("need want measure determine find estimate tell".split())
+_TURNS = lexicon.word_set("need want measure determine find estimate tell")
 """Verbs that end a remark about what is known already."""
 
 
@@ -193,9 +193,9 @@ def _split_compounds(groups: Sequence[_Group], segment: Sequence[Item]) -> Itera
 
 
 def _listed(between: Sequence[Item]) -> bool:
+    fillers = lexicon.DETERMINERS | lexicon.EVERY | {"of", "for", "also", "how"}
     return (any(item.kind == "list" for item in between)
-            and all(item.kind == "list" or item.text in lexicon.DETERMINERS | lexicon.EVERY | {"of", "for", "also", "how"}
-                    for item in between))
+            and all(item.kind == "list" or item.text in fillers for item in between))
 
 
 def _forward(groups: Sequence[_Group], at: int, segment: Sequence[Item]) -> bool:
@@ -205,7 +205,8 @@ def _forward(groups: Sequence[_Group], at: int, segment: Sequence[Item]) -> bool
     between = segment[groups[at].end + 1:groups[at + 1].start]
     if any(item.links for item in between):
         return True
-    return not _compound(groups, at, segment) and all(item.text in lexicon.DETERMINERS | lexicon.EVERY for item in between)
+    adjacent = all(item.text in lexicon.DETERMINERS | lexicon.EVERY for item in between)
+    return adjacent and not _compound(groups, at, segment)
 
 
 def _compound(groups: Sequence[_Group], at: int, segment: Sequence[Item]) -> bool:

@@ -4,6 +4,11 @@ from __future__ import annotations
 
 import re
 
+def word_set(text: str) -> frozenset[str]:
+    """The words of `text`."""
+    return frozenset(text.split())
+
+
 UNMEASURABLE: dict[str, str] = {
     word: label
     for label, words in {
@@ -19,29 +24,29 @@ UNMEASURABLE: dict[str, str] = {
 }
 """Properties people ask for that no touch of this arm can tell, by the words they use."""
 
-ADJECTIVES = frozenset(
+ADJECTIVES = word_set(
     "heavy high tall slippery hot warm cold stiff hard elastic bouncy viscous full empty rough wet expensive old "
-    "strong transparent sharp".split()
+    "strong transparent sharp"
 )
 """Words that ask for a quantity only after "how"."""
 
-COLOURS = frozenset(
+COLOURS = word_set(
     "red green blue yellow orange purple violet pink brown black white grey gray cyan magenta turquoise teal beige "
-    "golden gold silver light dark".split()
+    "golden gold silver light dark"
 )
 
-DETERMINERS = frozenset("the a an this that these those my our your his her their its some any".split())
-EVERY = frozenset("all both each every two three four five six".split())
-OBJECT_NOUNS = frozenset("object thing item body".split())
+DETERMINERS = word_set("the a an this that these those my our your his her their its some any")
+EVERY = word_set("all both each every two three four five six")
+OBJECT_NOUNS = word_set("object thing item body")
 SURFACE_NOUNS = frozenset(("surface",))
-GRIPPER_NOUNS = frozenset("gripper hand arm robot".split())
-PRONOUNS = frozenset("it its their them they his her these those this".split())
+GRIPPER_NOUNS = word_set("gripper hand arm robot")
+PRONOUNS = word_set("it its their them they his her these those this")
 
 GOAL = re.compile(
     r"\b(simulat\w+|digital twin|twin|model\w*|scene|world|calibrat\w+|identif\w+|complete|pour\w*|push\w*|grasp\w*|"
     r"pick\w*|lift\w*|stack\w*|throw\w*|slid\w+|manipulat\w+|measur\w+|missing|unknown|parameters?|properties)\b")
 
-STOP = frozenset(
+STOP = word_set(
     "of for is are was were be been do does did what whats which how much many and or but not to in on at with about "
     "we i you he she they me us please can could would should will shall may might must need want like know find out "
     "tell give get determine measure estimate identify compute figure calculate learn see check test acquire obtain "
@@ -49,10 +54,11 @@ STOP = frozenset(
     "because since from into onto over under by between against through during before after both either have has had "
     "there s t re ve ll d let lets make build create set up simulate our simulation simulator scene model twin digital "
     "world file description mujoco mjcf xml request value values number parameter parameters property properties "
-    "coefficient coefficients constant force quantity quantities data measurement measurements exactly approximately accurately really actually missing "
+    "coefficient coefficients constant force quantity quantities data measurement measurements exactly approximately "
+    "accurately really actually missing "
     "unknown everything anything whatever all each every one ones something that this these those it its their them "
     "where who whose yet already still very more most less least same other another new however whether together "
-    "respectively regarding concerning physical real true correct right sure thanks thank hello hi help no".split()
+    "respectively regarding concerning physical real true correct right sure thanks thank hello hi help no"
 )
 """Words that are never the name of an object that is not there."""
 

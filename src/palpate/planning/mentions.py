@@ -18,10 +18,10 @@ Kind = Literal["quantity", "unmeasurable", "object", "unknown", "pronoun", "ever
 GRIPPER = "gripper"
 """The subject of quantities that the empty hand itself has."""
 
-WEAK = frozenset("place where level grip location".split())
+WEAK = lexicon.word_set("place where level grip location")
 """Synonyms that are quantities only before "of", or, for "where", with nothing stronger in the clause."""
 
-_LINKS = frozenset("of for between is are was were does do did has have".split())
+_LINKS = lexicon.word_set("of for between is are was were does do did has have")
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,7 +54,9 @@ class Words:
 
     def __init__(self, scene: Scene) -> None:
         self.bodies: Mapping[str, Body] = scene.bodies
-        self._own = {name: tuple(w for w in name_words(name)) for name in scene.bodies}
+        self._own = {name: name_words(name) for name in scene.bodies}
+        self._all = {name: frozenset(w for phrase in body.words for w in phrase.split()) | frozenset(self._own[name])
+                     for name, body in scene.bodies.items()}
 
     @cached_property
     def _phrases(self) -> dict[tuple[str, ...], str]:
@@ -62,8 +64,8 @@ class Words:
 
     @cached_property
     def _lexicon(self) -> frozenset[str]:
-        words = {w for body in self.bodies.values() for w in body.words} | {w for own in self._own.values() for w in own}
-        return frozenset(words | COLOURS | lexicon.OBJECT_NOUNS | lexicon.SURFACE_NOUNS | lexicon.GRIPPER_NOUNS)
+        return frozenset(frozenset().union(*self._all.values()) | COLOURS | lexicon.OBJECT_NOUNS
+                         | lexicon.SURFACE_NOUNS | lexicon.GRIPPER_NOUNS)
 
     def items(self, tokens: Sequence[str]) -> list[Item]:
         """The request as items, in order."""
@@ -92,10 +94,8 @@ class Words:
             joined = "".join(own)
             if tokens[at] == joined and joined not in STOP and len(own) > 1:
                 return Item("object", (tokens[at],), (name,))
-            if own and tuple(tokens[at:at + len(own)]) == own and (len(own) > 1 or own[0] not in STOP):
-                others = self._matching(own, plural=False)
-                if len(own) > 1 or others == (name,):
-                    return Item("object", tuple(own), (name,))
+            if len(own) > 1 and tuple(tokens[at:at + len(own)]) == own:
+                return Item("object", own, (name,))
         return None
 
     def _quantity(self, tokens: Sequence[str], at: int) -> Item | None:
@@ -103,7 +103,8 @@ class Words:
         for length in (3, 2, 1):
             phrase = tuple(tokens[at:at + length])
             for form in singulars(phrase[-1]):
-                id = self._phrases.get((*phrase[:-1], form)) or self._phrases.get((singulars(phrase[0])[-1], *phrase[1:]))
+                id = (self._phrases.get((*phrase[:-1], form))
+                      or self._phrases.get((singulars(phrase[0])[-1], *phrase[1:])))
                 if id and _counts(form if length == 1 else "", after_how, tokens[at + length:at + length + 1]):
                     return Item("quantity", phrase, (id,), plural=form != phrase[-1])
         for form in singulars(tokens[at]):
@@ -115,6 +116,8 @@ class Words:
     def _mention(self, tokens: Sequence[str], at: int, before: Sequence[Item]) -> Item | None:
         """The longest run of words that together fit some body; adjectives never stand apart from their noun."""
         run: list[str] = []
+        if tokens[at] in STOP and not _is_determined(before):
+            return None
         for word in tokens[at:]:
             if not any(form in self._lexicon for form in singulars(word)):
                 break
@@ -132,14 +135,17 @@ class Words:
 
     def _matching(self, words: Iterable[str], plural: bool) -> tuple[str, ...]:
         words = tuple(words)
-        exact = tuple(name for name, own in self._own.items() if _same(words, own))
+        exact = tuple(name for name, own in self._own.items() if words == own)
         if exact and not plural:
             return exact
         if words[-1] in lexicon.GRIPPER_NOUNS and not any(words[-1] in own for own in self._own.values()):
             return (GRIPPER,)
-        return tuple(name for name, body in self.bodies.items()
-                     if all(any(form in body.words or form in self._own[name] or _is_class(form, body)
-                                for form in singulars(word)) for word in words))
+        fits = [name for name in self.bodies if all(self._is_said(word, name) for word in words)]
+        called = [name for name in fits if any(form in self._own[name] for form in singulars(words[-1]))]
+        return tuple(called or fits)
+
+    def _is_said(self, word: str, name: str) -> bool:
+        return any(form in self._all[name] or _is_class(form, self.bodies[name]) for form in singulars(word))
 
     def _plain(self, tokens: Sequence[str], at: int) -> Item:
         word = tokens[at]
@@ -176,12 +182,13 @@ def _is_every(before: Sequence[Item]) -> bool:
     return False
 
 
+def _is_determined(before: Sequence[Item]) -> bool:
+    """Whether the word just before makes a noun of the next: "the can", not "can you"."""
+    return bool(before) and before[-1].text in DETERMINERS | EVERY
+
+
 def _is_class(word: str, body: Body) -> bool:
     return word in (lexicon.OBJECT_NOUNS if body.role == "object" else lexicon.SURFACE_NOUNS)
-
-
-def _same(words: Sequence[str], own: Sequence[str]) -> bool:
-    return len(words) == len(own) and all(w == o for w, o in zip(words, own, strict=True))
 
 
 def _merge_unknown(items: Sequence[Item]) -> list[Item]:

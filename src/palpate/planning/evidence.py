@@ -1,0 +1,50 @@
+"""When is a gap discharged? By its conversion, or, for a derived quantity, by the recordings it is derived from."""
+
+from __future__ import annotations
+
+from palpate.quantities import Gap
+from palpate.trace import FORCES, Context
+from palpate.vocabulary.primitive import Primitive, vocabulary
+from palpate.vocabulary.state import SymbolicState
+
+COM_GRASPS = 3
+"""Distinct grasps that a centre of mass is derived from."""
+
+DERIVED: dict[str, str] = {
+    "friction": "a MeasureForces in a Parallel with a MovePose that slides the held object along its support",
+    "com": f"a MeasureForces while the object is held still, lifted, at each of {COM_GRASPS} different grasp poses",
+}
+"""Quantities without a conversion, by id, with the recordings they need."""
+
+
+def converters(quantity: str) -> list[type[Primitive]]:
+    """Primitives that convert a buffer into `quantity`."""
+    return [cls for cls in vocabulary().primitives.values() if cls.measures is not None and cls.measures.id == quantity]
+
+
+def sensors(buffer: str | None) -> list[type[Primitive]]:
+    """Primitives that write `buffer`."""
+    return [cls for cls in vocabulary().primitives.values() if buffer is not None and cls.writes == buffer]
+
+
+def supports(gap: Gap, buffer: str, context: Context) -> bool:
+    """Whether a recording is evidence for a derived quantity."""
+    if buffer != FORCES or context.holding != gap.object:
+        return False
+    return (gap.quantity == "friction" and context.activity == "sliding") or (
+        gap.quantity == "com" and context.activity == "still")
+
+
+def amount(gap: Gap, state: SymbolicState) -> int:
+    """How much of the evidence for `gap` there is."""
+    if gap in state.converted:
+        return COM_GRASPS
+    found = [context for buffer, context in state.logged if supports(gap, buffer, context)]
+    return len({context.grasp for context in found})
+
+
+def discharged(gap: Gap, state: SymbolicState) -> bool:
+    """Whether what was recorded and converted so far yields `gap`."""
+    if gap.quantity not in DERIVED:
+        return gap in state.converted
+    return amount(gap, state) >= (COM_GRASPS if gap.quantity == "com" else 1)

@@ -1,0 +1,152 @@
+"""The embedded planner: grounds R, reads the gap from D, and chains a tree backwards from what it needs.
+
+It needs no key and no network, and it knows what it does not know.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from itertools import groupby
+from pathlib import Path
+
+from palpate.errors import InputError, PlanRejected
+from palpate.planning.backchain import Backchainer
+from palpate.planning.evidence import DERIVED
+from palpate.planning.fold import leaves
+from palpate.planning.grounding import Grounded, ground
+from palpate.planning.mentions import GRIPPER
+from palpate.planning.plan import Node, Plan
+from palpate.planning.walk import PAYLOAD
+from palpate.quantities import QUANTITIES, Gap
+from palpate.robots.kinematics import reachable
+from palpate.scene.scene import Scene
+from palpate.vocabulary.primitive import vocabulary
+
+
+@dataclass(frozen=True, slots=True)
+class Assembled:
+    """A tree, the gaps it yields, and one sentence for each that it cannot."""
+
+    tree: Node | None
+    measured: tuple[Gap, ...]
+    failed: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class SymbolicPlanner:
+    """Plans from words and geometry alone. `remeasure`: what R asks is measured even if D states it."""
+
+    remeasure: bool = False
+    name: str = "symbolic"
+
+    def plan(self, request: str | None, scene: Scene, images: Sequence[Path] = ()) -> Plan:
+        """The minimal plan for what R asks and D misses; without R, for everything D misses. Images are not used.
+
+        Raises:
+            InputError: empty or too long a request, or it names objects that are not there.
+            PlanRejected: ambiguous, not understood, or nothing of it can be done.
+        """
+        vocabulary()  # registers the quantities that third parties measure
+        asked = Grounded(scene.missing()) if request is None else ground(request, scene)
+        known = [gap for gap in asked.asked if not self.remeasure and _is_known(gap, scene)]
+        wanted = [gap for gap in asked.asked if gap not in known]
+        cannot = [*asked.cannot, *_unidentifiable(wanted)]
+        made = assemble(scene, [gap for gap in wanted if QUANTITIES[gap.quantity].identifiable])
+        if made.failed and not made.measured:
+            raise PlanRejected(" ".join([*made.failed, *cannot]))
+        notes = tuple(_known_note(gap, scene) for gap in known)
+        sentences = [*asked.remarks, *_explained(made), *notes, *made.failed, *cannot]
+        return Plan(made.measured, made.tree, " ".join(sentences) or "Nothing is missing.", self.name,
+                    (*notes, *made.failed, *(cannot if made.measured else ())))
+
+
+def assemble(scene: Scene, gaps: Iterable[Gap]) -> Assembled:
+    """One tree for all gaps that can be measured, those of one thing together."""
+    chainer = Backchainer(scene)
+    chainer.go_home()
+    measured: list[Gap] = []
+    failed: list[str] = []
+    surfaces_first = sorted(gaps, key=lambda gap: gap.object not in scene.surfaces)
+    for name, group in groupby(surfaces_first, key=lambda gap: gap.object):
+        done, reasons = _measure(chainer, name, list(group))
+        measured += done
+        failed += reasons
+    chainer.go_home()
+    return Assembled(chainer.tree() if measured else None, tuple(measured), tuple(dict.fromkeys(failed)))
+
+
+def _measure(chainer: Backchainer, name: str, gaps: list[Gap]) -> tuple[list[Gap], list[str]]:
+    """As many of one thing's gaps as can be had, and why not the others."""
+    reason = _obstacle(chainer.scene, name)
+    if reason:
+        return [], [f"{_spoken(gaps)} cannot be measured: {reason}."]
+    try:
+        chainer.measure(name, gaps)
+        return gaps, []
+    except PlanRejected as rejection:
+        if len(gaps) == 1:
+            return [], [f"{_spoken(gaps)} cannot be measured: {rejection}."]
+    possible = [gap for gap in gaps if not _measure(Backchainer.at_home(chainer.scene), name, [gap])[1]]
+    failed = [gap for gap in gaps if gap not in possible]
+    done, reasons = _measure(chainer, name, possible) if possible and failed else ([], [])
+    return done, [*reasons, *([f"{_spoken(failed)} cannot be measured."] if failed else [])]
+
+
+def _obstacle(scene: Scene, name: str) -> str:
+    """Why a thing cannot be worked on at all, empty when nothing speaks against it."""
+    if name == GRIPPER:
+        return ""
+    if name in scene.symbols.ungraspable:
+        return f"'{name}' cannot be grasped: {scene.symbols.ungraspable[name]}"
+    symbol = f"{name}_pose" if name in scene.objects else f"{name}_approach"
+    try:
+        pose = scene.symbols.resolve(symbol)
+    except InputError:
+        return f"there is no free spot within reach on '{name}' to touch it; give '{symbol}' in poses.yaml"
+    if not reachable(pose, scene.pose_world_base):
+        x, y, z = pose.position
+        return f"'{name}' at ({x:.2f}, {y:.2f}, {z:.2f}) m is out of the arm's reach"
+    mass = scene.bodies[name].known.get("mass", (0.0,))[0]
+    if mass > PAYLOAD:
+        return f"'{name}' weighs {mass:g} kg, more than the payload of {PAYLOAD:g} kg"
+    return ""
+
+
+def _is_known(gap: Gap, scene: Scene) -> bool:
+    return gap.object in scene.bodies and gap.quantity in scene.bodies[gap.object].known
+
+
+def _known_note(gap: Gap, scene: Scene) -> str:
+    value = ", ".join(f"{v:.6g}" for v in scene.bodies[gap.object].known[gap.quantity])
+    quantity = QUANTITIES[gap.quantity]
+    unit = "" if quantity.unit == "1" else f" {quantity.unit}"
+    return f"{_spoken([gap])} is stated by the scene ({value}{unit}) and not measured again (--remeasure measures it)."
+
+
+def _unidentifiable(gaps: Iterable[Gap]) -> list[str]:
+    return [f"{_spoken([gap])} cannot be measured: {QUANTITIES[gap.quantity].how}."
+            for gap in gaps if not QUANTITIES[gap.quantity].identifiable]
+
+
+def _spoken(gaps: Sequence[Gap]) -> str:
+    """The gaps in words: "The mass and sliding friction of 'mug'"."""
+    labels = [QUANTITIES[gap.quantity].label for gap in gaps]
+    listed = labels[0] if len(labels) == 1 else f"{', '.join(labels[:-1])} and {labels[-1]}"
+    return f"The {listed} of '{gaps[0].object}'"
+
+
+def _explained(made: Assembled) -> list[str]:
+    """What is measured and how, one sentence a quantity, and what is carried out of the way."""
+    if made.tree is None:
+        return []
+    sentences = [f"To be measured: {', '.join(str(gap) for gap in made.measured)}."]
+    for id in dict.fromkeys(gap.quantity for gap in made.measured):
+        names = ", ".join(f"'{gap.object}'" for gap in made.measured if gap.quantity == id)
+        how = QUANTITIES[id].how.removesuffix("; derived")
+        derived = ", and the value is derived from the recordings" if id in DERIVED else ""
+        sentences.append(f"{QUANTITIES[id].label.capitalize()} of {names}: {how}{derived}.")
+    poses = [str(value) for _, leaf in leaves(made.tree) for _, value in leaf.args]
+    carried = dict.fromkeys(p.removesuffix("_temporary") for p in poses if p.endswith("_temporary"))
+    sentences += [f"'{name}' is in the way; it is carried to a free place and back." for name in carried]
+    return [*sentences, "Everything is put back where it was."]
