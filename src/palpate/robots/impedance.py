@@ -18,12 +18,15 @@ from palpate.robots.model import ARM, wrench
 
 STIFFNESS = 3000.0
 """N/m: 1.5 kg sag by 5 mm, and at 0.015 m/s a contact's force rises by 45 N/s."""
-TURNING_STIFFNESS = 150.0
-"""N m/rad."""
+TURNING_STIFFNESS = 300.0
+"""N m/rad: both are the upper ends of what the manufacturer's own Cartesian impedance offers."""
 JOINT_STIFFNESS = np.array([3000.0, 3000.0, 3000.0, 2500.0, 2500.0, 2000.0, 2000.0])
 """N m/rad: franka_ros' joint impedance defaults."""
-POSTURE_STIFFNESS, POSTURE_DAMPING = 10.0, 6.0
-"""N m/rad and N m s/rad, of the null-space posture."""
+POSTURE_RATE = 5.0
+"""rad/s: how fast the null space settles to its posture."""
+
+MOST_AWAY = 0.5
+"""rad: the posture does not pull harder than this far away."""
 
 PREFIX = "robot/"
 ORIGIN = PREFIX + "origin"
@@ -49,41 +52,66 @@ def equip(world: mujoco.MjSpec) -> None:
         world.joint(PREFIX + joint).actgravcomp = True
 
 
-class Damping(NamedTuple):
-    """Critical damping at one configuration: (3,) N s/m, N m s/rad, (7,) N m s/rad."""
+class Inertia(NamedTuple):
+    """What the springs move at one configuration: at the TCP (6, 6), world axes, and at the joints (7, 7)."""
 
-    linear: Array
-    turning: float
+    tcp: Array
     joints: Array
 
-
-def critical_damping(mass_matrix: Array, jacobian: Array) -> Damping:
-    """2 sqrt(k m) with the apparent inertia that each spring moves.
-
-    Args:
-        mass_matrix: (7, 7). jacobian: (6, 7), world axes about the TCP.
-    """
-    apparent = np.linalg.inv(jacobian @ np.linalg.solve(mass_matrix, jacobian.T) + 1e-6 * np.eye(6))
-    along = np.diag(apparent)
-    return Damping(2 * np.sqrt(STIFFNESS * along[:3]), 2 * float(np.sqrt(TURNING_STIFFNESS * along[3:].mean())),
-                   2 * np.sqrt(JOINT_STIFFNESS * np.diag(mass_matrix)))
+    @classmethod
+    def of(cls, mass_matrix: Array, jacobian: Array) -> Inertia:
+        """From the joint-space inertia (7, 7) and the Jacobian (6, 7), world axes about the TCP."""
+        mobility = jacobian @ np.linalg.solve(mass_matrix, jacobian.T)
+        return cls(np.linalg.inv(mobility + 1e-6 * np.eye(6)), mass_matrix)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Gains:
-    """Which springs act now, and their damping.
+    """Which springs act now, and their critical damping 2 sqrt(k m) with the inertia that each moves.
 
     Attributes:
         cartesian: the TCP's springs act, and the joint drives take torques; else the joints' springs act.
-        damping: (6, 1) at the TCP, world axes, or (7, 7) at the joints.
+        stiffness, damping: (6,) at the TCP, world axes, or (7,) at the joints.
+        inertia: (6, 6) or (7, 7) that they move. own: (7,) kg m^2, each joint's own.
     """
 
     cartesian: bool
+    stiffness: Array
     damping: Array
+    inertia: Array
+    own: Array
+
+    @classmethod
+    def of_tcp(cls, inertia: Inertia) -> Gains:
+        """The TCP's springs."""
+        stiffness, along = np.repeat([STIFFNESS, TURNING_STIFFNESS], 3), np.diag(inertia.tcp).copy()
+        along[3:] = along[3:].mean()  # the orientation servo has one damping for all axes
+        return cls(True, stiffness, 2 * np.sqrt(stiffness * along), inertia.tcp, np.diag(inertia.joints))
+
+    @classmethod
+    def of_joints(cls, inertia: Inertia) -> Gains:
+        """The joints' springs."""
+        own = np.diag(inertia.joints)
+        return cls(False, JOINT_STIFFNESS, 2 * np.sqrt(JOINT_STIFFNESS * own), inertia.joints, own)
 
     def joint_damping(self, jacobian: Array) -> Array:
         """What all dampers come to at the joints, (7, 7)."""
-        return jacobian.T @ (self.damping * jacobian) if self.cartesian else self.damping
+        if not self.cartesian:
+            return np.diag(self.damping)
+        return jacobian.T @ (self.damping[:, None] * jacobian)
+
+    def lead(self, rate: Array, acceleration: Array) -> Array:
+        """How far (n, 6 or 7) the springs' set-points must lead a motion so that it follows without lag.
+
+        Args:
+            rate, acceleration: (n, 6 or 7) of the motion, in the springs' axes.
+        """
+        return (self.damping * rate + acceleration @ self.inertia) / self.stiffness
+
+    def posture_torque(self, away: Array, dq: Array, jacobian: Array) -> Array:
+        """(7,) N m that bring the null space back by `away` (7,), rad, so that the TCP feels no force of it."""
+        torque = self.own * (POSTURE_RATE**2 * np.clip(away, -MOST_AWAY, MOST_AWAY) - 2 * POSTURE_RATE * dq)
+        return torque - jacobian.T @ wrench(jacobian, torque)
 
 
 class Actuators:
@@ -103,26 +131,16 @@ class Actuators:
         self.orientation = slice(int(first[self._turn]), int(first[self._turn]) + 4)
         self.drives = slice(int(first[self._drives[0]]), int(first[self._drives[0]]) + 7)
 
-    def cartesian(self, damping: Damping) -> Gains:
-        """Let the TCP's springs act; the joint drives become torque inputs."""
-        self._spring(self._axes, STIFFNESS, damping.linear)
-        self._spring(self._turn, TURNING_STIFFNESS, damping.turning)
-        self._gain[self._drives, 0], self._bias[self._drives] = 1.0, 0.0
-        return Gains(True, np.concatenate([damping.linear, np.full(3, damping.turning)])[:, None])
-
-    def joints(self, damping: Damping) -> Gains:
-        """Let the joints' springs act alone."""
-        self._spring(self._axes, 0.0, 0.0)
-        self._spring(self._turn, 0.0, 0.0)
-        self._spring(self._drives, JOINT_STIFFNESS, damping.joints)
-        return Gains(False, np.diag(damping.joints))
+    def set(self, gains: Gains) -> None:
+        """Let these springs act, and no others; where the TCP's do, the joint drives become torque inputs."""
+        if gains.cartesian:
+            self._spring(self._axes, gains.stiffness[:3], gains.damping[:3])
+            self._spring(self._turn, gains.stiffness[3], gains.damping[3])
+            self._gain[self._drives, 0], self._bias[self._drives] = 1.0, 0.0
+        else:
+            self._spring([*self._axes, self._turn], 0.0, 0.0)
+            self._spring(self._drives, gains.stiffness, gains.damping)
 
     def _spring(self, which: list[int] | int, stiffness: Array | float, damping: Array | float) -> None:
         self._gain[which, 0] = stiffness
         self._bias[which, 1], self._bias[which, 2] = -np.asarray(stiffness), -np.asarray(damping)
-
-
-def posture_torque(q: Array, dq: Array, posture: Array, jacobian: Array) -> Array:
-    """(7,) N m towards `posture`, projected so that the TCP feels no force of it."""
-    torque = POSTURE_STIFFNESS * (posture - q) - POSTURE_DAMPING * dq
-    return torque - jacobian.T @ wrench(jacobian, torque)

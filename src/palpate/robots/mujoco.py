@@ -18,15 +18,14 @@ from palpate.robots.impedance import (
     JOINT_STIFFNESS,
     STIFFNESS,
     TURNING_STIFFNESS,
-    Damping,
-    critical_damping,
-    posture_torque,
+    Gains,
+    Inertia,
 )
 from palpate.robots.model import HAND, NominalArm, limits, wrench
 from palpate.robots.readout import Readout
 from palpate.robots.robot import HOME, Limits, RobotState
 from palpate.robots.sensors import Noise, Sensors, imperfections
-from palpate.robots.setpoints import LONGEST_RUN, Setpoints
+from palpate.robots.setpoints import LONGEST_RUN, Setpoints, joint_setpoints, pose_setpoints
 from palpate.robots.world import BLOCK, PERIOD, TIMESTEP, World
 from palpate.trace import Hand, Samples
 
@@ -174,17 +173,19 @@ class MujocoRobot:
         return self._setpoints.path
 
     def _follow_joints(self, path: trajectory.Path) -> None:
-        self._setpoints = Setpoints(path, self._world.t, self._nominal.poses)
-        self._gains = self._world.actuators.joints(self._damping())
-        self._cached = None
+        gains = Gains.of_joints(self._inertia())
+        self._follow(joint_setpoints(path, self._world.t, gains, self._nominal.poses), gains)
 
     def _follow_pose(self, path: trajectory.PosePath) -> None:
-        self._setpoints = Setpoints(path, self._world.t)
-        self._gains = self._world.actuators.cartesian(self._damping())
-        self._cached = None
+        gains = Gains.of_tcp(self._inertia())
+        self._follow(pose_setpoints(path, self._world.t, gains), gains)
 
-    def _damping(self) -> Damping:
-        return critical_damping(self._nominal.mass_matrix(self._readout.q), self._readout.jacobian)
+    def _follow(self, setpoints: Setpoints, gains: Gains) -> None:
+        self._setpoints, self._gains, self._cached = setpoints, gains, None
+        self._world.actuators.set(gains)
+
+    def _inertia(self) -> Inertia:
+        return Inertia.of(self._nominal.mass_matrix(self._readout.q), self._readout.jacobian)
 
     def _joint_motion(self) -> trajectory.Motion:
         """Where a joint motion begins: on the present one, or where the joints' springs pull as the TCP's do now."""
@@ -241,7 +242,7 @@ class MujocoRobot:
             return target
         control[:, actuators.position] = rows[:, :3] - self._sensors.pose_error
         control[:, actuators.orientation] = rows[:, 3:]
-        torque = posture_torque(readout.q, readout.dq, POSTURE, readout.jacobian)
+        torque = self._gains.posture_torque(POSTURE - readout.q, readout.dq, readout.jacobian)
         torque += self._nominal.bias_torque(readout.q, readout.dq) - readout.gravity_torque
         control[:, actuators.drives] = torque
         return target

@@ -133,18 +133,10 @@ class PosePath:
         """When it comes to rest, s."""
         return self.path.end
 
-    def sample(self, t: Array) -> Array:
-        """Poses (m, 7), position then quaternion."""
-        coordinates = self.path.sample(t)
-        out = np.empty((len(t), 7))
-        out[:, :3] = coordinates[:, :3]
-        out[:, 3:] = turned(self.origin, coordinates[:, 3:])
-        return out
-
     def pose(self, t: float) -> Pose:
         """The pose at one time."""
-        row = self.sample(np.array([t]))[0]
-        return Pose(row[:3], row[3:])
+        row = self.path.sample(np.array([t]))
+        return Pose(row[0, :3], turned(self.origin, row[:, 3:])[0])
 
     def motion(self, t: float) -> Motion:
         """Position and rotation vector *from the present orientation*: (6,) and their rates."""
