@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.pose import Array
-from palpate.trace import LeafRun, Recording, Samples, Trace
+from palpate.trace import Hand, LeafRun, Recording, Samples, Trace
 
 Figure = dict[str, Any]
 
@@ -68,11 +68,11 @@ def decimate(t: Array, y: Array, limit: int = MAX_POINTS) -> tuple[Array, Array]
     return t[rows], y[rows]
 
 
-def tip_height(trace: Trace) -> Array:
+def tip_height(samples: Samples, hand: Hand) -> Array:
     """World z of the fingertips' end, (n,) m."""
-    pose = trace.samples.pose_world_tcp
+    pose = samples.pose_world_tcp
     tool_z_up = 1 - 2 * (pose[:, 4] ** 2 + pose[:, 5] ** 2)
-    return pose[:, 2] + trace.hand.tip_offset * tool_z_up
+    return pose[:, 2] + hand.tip_offset * tool_z_up
 
 
 def _span(trace: Trace) -> tuple[float, float]:
@@ -107,7 +107,7 @@ def _heights(trace: Trace) -> list[Figure]:
     dotted = {"line": {"color": FAINT, "width": 1.2, "dash": "dot"}}
     return [
         _line("TCP z", s.t, s.pose_world_tcp[:, 2], Z, "y2", opacity=0.6),
-        _line("fingertips z", s.t, tip_height(trace), MARK, "y2"),
+        _line("fingertips z", s.t, tip_height(s, trace.hand), MARK, "y2"),
         _line("commanded z", s.t, s.target_world_tcp[:, 2], FAINT, "y2", **dotted),
         _line("TCP x", s.t, s.pose_world_tcp[:, 0], X, "y2", **hidden),
         _line("TCP y", s.t, s.pose_world_tcp[:, 1], Y, "y2", **hidden),
@@ -121,7 +121,7 @@ def _contacts(trace: Trace) -> list[Figure]:
     if not touches:
         return []
     times = np.array([leaf.end for leaf in touches])
-    heights = np.interp(times, trace.samples.t, tip_height(trace))
+    heights = np.interp(times, trace.samples.t, tip_height(trace.samples, trace.hand))
     return [{"type": "scatter", "mode": "markers", "name": "contact", "x": _packed(times), "y": _packed(heights),
              "yaxis": "y2", "marker": {"symbol": "circle-open", "size": 13, "color": MARK, "line": {"width": 2.5}}}]
 

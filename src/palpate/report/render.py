@@ -14,12 +14,14 @@ from palpate.rendering import Painter, Pixels, dress, extent, png, points_over
 from palpate.report.video import mp4
 from palpate.trace import Trace
 
-FPS = 12.0
-SPEED = 2.0
-"""A film runs at twice robot time; longer runs faster."""
-LONGEST = 25.0
-"""s: no film is longer, so that the page stays small."""
-SIZE = (640, 400)
+FPS = 10.0
+SPEED = 2.5
+"""A film runs so many times faster than robot time; long runs faster still."""
+LONGEST = 20.0
+"""s: no film is longer, so that the page stays small and made in seconds without a GPU."""
+BELOW = 0.3
+"""m below the lowest thing that can move: what is farther down, such as a table's legs, need not be in view."""
+SIZE = (624, 416)
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,7 +41,7 @@ def render_before_after(before: mujoco.MjSpec, after: mujoco.MjSpec, bodies: Col
     """
     models = [_dressed(before), _dressed(after)]
     posed = [(model, _forwarded(model)) for model in models]
-    points = np.concatenate([extent(model, data, bodies) for model, data in posed])
+    points = np.concatenate([_of_interest(model, extent(model, data, bodies), data) for model, data in posed])
     pictures: list[bytes] = []
     for model, data in posed:
         with Painter(model, width, height) as painter:
@@ -56,7 +58,7 @@ def render_scene(spec: mujoco.MjSpec, bodies: Collection[str] = (), *, width: in
     model = _dressed(spec)
     data = _forwarded(model)
     with Painter(model, width, height) as painter:
-        return png(painter.paint(data, painter.around(extent(model, data, bodies))))
+        return png(painter.paint(data, painter.around(_of_interest(model, extent(model, data, bodies), data))))
 
 
 def film(model: mujoco.MjModel, t: Array, qpos: Array, trace: Trace | None = None,
@@ -80,6 +82,7 @@ def _frames(model: mujoco.MjModel, t: Array, qpos: Array, trace: Trace | None,
             bodies: Collection[str]) -> Iterator[Pixels]:
     data = mujoco.MjData(model)
     points = points_over(model, qpos[:: max(1, len(qpos) // 12)], bodies)
+    points = _of_interest(model, points, _forwarded(model))
     with Painter(model, *SIZE, shadow=1024) as painter:
         camera = painter.around(points)
         for now, configuration in zip(t, qpos, strict=True):
@@ -116,6 +119,15 @@ def _fitting(text: str, draw: ImageDraw.ImageDraw, font: ImageFont.FreeTypeFont 
     while len(text) > 1 and draw.textlength(text, font=font) > width:
         text = text[:-2] + "…"
     return text
+
+
+def _of_interest(model: mujoco.MjModel, points: Array, data: mujoco.MjData) -> Array:
+    """The points, those far below everything that can move raised."""
+    loose = [model.body(i).name for i in range(1, model.nbody) if model.body_weldid[i] and model.body(i).name]
+    if not loose:
+        return points
+    floor = extent(model, data, loose)[:, 2].min() - BELOW
+    return np.column_stack([points[:, :2], np.maximum(points[:, 2], floor)])
 
 
 def _dressed(spec: mujoco.MjSpec) -> mujoco.MjModel:

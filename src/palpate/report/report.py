@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 from palpate.report.data import GapRow, Measured, ReportData
 from palpate.report.diff import diff_lines
 from palpate.report.plots import FAILED, GROUPS, timeline
-from palpate.report.view import branches, cards, gap_groups, primitive_groups, windows
+from palpate.report.view import aftermath, branches, cards, gap_groups, in_words, primitive_groups, windows
 
 if TYPE_CHECKING:
     from jinja2 import Template
@@ -44,7 +44,8 @@ def render_report(data: ReportData) -> str:
     return _template().render(
         data=data, verdict=VERDICTS[data.status], verdict_line=_verdict_line(data),
         cards=cards(data.measured, data.trace),
-        gaps=gap_groups(data.gaps, data.measured), tree=branches(data.plan, data.trace), figure=figure,
+        captions=in_words(data.measured), gaps=gap_groups(data.gaps, data.measured),
+        tree=branches(data.plan, data.trace), aftermath=aftermath(data.plan, data.trace), figure=figure,
         group_colours=GROUPS, failed=FAILED, actions=_actions(data), diff=diff_lines(data.twin_diff), script=_script(),
         plotly=_plotly()[0] if figure else "", policy=_policy(),
         pictures={name: _data_uri(getattr(data, name)) for name in ("workspace", "before", "after")},

@@ -11,6 +11,7 @@ import numpy as np
 
 from palpate.estimation.estimate import Estimate
 from palpate.planning.plan import Node, Plan
+from palpate.pose import Array
 from palpate.quantities import QUANTITIES, Gap
 from palpate.report.data import GapRow, Measured
 from palpate.report.plots import tip_height
@@ -116,7 +117,7 @@ def _card(measured: Measured, trace: Trace | None) -> Card:
     axes = AXES.get(len(e.value), ("",) * len(e.value))
     truths = measured.truth if measured.truth and len(measured.truth) == len(e.value) else (None,) * len(e.value)
     intervals = tuple(_interval(*row, measured.unit) for row in zip(axes, e.value, e.std, e.ci95, truths, strict=True))
-    further = tuple((name, " ± ".join(rounded(value, std))) for name, (value, std) in e.components.items())
+    further = tuple((name, _further(value, std, measured.unit)) for name, (value, std) in e.components.items())
     evidence = tuple(_evidence(r, trace, e.gap) for r in e.evidence) if trace else ()
     return Card(e.gap.object, quantity_label(e.gap.quantity), "" if measured.unit == "1" else measured.unit, e.verdict,
                 e.method, intervals, further, evidence)
@@ -138,14 +139,28 @@ def _interval(axis: str, value: float, std: float, ci: tuple[float, float], trut
     plain = Interval(axis, shown, spread, low, high, left, round(percent(ci[1]) - left, 2), 50.0)
     if truth is None:
         return plain
-    return replace(plain, truth=f"{truth:.6g}", truth_at=percent(truth), error=_error(value, truth, unit),
-                   covered=ci[0] <= truth <= ci[1])
+    return replace(plain, truth=f"{truth:.6g}", truth_at=percent(truth), covered=ci[0] <= truth <= ci[1],
+                   error=_error(value, truth, unit, relative=not axis))
 
 
-def _error(value: float, truth: float, unit: str) -> str:
+def _further(value: float, std: float, unit: str) -> str:
+    name, factor = SMALL[unit] if unit in SMALL and abs(value) < 1e-2 else (unit, 1.0)
+    return " ± ".join(rounded(factor * value, factor * std)) + (f" {name}" if name != "1" else "")
+
+
+def _error(value: float, truth: float, unit: str, relative: bool) -> str:
     name, factor = SMALL.get(unit, (unit, 1.0))
     error = f"{factor * (value - truth):+.2g}" + (f" {name}" if name != "1" else "")
-    return f"{error} ({100 * (value - truth) / truth:+.2g} %)" if truth else error
+    share = f" ({100 * (value - truth) / truth:+.2g} %)" if relative and truth else ""
+    return (error + share).replace("-", "−")
+
+
+def in_words(measured: Sequence[Measured]) -> tuple[str, str]:
+    """What was unknown, and what it is: two captions."""
+    found = [card for card in cards(measured, None) if card.intervals]
+    unknown = [f"{card.object} {card.quantity} ?" for card in found]
+    known = [f"{c.object} {c.quantity} {' '.join(i.value for i in c.intervals)} {c.unit}".rstrip() for c in found]
+    return ", ".join(unknown), ", ".join(known)
 
 
 def windows(trace: Trace, estimates: Sequence[Estimate]) -> dict[Recording, str]:
@@ -162,20 +177,29 @@ def windows(trace: Trace, estimates: Sequence[Estimate]) -> dict[Recording, str]
 
 
 def _evidence(recording: Recording, trace: Trace, gap: Gap) -> Evidence:
-    samples = trace.of(recording)
     c = recording.context
-    signal, unit = ((samples.wrench[:, 2], "N") if recording.buffer == FORCES
-                    else (tip_height(trace)[np.isin(trace.samples.t, samples.t)], "m"))
     about = [c.activity, f"holding {c.holding}" if c.holding else "", f"on {c.support}" if c.support else "",
              f"at {c.at}" if c.at else ""]
-    symbol = "Fz" if unit == "N" else "fingertips z"
-    reading = (f"{symbol} = {' ± '.join(rounded(float(signal.mean()), float(signal.std())))} {unit}, "
-               f"{len(signal)} samples" if len(signal) else "no samples")
+    name, unit, signal = _signal(recording, trace)
+    reading = "no samples"
+    if len(signal):
+        spread = " ± ".join(rounded(float(signal.mean()), float(signal.std())))
+        reading = f"{name} = {spread}{unit}, {len(signal)} sample{'s' if len(signal) > 1 else ''}"
     return Evidence(f"{gap.object} {quantity_label(gap.quantity)}", ", ".join(filter(None, about)),
                     f"{recording.start:.2f}–{recording.end:.2f} s", reading, _polyline(signal))
 
 
-def _polyline(signal: np.ndarray[tuple[int, ...], np.dtype[np.float64]], points: int = 80) -> str:
+def _signal(recording: Recording, trace: Trace) -> tuple[str, str, Array]:
+    """What a recording shows at a glance: its name, its unit and its samples."""
+    if recording.reading:
+        return "reading", "", np.array(recording.reading)
+    samples = trace.of(recording)
+    if recording.buffer == FORCES:
+        return "Fz", " N", samples.wrench[:, 2]
+    return "fingertips z", " m", tip_height(samples, trace.hand)
+
+
+def _polyline(signal: Array, points: int = 80) -> str:
     """The signal's block means in a box 100 wide and 24 high."""
     if len(signal) < 2:
         return ""
@@ -211,20 +235,33 @@ def branches(plan: Plan, trace: Trace | None) -> Branch | None:
     if plan.tree is None:
         return None
     runs = {leaf.node: leaf for leaf in trace.leaves} if trace else {}
-    end = max((leaf.end for leaf in runs.values()), default=0.0) or 1.0
-    return _branch(plan.tree, "tree", runs, end)
+    return _branch(plan.tree, "tree", runs, _end(trace))
+
+
+def aftermath(plan: Plan, trace: Trace | None) -> list[Branch]:
+    """What ran beside the plan: the actions of a controlled stop."""
+    planned = {path for path, _ in plan.tree.walk()} if plan.tree else set[str]()
+    runs = trace.leaves if trace else ()
+    return [_leaf(run.primitive, run.label, run, _end(trace)) for run in runs if run.node not in planned]
+
+
+def _end(trace: Trace | None) -> float:
+    return max((leaf.end for leaf in trace.leaves), default=1.0) if trace else 1.0
 
 
 def _branch(node: Node, path: str, runs: Mapping[str, LeafRun], end: float) -> Branch:
     if node.type in COMPOSITES:
         return _composite(node, path, runs, end)
-    run = runs.get(path)
-    cls = vocabulary().primitives.get(node.type)
-    label = f"{node.type}({', '.join(str(value) for _, value in node.args)})"[:160]
+    label = f"{node.type}({', '.join(str(value) for _, value in node.args)})"
+    return _leaf(node.type, label, runs.get(path), end)
+
+
+def _leaf(primitive: str, label: str, run: LeafRun | None, end: float) -> Branch:
+    cls = vocabulary().primitives.get(primitive)
     group, summary = (cls.group, cls.summary()) if cls else ("", "")
     if run is None:
-        return Branch("→", label, group, "waiting", "", 0, 0, "", summary, ())
-    return Branch("→", label, group, _STATUS[run.status], f"{run.end - run.start:.1f} s",
+        return Branch("→", label[:160], group, "waiting", "", 0, 0, "", summary, ())
+    return Branch("→", label[:160], group, _STATUS[run.status], f"{run.end - run.start:.1f} s",
                   *_place(run.start, run.end, end), run.message, summary, ())
 
 

@@ -1,0 +1,199 @@
+from __future__ import annotations
+
+import base64
+import gzip
+import hashlib
+import io
+import json
+import re
+from dataclasses import replace
+from html.parser import HTMLParser
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from palpate.estimation.estimate import Estimate
+from palpate.planning.plan import Node, Plan
+from palpate.quantities import Gap
+from palpate.rendering import png
+from palpate.report.report import GapRow, Measured, ReportData, write_report
+from palpate.trace import Context, LeafRun, Recording
+
+HOSTILE = '</script><script>alert(1)</script><img src="http://evil.example/x" onerror=alert(1)>'
+SECTIONS = ("The workspace", "What was known, what was not", "The plan", "What the robot felt", "The digital twin")
+
+
+class Page(HTMLParser):
+    """What a browser would see: elements with attributes, text, and the content of scripts."""
+
+    def __init__(self, html: str) -> None:
+        super().__init__()
+        self.elements: list[tuple[str, dict[str, str]]] = []
+        self.texts: list[str] = []
+        self.scripts: list[str] = []
+        self._script = False
+        self.feed(html)
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.elements.append((tag, {name: value or "" for name, value in attrs}))
+        self._script = tag == "script"
+
+    def handle_endtag(self, tag: str) -> None:
+        self._script = False
+
+    def handle_data(self, text: str) -> None:
+        (self.scripts if self._script else self.texts).append(text)
+
+    @property
+    def text(self) -> str:
+        return " ".join(" ".join(self.texts).split())
+
+    def all(self, tag: str) -> list[dict[str, str]]:
+        return [attributes for name, attributes in self.elements if name == tag]
+
+
+def page_of(data: ReportData, folder: Path) -> Page:
+    write_report(folder / "report.html", data)
+    return Page((folder / "report.html").read_text(encoding="utf-8"))
+
+
+def picture() -> bytes:
+    return png(np.zeros((8, 12, 3), np.uint8))
+
+
+def complete(data: ReportData) -> ReportData:
+    return replace(data, workspace=picture(), before=picture(), after=picture(), video=b"\0\0\0\x18ftypmp42",
+                   video_speed=2.5, warnings=("a warning",))
+
+
+def test_all_sections_are_there(data: ReportData, tmp_path: Path) -> None:
+    page = page_of(complete(data), tmp_path)
+    for words in (*SECTIONS, data.request, "0.2541", "± 0.0008", "0.2525 … 0.2557 kg", "hidden truth 0.254 kg",
+                  "+0.1 g", "inside the interval", "at 2.5 × robot time", "a warning", "16", "31.0 s", "lab",
+                  "single-shot 0.262 ± 0.020 kg", "mujoco", "MoveUntilContact(-z)", data.plan.explanation):
+        assert str(words) in page.text, words
+    assert len(page.all("img")) == 3
+    assert page.all("video")[0]["src"].startswith("data:video/mp4;base64,")
+
+
+def test_nothing_is_fetched(data: ReportData, tmp_path: Path) -> None:
+    page = page_of(complete(data), tmp_path)
+    for _, attributes in page.elements:
+        for name in ("src", "href", "poster", "action", "data", "srcset"):
+            assert re.match(r"data:|[\w./-]+$|$", attributes.get(name, "")), attributes
+    policy = page.all("meta")[1]
+    assert policy["http-equiv"] == "Content-Security-Policy"
+    assert policy["content"].startswith("default-src 'none';")
+    assert not any(attributes.get("src") for attributes in page.all("script") + page.all("link"))
+    css = re.findall(r"<style>(.*?)</style>", (tmp_path / "report.html").read_text(), re.DOTALL)
+    assert "url(" not in "".join(css)
+    assert "@import" not in "".join(css)
+
+
+def test_the_policy_names_the_scripts_that_are_there(data: ReportData, tmp_path: Path) -> None:
+    page = page_of(data, tmp_path)
+    policy = page.all("meta")[1]["content"]
+    figure, packed, script = page.scripts[-3:]
+    for source in (script.encode(), gzip.decompress(base64.b64decode(packed))):
+        assert base64.b64encode(hashlib.sha256(source).digest()).decode() in policy
+    assert json.loads(figure)["layout"]["xaxis"]["range"] == [0.0, pytest.approx(31.0)]
+
+
+def test_hostile_names_are_text(data: ReportData, tmp_path: Path) -> None:
+    gap = Gap(HOSTILE, HOSTILE)
+    context = Context("still", at=HOSTILE, holding=HOSTILE)
+    window = Recording("gripper_forces", 1.0, 2.0, context, HOSTILE)
+    estimate = Estimate(gap, (1.0,), (0.1,), ((0.8, 1.2),), HOSTILE, (window,), components={HOSTILE: (1.0, 0.1)})
+    assert data.trace is not None
+    leaf = LeafRun("tree.children[0]", HOSTILE, HOSTILE, 0.0, 1.0, "FAILURE", HOSTILE)
+    trace = replace(data.trace, leaves=(leaf,), recordings=(window,), conversions=())
+    plan = Plan((gap,), Node("Sequence", (), (Node(HOSTILE, (("pose", HOSTILE),), name=HOSTILE),), name=HOSTILE),
+                HOSTILE, HOSTILE, (HOSTILE,))
+    hostile = ReportData(
+        request=HOSTILE, status="aborted", plan=plan, world=HOSTILE, gaps=(GapRow(HOSTILE, HOSTILE, "known", True),),
+        measured=(Measured(estimate, HOSTILE, (1.1,)),), findings=(HOSTILE,), trace=trace, stopped_by=HOSTILE,
+        twin_diff=f"@@ {HOSTILE}\n-{HOSTILE}\n+{HOSTILE}!\n", twin_checks={HOSTILE: HOSTILE}, twin_notes=(HOSTILE,),
+        versions={HOSTILE: HOSTILE}, noise=HOSTILE, files=("javascript:alert(1)", "../up", "good.xml", HOSTILE),
+        warnings=(HOSTILE,))
+    page = page_of(hostile, tmp_path)
+    assert len(page.all("script")) == 3
+    assert page.all("img") == []
+    assert not any(name.startswith("on") for _, attributes in page.elements for name in attributes)
+    assert [a["href"] for a in page.all("a")] == ["good.xml"]
+    assert HOSTILE in page.text
+    figure = json.loads(page.scripts[-3])
+    shown = [a["text"] for a in figure["layout"]["annotations"]] + figure["data"][-1]["text"]
+    assert shown
+    assert not any("<" in text for text in shown)
+
+
+@pytest.mark.parametrize("status", ["rejected", "aborted", "failed", "complete"])
+def test_a_bare_run_still_has_a_page(status: str, tmp_path: Path) -> None:
+    bare = ReportData(request=None, status=status, plan=Plan((), None, "Heat cannot be felt."), world="nowhere")
+    page = page_of(bare, tmp_path)
+    assert "Heat cannot be felt." in page.text
+    assert "Everything that the scene leaves open" in page.text
+    assert page.all("img") == page.all("video") == []
+    assert "What the robot felt" not in page.text
+    assert (tmp_path / "report.html").stat().st_size < 100_000
+
+
+def test_an_aborted_run_says_why_and_shows_the_stop(data: ReportData, tmp_path: Path) -> None:
+    assert data.trace is not None
+    done = data.trace.leaves[:3]
+    failed = replace(data.trace.leaves[3], status="FAILURE", message="unexpected contact of 21 N")
+    stop = LeafRun("stop", "OpenGripper", "OpenGripper()", 8.0, 9.0, "SUCCESS", "open to 80 mm")
+    trace = replace(data.trace, leaves=(*done, failed, stop), recordings=(), conversions=())
+    lost = Estimate(Gap("table", "height"), (), (), (), "The run ended before.", (), "not identified")
+    page = page_of(replace(data, status="aborted", stopped_by="MovePose: unexpected contact", trace=trace,
+                           measured=(Measured(lost, "m"),)), tmp_path)
+    for words in ("Stopped safely", "MovePose: unexpected contact", "unexpected contact of 21 N", "Controlled stop",
+                  "not identified"):
+        assert words in page.text, words
+    fates = [attributes["class"].split()[-1] for attributes in page.all("div") if "node" in attributes.get("class", "")]
+    assert fates[:6] == ["failure", "success", "success", "success", "failure", "waiting"]
+
+
+def test_a_real_robot_has_no_truth(data: ReportData, tmp_path: Path) -> None:
+    page = page_of(replace(data, measured=tuple(replace(m, truth=None) for m in data.measured)), tmp_path)
+    assert "hidden truth" not in page.text
+    assert "0.76503" in page.text
+
+
+def test_a_truth_off_the_scale_stays_on_the_bar(data: ReportData, tmp_path: Path) -> None:
+    page = page_of(replace(data, measured=(replace(data.measured[0], truth=(2.0,)),)), tmp_path)
+    marker = page.all("u")[0]["style"]
+    assert marker == "left:100.0%"
+    assert "outside the interval" in page.text
+
+
+def test_a_diff_is_coloured_within_the_line(data: ReportData, tmp_path: Path) -> None:
+    page = page_of(data, tmp_path)
+    kinds = [attributes["class"] for attributes in page.all("pre")]
+    assert kinds.count("add") == kinds.count("del") == 2
+    marked = [page.texts[i + 1] for i, text in enumerate(page.texts) if text.endswith('pos="0.58 0 ')]
+    assert marked == ["?", "0.74703"]
+
+
+def test_vectors_have_a_bar_for_each_component(data: ReportData, tmp_path: Path) -> None:
+    com = Estimate(Gap("hammer", "com"), (0.01, -0.002, 0.09), (0.001,) * 3,
+                   ((0.008, 0.012), (-0.004, 0.0), (0.088, 0.092)), "Torques.", ())
+    page = page_of(replace(data, measured=(Measured(com, "m", (0.011, -0.002, 0.2)),)), tmp_path)
+    assert len(page.all("u")) == 3
+    assert [text for text in page.texts if text in ("x", "y", "z")] == ["x", "y", "z"]
+
+
+def test_large_pictures_are_scaled_and_bad_ones_left_out(data: ReportData, tmp_path: Path) -> None:
+    noise = np.random.default_rng(0).integers(0, 255, (1200, 1900, 3), dtype=np.uint8)
+    page = page_of(replace(data, workspace=png(noise), before=b"not a picture", after=b"<svg/>"), tmp_path)
+    assert [image["src"][:22] for image in page.all("img")] == ["data:image/jpeg;base64"]
+    with Image.open(io.BytesIO(base64.b64decode(page.all("img")[0]["src"].partition(",")[2]))) as image:
+        assert image.width == 1280
+
+
+def test_the_same_run_gives_the_same_page(data: ReportData, tmp_path: Path) -> None:
+    write_report(tmp_path / "a.html", data)
+    write_report(tmp_path / "b.html", data)
+    assert (tmp_path / "a.html").read_bytes() == (tmp_path / "b.html").read_bytes()
