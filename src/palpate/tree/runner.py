@@ -13,17 +13,19 @@ from dataclasses import dataclass, field
 from types import FrameType
 from typing import Literal, Protocol
 
+import numpy as np
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
 from palpate.errors import InputError
 from palpate.planning.plan import Plan
 from palpate.robots.robot import Robot, RobotState
+from palpate.robots.safety import FREE_FORCE, unexplained_force
 from palpate.scene.scene import Scene
 from palpate.trace import LeafRun, Trace
 from palpate.tree.build import build
 from palpate.tree.leaf import PrimitiveLeaf
-from palpate.tree.stop import PutDown
+from palpate.tree.stop import PutDown, released
 from palpate.vocabulary.primitive import Cell, Recorder, Vocabulary, vocabulary
 from palpate.vocabulary.state import SymbolicState
 
@@ -35,6 +37,8 @@ MAX_ROBOT_SECONDS = 1800.0
 """s of robot time that a whole run may take."""
 STOP_SECONDS = 2.0
 """s of robot time for the arm to come to rest after `hold`."""
+EASINGS = 4
+"""How often the arm gives way to what it presses on; each leaves a fraction of the force."""
 STOP_NODE = "stop"
 """`LeafRun.node` of what the runner itself runs on the way to a controlled stop; no plan has such a node."""
 
@@ -155,8 +159,10 @@ class _Loop:
             self.cell.robot.hold()
         if not put_down:
             return
-        self._rest()
-        if self.cell.robot.state.gripping:
+        self._come_to_rest()
+        if not self.cell.robot.state.gripping:
+            self.cell.state = released(self.cell) if self.cell.state.holding else self.cell.state
+        else:
             down = PrimitiveLeaf(PutDown(), self.cell, STOP_NODE)
             try:
                 self.tick_to_end(down, PutDown.timeout, _nobody)
@@ -171,12 +177,27 @@ class _Loop:
             trace, "complete" if self.stopping is None else "stopped", self._stopped_by(), self.cell.state,
             sum(leaf.node != STOP_NODE for leaf in trace.leaves), self._elapsed(), wall_seconds)
 
+    def _come_to_rest(self) -> None:
+        """Wait for the end of all motion, and stop pressing on what was run into: `hold` keeps the force of the
+        set-point that the arm lags behind, a joint motion to where the arm is gives way."""
+        for _ in range(EASINGS):
+            if self._pressing():
+                self.cell.robot.move_joints(self.cell.robot.state.q)
+            self._rest()
+            if not self._pressing():
+                return
+
     def _rest(self) -> None:
         for _ in range(math.ceil(STOP_SECONDS / self.tick_period)):
             self._advance()
             self._show()
             if not (self.cell.robot.state.moving or self.cell.robot.state.gripper_moving):
                 return
+
+    def _pressing(self) -> bool:
+        robot = self.cell.robot
+        force = unexplained_force(robot.state, robot.limits, robot.state.gripping)
+        return bool(np.linalg.norm(force) > FREE_FORCE)
 
     def _advance(self) -> None:
         self.cell.robot.advance(self.tick_period)

@@ -41,7 +41,7 @@ class PutDown(Primitive):
 
     def expectation(self, state: SymbolicState) -> Expectation:
         held = state.holding is not None
-        return Expectation(holding=held, contact=True, grasped=held)
+        return Expectation(contact=True, grasped=held)
 
     def run(self, cell: Cell) -> Steps:
         height = self._height(cell)
