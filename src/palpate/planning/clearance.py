@@ -5,7 +5,7 @@ Objects and the hand's parts are boxes; a motion is sampled and every sample tes
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import cache
 
@@ -34,6 +34,10 @@ HAND_PARTS: tuple[tuple[tuple[float, float, float], tuple[float, float, float]],
     ((0.0, 0.0, -0.135), (0.050, 0.050, 0.038)),
 )
 """Open fingers, palm and flange as boxes in the tool frame: centre and half extents, m (robots/fr3.xml)."""
+
+
+HAND_REACH, FLANGE, TIP = 0.11, 0.18, 0.01
+"""m: no part of the hand is farther than these from the tool's axis, above the TCP, and below it."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -90,8 +94,25 @@ class Motion:
         poses = [Pose(p, self.end.quaternion) for p in self._positions()]
         hand, held = self._hand(poses), self._held(poses)
         left_out = {*ignoring, self.state.holding}
-        return [name for name in self.state.scene.objects if name not in left_out
+        return [name for name in self._beside() if name not in left_out
                 and (self._hit(name, hand, margin) or (held is not None and self._hit(name, held, -TOUCH)))]
+
+    def _beside(self) -> Iterator[str]:
+        """Objects near enough to be hit at all."""
+        held = 2 * self.state.scene.body(self.state.holding).reach if self.state.holding else 0.0
+        width = HAND_REACH + held
+        (x0, y0, z0), (x1, y1, z1) = self.start.position.tolist(), self.end.position.tolist()
+        points_down = self.end.rotation[2, 2] < -0.99
+        lowest = min(z0, z1) - held - (TIP if points_down else HAND_REACH + FLANGE)
+        dx, dy = x1 - x0, y1 - y0
+        length = dx * dx + dy * dy
+        for name, body in self.state.scene.objects.items():
+            x, y, z = self.state.pose_of(name).position.tolist()
+            if z + body.reach < lowest:
+                continue
+            share = min(1.0, max(0.0, ((x - x0) * dx + (y - y0) * dy) / length)) if length > 1e-12 else 0.0
+            if body.is_near(x - x0 - share * dx, y - y0 - share * dy, width):
+                yield name
 
     def _positions(self) -> Array:
         travel = float(np.linalg.norm(self.end.position - self.start.position))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 
+
 def word_set(text: str) -> frozenset[str]:
     """The words of `text`."""
     return frozenset(text.split())

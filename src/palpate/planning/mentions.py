@@ -64,7 +64,8 @@ class Words:
 
     @cached_property
     def _lexicon(self) -> frozenset[str]:
-        return frozenset(frozenset().union(*self._all.values()) | COLOURS | lexicon.OBJECT_NOUNS
+        words = {word for said in self._all.values() for word in said}
+        return frozenset(words | COLOURS | lexicon.OBJECT_NOUNS
                          | lexicon.SURFACE_NOUNS | lexicon.GRIPPER_NOUNS)
 
     def items(self, tokens: Sequence[str]) -> list[Item]:

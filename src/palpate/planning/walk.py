@@ -17,7 +17,7 @@ from palpate.pose import Pose
 from palpate.quantities import Gap
 from palpate.scene.scene import Scene
 from palpate.trace import Context
-from palpate.vocabulary.primitive import Primitive, vocabulary
+from palpate.vocabulary.primitive import ConversionPrimitive, Primitive, vocabulary
 from palpate.vocabulary.state import SymbolicState
 
 Reach = Callable[[Pose], bool]
@@ -272,7 +272,7 @@ class Walk:
             if recorded.buffer == primitive.reads:
                 recorded.used = True
                 break
-        subject = getattr(primitive, "subject", lambda _: None)(before)
+        subject = primitive.subject(before) if isinstance(primitive, ConversionPrimitive) else None
         if subject is None:
             return
         gap = Gap(subject, primitive.measures.id)

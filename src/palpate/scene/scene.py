@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Literal
@@ -50,6 +51,12 @@ class Body:
     missing: frozenset[str]
     assumed: frozenset[str] = frozenset()
 
+    reach: float = field(init=False)
+    """No point of its box is farther than this from its frame's origin, m."""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "reach", float(np.linalg.norm(self.centre) + np.linalg.norm(self.size) / 2))
+
     def top_z(self, pose_world: Pose | None = None) -> float:
         """World z of the top of its box, at its believed pose or at `pose_world`, m."""
         middle, half = self._vertical(pose_world or self.pose_world)
@@ -63,11 +70,18 @@ class Body:
     def covers(self, x: float, y: float, pose_world: Pose | None = None) -> bool:
         """Whether the point is above its box's footprint."""
         pose = pose_world or self.pose_world
+        at_x, at_y, _ = pose.position.tolist()
+        if not self.is_near(x - at_x, y - at_y):
+            return False
         down = pose.rotation[2]
         start = pose.inverse().apply((x, y, pose.position[2])) - self.centre
         along = np.where(np.abs(down) > 1e-9, down, 1e-9)
         near, far = (-start - self.size / 2) / along, (-start + self.size / 2) / along
         return bool(np.minimum(near, far).max() <= np.maximum(near, far).min() + 1e-9)
+
+    def is_near(self, x: float, y: float, margin: float = 0.0) -> bool:
+        """Whether a point `x`, `y` m beside its frame's origin may be within `margin` m of its box: a quick bound."""
+        return math.hypot(x, y) <= self.reach + margin
 
     def _vertical(self, pose: Pose) -> tuple[float, float]:
         up = pose.rotation[2]

@@ -70,7 +70,8 @@ class SymbolicState:
 
     def object_at(self, pose_world_tcp: Pose) -> Body | None:
         """The object that closing the fingers at this pose would grasp: the one whose box holds the TCP."""
-        near = [(self._outside(body, pose_world_tcp), body) for body in self.scene.objects.values()]
+        near = [(self._outside(body, pose_world_tcp), body) for body in self.scene.objects.values()
+                if self._is_near(body, pose_world_tcp)]
         best = min(near, key=lambda pair: pair[0], default=None)
         return best[1] if best is not None and best[0] <= GRASP_REACH else None
 
@@ -97,6 +98,11 @@ class SymbolicState:
             return None
         below = self.surface_below(self.pose_world_tcp)
         return below.name if below else None
+
+    def _is_near(self, body: Body, pose_world_tcp: Pose) -> bool:
+        x, y, _ = pose_world_tcp.position.tolist()
+        at_x, at_y, _ = self.pose_of(body.name).position.tolist()
+        return body.is_near(x - at_x, y - at_y, GRASP_REACH)
 
     def _outside(self, body: Body, pose_world_tcp: Pose) -> float:
         """Distance from the TCP to the object's box, 0 inside, m."""
