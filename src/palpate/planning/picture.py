@@ -4,20 +4,17 @@ from __future__ import annotations
 
 import hashlib
 import io
-import warnings
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from PIL import Image
 
-from palpate.errors import InputError
+from palpate.scene.camera import load_image
 
 LONGEST_SIDE = 1024
 """Pixels of the longer side as sent; larger pictures are downscaled, smaller ones are not enlarged."""
 JPEG_QUALITY = 90
-LARGEST_PICTURE = 64_000_000
-"""Pixels of a picture that is opened at all."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,20 +37,7 @@ def picture(path: Path) -> Picture:
     Raises:
         InputError: not readable as a picture, or too large.
     """
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("error", Image.DecompressionBombWarning)
-            with Image.open(path, formats=("PNG", "JPEG")) as file:
-                if file.width * file.height > LARGEST_PICTURE:
-                    raise InputError(f"the image '{path.name}' has {file.width} × {file.height} pixels; at most "
-                                     f"{LARGEST_PICTURE // 1_000_000} million are read")
-                file.thumbnail((LONGEST_SIDE, LONGEST_SIDE))
-                return _encoded(file.convert("RGB"))
-    except (OSError, ValueError, SyntaxError, Image.DecompressionBombError, Image.DecompressionBombWarning) as error:
-        raise InputError(f"cannot read the image '{path.name}': {error}; give a PNG or JPEG file") from None
-
-
-def _encoded(image: Image.Image) -> Picture:
+    pixels = load_image(path, LONGEST_SIDE)
     buffer = io.BytesIO()
-    image.save(buffer, "JPEG", quality=JPEG_QUALITY)
-    return Picture(buffer.getvalue(), image.width, image.height)
+    Image.fromarray(pixels).save(buffer, "JPEG", quality=JPEG_QUALITY)
+    return Picture(buffer.getvalue(), pixels.shape[1], pixels.shape[0])

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 
-from palpate.studies.attempt import Settings, attempt
+from palpate.studies.attempt import Settings, attempt, with_image
 from palpate.studies.trials import Record, Trial, run_trials
 
 CONFIGURATIONS: dict[str, frozenset[str]] = {
@@ -38,6 +38,7 @@ def ablation(scenario: str, planners: Sequence[str], file: Path, settings: Setti
     Raises:
         InputError: unknown scenario, planner or configuration. Unavailable: the provider was; what is done is kept.
     """
+    settings = with_image(scenario, settings, file)
     wanted = [Trial(scenario, planner, configuration, number)
               for planner in planners for configuration in configurations for number in range(trials)]
     return run_trials(wanted, lambda trial: attempt(trial, without(trial.configuration), settings), file, in_flight,

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import threading
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, cast
 
 from palpate import pipeline
+from palpate.cell import simulated_cell
 from palpate.errors import InputError, PlanRejected
 from palpate.job import Job
 from palpate.planning.check import check
@@ -21,6 +22,7 @@ from palpate.scenarios.catalogue import Scenario, scenario
 from palpate.scene.scene import Scene
 from palpate.studies.judgement import Judgement, judge
 from palpate.studies.trials import Record, Trial
+from palpate.view import workspace_png
 from palpate.vocabulary.primitive import Cell, vocabulary
 from palpate.vocabulary.state import SymbolicState
 
@@ -54,6 +56,23 @@ class Proposed:
 
 _executing = threading.Lock()
 """Requests overlap, simulations do not: they would only slow each other down."""
+
+
+def with_image(name: str, settings: Settings, file: Path) -> Settings:
+    """The settings with a picture of the scenario's world, kept beside the results, unless they have one.
+
+    Without a usable OpenGL there is none.
+    """
+    if settings.images:
+        return settings
+    path = file.with_suffix(".png")
+    if not path.exists():
+        job = scenario(name).job()
+        content = workspace_png(simulated_cell(job, pipeline.look(job)))
+        if content is None:
+            return settings
+        path.write_bytes(content)
+    return replace(settings, images=(path,))
 
 
 def attempt(trial: Trial, without: frozenset[str], settings: Settings) -> Record:

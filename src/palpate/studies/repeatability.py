@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from palpate.studies.attempt import Settings, attempt
+from palpate.studies.attempt import Settings, attempt, with_image
 from palpate.studies.trials import Record, Trial, run_trials
 
 PAPER: dict[str, tuple[int, int]] = {"GPT-4": (20, 20), "Gemini 1.5 Pro": (20, 20)}
@@ -21,5 +21,6 @@ def repeatability(scenario: str, planners: Sequence[str], file: Path, settings: 
     Raises:
         InputError: unknown scenario or planner. Unavailable: the provider was; what is done is kept.
     """
+    settings = with_image(scenario, settings, file)
     wanted = [Trial(scenario, planner, "full", number) for planner in planners for number in range(trials)]
     return run_trials(wanted, lambda trial: attempt(trial, frozenset(), settings), file, in_flight, say)
