@@ -25,6 +25,9 @@ from palpate.scene.words import thing_words
 CARRYING = 0.10
 """m: a static thing narrower than this is a surface only when something stands on it."""
 
+MOUNT = 0.5
+"""m: what the arm stands on is its mount, and no surface, when it is smaller than this and carries nothing else."""
+
 _ORIENTATIONS = ("euler", "axisangle", "xyaxes", "zaxis")
 
 
@@ -179,11 +182,8 @@ def _is_surface(surface: SurfaceEntry, shapes: Shapes, standing: list[Array]) ->
 
     if any(carries(point) for point in standing):
         return True
-    return bool(np.min((high - low)[:2]) >= CARRYING) and not (_is_bounded(cloud) and carries(shapes.base().position))
-
-
-def _is_bounded(cloud: Array) -> bool:
-    return bool(np.max(cloud.max(axis=0) - cloud.min(axis=0)) < 5.0)
+    extent = (high - low)[:2]
+    return bool(np.min(extent) >= CARRYING) and not (np.max(extent) < MOUNT and carries(shapes.base().position))
 
 
 def _level(shapes: Shapes, geom: Element) -> bool:
