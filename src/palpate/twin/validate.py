@@ -9,6 +9,7 @@ import mujoco
 import numpy as np
 
 from palpate.errors import PalpateError
+from palpate.pose import Array
 from palpate.scene.scene import Scene
 from palpate.trace import FORCES, Recording, Trace
 
@@ -19,6 +20,8 @@ SETTLE_TIME = 2.0
 """s of free simulation before the twin's objects must rest."""
 REST_SPEED = 0.01
 """m/s."""
+REST = 0.3
+"""s at the end of a motion in which the arm stands still."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,16 +94,21 @@ def compare(recorded: Trace, replayed: Trace) -> Residual:
     return Residual(_rms(force), _rms(position))
 
 
-def _mean_force(trace: Trace, recording: Recording) -> np.ndarray:
-    return trace.of(recording).wrench[:, :3].mean(axis=0)
+def _mean_force(trace: Trace, recording: Recording) -> Array:
+    """The recording's mean force less what the empty hand felt at rest at the same pose: the arm's own bias."""
+    empty = [trace.samples.between(leaf.end - REST, leaf.end).wrench[:, :3].mean(axis=0)
+             for leaf in trace.leaf_runs("MovePose")
+             if leaf.context and leaf.context.at == recording.context.at and leaf.context.holding is None]
+    force: Array = trace.of(recording).wrench[:, :3].mean(axis=0)
+    return force - np.mean(empty, axis=0) if empty else force
 
 
-def _mean_position(trace: Trace, recording: Recording) -> np.ndarray:
+def _mean_position(trace: Trace, recording: Recording) -> Array:
     return trace.of(recording).pose_world_tcp[:, :3].mean(axis=0)
 
 
 
-def _rms(differences: list[np.ndarray]) -> float | None:
+def _rms(differences: list[Array]) -> float | None:
     if not differences:
         return None
     return float(np.sqrt(np.mean([d @ d for d in differences])))
