@@ -18,7 +18,7 @@ from pydantic import ValidationError
 
 from palpate.errors import InputError, PlanRejected
 from palpate.planning.clearance import Motion, blockers, motion_to, straddled
-from palpate.planning.evidence import DERIVED, amount, converters, discharged, sensors
+from palpate.planning.evidence import DERIVED, amount, converters, discharged, sensors, supports
 from palpate.planning.fold import beside, during, node_of
 from palpate.planning.plan import Node
 from palpate.pose import Pose
@@ -165,13 +165,14 @@ class Backchainer:
             yield [self._above(other)[0] for other in self.scene.objects]
             return
         yield [above, spot] if name in self.scene.objects else [spot, above]
-        for axis in ("x_offset", "y_offset") if name in self.scene.objects else ():
-            near = [f"{spot} {sign} {axis}" for sign in "+-"]
-            yield [above, spot, *(e for s in near for e in (f"{s} + z_offset", s))]
-        for axis in ("x_offset", "y_offset") if name in self.scene.objects else ():
+        axes = ("x_offset", "y_offset") if name in self.scene.objects else ()
+        for axis in axes:
             length = float(np.linalg.norm(self.scene.symbols.offset(axis, spot)))
             factor = max(1, math.ceil(SLIDE / max(length, 1e-3)))
             yield [above, spot, *(f"{spot} {sign} {factor}*{axis}" for sign in "+-")]
+        for axis in axes:
+            near = [f"{spot} {sign} {axis}" for sign in "+-"]
+            yield [above, spot, *(e for s in near for e in (f"{s} + z_offset", s))]
 
     def _operators(self, expressions: Iterable[str]) -> list[Primitive]:
         """Motion and gripper primitives with arguments that matter here."""
@@ -254,11 +255,21 @@ def _chains(quantity: str) -> Iterator[tuple[Primitive, ...]]:
 def _yields(gap: Gap, steps: Iterable[Step], state: SymbolicState) -> bool:
     before = amount(gap, state)
     for step in steps:
+        if not _may_concern(gap, step, state):
+            return False
         after = _applied(step, state)
         if after is None:
             return False
         state = after
     return amount(gap, state) > before
+
+
+def _may_concern(gap: Gap, step: Step, state: SymbolicState) -> bool:
+    """Whether what a step records may be evidence for a derived gap: a quick look before the step is tried."""
+    if gap.quantity not in DERIVED:
+        return True
+    context = during([p for p in step.primitives if p.claims], state).context()
+    return any(supports(gap, p.writes, context) for p in step.primitives if p.writes)
 
 
 def _applied(step: Step, state: SymbolicState) -> SymbolicState | None:

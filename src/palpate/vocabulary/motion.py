@@ -100,9 +100,10 @@ class MovePose(Primitive):
 
     def slides(self, state: SymbolicState) -> bool:
         """Whether this would drag the held object along its support."""
+        if state.holding is None or state.lifted or state.pose_world_tcp is None:
+            return False
         after = self.effects(state)
-        return (state.holding is not None and not state.lifted and not after.lifted
-                and state.pose_world_tcp is not None and after.pose_world_tcp is not None
+        return (not after.lifted and after.pose_world_tcp is not None
                 and state.pose_world_tcp.distance_to(after.pose_world_tcp) > LIFTED)
 
     def during(self, state: SymbolicState) -> SymbolicState:
