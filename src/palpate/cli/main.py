@@ -55,11 +55,9 @@ Remeasure = Annotated[bool, typer.Option("--remeasure", help="Measure what is as
 def main() -> None:
     """Entry point: every `PalpateError` becomes one line and its exit status."""
     try:
-        app(standalone_mode=False)
+        sys.exit(app(standalone_mode=False))
     except PalpateError as error:
         fail(error)
-    except typer.Exit as exit_:
-        sys.exit(exit_.exit_code)
     except typer.Abort:
         sys.exit(4)
     except KeyboardInterrupt:

@@ -1,0 +1,64 @@
+"""Runs the command line in this process, as a shell would see it."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+from palpate.cli.main import main
+
+TABLE = """<mujoco model="cell">
+  <worldbody>
+    <site name="robot_base"/>
+    <body name="table" pos="0.35 0 -0.03"><geom type="box" size=".6 .6 .03" friction="0.6 0.005 0.0001"/></body>
+    {bodies}
+  </worldbody>
+</mujoco>
+"""
+CUBE = """<body name="{name}" pos="{x} {y} 0.03"><freejoint/>
+      <geom type="box" size="{half} {half} 0.03" friction="0.6 0.005 0.0001" {mass}/></body>"""
+
+
+def cube(name: str = "cube", x: float = 0.5, y: float = 0.0, half: float = 0.025, mass: str = "") -> str:
+    return CUBE.format(name=name, x=x, y=y, half=half, mass=mass)
+
+
+@dataclass(frozen=True)
+class Answer:
+    status: int
+    out: str
+    err: str
+
+
+@pytest.fixture
+def palpate(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> Callable[..., Answer]:
+    """`palpate("gap", "scene.xml")` → exit status, stdout, stderr; the working folder is empty and pictures are off."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("MUJOCO_GL", "disable")
+
+    def call(*args: object) -> Answer:
+        monkeypatch.setattr(sys, "argv", ["palpate", *map(str, args)])
+        try:
+            main()
+            status = 0
+        except SystemExit as exit_:
+            status = int(exit_.code or 0)
+        captured = capsys.readouterr()
+        return Answer(status, captured.out, captured.err)
+
+    return call
+
+
+@pytest.fixture
+def scene(tmp_path: Path) -> Callable[..., Path]:
+    """Writes a scene of the given bodies on a table."""
+
+    def write(*bodies: str, name: str = "scene.xml") -> Path:
+        path = tmp_path / name
+        path.write_text(TABLE.format(bodies="\n    ".join(bodies)), encoding="utf-8")
+        return path
+
+    return write

@@ -1,0 +1,158 @@
+"""Bad input: one clear message, the documented exit status, and no folder left behind."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from PIL import Image
+
+from .conftest import TABLE, Answer, cube
+
+Palpate = Callable[..., Answer]
+SceneMaker = Callable[..., Path]
+
+
+def refused(answer: Answer, status: int, *words: str) -> None:
+    assert answer.status == status, answer.err
+    lines = [line for line in answer.err.splitlines() if line.startswith("palpate: ")]
+    assert len(lines) == 1, answer.err
+    for word in words:
+        assert word in lines[0]
+    assert "Traceback" not in answer.err
+
+
+def nothing_written(folder: Path) -> bool:
+    return not (folder / "out").exists() and not list(folder.glob(".out*")) and not (folder / "runs").exists()
+
+
+@pytest.mark.parametrize(("text", "words"), [
+    ("<mujoco><worldbody>", ["scene.xml"]),
+    ("not xml at all", ["scene.xml"]),
+    ('<!DOCTYPE m [<!ENTITY a SYSTEM "file:///etc/passwd">]><mujoco>&a;</mujoco>', ["scene.xml"]),
+    ('<!DOCTYPE m [<!ENTITY a "aaaa"><!ENTITY b "&a;&a;&a;&a;">]><mujoco model="&b;"/>', ["scene.xml"]),
+    (TABLE.format(bodies='<body name="cup" pos="0.5 0 0.1"><freejoint/><geom type="mesh" mesh="cup"/></body>').replace(
+        "<worldbody>", '<asset><mesh name="cup" file="cup.obj"/></asset><worldbody>'), ["cup.obj"]),
+    (TABLE.format(bodies='<body name="cup" pos="0.5 0 0.1"><freejoint/><geom type="mesh" mesh="cup"/></body>').replace(
+        "<worldbody>", '<asset><mesh name="cup" file="../../secret.obj"/></asset><worldbody>'), ["../../secret.obj"]),
+    ("<mujoco>" + "<body>" * 5000 + "</body>" * 5000 + "</mujoco>", ["scene.xml"]),
+], ids=["malformed", "no xml", "external entity", "entity bomb", "missing mesh", "escaping mesh", "deep"])
+def test_unusable_scene(palpate: Palpate, tmp_path: Path, text: str, words: list[str]) -> None:
+    (tmp_path / "scene.xml").write_text(text, encoding="utf-8")
+    refused(palpate("run", "--scene", "scene.xml", "--out", "out"), 2, *words)
+    assert nothing_written(tmp_path)
+
+
+def test_scene_that_is_not_there(palpate: Palpate) -> None:
+    refused(palpate("gap", "nowhere.xml"), 2, "nowhere.xml")
+
+
+def test_neither_request_nor_scene(palpate: Palpate, tmp_path: Path) -> None:
+    refused(palpate("run", "--out", "out"), 2, "--scene", "-r")
+    assert nothing_written(tmp_path)
+
+
+@pytest.mark.parametrize("request_", ["", "   ", "mass " * 20_000], ids=["empty", "blank", "100 kB"])
+def test_unusable_request(palpate: Palpate, scene: SceneMaker, tmp_path: Path, request_: str) -> None:
+    refused(palpate("run", "-r", request_, "--scene", scene(cube()), "--out", "out"), 2, "request")
+    assert nothing_written(tmp_path)
+
+
+def test_object_that_is_not_there_lists_those_that_are(palpate: Palpate, scene: SceneMaker) -> None:
+    answer = palpate("run", "-r", "the mass of the teapot", "--scene", scene(cube("mug"), cube("brick", y=0.2)))
+    refused(answer, 2, "teapot", "mug", "brick")
+
+
+def test_unmeasurable_quantity_is_explained(palpate: Palpate, scene: SceneMaker) -> None:
+    answer = palpate("run", "-r", "the temperature of the mug", "--scene", scene(cube("mug")), "--out", "out", "--json")
+    result = json.loads(answer.out)
+    assert answer.status == 3
+    assert result["status"] == "rejected"
+    assert "temperature" in result["plan"]["explanation"]
+    assert result["execution"] is None
+
+
+def test_ambiguous_object_names_both(palpate: Palpate, scene: SceneMaker) -> None:
+    file = scene(cube("red_bottle"), cube("blue_bottle", y=0.2))
+    answer = palpate("plan", "-r", "the mass of the bottle", "--scene", file, "--json")
+    assert answer.status == 3
+    explanation = json.loads(answer.out)["explanation"]
+    assert "red_bottle" in explanation
+    assert "blue_bottle" in explanation
+
+
+@pytest.mark.parametrize("text", [
+    "this is not JSON", '{"parameters": [], "explanation": "", "tree": {"type": "Fly"}}', "[" * 10_000 + "]" * 10_000,
+    '{"tree": ' + '{"type": "Sequence", "children": [' * 10_000 + "]}" * 10_000 + "}",
+    '{"parameters": [], "explanation": "x", "tree": {"type": "MoveJoints", "joints": [NaN, 0, 0, 0, 0, 0, 0]}}',
+], ids=["no JSON", "unknown primitive", "deep list", "deep tree", "NaN"])
+def test_unusable_plan(palpate: Palpate, scene: SceneMaker, tmp_path: Path, text: str) -> None:
+    (tmp_path / "plan.json").write_text(text, encoding="utf-8")
+    answer = palpate("execute", "plan.json", "--scene", scene(cube()), "--out", "out")
+    assert answer.status in (2, 3)
+    assert "Traceback" not in answer.err
+    assert not (tmp_path / "out" / "trace.mcap").exists()
+
+
+def test_unreachable_object(palpate: Palpate, scene: SceneMaker) -> None:
+    answer = palpate("plan", "--scene", scene(cube("far", x=0.93)), "--json")
+    assert answer.status == 3
+    assert "far" in answer.out
+    assert "reach" in answer.out
+
+
+def test_object_too_wide_for_the_hand(palpate: Palpate, scene: SceneMaker) -> None:
+    answer = palpate("plan", "--scene", scene(cube("wide", half=0.06)), "--json")
+    assert answer.status == 3
+    assert "wide" in answer.out
+
+
+def test_object_heavier_than_the_payload(palpate: Palpate, scene: SceneMaker) -> None:
+    heavy = cube("anvil", mass='mass="7"').replace('friction="0.6 0.005 0.0001"', "")
+    answer = palpate("plan", "--scene", scene(heavy), "--json")
+    assert answer.status == 3
+    assert "anvil" in answer.out
+
+
+def test_scene_and_world_that_do_not_match(palpate: Palpate, scene: SceneMaker, tmp_path: Path) -> None:
+    world = scene(cube("other", mass='mass="0.2"'), name="world.xml")
+    refused(palpate("run", "--scene", scene(cube("cube")), "--world", world, "--out", "out"), 2, "cube", "other")
+    assert nothing_written(tmp_path)
+
+
+def test_unreadable_image(palpate: Palpate, scene: SceneMaker, tmp_path: Path) -> None:
+    (tmp_path / "picture.png").write_bytes(b"\x89PNG but not really")
+    refused(palpate("run", "--scene", scene(cube()), "--image", "picture.png", "--out", "out"), 2, "picture.png")
+    assert nothing_written(tmp_path)
+
+
+def test_image_is_read(palpate: Palpate, scene: SceneMaker, tmp_path: Path) -> None:
+    Image.new("RGB", (64, 48), "white").save(tmp_path / "picture.png")
+    assert palpate("plan", "--scene", scene(cube()), "--image", "picture.png", "--json").status == 0
+
+
+def test_existing_folder_is_left_alone(palpate: Palpate, scene: SceneMaker, tmp_path: Path) -> None:
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "precious.txt").write_text("mine", encoding="utf-8")
+    refused(palpate("run", "--scene", scene(cube()), "--out", "out"), 2, "out")
+    assert (tmp_path / "out" / "precious.txt").read_text(encoding="utf-8") == "mine"
+    assert [p.name for p in (tmp_path / "out").iterdir()] == ["precious.txt"]
+
+
+def test_unknown_planner_and_scenario_list_the_choices(palpate: Palpate, scene: SceneMaker) -> None:
+    refused(palpate("plan", "--scene", scene(cube()), "--planner", "wizard"), 2, "wizard", "symbolic", "exhaustive")
+    refused(palpate("demo", "atlantis"), 2, "atlantis", "bottle_and_table")
+
+
+def test_errors_are_json_when_asked(palpate: Palpate) -> None:
+    answer = palpate("gap", "nowhere.xml", "--json")
+    assert answer.status == 2
+    assert json.loads(answer.out)["error"]["exit_status"] == 2
+
+
+def test_wrong_option_is_a_usage_error(palpate: Palpate) -> None:
+    answer = palpate("gap", "--sideways")
+    assert answer.status == 2
+    assert "--sideways" in answer.err
