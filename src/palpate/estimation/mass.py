@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from statistics import NormalDist
 
 import numpy as np
 
-from palpate.estimation.estimate import Estimate, Verdict
+from palpate.estimation.estimate import Estimate
 from palpate.estimation.wrench import Contrast, Segment, fit_load, referenced, segments
 from palpate.quantities import Gap
 from palpate.trace import Conversion, Recording, Trace
@@ -37,14 +38,25 @@ def _estimate(gap: Gap, force: Contrast, gain: float, found: Sequence[Segment], 
               recording: Recording) -> Estimate:
     g = trace.gravity
     value, std = force.value / g, float(np.hypot(force.std, gain * force.value)) / g
-    widen = std * g / force.std
-    low, high = (value + widen * (bound - force.value) / g for bound in force.ci95)
-    return Estimate(gap, (value,), (std,), ((max(low, 0.0), high),), _method(found), (recording,),
-                    _verdict(low), _components(found, trace, recording))
+    widen = std / force.std
+    low, high = (value + widen * (bound - force.value) for bound in force.ci95)
+    if low > 0.0:
+        return Estimate(gap, (value,), (std,), ((low, high),), _method(found), (recording,),
+                        components=_components(found, trace, recording))
+    value, std = _positive(value, std)
+    return Estimate(gap, (value,), (std,), ((0.0, max(high, 2.0 * value)),), _method(found) + LIGHT, (recording,),
+                    "prior-dominated", _components(found, trace, recording))
 
 
-def _verdict(low: float) -> Verdict:
-    return "identified" if low > 0.0 else "not identified"
+LIGHT = " The object is too light for this scatter: that a mass is positive says as much as the forces."
+
+
+def _positive(value: float, std: float) -> tuple[float, float]:
+    """Mean and standard deviation of a normal, given that it is positive."""
+    unit = NormalDist()
+    alpha = -value / std
+    hazard = unit.pdf(alpha) / max(1.0 - unit.cdf(alpha), 1e-12)
+    return value + std * hazard, std * float(np.sqrt(max(1.0 + alpha * hazard - hazard**2, 1e-6)))
 
 
 def _components(found: Sequence[Segment], trace: Trace, recording: Recording) -> dict[str, tuple[float, float]]:

@@ -1,8 +1,9 @@
 """Height of what is rigid under the fingertips, from a guarded descent.
 
 Touching is a loading curve: free air, perhaps something soft that gives way while the force rises slowly, then the
-rigid surface, on which the tip stops while the force goes on rising. Only there are force and tip height taken;
-the line through them, carried back to the force at which the stiff part began, is the undeformed surface.
+rigid surface, on which the tip stops although it is told to go on. Only there are force and tip height taken; where
+the force varies enough to show how the surface yields, the line through them is carried back to the force at which the
+stiff part began.
 """
 
 from __future__ import annotations
@@ -33,6 +34,15 @@ SPAN = 0.25
 
 MIN_ROWS = 5
 INTERVALS = 8
+
+HALTED = 0.5
+"""Part of the descent's speed that must still be commanded for a stop to be the surface's doing."""
+
+LIFT_OFF = 0.002
+"""m above where it was held: there the tip has left the surface."""
+
+UNSEEN = 2e-5
+"""m (1 sigma): penetration of a rigid surface where the force did not vary enough to see it."""
 
 STRAIGHT = 5e-5
 """m: largest residual (rms) of the stiff part about its line."""
@@ -81,10 +91,12 @@ def estimate_height(trace: Trace, conversion: Conversion) -> Estimate:
     pressed = (samples.t >= recording.start) & (samples.t <= recording.end)
     if not pressed.any():
         raise ValueError(f"the recording of {conversion.object} holds no samples")
-    full = float(np.median(force[pressed]))
-    stiff = _stiff(z, force, _stopped(samples, leaf) | pressed, full)
+    touching = ~pressed & (z < float(z[pressed].mean()) + LIFT_OFF) | pressed
+    curve = _Curve(z, force, noise, float(np.median(force[pressed])), pressed)
+    stop = _stop(samples, leaf)
+    stiff = curve.stiff(touching & (samples.t >= stop) & _slow(samples, leaf)) if stop is not None else curve.soft()
     soft = _soft_onset(z, force, noise, samples.t <= leaf.end, stiff.height)
-    return _estimate(conversion, stiff, soft, full, trace.hand)
+    return _estimate(conversion, stiff, soft, curve.full, trace.hand)
 
 
 def tip_height(samples: Samples, hand: Hand) -> Array:
@@ -123,26 +135,55 @@ def _cruising(samples: Samples, leaf: LeafRun) -> Mask:
     return within & (speed > 0.9 * float(speed[within].max(initial=1e-6)))
 
 
-def _stopped(samples: Samples, leaf: LeafRun) -> Mask:
-    """Rows where the tip hardly moves although it may be told to."""
-    approach = float(np.abs(_speed(samples))[samples.t <= leaf.end].max(initial=1e-6))
-    return np.abs(samples.twist[:, 2]) < STOPPED * approach
+def _slow(samples: Samples, leaf: LeafRun) -> Mask:
+    """Rows where the tip hardly moves, measured by the speed of the descent."""
+    descent = float(np.abs(_speed(samples))[samples.t <= leaf.end].max(initial=1e-6))
+    return np.abs(samples.twist[:, 2]) < STOPPED * descent
 
 
-def _stiff(z: Array, force: Array, stopped: Mask, full: float) -> _Stiff:
-    """The longest straight part of the curve that reaches up to the full force.
+def _stop(samples: Samples, leaf: LeafRun) -> float | None:
+    """Time at which the tip stopped although it was told to go on; None when it only stopped when told to."""
+    told = -_speed(samples)
+    descending = _cruising(samples, leaf) & ~_slow(samples, leaf)
+    began = np.flatnonzero(descending)
+    if not len(began):
+        return None
+    halted = _slow(samples, leaf) & (told > HALTED * float(told[descending].max())) & (samples.t <= leaf.end)
+    after = np.flatnonzero(halted[began[0]:])
+    return float(samples.t[began[0] + after[0]]) if len(after) else None
 
-    When the tip never stopped while the force rose, nothing stiff was met, and the whole curve is taken.
-    """
-    rising = force[stopped & (force > TOUCH * full)]
-    met = len(rising) > 0 and float(np.ptp(np.percentile(rising, [3, 97]))) > SPAN * full
-    rows = stopped if met else np.ones(len(z), dtype=bool)
-    lines = [_line(z, force, rows & (force > part * full), part * full) for part in KNEES]
-    possible = [line for line in lines if line is not None]
-    if not possible:
-        return _Stiff(float(np.median(z[stopped])), 0.0, full, float(z[stopped].std()))
-    straight = [stiff for stiff, rms in possible if rms < STRAIGHT]
-    return straight[0] if straight else possible[-1][0]
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Curve:
+    """A loading curve: (n,) tip height (m) and force (N), the force's noise, the full force, and where it was held."""
+
+    z: Array
+    force: Array
+    noise: float
+    full: float
+    pressed: Mask
+
+    def stiff(self, rows: Mask) -> _Stiff:
+        """The longest straight part among `rows`, on a rigid surface; where the force hardly varies, what was held."""
+        least = max(TOUCH * self.full, 4.0 * self.noise)
+        rising = self.force[rows & (self.force > least)]
+        span = float(np.ptp(np.percentile(rising, [3, 97]))) if len(rising) else 0.0
+        if span < max(SPAN * self.full, 6.0 * self.noise):
+            held = self.z[self.pressed]
+            return _Stiff(float(np.median(held)), 0.0, 0.0, max(float(held.std()), UNSEEN))
+        knees = [max(part * self.full, least) for part in KNEES]
+        lines = [_line(self.z, self.force, rows & (self.force > knee), knee) for knee in knees]
+        possible = [line for line in lines if line is not None]
+        straight = [stiff for stiff, rms in possible if rms < STRAIGHT]
+        return straight[0] if straight else possible[-1][0]
+
+    def soft(self) -> _Stiff:
+        """The whole curve's line: nothing stiff was met."""
+        least = max(TOUCH * self.full, 4.0 * self.noise)
+        line = _line(self.z, self.force, self.force > least, 0.0)
+        held = float(np.median(self.z[self.pressed]))
+        stiff = line[0] if line else _Stiff(held, RIGID, 0.0, 0.0)
+        return stiff if stiff.compliance > RIGID else _Stiff(held, RIGID, 0.0, stiff.scatter)
 
 
 def _line(z: Array, force: Array, rows: Mask, knee: float) -> tuple[_Stiff, float] | None:

@@ -36,7 +36,7 @@ TORQUE_LEVER = 0.3
 KIND_BIAS = 0.3
 """N (1 sigma): how far the bias of one kind of segment lies from the common one (friction hysteresis)."""
 
-PASS_SCATTER = 0.02
+PASS_SCATTER = 0.003
 """N: prior scale of the scatter between passes; joints that slide hold no stick residual."""
 
 DRIFT = 0.001
@@ -153,14 +153,14 @@ def fit_load(found: Sequence[Segment], axis: int, gravity: float, hand: Hand) ->
 
     fits = [(*_solve(design, np.array([*prior, *scatter(rest, moving)]), y, noise),
              _half_cauchy(rest, hand.force_repeatability / 2) + _half_cauchy(moving, PASS_SCATTER))
-            for rest, moving in product(_GRID, _GRID)]
+            for rest, moving in product(_REST_GRID, _PASS_GRID)]
     value, variance, evidence, log_prior = (np.array(column) for column in zip(*fits, strict=True))
     log_weight = evidence + log_prior
     weight = np.exp(log_weight - log_weight.max())
     return _mixture(value * scale, np.sqrt(variance) * scale, weight / weight.sum())
 
 
-_GRID = np.geomspace(0.001, 0.8, 14)
+_REST_GRID, _PASS_GRID = np.geomspace(0.02, 0.8, 12), np.geomspace(0.001, 0.1, 10)
 """N: scatter that is integrated over; uniform in its logarithm, hence the Jacobian in `_half_cauchy`."""
 
 
@@ -197,7 +197,8 @@ def _solve(design: Array, prior: Array, y: Array, variance: Array) -> tuple[floa
 
 def _unequal(found: Sequence[Segment]) -> list[float]:
     """N: scatter of each pass for moving at another speed than the others of its kind."""
-    speed2 = {kind: np.mean([float(s.speed2.mean()) for s in found if s.kind == kind]) for kind in {s.kind for s in found}}
+    kinds = {s.kind for s in found}
+    speed2 = {kind: np.mean([float(s.speed2.mean()) for s in found if s.kind == kind]) for kind in kinds}
     return [0.0 if s.at_rest else CENTRIFUGAL * abs(float(s.speed2.mean() - speed2[s.kind])) for s in found]
 
 
