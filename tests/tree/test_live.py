@@ -53,11 +53,16 @@ def test_the_tree_with_statuses_time_and_force(watched, node, robot):
 
 def test_a_failure_shows_its_reason_and_what_was_interrupted(watched, node):
     last = watched(node("Parallel", node("Go", z=0.1), node("Refuse")), node("Go", z=0.3))[-1].splitlines()
-    assert "stopping: Refuse(): it refuses" in last[0]
     assert last[1].startswith("✗ Sequence")
     assert last[3].startswith("    – Go(0.1, 0.1)")
     assert last[4].startswith("    ✗ Refuse()  0.0 s  it refuses")
-    assert last[5] == "  · Go(0.3, 0.1)"
+    assert last[5:] == ["  · Go(0.3, 0.1)", "stopping: Refuse(): it refuses"]
+
+
+def test_what_the_stop_did_is_shown_below_the_tree(watched, node, robot):
+    robot.support_z, robot.weight = 0.1, 2.5
+    last = watched(node("Go", z=0.1), node("Grasp"), node("Go", z=0.2), node("Refuse"))[-1].splitlines()
+    assert last[-2:] == ["stopping: Refuse(): it refuses", "✓ PutDown()  put cup down"]
 
 
 def test_a_tree_taller_than_the_terminal_shows_the_active_part(node, words, cell, robot):

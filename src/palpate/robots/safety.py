@@ -16,8 +16,7 @@ JOINT_MARGIN = 0.01
 
 FREE_FORCE = 25.0
 """N: more than this in free air is a collision. The inertia of a moving arm, which no sensor here compensates, reads
-up to 12 N at 0.25 m/s and 1 m/s^2, 16 N in the widest motions; ISO/TS 15066 allows 65 N on the most sensitive part of
-the body, the face."""
+up to 16 N at 0.25 m/s and 1 m/s^2; ISO/TS 15066 allows 65 N on the most sensitive part of the body, the face."""
 
 OVERLOAD = 12.0
 """N above the payload's weight, for the same inertia: lifting 2.8 kg at 0.15 m/s reads up to 11 N of it."""

@@ -15,7 +15,7 @@ from rich.text import Text
 
 from palpate.trace import LeafRun
 from palpate.tree.leaf import PrimitiveLeaf
-from palpate.tree.runner import View
+from palpate.tree.runner import STOP_NODE, View
 
 REFRESH_PERIOD = 0.125
 """s of wall time: more often, nobody can read it."""
@@ -72,7 +72,7 @@ class LiveView:
         if self._live is None:
             self._live = Live(console=self._console, auto_refresh=False, redirect_stdout=False)
             self._live.start()
-        room = max(3, self._console.height - 4)
+        room = max(3, self._console.height - 6)
         self._live.update(render(self._view, room), refresh=True)
         self._drawn = time.monotonic()
 
@@ -90,19 +90,25 @@ def render(view: View, room: int) -> Group:
     lines = [_line(node, depth, view, ended) for node, depth in nodes]
     active = max((i for i, (node, _) in enumerate(nodes) if node.status is not Status.INVALID), default=0)
     first = min(max(0, active - room // 2), max(0, len(lines) - room))
-    return Group(_header(view), *lines[first:first + room])
+    return Group(_header(view), *lines[first:first + room], *_stop(view))
 
 
 def _header(view: View) -> Text:
     force = float(np.linalg.norm(view.robot.wrench[:3]))
     header = Text(f"{view.elapsed:7.1f} s robot time   |F| {force:5.1f} N", "bold", no_wrap=True, overflow="ellipsis")
+    running = [node.name for node, _ in _walk(view.root)
+               if isinstance(node, PrimitiveLeaf) and node.status is Status.RUNNING]
+    return header.append(f"   {_clean(', '.join(running))}", "yellow")
+
+
+def _stop(view: View) -> Iterator[Text]:
+    """Why the run is being stopped, and what was done for it."""
     if view.stopping is not None:
-        header.append(f"   stopping: {_clean(view.stopping)}", "bold red")
-    else:
-        running = [node.name for node, _ in _walk(view.root)
-                   if isinstance(node, PrimitiveLeaf) and node.status is Status.RUNNING]
-        header.append(f"   {_clean(', '.join(running))}", "yellow")
-    return header
+        yield Text(f"stopping: {_clean(view.stopping)}", "bold red")
+    for leaf in view.leaves:
+        if leaf.node == STOP_NODE:
+            icon, style = ICONS[Status[leaf.status]]
+            yield Text.assemble((f"{icon} {leaf.label}", style), (f"  {_clean(leaf.message)}", "dim"))
 
 
 def _line(node: Behaviour, depth: int, view: View, ended: dict[str, LeafRun]) -> Text:
