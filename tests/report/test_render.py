@@ -10,7 +10,7 @@ import pytest
 from PIL import Image
 
 from palpate.rendering import gl_available
-from palpate.report.render import FPS, LONGEST, SPEED, film, frames_of, render_before_after, render_scene
+from palpate.report.render import FPS, LONGEST, SPEED, film, frames_of, render_before_after, render_moment, render_scene
 from palpate.report.video import mp4
 from palpate.trace import Trace
 
@@ -52,6 +52,15 @@ def test_before_and_after_share_a_camera() -> None:
     assert list(given.textures) == []
     np.testing.assert_array_equal(np.nonzero(red(before))[1].mean().round(), np.nonzero(red(after))[1].mean().round())
     assert abs(before - after).max() > 50
+
+
+@needs_gl
+def test_a_moment_shows_things_where_they_were() -> None:
+    model = spec().compile()
+    low, high = (pixels(render_moment(model, np.array([0, 0, z, 1, 0, 0, 0]), width=320, height=200))
+                 for z in (0.6, 0.9))
+    assert red(low).sum() > 100
+    assert np.nonzero(red(low))[0].mean() != np.nonzero(red(high))[0].mean()
 
 
 @needs_gl

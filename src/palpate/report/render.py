@@ -61,6 +61,19 @@ def render_scene(spec: mujoco.MjSpec, bodies: Collection[str] = (), *, width: in
         return png(painter.paint(data, painter.around(_of_interest(model, extent(model, data, bodies), data))))
 
 
+def render_moment(model: mujoco.MjModel, qpos: Array, *, width: int = 960, height: int = 640) -> bytes:
+    """A PNG of a world at configuration `qpos` (nq,), robot included: the first stored frame is the workspace.
+
+    Raises:
+        RuntimeError: no usable OpenGL.
+    """
+    data = mujoco.MjData(model)
+    data.qpos[:] = qpos
+    mujoco.mj_forward(model, data)
+    with Painter(model, width, height) as painter:
+        return png(painter.paint(data, painter.around(_of_interest(model, extent(model, data), data))))
+
+
 def film(model: mujoco.MjModel, t: Array, qpos: Array, trace: Trace | None = None,
          bodies: Collection[str] = ()) -> Film | None:
     """The run, from stored frames: times `t` (n,) in s and configurations `qpos` (n, nq). None without frames.
@@ -83,7 +96,7 @@ def _frames(model: mujoco.MjModel, t: Array, qpos: Array, trace: Trace | None,
     data = mujoco.MjData(model)
     points = points_over(model, qpos[:: max(1, len(qpos) // 12)], bodies)
     points = _of_interest(model, points, _forwarded(model))
-    with Painter(model, *SIZE, shadow=1024) as painter:
+    with Painter(model, *SIZE, draft=True) as painter:
         camera = painter.around(points)
         for now, configuration in zip(t, qpos, strict=True):
             data.qpos[:] = configuration

@@ -218,7 +218,8 @@ def gap_groups(rows: Sequence[GapRow], measured: Sequence[Measured]) -> list[tup
 
 def _value(row: GapRow, found: Mapping[Gap, Measured]) -> str:
     now = found.get(Gap(row.object, row.quantity))
-    before = " ".join(f"{v:.6g}" for v in row.value) if row.value else "–" if row.state == "known" else "?"
+    unstated = {"known": "–", "missing": "?", "assumed": "as of uniform density"}[row.state]
+    before = " ".join(f"{v:.6g}" for v in row.value) if row.value else unstated
     if now is None:
         return before if not row.value else f"{before}{_unit(row.quantity)}"
     pairs = zip(now.estimate.value, now.estimate.std, strict=True)
