@@ -122,7 +122,9 @@ def _primitive_entry(primitive: type[Primitive]) -> str:
 def _quantity_entry(quantity: Quantity) -> str:
     unit = "" if quantity.unit == "1" else f" {quantity.unit}"
     kind = "" if quantity.identifiable else ", not measurable"
-    return f"- {quantity.id}{unit}, of the {quantity.subject}{kind}: {quantity.how}"
+    subject = {"gripper": "the held object or of `gripper`", "object": "an object"}.get(
+        quantity.subject, f"a {quantity.subject}")
+    return f"- {quantity.id}{unit}, of {subject}{kind}: {quantity.how}"
 
 
 def _request(request: str) -> str:

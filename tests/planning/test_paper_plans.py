@@ -1,0 +1,25 @@
+"""The trees of the paper's figures, as recorded plans: checked, executed, and judged from the trace."""
+
+import pytest
+
+from palpate import pipeline
+from palpate.planning.check import check
+from palpate.planning.replay import load_plan
+from palpate.scenarios.catalogue import scenario
+from palpate.studies.judgement import judge
+
+FIGURES = {"bottle_and_table": 17, "one_missing_mass": 12, "friction": 15, "hammer": 28}
+"""Scenario, and how many actions its tree has."""
+
+
+@pytest.mark.parametrize("name", FIGURES)
+def test_the_papers_tree_passes_the_check_and_acquires_exactly_what_is_asked(name: str) -> None:
+    task = scenario(name)
+    job = task.job(noise="none").checked()
+    scene, plan = pipeline.look(job), load_plan(task.folder / "plans" / "paper.json")
+    assert check(plan, scene) == ()
+    assert set(plan.parameters) == set(task.expects)
+    execution = pipeline.measure(job, scene, plan, ()).execution
+    assert execution is not None
+    assert (execution.status, execution.actions) == ("complete", FIGURES[name])
+    assert judge(execution.trace, task.expects).success
