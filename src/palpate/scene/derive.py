@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
-import mujoco
 import numpy as np
 
-from palpate.errors import InputError
+from palpate.errors import unknown_name
 from palpate.pose import Array, Pose
-from palpate.scene.grasp import HAND, PAD, Grasp, above, derive_grasp
-from palpate.scene.outline import rectangle, rim
+from palpate.scene.grasp import HAND, PAD, Grasp, derive_grasp
+from palpate.scene.outline import Convex, Obstacle, above, rectangle, rim
 from palpate.scene.places import approach_pose, free_spot
+from palpate.scene.poses import Offset
 from palpate.scene.priors import APPROACH, RESTING
 from palpate.scene.scene import Body
 from palpate.scene.source import Belief
@@ -33,44 +33,48 @@ CLEAR = 0.02
 
 @dataclass(frozen=True, eq=False)
 class Geometry:
-    """Points of every colliding geom in the world, by object, by surface and for the rest."""
+    """What there is to touch and to keep clear of.
 
-    objects: Mapping[str, list[Array]]
+    Attributes:
+        objects: object to each of its geoms, in the world. clouds: (n, 3) points of all of them together.
+        tops: surface to the points of the geom that carries.
+        solids: owner ("" for what has no name here) and outline of every colliding geom but planes.
+    """
+
+    objects: Mapping[str, list[Convex]]
+    clouds: Mapping[str, Array]
     tops: Mapping[str, Array]
-    statics: Mapping[int, Array]
+    solids: Sequence[tuple[str, Obstacle]]
     bodies: Mapping[str, Body]
     base: Pose
-    carriers: Mapping[str, int]
 
     @classmethod
     def of(cls, belief: Belief, bodies: Mapping[str, Body], base: Pose) -> Geometry:
         """From the compiled scene."""
         shapes, found = belief.shapes, belief.source.found
-        objects = {n: [shapes.points(g) for g in found.objects[n].colliding] for n in found.objects}
-        movable = {shapes.geom_ids[g] for thing in found.objects.values() for g in thing.geoms}
-        model = shapes.model
-        statics = {i: shapes.geom_points(i) for i in range(model.ngeom)
-                   if i not in movable and (model.geom_contype[i] or model.geom_conaffinity[i])
-                   and model.geom_type[i] != mujoco.mjtGeom.mjGEOM_PLANE}
+        objects = {n: [shapes.convex(g) for g in found.objects[n].colliding] for n in found.objects}
         carriers = {n: shapes.geom_ids[belief.source.filler.carrier(s)] for n, s in found.surfaces.items()}
-        tops = {n: shapes.geom_points(i) for n, i in carriers.items()}
-        return cls(objects, tops, statics, bodies, base, carriers)
+        solids = [(n, Obstacle.of(geom.points)) for n, geoms in objects.items() for geom in geoms]
+        movable = {shapes.geom_ids[g] for thing in found.objects.values() for g in thing.geoms}
+        owner = {i: n for n, i in carriers.items()}
+        solids += [(owner.get(i, ""), Obstacle.of(shapes.geom_points(i))) for i in shapes.solid_geoms()
+                   if i not in movable]
+        clouds = {n: np.concatenate([g.points for g in geoms]) for n, geoms in objects.items()}
+        return cls(objects, clouds, {n: shapes.geom_points(i) for n, i in carriers.items()}, solids, bodies, base)
 
-    def others(self, *names: str) -> list[Array]:
-        """Shapes of everything but the named objects and surfaces."""
-        own = {self.carriers[n] for n in names if n in self.carriers}
-        things = [points for n, geoms in self.objects.items() if n not in names for points in geoms]
-        return [*things, *(points for i, points in self.statics.items() if i not in own)]
+    def others(self, *names: str) -> list[Obstacle]:
+        """Everything solid but the named objects and surfaces."""
+        return [obstacle for owner, obstacle in self.solids if owner not in names]
 
     def on(self, surface: str) -> list[Array]:
         """The objects that stand on a surface."""
         top = self.bodies[surface]
-        clouds = (np.concatenate(geoms) for geoms in self.objects.values())
-        return [c for c in clouds if abs(c[:, 2].min() - top.top_z()) < RESTING and top.covers(*_middle(c))]
+        return [cloud for cloud in self.clouds.values()
+                if abs(cloud[:, 2].min() - top.top_z()) < RESTING and top.covers(*_middle(cloud))]
 
     def support(self, name: str) -> str | None:
         """The surface below an object."""
-        cloud = np.concatenate(self.objects[name])
+        cloud = self.clouds[name]
         under = [b for b in self.bodies.values() if b.role == "surface" and b.covers(*_middle(cloud))
                  and b.top_z() < cloud[:, 2].min() + RESTING]
         return max(under, key=lambda b: b.top_z()).name if under else None
@@ -97,7 +101,7 @@ def derive_symbols(belief: Belief, bodies: Mapping[str, Body], base: Pose) -> Sy
     subjects = {f"{n}_{suffix}": n for n in geometry.objects for suffix in ("pose", "temporary")}
     subjects |= {f"{n}_approach": n for n in geometry.tops}
     own = {n: _own_offsets(geometry, n, g, poses[f"{n}_pose"]) for n, g in grasps.items()}
-    common, special = _given_offsets(entries.offsets, bodies)
+    common, special = _given_offsets(entries.offsets, geometry.objects)
     configurations = {"home_config": np.array(HOME)} | {n: np.array(q) for n, q in entries.joints.items()}
     later = {f"{n}_temporary": _later(geometry, n, poses[f"{n}_pose"]) for n in geometry.objects
              if f"{n}_temporary" not in poses}
@@ -117,13 +121,13 @@ def free_place(geometry: Geometry, name: str, pose_world_tcp: Pose, avoiding: It
     support = geometry.support(name)
     if support is None:
         return None
-    cloud = np.concatenate(geometry.objects[name])
+    cloud = geometry.clouds[name]
     here = np.array(_middle(cloud))
     hand = rectangle(pose_world_tcp.position[:2], pose_world_tcp.rotation[:2, 0], HAND[0], HAND[1] / 2)
     shape = rim(np.concatenate([cloud[:, :2], hand])) - here
     footing = np.array([cloud.min(axis=0)[:2], cloud.max(axis=0)[:2]]) - here
     bottom = float(cloud[:, 2].min())
-    obstacles = above([*geometry.others(name, support), cloud], bottom + 0.002)
+    obstacles = above([*geometry.others(name, support), Obstacle.of(cloud)], bottom + 0.002)
     obstacles += [_room(geometry, other) for other in avoiding]
     found = free_spot(shape, footing, geometry.tops[support], obstacles, here, bottom, geometry.base)
     return None if found is None else pose_world_tcp.translated((*(found[0] - here), 0.0))
@@ -131,7 +135,7 @@ def free_place(geometry: Geometry, name: str, pose_world_tcp: Pose, avoiding: It
 
 def _room(geometry: Geometry, name: str) -> Array:
     """What the hand needs around an object to grasp it."""
-    middle = np.array(_middle(np.concatenate(geometry.objects[name])))
+    middle = np.array(_middle(geometry.clouds[name]))
     return rectangle(middle, np.array([1.0, 0.0]), HAND[1], HAND[1])
 
 
@@ -166,30 +170,28 @@ def _own_offsets(geometry: Geometry, name: str, grasp: Grasp, pose: Pose) -> dic
 
 
 def _lift(geometry: Geometry, name: str, pose: Pose) -> float:
-    bottom = float(np.concatenate(geometry.objects[name])[:, 2].min())
-    tops = [float(c[:, 2].max()) for c in geometry.others(name) if _on_the_way(c, pose, geometry.base)]
-    needed = max((top + CLEAR - bottom for top in tops), default=0.0)
+    bottom = float(geometry.clouds[name][:, 2].min())
+    needed = max((other.top + CLEAR - bottom for other in geometry.others(name)
+                  if _on_the_way(other.outline, pose, geometry.base)), default=0.0)
     return float(np.clip(max(needed, USUAL_LIFT), *LIFT))
 
 
-def _on_the_way(cloud: Array, pose: Pose, base: Pose) -> bool:
+def _on_the_way(outline: Array, pose: Pose, base: Pose) -> bool:
     """Whether something is near the straight way from above the arm's front to the object."""
     start = base.position[:2] + 0.3 * base.rotation[:2, 0]
     way = pose.position[:2] - start
-    share = np.clip((np.array(_middle(cloud)) - start) @ way / max(float(way @ way), 1e-9), 0, 1)
+    low, high = outline.min(axis=0), outline.max(axis=0)
+    share = np.clip(((low + high) / 2 - start) @ way / max(float(way @ way), 1e-9), 0, 1)
     nearest = start + share * way
-    low, high = cloud.min(axis=0)[:2], cloud.max(axis=0)[:2]
     return bool(np.linalg.norm(np.maximum(np.maximum(low - nearest, nearest - high), 0)) < CORRIDOR)
 
 
-def _given_offsets(entries: Mapping[str, object],
-                   bodies: Mapping[str, Body]) -> tuple[dict[str, Array], dict[str, dict[str, Array]]]:
-    common = vectors({n: v for n, v in entries.items() if not isinstance(v, dict)})
-    special: dict[str, dict[str, Array]] = {}
-    for name, own in entries.items():
-        if isinstance(own, dict):
-            if name not in bodies:
-                raise InputError(f"offsets of '{name}': no such object; valid: {', '.join(bodies)}")
-            special[name] = vectors(own)
-    return common, special
-
+def _given_offsets(entries: Mapping[str, Offset | dict[str, Offset]],
+                   names: Iterable[str]) -> tuple[dict[str, Array], dict[str, dict[str, Array]]]:
+    """Offsets of poses.yaml: those for every pose, and those of one object."""
+    common = {n: v for n, v in entries.items() if not isinstance(v, dict)}
+    special = {n: v for n, v in entries.items() if isinstance(v, dict)}
+    for name in special:
+        if name not in names:
+            raise unknown_name("object in offsets", name, names)
+    return vectors(common), {n: vectors(v) for n, v in special.items()}

@@ -120,7 +120,8 @@ class Filler:
             if UNKNOWN in tokens(geom.get("density")):
                 yield Edit(geom, "density", {0: number(share / float(volume))})
             else:
-                yield Edit(geom, "mass", {0: self._text(thing.name, "mass", share) if len(geoms) == 1 else number(share)})
+                text = self._text(thing.name, "mass", share) if len(geoms) == 1 else number(share)
+                yield Edit(geom, "mass", {0: text})
 
     def _stated_mass(self, thing: ObjectEntry, geoms: Sequence[Element]) -> float:
         """Mass of the object's other geoms, kg."""
@@ -216,7 +217,7 @@ class Filler:
     def _inertial(self, thing: ObjectEntry, mine: Mapping[str, tuple[float, ...]],
                   known: Values) -> Iterator[Edit | Insert]:
         if any(e.tag == "body" for e in thing.element.iterdescendants()):
-            raise InputError(f"'{thing.name}' is made of several bodies; its centre of mass has no single place in MJCF")
+            raise InputError(f"'{thing.name}' is made of several bodies; MJCF has no one place for its centre of mass")
         given = mine.get("mass") or known.get(Gap(thing.name, "mass"))
         if given is None and "mass" in thing.missing:
             raise InputError(f"the centre of mass of '{thing.name}' cannot be written without its mass")
@@ -291,7 +292,7 @@ def _unknown_only(element: Element, attribute: str, texts: Mapping[int, str]) ->
 
 def _refuse_frame(element: Element) -> None:
     parent = element.getparent()
-    if parent is not None and parent.tag == "frame" and any(k != "childclass" and k != "name" for k in parent.keys()):
+    if parent is not None and parent.tag == "frame" and set(parent.attrib) - {"childclass", "name"}:
         raise InputError(f"{label(element)} is inside a <frame> that moves it; write its pos in the world to have it "
                          "measured")
 

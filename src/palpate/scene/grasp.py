@@ -10,9 +10,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from palpate.pose import Array, Pose
-from palpate.scene.outline import clearance, profile, rectangle, slab, unit
+from palpate.scene.outline import Convex, Obstacle, above, clearance, profile, rectangle, slab, unit
 
 OPENING = 0.08
 """m: widest object the hand takes (Franka Hand)."""
@@ -55,12 +56,12 @@ class Grasp:
     problem: str = ""
 
 
-def derive_grasp(geoms: Sequence[Array], obstacles: Sequence[Array], yaw: float, base: Pose) -> Grasp:
-    """The grasp of an object made of convex `geoms` ((n, 3) world points each) among `obstacles` ((n, 3) each).
+def derive_grasp(geoms: Sequence[Convex], obstacles: Sequence[Obstacle], yaw: float, base: Pose) -> Grasp:
+    """The grasp of an object made of convex `geoms` (in the world) among `obstacles`.
 
     `yaw` is the object's own direction (rad); the result has `problem` set when the hand cannot take the object.
     """
-    cloud = np.concatenate(geoms)
+    cloud = np.concatenate([g.points for g in geoms])
     bottom, top = float(cloud[:, 2].min()), float(cloud[:, 2].max())
     best: Grasp | None = None
     for height in _heights(bottom, top):
@@ -71,11 +72,6 @@ def derive_grasp(geoms: Sequence[Array], obstacles: Sequence[Array], yaw: float,
         if best is not None and not best.problem:
             return best
     return best or _nothing(cloud, yaw, base)
-
-
-def above(geoms: Sequence[Array], height: float) -> list[Array]:
-    """Outlines of what reaches above a height."""
-    return [outline for geom in geoms if geom[:, 2].max() > height and len(outline := slab(geom, height, np.inf)) > 2]
 
 
 def _heights(bottom: float, top: float) -> list[float]:
@@ -130,7 +126,7 @@ def _spread(values: Array, window: int, pick: np.ufunc) -> Array:
     return pick.reduce(np.lib.stride_tricks.sliding_window_view(padded, 2 * window + 1), axis=1)
 
 
-def _best_station(stations: Array, fits: Array, middle: float) -> tuple[float, float]:
+def _best_station(stations: Array, fits: NDArray[np.bool_], middle: float) -> tuple[float, float]:
     """The middle of the graspable stretch nearest the object's middle, and how far it reaches both ways."""
     if not fits.any():
         return middle, 0.0

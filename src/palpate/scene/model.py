@@ -16,7 +16,6 @@ from palpate.scene.mjcf import UNKNOWN, Document, Element, children, copy_root, 
 BASE_SITE = "robot_base"
 
 _REFERRING = ("actuator", "sensor", "tendon", "equality", "contact", "deformable")
-_ASSETS = {"mesh": "mesh", "material": "material", "texture": "texture", "hfield": "hfield"}
 
 
 def model_tree(document: Document, found: Inventory,
@@ -126,6 +125,6 @@ def _remove_unused_assets(root: Element) -> None:
 
 
 def _references(root: Element, attribute: str) -> set[str]:
-    return {str(v) for e in elements(root) for k, v in e.items() if k == attribute or (e.tag == "layer" and k == "texture")}
+    return {str(v) for e in elements(root) for k, v in e.items() if k == attribute}
 
 

@@ -2,24 +2,54 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
+from numpy.typing import NDArray
 
 from palpate.pose import Array
 
+_CORNERS = 72
+"""Directions in which outlines are sampled; round things are true to 0.1 %."""
 
-def slab(points: Array, low: float, high: float) -> Array:
-    """(k, 2) x-y points whose hull is the part of the convex hull of `points` (n, 3) between two heights."""
-    inside = points[(points[:, 2] >= low) & (points[:, 2] <= high)]
-    parts = [inside[:, :2]]
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Obstacle:
+    """Something solid: its outline from above, (k, 2), and the world z of its top, m."""
+
+    outline: Array
+    top: float
+
+    @classmethod
+    def of(cls, points: Array) -> Obstacle:
+        """Around (n, 3) points."""
+        return cls(rim(points[:, :2]), float(points[:, 2].max()))
+
+
+def above(obstacles: Iterable[Obstacle], height: float) -> list[Array]:
+    """Outlines of what reaches above a height."""
+    return [obstacle.outline for obstacle in obstacles if obstacle.top > height]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Convex:
+    """A convex shape: (n, 3) points, and (m, 2) index pairs among which all edges of its hull are."""
+
+    points: Array
+    edges: NDArray[np.intp]
+
+
+def slab(shape: Convex, low: float, high: float) -> Array:
+    """(k, 2) x-y points whose hull is the part of the shape between two heights."""
+    z = shape.points[:, 2]
+    parts = [shape.points[(z >= low) & (z <= high), :2]]
+    start, end = shape.points[shape.edges[:, 0]], shape.points[shape.edges[:, 1]]
     for level in (low, high):
-        below, above = points[points[:, 2] < level], points[points[:, 2] > level]
-        if len(below) and len(above):
-            a, b = below[:, None, :], above[None, :, :]
-            share = (level - a[..., 2:]) / (b[..., 2:] - a[..., 2:])
-            parts.append((a[..., :2] + share * (b[..., :2] - a[..., :2])).reshape(-1, 2))
+        crossing = (start[:, 2] - level) * (end[:, 2] - level) < 0
+        a, b = start[crossing], end[crossing]
+        parts.append(a[:, :2] + (level - a[:, 2:]) / (b[:, 2:] - a[:, 2:]) * (b[:, :2] - a[:, :2]))
     return rim(np.concatenate(parts))
 
 
@@ -27,7 +57,7 @@ def rim(points: Array) -> Array:
     """Those of (n, 2) points that are farthest out in one of many directions."""
     if len(points) < 3:
         return points
-    return points[np.unique(np.argmax(points @ fan(180).T, axis=0))]
+    return points[np.unique(np.argmax(fan(_CORNERS) @ points.T, axis=1))]
 
 
 @cache

@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from palpate.pose import Array, Pose
-from palpate.scene.grasp import HAND, above
-from palpate.scene.outline import clearance, rectangle
+from palpate.scene.grasp import HAND
+from palpate.scene.outline import Obstacle, above, clearance, rectangle
 
 MARGINS = (0.06, 0.04, 0.02, 0.005)
 """m between the hand and the nearest object; the largest that leaves a spot is used."""
@@ -38,7 +39,7 @@ TOUCHING = 0.012
 """m: half extent of the closed fingertips, which must land on the surface."""
 
 
-def reachable(spots: Array, z: float, base: Pose) -> Array:
+def reachable(spots: Array, z: float, base: Pose) -> NDArray[np.bool_]:
     """(n,) bool: whether the TCP, tool down, gets to each of `spots` (n, 2) at height `z`; a quick estimate."""
     local = (np.column_stack([spots, np.full(len(spots), z)]) - base.position) @ base.rotation
     flat = np.hypot(local[:, 0], local[:, 1])
@@ -75,11 +76,11 @@ def _grid(footing: Array, top: Array, near: Array) -> Array:
     return np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, 2)
 
 
-def approach_pose(top: Array, others: Sequence[Array], objects: Sequence[Array], clear: float,
+def approach_pose(top: Array, others: Sequence[Obstacle], objects: Sequence[Array], clear: float,
                   base: Pose) -> Pose | None:
     """TCP pose `clear` m above a free spot of the surface with points `top`, near its `objects` ((n, 3) each).
 
-    `others` are all shapes the hand must keep clear of. Both ways of turning the hand are tried.
+    `others` are what the hand must keep clear of. Both ways of turning the hand are tried.
     """
     height = float(top[:, 2].max())
     obstacles = above(others, height + 0.002)

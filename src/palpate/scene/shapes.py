@@ -8,18 +8,23 @@ from functools import cache
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from palpate.pose import Array, Pose
 from palpate.scene.edits import Edit, Insert
 from palpate.scene.gap import Inventory
 from palpate.scene.mjcf import Document, Element
 from palpate.scene.model import BASE_SITE, compile_model, compile_spec, model_tree
+from palpate.scene.outline import Convex
 
 INFINITE_PLANE = 10.0
 """m: half extent given to a plane without one."""
 
 _CIRCLE = 48
 """Corners of a circle; a multiple of four, so that boxes around round things are exact."""
+
+_LATITUDES, _LONGITUDES = 11, 24
+"""Rings of a ball between its poles, and points on each; odd and a multiple of four for the same reason."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -51,6 +56,11 @@ class Shapes:
         rotation = self.data.geom_xmat[geom].reshape(3, 3)
         return hull_points(self.model, geom) @ rotation.T + self.data.geom_xpos[geom]
 
+    def convex(self, geom: Element) -> Convex:
+        """The geom with its edges, in the world."""
+        points = self.points(geom)
+        return Convex(points, hull_edges(int(self.model.geom_type[self.geom_ids[geom]]), len(points)))
+
     def cloud(self, geoms: Iterable[Element]) -> Array:
         """(k, 3) points of several geoms in the world."""
         return np.concatenate([self.points(geom) for geom in geoms])
@@ -58,6 +68,12 @@ class Shapes:
     def volume(self, geom: Element) -> float:
         """m³ of a geom; of a mesh as triangulated."""
         return geom_volume(self.model, self.geom_ids[geom])
+
+    def solid_geoms(self) -> list[int]:
+        """Ids of all geoms that can touch something, planes left out."""
+        masks = self.model.geom_contype | self.model.geom_conaffinity
+        return [i for i in range(self.model.ngeom)
+                if masks[i] and self.model.geom_type[i] != mujoco.mjtGeom.mjGEOM_PLANE]
 
     def up(self, geom: Element) -> float:
         """World z component of the geom's z axis."""
@@ -107,9 +123,37 @@ def hull_points(model: mujoco.MjModel, geom: int) -> Array:
         return _extremes(_mesh_vertices(model, int(model.geom_dataid[geom])))
     if kind == mujoco.mjtGeom.mjGEOM_HFIELD:
         x, y, top, below = model.hfield_size[model.geom_dataid[geom]]
-        return _corners(np.array([x, y, (top + below) / 2])) + [0, 0, (top - below) / 2]
+        return _corners(np.array([x, y, (top + below) / 2])) + np.array([0, 0, (top - below) / 2])
     outline = _OUTLINES.get(kind)
     return outline(size) if outline else np.zeros((1, 3))
+
+
+@cache
+def hull_edges(kind: int, count: int) -> NDArray[np.intp]:
+    """(m, 2) pairs of the `count` points that `hull_points` gives for a kind of geom, the hull's edges among them."""
+    if kind == mujoco.mjtGeom.mjGEOM_CYLINDER:
+        return _ring_edges(2, _CIRCLE)
+    if kind in (mujoco.mjtGeom.mjGEOM_SPHERE, mujoco.mjtGeom.mjGEOM_ELLIPSOID):
+        return _ball_edges()
+    if kind == mujoco.mjtGeom.mjGEOM_CAPSULE:
+        half = count // 2
+        across = np.column_stack([np.arange(half), np.arange(half) + half])
+        return np.concatenate([_ball_edges(), _ball_edges() + half, across])
+    return np.column_stack(np.triu_indices(count, 1))
+
+
+def _ring_edges(rings: int, corners: int) -> NDArray[np.intp]:
+    """Edges along and between `rings` polygons whose points follow one another."""
+    index = np.arange(rings * corners).reshape(rings, corners)
+    along = np.column_stack([index.ravel(), np.roll(index, -1, axis=1).ravel()])
+    return np.concatenate([along, np.column_stack([index[:-1].ravel(), index[1:].ravel()])])
+
+
+def _ball_edges() -> NDArray[np.intp]:
+    last = _LATITUDES * _LONGITUDES
+    bottom, top = np.arange(_LONGITUDES), np.arange(last - _LONGITUDES, last)
+    poles = [np.column_stack([ring, np.full(_LONGITUDES, pole)]) for ring, pole in ((bottom, last + 1), (top, last))]
+    return np.concatenate([_ring_edges(_LATITUDES, _LONGITUDES), *poles])
 
 
 def geom_volume(model: mujoco.MjModel, geom: int) -> float:
@@ -144,7 +188,7 @@ def _corners(half: Array) -> Array:
 
 
 def _plane(size: Array) -> Array:
-    return _corners(np.where(size > 0, size, INFINITE_PLANE) * [1, 1, 0])
+    return _corners(np.where(size > 0, size, INFINITE_PLANE) * np.array([1, 1, 0]))
 
 
 def _circle() -> Array:
@@ -159,24 +203,25 @@ def _cylinder(size: Array) -> Array:
 
 @cache
 def _directions() -> Array:
-    """(m, 3) unit vectors: the axes and an even spread over the sphere (Fibonacci lattice)."""
-    n = 194
-    z = 1 - 2 * (np.arange(n) + 0.5) / n
-    turn = np.arange(n) * np.pi * (3 - np.sqrt(5))
-    ring = np.sqrt(1 - z**2)
-    return np.concatenate([np.eye(3), -np.eye(3), np.column_stack([ring * np.cos(turn), ring * np.sin(turn), z])])
+    """(m, 3) unit vectors over the sphere, symmetric about every axis plane."""
+    latitude = (np.arange(_LATITUDES) + 1)[:, None] * np.pi / (_LATITUDES + 1) - np.pi / 2
+    longitude = np.arange(_LONGITUDES) * 2 * np.pi / _LONGITUDES
+    grid = np.stack(np.broadcast_arrays(np.cos(latitude) * np.cos(longitude), np.cos(latitude) * np.sin(longitude),
+                                        np.sin(latitude)), axis=-1)
+    return np.concatenate([grid.reshape(-1, 3), [[0, 0, 1], [0, 0, -1]]])
 
 
 def _capsule(size: Array) -> Array:
     ball = _directions() * size[0]
-    return np.concatenate([ball + [0, 0, size[1]], ball - [0, 0, size[1]]])
+    up = np.array([0, 0, size[1]])
+    return np.concatenate([ball + up, ball - up])
 
 
 def _extremes(points: Array) -> Array:
     """The points farthest out in each of many directions: a small set with nearly the same convex hull."""
     if len(points) <= len(_directions()):
         return points
-    return points[np.unique(np.argmax(points @ _directions().T, axis=0))]
+    return points[np.unique(np.argmax(_directions() @ points.T, axis=1))]
 
 
 _OUTLINES: dict[int, Callable[[Array], Array]] = {
