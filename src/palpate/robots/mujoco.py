@@ -41,6 +41,9 @@ JOINT_SPEED = 1.0
 ACCELERATION, TURNING_ACCELERATION, JOINT_ACCELERATION = 1.0, 4.0, 2.5
 """m/s^2, rad/s^2, rad/s^2: far below the datasheet's."""
 
+GIVING_WAY = 0.2
+"""s, about 2 d / k of the TCP's springs: a stop this long moves the equilibrium on by as much as it leads the arm, so
+that a contact keeps the force it had."""
 POSTURE = np.array(HOME)
 """rad: where the null space tends to."""
 
@@ -150,7 +153,7 @@ class MujocoRobot:
             self._follow_joints(trajectory.stop(t, path.at(t), JOINT_ACCELERATION))
         else:
             now, origin = self._pose_motion()
-            self._follow_pose(trajectory.PosePath(trajectory.stop(t, now, 2 * ACCELERATION), origin))
+            self._follow_pose(trajectory.PosePath(trajectory.stop(t, now, 2 * ACCELERATION, GIVING_WAY), origin))
 
     def advance(self, duration: float) -> None:
         """Step the world for `duration` s, to the next log period."""

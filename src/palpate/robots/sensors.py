@@ -57,7 +57,7 @@ def imperfections(noise: Noise) -> Imperfections:
     white = np.array([0.10, 0.10, 0.10, 0.10, 0.05, 0.05, 0.05])
     # Gear friction (about 1 N m, Gaz et al., RA-L 2019, doi:10.1109/LRA.2019.2931248) lies before the sensor. What
     # shows on the link side is the residual of bearings, seals and the cable loom: a few hundredths to a tenth.
-    residual = np.array([0.10, 0.10, 0.08, 0.08, 0.04, 0.04, 0.03])
+    residual = np.array([0.08, 0.08, 0.06, 0.06, 0.03, 0.03, 0.03])
     # Strain gauges wander with temperature; no published figure. 0.01 N m in 5 min is some 0.2 permille of the
     # large joints' range.
     if noise == "lab":
@@ -67,7 +67,7 @@ def imperfections(noise: Noise) -> Imperfections:
         repeatability=0.15,  # Franka Research 3 datasheet: force repeatability 0.15 N
         pose_repeatability=1e-4,  # datasheet: < +-0.1 mm (ISO 9283); taken as one sigma, the harsher reading
         gain=0.01,  # +-1 %: what the datasheet's relative force accuracy of 0.8 N allows at the arm's own weight
-        link_mass=0.01, link_com=5e-4,  # identified models agree with CAD to about 1 % (Gaz et al., as above)
+        link_mass=0.005, link_com=3e-4,  # what is left of an identified model (Gaz et al., as above): no published figure
     )
 
 

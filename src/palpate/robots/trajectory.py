@@ -83,9 +83,9 @@ def quintic(start: Motion, end: Motion, duration: float) -> Array:
                      (-15 * h + 7 * dv - da) / d**4, (6 * h - 3 * dv + da / 2) / d**5])
 
 
-def stop(t: float, now: Motion, acceleration: float) -> Path:
-    """To rest, in the direction of travel, at about `acceleration` (the largest component's)."""
-    duration = max(SHORTEST, RAMP_ACCELERATION * float(np.abs(now.v).max()) / acceleration)
+def stop(t: float, now: Motion, acceleration: float, shortest: float = SHORTEST) -> Path:
+    """To rest, in the direction of travel, at about `acceleration` (the largest component's), in `shortest` s or more."""
+    duration = max(shortest, RAMP_ACCELERATION * float(np.abs(now.v).max()) / acceleration)
     rest = np.zeros_like(now.p)
     end = Motion(now.p + now.v * duration / 2, rest, rest)
     return Path(np.array([t, t + duration]), quintic(now, end, duration)[None])
