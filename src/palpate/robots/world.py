@@ -17,6 +17,7 @@ from palpate.robots.impedance import PREFIX, Actuators, equip
 from palpate.robots.model import ARM, FINGERS, robot_spec
 from palpate.robots.robot import HOME
 from palpate.robots.sensors import Imperfections, perturb_links
+from palpate.robots.stiction import declared
 
 TIMESTEP = 0.001
 """s."""
@@ -68,6 +69,7 @@ class World:
         self.actuators = Actuators(self.model)
         self.rest_control = np.zeros(self.model.nu)
         self.rest_control[self.actuators.orientation.start] = 1.0
+        self._stiction = declared(self.model)
         self.frames: list[tuple[float, Array]] = [(0.0, self._data.qpos.copy())]
         self.t = 0.0
 
@@ -81,6 +83,8 @@ class World:
         qpos, qvel, torque = np.empty((n, model.nq)), np.empty((n, model.nv)), np.empty((n, BLOCK, 7))
         now, speed, inputs, commanded = data.qpos, data.qvel, data.ctrl, data.qfrc_actuator[self._v]
         for block, rows in enumerate(control.reshape(n, BLOCK, -1)):
+            for stiction in self._stiction:
+                stiction.apply(model, data)
             for i in range(BLOCK):
                 inputs[:] = rows[i]
                 mujoco.mj_step(model, data)

@@ -1,0 +1,105 @@
+"""The whole way on the paper's first scenario, through the command line, with every file it leaves."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from palpate import pipeline
+from palpate.report.mcap import read_mcap
+from palpate.scenarios.catalogue import scenario
+from palpate.scene.scene import load_scene
+from palpate.studies.accuracy import run_seed
+
+FILES = {"request.json", "plan.json", "tree.xml", "trace.mcap", "result.json", "twin.xml", "report.html", "images"}
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("demo") / "run"
+    subprocess.run([sys.executable, "-m", "palpate.cli.main", "demo", "--out", str(path)], check=True,
+                   capture_output=True)
+    return path
+
+
+def test_folder_is_complete(folder: Path) -> None:
+    assert {p.name for p in folder.iterdir()} == FILES
+
+
+def test_result_is_the_contract(folder: Path) -> None:
+    result = json.loads((folder / "result.json").read_text(encoding="utf-8"))
+    assert result["status"] == "complete"
+    found = {(p["object"], p["quantity"]): p for p in result["parameters"]}
+    mass, height = found["bottle", "mass"], found["table", "height"]
+    assert mass["unit"] == "kg"
+    assert mass["verdict"] == "identified"
+    assert abs(mass["value"] - 0.254) < 0.006
+    assert mass["ci95"][0] < 0.254 < mass["ci95"][1]
+    assert abs(height["value"] - 0.765) < 0.0005
+    assert result["plan"]["planner"] == "symbolic"
+    assert result["execution"]["stopped_by"] is None
+    assert Path(result["files"]["twin"]).read_text(encoding="utf-8").startswith("<!--")
+
+
+def test_twin_is_the_users_file_with_the_gap_closed(folder: Path) -> None:
+    template = scenario("bottle_and_table").folder / "scene.xml"
+    before, after = template.read_text(encoding="utf-8").splitlines(), (folder / "twin.xml").read_text().splitlines()
+    kept = [line for line in before if "?" not in line and 'material="glass" friction' not in line]
+    assert [line for line in after if line in kept] == kept
+    twin = load_scene(folder / "twin.xml")
+    assert twin.missing() == ()
+    assert twin.body("bottle").known["mass"][0] == pytest.approx(0.254, abs=0.006)
+
+
+def test_twin_gives_the_touch_back(folder: Path) -> None:
+    marks = json.loads((folder / "result.json").read_text(encoding="utf-8"))["twin"]["validation"]
+    assert marks["settled"]
+    assert marks["residual_twin"]["position_m"] < 0.0002 < marks["residual_template"]["position_m"]
+    assert marks["residual_twin"]["force_N"] < marks["residual_template"]["force_N"]
+
+
+def test_trace_can_be_read_again(folder: Path) -> None:
+    trace = read_mcap(folder / "trace.mcap")
+    assert [leaf.primitive for leaf in trace.leaves][0] == "MoveJoints"
+    assert {c.quantity for c in trace.conversions} == {"mass", "height"}
+
+
+def test_same_seed_same_result_bit_for_bit() -> None:
+    job = scenario("bottle_and_table").job(noise="datasheet")
+    first, second, other = run_seed(job, 3), run_seed(job, 3), run_seed(job, 4)
+    assert first == second
+    assert first.trials[1].value != other.trials[1].value
+
+
+def test_every_stage_can_start_from_the_folder(folder: Path, tmp_path: Path) -> None:
+    out = tmp_path / "again"
+    job = scenario("bottle_and_table").job(out=out, planner=f"replay:{folder / 'plan.json'}")
+    outcome = pipeline.run(replace(job))
+    assert outcome.status == "complete"
+    assert outcome.plan.parameters == pipeline.run(replace(job, out=tmp_path / "third")).plan.parameters
+
+
+def test_interrupt_puts_the_bottle_down(tmp_path: Path) -> None:
+    out = tmp_path / "run"
+    process = subprocess.Popen(
+        [sys.executable, "-m", "palpate.cli.main", "demo", "--out", str(out)], stderr=subprocess.PIPE, text=True,
+        stdout=subprocess.DEVNULL, env={**os.environ, "MUJOCO_GL": "disable"})
+    assert process.stderr is not None
+    for line in process.stderr:
+        if "CloseGripper" in line:
+            process.send_signal(signal.SIGINT)
+            break
+    process.stderr.read()
+    assert process.wait() == 4
+    result = json.loads((out / "result.json").read_text(encoding="utf-8"))
+    assert result["status"] == "aborted"
+    assert result["execution"]["stopped_by"] == "interrupted"
+    last = read_mcap(out / "trace.mcap").leaves[-1]
+    assert last.status == "SUCCESS"
+    assert "put bottle down" in last.message
