@@ -42,6 +42,9 @@ PAD = 0.011
 FINGER = 0.02
 """m: thickness of a finger along the closing direction."""
 
+SLANT = 0.3
+"""How far from parallel to the pads a grasped side may be (tangent); a steeper one slides out."""
+
 STATION = 0.005
 """m between places along an object where a grasp is tried."""
 
@@ -106,9 +109,11 @@ def _along(outlines: Sequence[Array], angle: float, height: float, nearby: Seque
     count = max(int((ends.max() - ends.min()) / STATION), 8)
     stations = np.linspace(ends.min() + 1e-6, ends.max() - 1e-6, count + 1)
     low, high = profile(outlines, along, across, stations)
-    window = max(int(np.ceil(PAD / (stations[1] - stations[0]))), 1)
+    step = float(stations[1] - stations[0])
+    facing = (np.abs(np.gradient(low, step)) <= SLANT) & (np.abs(np.gradient(high, step)) <= SLANT)
+    window = max(int(np.ceil(PAD / step)), 1)
     low, high = _spread(low, window, np.fmin), _spread(high, window, np.fmax)
-    fits = high - low <= OPENING - SPARE
+    fits = facing & (high - low <= OPENING - SPARE)
     middle = (ends.max() + ends.min()) / 2
     at, slack = _best_station(stations, fits, middle)
     wide = float(np.interp(at, stations, high - low))

@@ -33,7 +33,8 @@ DEFAULT_OFFSETS: Mapping[str, tuple[float, float, float]] = {
     "x_offset": (0.05, 0.0, 0.0), "y_offset": (0.0, 0.05, 0.0), "z_offset": (0.0, 0.0, 0.12)}
 """m: for places that belong to no object."""
 
-_TERM = re.compile(r"\s*([+\-−])\s*(?:((?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*\*?\s*)?([^\W\d][\w.]*)")
+_FACTOR = r"\(?([-−]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\)?"
+_TERM = re.compile(rf"\s*([+\-−])\s*(?:{_FACTOR}\s*\*?\s*)?([^\W\d][\w.]*)")
 
 
 @dataclass(frozen=True, slots=True)
@@ -184,8 +185,8 @@ class Symbols:
 
 
 def _coefficient(match: re.Match[str], text: str) -> float:
-    size = float(match[2]) if match[2] else 1.0
-    if not math.isfinite(size) or size > 1000:
+    size = float(match[2].replace("−", "-")) if match[2] else 1.0
+    if not math.isfinite(size) or abs(size) > 1000:
         raise InputError(f"'{match[2][:40]}' in pose expression '{text}' is not a sensible factor")
     return size if match[1] == "+" else -size
 
