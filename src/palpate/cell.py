@@ -49,9 +49,12 @@ class SimulatedCell:
 
     def robot(self, job: Job) -> MujocoRobot:
         """The embedded FR3 in this world."""
+        from palpate.rendering import dress
         from palpate.robots.mujoco import MujocoRobot
 
-        return MujocoRobot(self.world.spec(self.drawn), self.world.pose_world_base, noise=job.noise, seed=job.seed)
+        spec = self.world.spec(self.drawn)
+        dress(spec)
+        return MujocoRobot(spec, self.world.pose_world_base, noise=job.noise, seed=job.seed)
 
     def truth(self, gap: Gap) -> tuple[float, ...] | None:
         """What is true in the world, or None where it is not defined. Ask after estimating."""

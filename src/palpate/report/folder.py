@@ -13,7 +13,7 @@ from palpate.quantities import Gap, quantity
 from palpate.rendering import gl_available, png
 from palpate.report.data import GapRow, Measured, ReportData
 from palpate.report.mcap import write_mcap
-from palpate.report.render import Film, film, frames_of, render_before_after, render_scene
+from palpate.report.render import Film, film, frames_of, render_before_after, render_moment, render_scene
 from palpate.report.report import write_report
 from palpate.report.result import result_json
 from palpate.run_folder import write_json
@@ -81,8 +81,9 @@ def take_pictures(outcome: Outcome) -> Pictures:
     found = {e.gap: e.value for e in outcome.estimates if e.verdict != "not identified"}
     pair = render_before_after(before, outcome.scene.spec(found), names)
     t, qpos = frames_of(outcome.footage.frames)
+    workspace = workspace or render_moment(outcome.footage.model, qpos[0])
     moving = film(outcome.footage.model, t, qpos, outcome.execution.trace if outcome.execution else None)
-    return Pictures(workspace or pair[0], *pair, moving)
+    return Pictures(workspace, *pair, moving)
 
 
 def write_images(pictures: Pictures, folder: Path) -> None:
