@@ -44,7 +44,7 @@ def test_first_attempt_and_after_feedback_are_told_apart() -> None:
 
 def test_three_rounds_of_feedback_and_no_more() -> None:
     talk = Conversation("p:m", "S")
-    with pytest.raises(PlanRejected, match="4 answer.*'d' is not good"):
+    with pytest.raises(PlanRejected, match=r"4 answer.*'d' is not good"):
         converse(talk, "please", scripted("a", "b", "c", "d", "good"), judge)
     assert len(talk.rounds) == 4
     assert talk.summary()["model"]["valid_after_feedback"] is False

@@ -61,6 +61,7 @@ def test_a_compatible_server_needs_an_address(monkeypatch: pytest.MonkeyPatch) -
 
 def test_keys_are_blotted_out(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("OPENAI_API_KEY", "an-unusual-key")
-    text = redact("key an-unusual-key, sk-proj-abcdefghijklmnop, Bearer abcdefghijklmnop, AIzaSyA1234567890123456789012")
+    text = redact("key an-unusual-key, sk-proj-abcdefghijklmnop, Bearer abcdefghijklmnop, "
+                  "AIzaSyA1234567890123456789012")
     assert text == "key [key], [key], [key], [key]"
     assert redact("task-oriented sk-8") == "task-oriented sk-8"
