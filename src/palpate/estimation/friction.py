@@ -27,8 +27,14 @@ from palpate.trace import Recording, Samples, Trace
 DRAG_SPEED = 0.002
 """m/s, commanded and horizontal, from which a row belongs to a drag."""
 
-SLIPPING = 0.5
-"""Part of the commanded speed at which the object certainly slides."""
+SLIDING = 0.85
+"""Part of the usual quotient of forces from which the object may be sliding: before, it turns in the fingers' grip."""
+
+PEAK_WITHIN = 0.3
+"""s after that in which the breakaway lies."""
+
+SMOOTH = 0.02
+"""s: forces are averaged over this before the breakaway is looked for."""
 
 TRANSIENT = 0.25
 """s after breakaway in which the spring between arm and object still swings."""
@@ -39,35 +45,55 @@ DOWN = 0.006
 DRIVE_BIAS = 0.3
 """N (1 sigma): residual of the arm's own joint friction in a horizontal force while the joints slide."""
 
+APPARENT_MASS = 5.0
+"""kg, of a 7-axis arm at its TCP, horizontally: what its acceleration at breakaway takes of the force."""
+
 NORMAL_MIN = 0.5
 """N: below this the quotient of forces says nothing."""
-
-RAMP = 0.12
-"""s before breakaway over which the rising force is extrapolated to it."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Drag:
-    """One drag: times (s), tangential and normal force (N), speed along the drag (m/s), commanded speed."""
+    """One drag, row by row.
+
+    Attributes:
+        t: s. tangential: N, along the drag, the arm's inertia taken off. normal: N.
+        cruising: the motion is commanded at its full speed.
+    """
 
     t: Array
     tangential: Array
     normal: Array
-    speed: Array
-    commanded: Array
+    cruising: Mask
 
     @property
-    def breakaway(self) -> int:
-        """Row at which the object begins to slide."""
-        slipping = np.flatnonzero(self.speed > SLIPPING * np.maximum(self.commanded, DRAG_SPEED))
-        return int(slipping[0]) if len(slipping) else len(self.t) - 1
+    def quotient(self) -> Array:
+        """(n,) tangential over normal force, smoothed."""
+        rows = max(1, round(SMOOTH / float(np.median(np.diff(self.t)))))
+        kernel = np.ones(rows) / rows
+        smooth = np.convolve(self.tangential, kernel, "same"), np.convolve(self.normal, kernel, "same")
+        return np.where(smooth[1] > NORMAL_MIN, smooth[0] / np.maximum(smooth[1], NORMAL_MIN), 0.0)
+
+    @property
+    def breakaway(self) -> int | None:
+        """Row at which the object begins to slide; None when it never does."""
+        late = self.cruising & (self.t > self.t[0] + 0.5 * (self.t[-1] - self.t[0]))
+        if not late.any():
+            return None
+        quotient = self.quotient
+        begun = np.flatnonzero(quotient >= SLIDING * np.median(quotient[late]))
+        if not len(begun):
+            return None
+        window = (self.t >= self.t[begun[0]]) & (self.t <= self.t[begun[0]] + PEAK_WITHIN)
+        return int(np.argmax(np.where(window, quotient, -np.inf)))
 
     @property
     def steady(self) -> Mask:
         """Rows of steady sliding."""
-        after = self.t > self.t[self.breakaway] + TRANSIENT
-        fast = self.commanded > 0.3 * self.commanded.max()
-        return after & fast & (self.speed > 0.0) & (self.normal > NORMAL_MIN)
+        start = self.breakaway
+        if start is None:
+            return np.zeros(len(self.t), dtype=bool)
+        return (self.t > self.t[start] + TRANSIENT) & self.cruising & (self.normal > NORMAL_MIN)
 
 
 def estimate_friction(trace: Trace, gap: Gap) -> Estimate:
@@ -115,7 +141,10 @@ def _drag(samples: Samples, rows: slice, step: Array, reference: Array) -> _Drag
     velocity = step[rows]
     way = velocity.sum(axis=0) / np.linalg.norm(velocity.sum(axis=0))
     force = samples.wrench[rows, :3] - reference
-    return _Drag(samples.t[rows], force[:, :2] @ way, -force[:, 2], samples.twist[rows, :2] @ way, velocity @ way)
+    commanded = velocity @ way
+    acceleration = np.gradient(samples.twist[:, :2], samples.t, axis=0)[rows] @ way
+    tangential = force[:, :2] @ way - APPARENT_MASS * acceleration
+    return _Drag(samples.t[rows], tangential, -force[:, 2], commanded > 0.95 * float(np.median(commanded)))
 
 
 def _dynamic(drags: Sequence[_Drag]) -> tuple[float, Array, Array]:
@@ -152,23 +181,14 @@ def _static(drags: Sequence[_Drag], residuals: Array, residual_variance: float) 
 
 
 def _peak(drag: _Drag, residual: float) -> tuple[float, float, float] | None:
-    """mu_s of one breakaway, its noise, and the normal force: the rising force carried on to the first slip."""
+    """mu_s of one breakaway, its noise, and the normal force."""
     k = drag.breakaway
-    rising = (drag.t > drag.t[k] - RAMP) & (drag.t < drag.t[k])
-    if rising.sum() < 6:
+    if k is None:
         return None
-    normal = float(drag.normal[rising].mean())
-    if normal < NORMAL_MIN:
-        return None
-    top = _carried_on(drag.t[rising], drag.tangential[rising], float(drag.t[k - 1] + drag.t[k]) / 2)
-    noise = float(np.diff(drag.tangential[rising]).std()) / np.sqrt(2.0)
-    return (top - residual) / normal, noise / normal, normal
-
-
-def _carried_on(t: Array, y: Array, end: float) -> float:
-    """A parabola through the rise, at its end: smooth motions load the spring ever faster."""
-    basis = np.vander(t - end, 3)
-    return float((np.linalg.pinv(basis) @ y)[2])
+    near = np.abs(drag.t - drag.t[k]) <= SMOOTH / 2
+    normal = float(drag.normal[near].mean())
+    noise = float(np.diff(drag.tangential[drag.steady]).std()) / np.sqrt(2.0 * near.sum())
+    return (float(drag.tangential[near].mean()) - residual) / normal, noise / normal, normal
 
 
 def _estimate(gap: Gap, evidence: tuple[Recording, ...], dynamic: float, std: float,
