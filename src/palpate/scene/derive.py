@@ -116,7 +116,7 @@ def derive_symbols(belief: Belief, bodies: Mapping[str, Body], base: Pose) -> Sy
 def free_place(geometry: Geometry, name: str, pose_world_tcp: Pose, avoiding: Iterable[str] = ()) -> Pose | None:
     """TCP pose at which the object, held as at `pose_world_tcp`, stands on a free spot of its surface.
 
-    `avoiding` are objects that are to be reached meanwhile: the spot is looked for on the far side of them.
+    What is stacked on another object is put down on the surface. `avoiding` are objects that are to be reached meanwhile: the spot is looked for on the far side of them.
     """
     support = geometry.support(name)
     if support is None:
@@ -126,11 +126,13 @@ def free_place(geometry: Geometry, name: str, pose_world_tcp: Pose, avoiding: It
     hand = rectangle(pose_world_tcp.position[:2], pose_world_tcp.rotation[:2, 0], HAND[0], HAND[1] / 2)
     shape = rim(np.concatenate([cloud[:, :2], hand])) - here
     footing = np.array([cloud.min(axis=0)[:2], cloud.max(axis=0)[:2]]) - here
-    bottom = float(cloud[:, 2].min())
+    stacked = float(cloud[:, 2].min() - geometry.tops[support][:, 2].max())
+    drop = stacked if stacked > RESTING else 0.0
+    bottom = float(cloud[:, 2].min()) - drop
     obstacles = above([*geometry.others(name, support), Obstacle.of(cloud)], bottom + 0.002)
     obstacles += [_room(geometry, other) for other in avoiding]
     found = free_spot(shape, footing, geometry.tops[support], obstacles, here, bottom, geometry.base)
-    return None if found is None else pose_world_tcp.translated((*(found[0] - here), 0.0))
+    return None if found is None else pose_world_tcp.translated((*(found[0] - here), -drop))
 
 
 def _room(geometry: Geometry, name: str) -> Array:
