@@ -108,9 +108,9 @@ class Gains:
         """
         return (self.damping * rate + acceleration @ self.inertia) / self.stiffness
 
-    def posture_torque(self, away: Array, dq: Array, jacobian: Array) -> Array:
-        """(7,) N m that bring the null space back by `away` (7,), rad, so that the TCP feels no force of it."""
-        torque = self.own * (POSTURE_RATE**2 * np.clip(away, -MOST_AWAY, MOST_AWAY) - 2 * POSTURE_RATE * dq)
+    def posture_torque(self, away: Array, rate: Array, jacobian: Array) -> Array:
+        """(7,) N m that bring the null space back by `away`, rad, at `rate`, rad/s, without a force at the TCP."""
+        torque = self.own * (POSTURE_RATE**2 * np.clip(away, -MOST_AWAY, MOST_AWAY) + 2 * POSTURE_RATE * rate)
         return torque - jacobian.T @ wrench(jacobian, torque)
 
 

@@ -26,6 +26,10 @@ REGULARISATION = 1e-9
 """Added to J J^T (m^2), far below its smallest eigenvalue in the workspace, so that a singular pose stays finite."""
 
 
+SEARCH_STEPS, SEARCH_RATE, SEARCH_DAMPING, SEARCH_DONE = 60, 0.3, 1e-4, 1e-3
+"""Of `NominalArm.reach`: most iterations, share of the way to the posture per step, m^2, rad."""
+
+
 def limits() -> Limits:
     """Joint ranges, speeds and torques: Franka Research 3 datasheet (R02212), as in franka_description."""
     ranges = np.array([[-2.9007, 2.9007], [-1.8361, 1.8361], [-2.9007, 2.9007], [-3.077, -0.1169],
@@ -80,6 +84,14 @@ def wrenches(jacobian: Array, torque: Array) -> Array:
 _RIDGE = REGULARISATION * np.eye(6)
 
 
+def _turn(start: Array, goal: Array) -> Array:
+    """(3,) rad, world axes, of the shortest turn from one quaternion to another."""
+    turn, out = np.empty(3), np.empty(3)
+    mujoco.mju_subQuat(turn, goal, start)
+    mujoco.mju_rotVecQuat(out, turn, start)
+    return out
+
+
 class NominalArm:
     """The unperturbed robot alone, at its place in the world, fingers half open."""
 
@@ -119,6 +131,23 @@ class NominalArm:
             mujoco.mj_kinematics(self._model, self._data)
             out[i, :3], out[i, 3:] = self._position, self._quaternion
         return out
+
+    def reach(self, goal: Pose, q: Array, posture: Array) -> Array:
+        """Configuration (7,) that puts the TCP at `goal` with the null space at rest near `posture`, searched from `q`.
+
+        Where there is none it ends as near as the search came: it is a tendency, no promise of reachability.
+        """
+        for _ in range(SEARCH_STEPS):
+            here = self.kinematics(q[None])
+            jacobian, pose = here.jacobian[0], Pose(here.pose_world_tcp[0, :3], here.pose_world_tcp[0, 3:])
+            error = np.concatenate([goal.position - pose.position, _turn(pose.quaternion, goal.quaternion)])
+            inverse = np.linalg.solve(jacobian @ jacobian.T + SEARCH_DAMPING * np.eye(6), jacobian).T
+            away = SEARCH_RATE * (posture - q)
+            step = inverse @ (error - jacobian @ away) + away
+            q = q + np.clip(step, -0.2, 0.2)
+            if np.abs(step).max() < SEARCH_DONE:
+                break
+        return q
 
     def bias_torque(self, q: Array, dq: Array) -> Array:
         """Gravity, Coriolis and centrifugal torques (7,), N m."""

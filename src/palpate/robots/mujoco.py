@@ -125,8 +125,11 @@ class MujocoRobot:
         angle = max(float(np.linalg.norm(goal[3:])), 1e-6)
         rate = min(speed / distance, TURNING_SPEED / angle)
         acceleration = min(ACCELERATION / distance, TURNING_ACCELERATION / angle)
-        path = trajectory.straight(self._world.t, now, goal, rate, acceleration)
-        self._follow_pose(trajectory.PosePath(path, origin))
+        t, q = self._world.t, self._readout.q
+        path = trajectory.straight(t, now, goal, rate, acceleration)
+        resting = trajectory.Motion(q, np.zeros(7), np.zeros(7))
+        posture = trajectory.straight(t, resting, self._nominal.reach(target, q, POSTURE), rate, acceleration)
+        self._follow_pose(trajectory.PosePath(path, origin), posture)
 
     def move_axis(self, direction: Array, speed: float, travel: float) -> None:
         """See `Robot`."""
@@ -153,7 +156,8 @@ class MujocoRobot:
             self._follow_joints(trajectory.stop(t, path.at(t), JOINT_ACCELERATION))
         else:
             now, origin = self._pose_motion()
-            self._follow_pose(trajectory.PosePath(trajectory.stop(t, now, 2 * ACCELERATION, GIVING_WAY), origin))
+            path = trajectory.stop(t, now, 2 * ACCELERATION, GIVING_WAY)
+            self._follow_pose(trajectory.PosePath(path, origin), trajectory.still(t, self._readout.q))
 
     def advance(self, duration: float) -> None:
         """Step the world for `duration` s, to the next log period."""
@@ -176,19 +180,19 @@ class MujocoRobot:
         return self._setpoints.path
 
     def _follow_joints(self, path: trajectory.Path) -> None:
-        gains = Gains.of_joints(self._inertia())
+        gains = Gains.of_joints(self._inertia(_halfway(path)))
         self._follow(joint_setpoints(path, self._world.t, gains, self._nominal.poses), gains)
 
-    def _follow_pose(self, path: trajectory.PosePath) -> None:
-        gains = Gains.of_tcp(self._inertia())
-        self._follow(pose_setpoints(path, self._world.t, gains), gains)
+    def _follow_pose(self, path: trajectory.PosePath, posture: trajectory.Path) -> None:
+        gains = Gains.of_tcp(self._inertia(_halfway(posture)))
+        self._follow(pose_setpoints(path, posture, self._world.t, gains), gains)
 
     def _follow(self, setpoints: Setpoints, gains: Gains) -> None:
         self._setpoints, self._gains, self._cached = setpoints, gains, None
         self._world.actuators.set(gains)
 
-    def _inertia(self) -> Inertia:
-        return Inertia.of(self._nominal.mass_matrix(self._readout.q), self._readout.jacobian)
+    def _inertia(self, q: Array) -> Inertia:
+        return Inertia.of(self._nominal.mass_matrix(q), self._nominal.kinematics(q[None]).jacobian[0])
 
     def _joint_motion(self) -> trajectory.Motion:
         """Where a joint motion begins: on the present one, or where the joints' springs pull as the TCP's do now."""
@@ -238,14 +242,22 @@ class MujocoRobot:
 
     def _command(self, control: Array) -> Array:
         """Fill in the arm's set-points (n, nu); returns the commanded TCP poses, one per log period."""
-        actuators, readout = self._world.actuators, self._readout
-        rows, target = self._setpoints.take(self._world.t, len(control))
+        actuators, readout, setpoints = self._world.actuators, self._readout, self._setpoints
+        first = setpoints.first(self._world.t)
+        block, last = first // BLOCK, first + len(control)
+        rows, target = setpoints.rows[first:last], setpoints.poses[block:last // BLOCK]
         if not self._gains.cartesian:
             control[:, actuators.drives] = rows
             return target
         control[:, actuators.position] = rows[:, :3] - self._sensors.pose_error
         control[:, actuators.orientation] = rows[:, 3:]
-        torque = self._gains.posture_torque(POSTURE - readout.q, readout.dq, readout.jacobian)
+        posture = setpoints.posture[block]
+        torque = self._gains.posture_torque(posture[:7] - readout.q, posture[7:] - readout.dq, readout.jacobian)
         torque += self._nominal.bias_torque(readout.q, readout.dq) - readout.gravity_torque
         control[:, actuators.drives] = torque
         return target
+
+
+def _halfway(path: trajectory.Path) -> Array:
+    """The configuration that stands for a whole motion."""
+    return path.sample(path.knots[[0, -1]]).mean(0)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -15,40 +16,46 @@ LONGEST_RUN = 8
 """Log periods that pass between two updates of the feed-forward torques, at most: 25 Hz."""
 
 
+@dataclass(frozen=True, slots=True, eq=False)
 class Setpoints:
     """Rows of a path, ready to slice; after its end the last one stays.
 
     Attributes:
-        path: what they are of.
+        path: what they are of. start: its beginning, s.
+        rows: (m, k) set-points of each step. poses: (m / 5, 7) commanded poses of each log period.
+        posture: (m / 5, 14) where the null space shall be and how fast it moves, at the beginning of each log period.
     """
 
-    def __init__(self, path: Path | PosePath, start: float, rows: Array, poses: Array) -> None:
-        """Of `path` from time `start`, s, on: set-points (m, k) of each step and the commanded poses (m / 5, 7)."""
-        self.path, self._start, self._rows, self._poses = path, start, rows, poses
-        self._end = len(rows) - LONGEST_RUN * BLOCK
+    path: Path | PosePath
+    start: float
+    rows: Array
+    poses: Array
+    posture: Array
 
-    def take(self, t: float, n: int) -> tuple[Array, Array]:
-        """Set-points of the next `n` steps after time `t`, and the commanded poses of their log periods (n / 5, 7)."""
-        first = min(round((t - self._start) / TIMESTEP), self._end)
-        block = first // BLOCK
-        return self._rows[first:first + n], self._poses[block:block + n // BLOCK]
+    def first(self, t: float) -> int:
+        """The step that begins at time `t`."""
+        return min(round((t - self.start) / TIMESTEP), len(self.rows) - LONGEST_RUN * BLOCK)
 
 
 def joint_setpoints(path: Path, start: float, gains: Gains, poses: Callable[[Array], Array]) -> Setpoints:
     """For the joints' springs; `poses` makes TCP poses (n, 7) of configurations (n, 7)."""
     rows = path.sample(_times(path, start))
-    return Setpoints(path, start, rows + _lead(rows, gains), poses(rows[BLOCK // 2::BLOCK]))
+    poses_world_tcp = poses(rows[BLOCK // 2::BLOCK])
+    return Setpoints(path, start, rows + _lead(rows, gains), poses_world_tcp, np.empty((len(poses_world_tcp), 0)))
 
 
-def pose_setpoints(path: PosePath, start: float, gains: Gains) -> Setpoints:
-    """For the TCP's springs."""
-    rows = path.path.sample(_times(path.path, start))
+def pose_setpoints(path: PosePath, posture: Path, start: float, gains: Gains) -> Setpoints:
+    """For the TCP's springs, with a joint path for the null space."""
+    times = _times(path.path, start)
+    rows, configurations = path.path.sample(times), posture.sample(times)
+    rates = np.gradient(configurations, TIMESTEP, axis=0)
     # rotation vectors are in the origin's frame, the springs in the world's
     rotation = Pose(np.zeros(3), path.origin).rotation
-    to_world = np.kron(np.eye(2), np.eye(3))
+    to_world = np.eye(6)
     to_world[3:, 3:] = rotation
     led = rows + _lead(rows @ to_world.T, gains) @ to_world
-    return Setpoints(path, start, _poses(path.origin, led), _poses(path.origin, rows[BLOCK // 2::BLOCK]))
+    return Setpoints(path, start, _poses(path.origin, led), _poses(path.origin, rows[BLOCK // 2::BLOCK]),
+                     np.concatenate([configurations, rates], axis=1)[::BLOCK])
 
 
 def _times(path: Path, start: float) -> Array:
