@@ -17,8 +17,8 @@ from palpate.vocabulary.state import SymbolicState
 
 FREE_SPEED = 0.25
 """m/s, in free air."""
-CARRY_SPEED = 0.15
-"""m/s, with an object between the fingers."""
+CARRY_SPEED = FREE_SPEED
+"""m/s, with an object between the fingers: as without one, because weighing compares equal passes over one path."""
 CONTACT_SPEED = 0.02
 """m/s, whenever something is or may be touched."""
 PROBE_SPEED = 0.015
@@ -38,8 +38,9 @@ CONTACT_TORQUE = 3.0
 """N m, likewise."""
 PROBE_TRAVEL = 0.30
 """m."""
-PRESS_DEPTH = 0.004
-"""m: how far the equilibrium is lowered while sliding, for a normal force that the torque sensors resolve."""
+PRESS_DEPTHS = (0.005, 0.001)
+"""m: how far the equilibrium is lowered while sliding, at its beginning and its end: a normal force that the torque
+sensors resolve, and that varies, so that what the arm's own friction adds to the sliding force can be told apart."""
 LIFTED = 0.005
 """m: a held object whose bottom is this far above its support is clear of it."""
 
@@ -134,8 +135,8 @@ class MovePose(Primitive):
         return self._arrived(cell, target)
 
     def _slide(self, cell: Cell, target: Pose) -> Steps:
-        pressed = np.array([0.0, 0.0, -PRESS_DEPTH])
-        for waypoint in (cell.robot.state.target_world_tcp.translated(pressed), target.translated(pressed), target):
+        first, last = (np.array([0.0, 0.0, -depth]) for depth in PRESS_DEPTHS)
+        for waypoint in (cell.robot.state.target_world_tcp.translated(first), target.translated(last), target):
             cell.robot.move_pose(waypoint, CONTACT_SPEED)
             yield from finish(cell)
             yield from settle(cell)
