@@ -55,6 +55,13 @@ def test_friction_is_a_slide_beside_a_force_log(scene: Scene):
                                                        "redundant": "tree.children[5].children[1]"}
 
 
+def test_a_slide_is_long_enough_to_feel(scene: Scene):
+    slide = parallel("MovePose bottle_pose + x_offset", "MeasureForces")
+    tree = sequence("MoveJoints home_config", "OpenGripper", ABOVE, AT, "CloseGripper", slide, AT, "OpenGripper", ABOVE,
+                    "MoveJoints home_config")
+    assert rules(plan(tree, "bottle.friction"), scene, remeasure=True) == {"short-slide": "tree.children[5]"}
+
+
 @pytest.mark.parametrize(("rule", "path", "tree"), [
     ("unknown-primitive", "tree.children[3]", changed(weigh("bottle"), 3, "MovPose bottle_pose")),
     ("bad-argument", "tree.children[2]", changed(weigh("bottle"), 2, Node("MovePose", (("goal", "bottle_pose"),)))),

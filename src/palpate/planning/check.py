@@ -34,6 +34,7 @@ RULES: dict[str, str] = {
     "precondition": "What else a primitive requires at its place in the plan holds.",
     "sideways": "Objects are approached from straight above and left straight upwards.",
     "blocked": "The hand, and what it holds, meets no other object on its way.",
+    "short-slide": "A slide beside a force log is long enough to feel friction.",
     "too-wide": "An object that is grasped fits the hand.",
     "payload": "An object that is grasped is not known to be heavier than the payload.",
     "unknown-parameter": "Parameters name objects or surfaces of the scene and quantities of the catalogue.",

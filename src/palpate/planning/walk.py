@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from difflib import get_close_matches
@@ -21,6 +22,9 @@ from palpate.vocabulary.primitive import ConversionPrimitive, Primitive, vocabul
 from palpate.vocabulary.state import SymbolicState
 
 Reach = Callable[[Pose], bool]
+
+MIN_SLIDE = 0.03
+"""m: a shorter slide is not much more than the grip's and the arm's compliance."""
 
 PAYLOAD = 3.0
 """kg: FR3 datasheet."""
@@ -172,7 +176,18 @@ class Walk:
         self.state = before
         for where, primitive in moving:
             self._leaf(where, primitive)
+        self._slides(path, before, meanwhile)
         self.state = merged(self.state, branches, before)
+
+    def _slides(self, path: str, before: SymbolicState, meanwhile: SymbolicState) -> None:
+        if meanwhile.activity != "sliding" or before.pose_world_tcp is None or self.state.pose_world_tcp is None:
+            return
+        travel = before.pose_world_tcp.distance_to(self.state.pose_world_tcp)
+        if travel < MIN_SLIDE:
+            factor = math.ceil(2 * MIN_SLIDE / max(travel, 1e-3))
+            self.findings.append(Finding(path, "short-slide", (
+                f"'{before.holding}' is slid by only {1e3 * travel:.0f} mm; slide it {1e3 * MIN_SLIDE:.0f} mm or more, "
+                f"with a factor of {factor} on the offset")))
 
     def _leaf(self, path: str, primitive: Primitive) -> None:
         before = self.state
