@@ -110,7 +110,8 @@ class Gains:
 
     def posture_torque(self, away: Array, rate: Array, jacobian: Array) -> Array:
         """(7,) N m that bring the null space back by `away`, rad, at `rate`, rad/s, without a force at the TCP."""
-        torque = self.own * (POSTURE_RATE**2 * np.clip(away, -MOST_AWAY, MOST_AWAY) + 2 * POSTURE_RATE * rate)
+        near = np.minimum(np.maximum(away, -MOST_AWAY), MOST_AWAY)
+        torque = self.own * (POSTURE_RATE**2 * near + 2 * POSTURE_RATE * rate)
         return torque - jacobian.T @ wrench(jacobian, torque)
 
 

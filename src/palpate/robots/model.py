@@ -7,6 +7,7 @@ from pathlib import Path
 
 import mujoco
 import numpy as np
+from scipy.linalg.lapack import dposv
 
 from palpate.pose import Array, Pose
 from palpate.robots.robot import Limits
@@ -71,14 +72,17 @@ class Kinematics:
 
 def wrench(jacobian: Array, torque: Array) -> Array:
     """(J^T)^+ tau: the wrench (6,) at the TCP of joint torques (7,). `jacobian` is (6, 7)."""
-    return wrenches(jacobian[None], torque[None])[0]
+    return dposv(jacobian @ jacobian.T + _RIDGE, jacobian @ torque)[1]
 
 
 def wrenches(jacobian: Array, torque: Array) -> Array:
     """`wrench` (n, 6) of n Jacobians (n, 6, 7) and torques (n, 7)."""
     square = np.matmul(jacobian, jacobian.transpose(0, 2, 1))
     square += _RIDGE
-    return np.linalg.solve(square, np.matmul(jacobian, torque[:, :, None]))[:, :, 0]
+    right, out = np.matmul(jacobian, torque[:, :, None]), np.empty((len(torque), 6))
+    for i in range(len(out)):  # LAPACK without the checks of numpy.linalg, which cost more than the solving
+        out[i] = dposv(square[i], right[i])[1][:, 0]
+    return out
 
 
 _RIDGE = REGULARISATION * np.eye(6)

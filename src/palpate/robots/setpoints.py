@@ -10,7 +10,7 @@ import numpy as np
 from palpate.pose import Array, Pose
 from palpate.robots.impedance import Gains
 from palpate.robots.trajectory import Path, PosePath, turned
-from palpate.robots.world import BLOCK, TIMESTEP
+from palpate.robots.world import BLOCK, PERIOD, TIMESTEP
 
 LONGEST_RUN = 8
 """Log periods that pass between two updates of the feed-forward torques, at most: 25 Hz."""
@@ -47,20 +47,20 @@ def joint_setpoints(path: Path, start: float, gains: Gains, poses: Callable[[Arr
 def pose_setpoints(path: PosePath, posture: Path, start: float, gains: Gains) -> Setpoints:
     """For the TCP's springs, with a joint path for the null space."""
     times = _times(path.path, start)
-    rows, configurations = path.path.sample(times), posture.sample(times)
-    rates = np.gradient(configurations, TIMESTEP, axis=0)
+    rows, configurations = path.path.sample(times), posture.sample(times[::BLOCK])
+    rates = np.gradient(configurations, PERIOD, axis=0)
     # rotation vectors are in the origin's frame, the springs in the world's
     rotation = Pose(np.zeros(3), path.origin).rotation
     to_world = np.eye(6)
     to_world[3:, 3:] = rotation
     led = rows + _lead(rows @ to_world.T, gains) @ to_world
     return Setpoints(path, start, _poses(path.origin, led), _poses(path.origin, rows[BLOCK // 2::BLOCK]),
-                     np.concatenate([configurations, rates], axis=1)[::BLOCK])
+                     np.concatenate([configurations, rates], axis=1))
 
 
 def _times(path: Path, start: float) -> Array:
     """Every step from `start` to the path's end, in whole blocks, and one more run."""
-    blocks = max(0, int(np.ceil((path.end - start) / (BLOCK * TIMESTEP) - 1e-9)))
+    blocks = max(0, int(np.ceil((path.end - start) / PERIOD - 1e-9)))
     return start + TIMESTEP * np.arange(1, (blocks + LONGEST_RUN) * BLOCK + 1)
 
 

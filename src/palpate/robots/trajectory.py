@@ -51,10 +51,11 @@ class Path:
 
     def sample(self, t: Array) -> Array:
         """Positions (m, n) at times `t` (m,), ascending."""
-        t = np.clip(t, self.knots[0], self.knots[-1])
-        segment = np.searchsorted(self.knots[1:-1], t, side="right")
-        powers = (t - self.knots[segment])[:, None] ** _POWERS
-        return np.matmul(powers[:, None, :], self.coefficients[segment])[:, 0]
+        t = np.minimum(np.maximum(t, self.knots[0]), self.knots[-1])
+        edges = [0, *np.searchsorted(t, self.knots[1:-1]).tolist(), len(t)]
+        parts = [np.vander(t[a:b] - knot, 6, increasing=True) @ coefficients
+                 for a, b, knot, coefficients in zip(edges, edges[1:], self.knots, self.coefficients, strict=False)]
+        return np.concatenate(parts)
 
     def at(self, t: float) -> Motion:
         """The state of motion at time `t`."""
