@@ -9,6 +9,7 @@ from typing import Literal, get_args
 from palpate.errors import InputError, unknown_name
 
 Noise = Literal["none", "lab", "datasheet"]
+OnFailure = Literal["stop", "skip", "replan"]
 MAX_REQUEST = 4_000
 """Characters: a request is a sentence or a paragraph, not a document."""
 
@@ -27,6 +28,8 @@ class Job:
         noise: sensor world of the embedded robot. seed: of everything random in it.
         out: run folder to make; must not exist.
         remeasure: measure what R asks even if D states it.
+        on_failure: what to do when the tree fails (see `palpate.recovery`).
+        rehearse: execute the plan in simulation first; None means only before a real robot moves.
     """
 
     request: str | None = None
@@ -40,6 +43,8 @@ class Job:
     seed: int = 0
     out: Path | None = None
     remeasure: bool = False
+    on_failure: OnFailure = "stop"
+    rehearse: bool | None = None
 
     def checked(self) -> Job:
         """This job, its request stripped.
@@ -56,6 +61,8 @@ class Job:
                              "say it in a sentence or two")
         if self.noise not in get_args(Noise):
             raise unknown_name("noise", self.noise, get_args(Noise))
+        if self.on_failure not in get_args(OnFailure):
+            raise unknown_name("policy for failures", self.on_failure, get_args(OnFailure))
         if self.world is not None and self.robot is not None:
             raise InputError("--world and --robot exclude each other: a run is simulated or real")
         if self.seed < 0:

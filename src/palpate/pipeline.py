@@ -16,7 +16,7 @@ from palpate.cell import Footage, SimulatedCell, simulated_cell
 from palpate.errors import InputError, PlanRejected
 from palpate.estimation.derive import estimate_all
 from palpate.estimation.estimate import Estimate
-from palpate.job import Job
+from palpate.job import Job, OnFailure
 from palpate.planning.check import Finding, check
 from palpate.planning.plan import Plan
 from palpate.planning.planner import make_planner
@@ -29,6 +29,7 @@ from palpate.vocabulary.primitive import ConversionPrimitive, vocabulary
 if TYPE_CHECKING:
     from mujoco import MjSpec
 
+    from palpate.rehearsal import Rehearsal
     from palpate.robots.robot import Robot
     from palpate.trace import Trace
     from palpate.tree.runner import Execution, Observer
@@ -50,6 +51,7 @@ class Outcome:
     scene: Scene
     plan: Plan
     findings: tuple[Finding, ...] = ()
+    rehearsal: Rehearsal | None = None
     cell: SimulatedCell | None = None
     execution: Execution | None = None
     footage: Footage | None = None
@@ -84,7 +86,8 @@ def run(job: Job, observer: Observer | None = None, say: Say = silent) -> Outcom
 def execute(job: Job, scene: Scene, plan: Plan, findings: tuple[Finding, ...], observer: Observer | None = None,
             say: Say = silent) -> Outcome:
     """From a checked plan to a finished run folder."""
-    outcome = measure(job, scene, plan, findings, observer, say)
+    outcome = practise(Outcome(job, scene, plan, findings), say)
+    outcome = measure(outcome, observer, say)
     if outcome.execution is not None:
         say("building the twin, and touching it in simulation")
         replay = partial(_replay, scene, plan)
@@ -94,20 +97,34 @@ def execute(job: Job, scene: Scene, plan: Plan, findings: tuple[Finding, ...], o
     return write(outcome)
 
 
-def measure(job: Job, scene: Scene, plan: Plan, findings: tuple[Finding, ...], observer: Observer | None = None,
-            say: Say = silent) -> Outcome:
+def practise(outcome: Outcome, say: Say = silent) -> Outcome:
+    """A rehearsal where the job wants one; a failure in it is a finding, and a plan with findings is not executed."""
+    wanted = outcome.job.rehearse if outcome.job.rehearse is not None else outcome.job.robot is not None
+    if not wanted or outcome.plan.tree is None or outcome.findings:
+        return outcome
+    from palpate.rehearsal import rehearse
+
+    say("rehearsing in simulation")
+    rehearsal = rehearse(outcome.plan, outcome.scene)
+    say(f"rehearsal: {rehearsal}")
+    failed = (Finding("tree", "rehearsal", f"in simulation the plan fails: {rehearsal.failure}"),)
+    return replace(outcome, rehearsal=rehearsal, findings=failed if rehearsal.failure else ())
+
+
+def measure(outcome: Outcome, observer: Observer | None = None, say: Say = silent) -> Outcome:
     """From a checked plan to estimates. A plan with findings, or without a tree, is rejected: nothing moves."""
-    if plan.tree is None or findings:
-        return Outcome(job, scene, plan, findings)
+    job, scene, plan = outcome.job, outcome.scene, outcome.plan
+    if plan.tree is None or outcome.findings:
+        return outcome
     cell = simulated_cell(job, scene)
     say("touching")
     robot = cell.robot(job)
-    execution = touch(plan, scene, robot, observer)
+    execution = touch(plan, scene, robot, observer, job.on_failure)
     footage = Footage(robot.world.model, tuple(robot.world.frames))
     say("estimating")
-    estimators = {name: p.estimate for name, p in vocabulary().primitives.items() if issubclass(p, ConversionPrimitive)}
+    estimators = {n: p.estimate for n, p in vocabulary().primitives.items() if issubclass(p, ConversionPrimitive)}
     estimates = estimate_all(plan.parameters, execution.trace, scene, estimators)
-    return Outcome(job, scene, plan, findings, cell, execution, footage, estimates)
+    return replace(outcome, cell=cell, execution=execution, footage=footage, estimates=estimates)
 
 
 def look(job: Job) -> Scene:
@@ -131,12 +148,16 @@ def think(job: Job, scene: Scene) -> tuple[Plan, tuple[Finding, ...]]:
     return plan, check(plan, scene, remeasure=job.remeasure or job.planner == "exhaustive")
 
 
-def touch(plan: Plan, scene: Scene, robot: Robot, observer: Observer | None = None) -> Execution:
-    """Run the tree on the robot; whatever happens, the robot is stopped and let go."""
+def touch(plan: Plan, scene: Scene, robot: Robot, observer: Observer | None = None,
+          on_failure: OnFailure = "stop") -> Execution:
+    """Run the tree on the robot, and go on after a failure as far as the policy allows; the robot is let go in any
+    case."""
+    from palpate.recovery import recover
     from palpate.tree.runner import run as run_tree
 
+    attempt = partial(run_tree, observer=observer)
     with closing(robot):
-        return run_tree(plan, scene, robot, observer=observer)
+        return recover(attempt(plan, scene, robot), plan, scene, robot, on_failure, attempt)
 
 
 def _replay(scene: Scene, plan: Plan, world: MjSpec) -> Trace:

@@ -21,7 +21,7 @@ def run(request: pytest.FixtureRequest) -> tuple[Any, pipeline.Outcome, Any]:
     job = chosen.job(noise="lab").checked()
     scene = pipeline.look(job)
     plan, findings = pipeline.think(job, scene)
-    return chosen, pipeline.measure(job, scene, plan, findings), scene
+    return chosen, pipeline.measure(pipeline.Outcome(job, scene, plan, findings)), scene
 
 
 def test_ends_as_it_should(run: tuple[Any, pipeline.Outcome, Any]) -> None:

@@ -49,6 +49,9 @@ Seed = Annotated[int, typer.Option("--seed", help="Seed of everything random.")]
 Out = Annotated[Path | None, typer.Option("--out", help="Run folder to make (default: runs/NAME-TIME).")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")]
 Yes = Annotated[bool, typer.Option("--yes", help="Do not ask before a real robot moves.")]
+Rehearse = Annotated[bool | None, typer.Option("--rehearse/--no-rehearse",
+                                               help="Execute in simulation first (default: only for a real robot).")]
+OnFailure = Annotated[str, typer.Option("--on-failure", help="stop | skip | replan: what to do when a leaf fails.")]
 Remeasure = Annotated[bool, typer.Option("--remeasure", help="Measure what is asked even if the scene states it.")]
 
 
@@ -122,8 +125,8 @@ def scenarios(as_json: AsJson = False) -> None:
 @app.command()
 def run(request: Request = None, scene: SceneFile = None, image: Images = None, poses: Poses = None,
         world: World = None, robot: RobotUrl = None, planner: Planner = "symbolic", noise: NoiseLevel = Noise.lab,
-        seed: Seed = 0, out: Out = None, as_json: AsJson = False, yes: Yes = False,
-        remeasure: Remeasure = False) -> None:
+        seed: Seed = 0, out: Out = None, as_json: AsJson = False, yes: Yes = False, remeasure: Remeasure = False,
+        rehearse: Rehearse = None, on_failure: OnFailure = "stop") -> None:
     """Measure what is missing and write the twin and the report."""
     carry_out(_job(locals()), as_json)
 
@@ -165,8 +168,8 @@ def check(plan: Annotated[Path, typer.Argument(metavar="PLAN", help="A plan file
 @app.command()
 def execute(plan: Annotated[Path, typer.Argument(metavar="PLAN", help="A plan file, or a run folder.")],
             scene: SceneFile = None, poses: Poses = None, world: World = None, robot: RobotUrl = None,
-            noise: NoiseLevel = Noise.lab, seed: Seed = 0, out: Out = None, as_json: AsJson = False,
-            yes: Yes = False) -> None:
+            noise: NoiseLevel = Noise.lab, seed: Seed = 0, out: Out = None, as_json: AsJson = False, yes: Yes = False,
+            rehearse: Rehearse = None, on_failure: OnFailure = "stop") -> None:
     """Execute a plan that exists already."""
     from palpate.planning.replay import plan_file
 

@@ -65,6 +65,7 @@ def request_json(outcome: Outcome) -> dict[str, Any]:
     return {"request": job.request, "scene": shown(job.scene), "poses": shown(job.poses),
             "images": [shown(p) for p in job.images], "world": shown(job.world), "robot": job.robot,
             "planner": job.planner, "noise": job.noise, "seed": job.seed, "remeasure": job.remeasure,
+            "on_failure": job.on_failure, "rehearse": job.rehearse,
             "palpate": __version__}
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -23,6 +24,7 @@ def result_json(outcome: Outcome, folder: Path | None) -> dict[str, Any]:
         "plan": {"planner": outcome.plan.planner, "actions": planned_actions(outcome),
                  "explanation": outcome.plan.explanation, "notes": list(outcome.plan.notes),
                  "findings": [{"path": f.path, "rule": f.rule, "message": f.message} for f in outcome.findings]},
+        "rehearsal": asdict(outcome.rehearsal) if outcome.rehearsal else None,
         "execution": _execution_json(outcome),
         "twin": _twin_json(outcome),
         "files": _files(outcome, folder),
@@ -58,7 +60,8 @@ def _execution_json(outcome: Outcome) -> dict[str, Any] | None:
     if done is None:
         return None
     return {"actions": done.actions, "robot_seconds": round(done.robot_seconds, 3),
-            "wall_seconds": round(done.wall_seconds, 3), "stopped_by": done.stopped_by}
+            "wall_seconds": round(done.wall_seconds, 3), "stopped_by": done.stopped_by,
+            "setbacks": list(done.setbacks)}
 
 
 def _twin_json(outcome: Outcome) -> dict[str, Any] | None:

@@ -59,6 +59,6 @@ def _stiction(model: mujoco.MjModel, name: str, static: float) -> Stiction:
     geoms = tuple(range(first, first + int(model.body_geomnum[body])))
     dynamic = tuple(float(model.geom_friction[g, 0]) for g in geoms)
     if any(static < d for d in dynamic):
-        raise InputError(f"'{PREFIX}{name}' is {static:g}, below the object's friction {max(dynamic):g}: what holds must "
-                         "not be less than what slides")
+        raise InputError(f"'{PREFIX}{name}' is {static:g}, below the object's friction {max(dynamic):g}: what "
+                         "holds must not be less than what slides")
     return Stiction(geoms, int(model.body_dofadr[body]), static, dynamic)

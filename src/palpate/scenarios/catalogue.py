@@ -68,7 +68,8 @@ def scenario(name: str) -> Scenario:
     if planner.startswith("replay:"):
         planner = f"replay:{ROOT / name / planner.removeprefix('replay:')}"
     return Scenario(
-        name=name, title=text["title"], story=text["story"].strip(), request=(text.get("request") or "").strip() or None,
+        name=name, title=text["title"], story=text["story"].strip(),
+        request=(text.get("request") or "").strip() or None,
         expects=tuple(Gap(*e.rsplit(".", 1)) for e in text.get("expects", [])), planner=planner,
         status=text.get("status", "complete"),
     )

@@ -182,6 +182,17 @@ def scene_from_text(text: str, like: Scene) -> Scene:
     return _scene(parse_document(text, like.source.document.folder), like.path, like.source.poses)
 
 
+def rearranged(scene: Scene, poses: Mapping[str, Pose]) -> Scene:
+    """The scene with some objects standing elsewhere: `poses` are of their body frames in the world."""
+    from palpate.scene.poses import PoseEntry
+
+    now = {name: PoseEntry.model_validate({"pos": pose.position.tolist(), "quat": pose.quaternion.tolist()})
+           for name, pose in poses.items()}
+    known = scene.source.poses
+    document = parse_document(scene.text, scene.source.document.folder)
+    return _scene(document, scene.path, known.model_copy(update={"objects": {**known.objects, **now}}))
+
+
 def _scene(document: Document, path: Path | None, poses: Poses | None) -> Scene:
     from palpate.scene.derive import derive_symbols
     from palpate.scene.poses import Poses

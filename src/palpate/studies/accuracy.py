@@ -65,7 +65,7 @@ def run_seed(job: Job, seed: int) -> Run:
     job = replace(job, seed=seed)
     scene = pipeline.look(job)
     plan, findings = pipeline.think(job, scene)
-    outcome = pipeline.measure(job, scene, plan, findings)
+    outcome = pipeline.measure(pipeline.Outcome(job, scene, plan, findings))
     done = outcome.execution
     return Run(seed, outcome.status, done.actions if done else 0, done.robot_seconds if done else 0.0,
                tuple(_trials(outcome, seed)))

@@ -25,7 +25,7 @@ from palpate.scene.scene import Scene
 from palpate.trace import LeafRun, Trace
 from palpate.tree.build import build
 from palpate.tree.leaf import PrimitiveLeaf
-from palpate.tree.stop import PutDown, released
+from palpate.tree.stop import PutDown, lost
 from palpate.vocabulary.primitive import Cell, Recorder, Vocabulary, vocabulary
 from palpate.vocabulary.state import SymbolicState
 
@@ -57,6 +57,7 @@ class Execution:
         final_state: what is believed about the cell now.
         actions: leaves of the plan that were started.
         robot_seconds, wall_seconds: how long it took.
+        setbacks: why earlier attempts stopped that were gone on from (see `palpate.recovery`).
     """
 
     trace: Trace
@@ -66,6 +67,7 @@ class Execution:
     actions: int
     robot_seconds: float
     wall_seconds: float
+    setbacks: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -161,7 +163,7 @@ class _Loop:
             return
         self._come_to_rest()
         if not self.cell.robot.state.gripping:
-            self.cell.state = released(self.cell) if self.cell.state.holding else self.cell.state
+            self.cell.state = lost(self.cell) if self.cell.state.holding else self.cell.state
         else:
             down = PrimitiveLeaf(PutDown(), self.cell, STOP_NODE)
             try:

@@ -89,6 +89,13 @@ def released(cell: Cell) -> SymbolicState:
                    pose_tcp_object=None, lifted=False, contact=None, activity="still", moved=moved)
 
 
+def lost(cell: Cell) -> SymbolicState:
+    """The symbolic state once an object has slipped out of the fingers: the best guess is that it never left its
+    place, as fingers that slip mostly do so before the object is far from its support."""
+    state, name = released(cell), cell.state.holding
+    return replace(state, moved={other: pose for other, pose in state.moved.items() if other != name})
+
+
 def _arrive(cell: Cell) -> Steps:
     """Wait until the arm's motion has ended and it had time to come to rest."""
     yield
