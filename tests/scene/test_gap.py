@@ -113,8 +113,9 @@ def test_a_stated_height_is_known() -> None:
 
 def test_walls_balls_and_nameless_things_are_no_surfaces() -> None:
     found = scene('<geom name="wall" type="box" size="0.01 0.5 0.5"/><geom name="ball" type="sphere" size="0.2"/>'
-                  '<geom type="box" size="0.3 0.3 0.1"/><body name="goal" mocap="true"><geom type="box" size=".2 .2 .1"/>'
-                  '</body><geom name="ramp" type="box" size="0.3 0.3 0.1" euler="0 30 0"/>')
+                  '<geom type="box" size="0.3 0.3 0.1"/>'
+                  '<body name="goal" mocap="true"><geom type="box" size=".2 .2 .1"/></body>'
+                  '<geom name="ramp" type="box" size="0.3 0.3 0.1" euler="0 30 0"/>')
     assert dict(found.surfaces) == {}
 
 
@@ -192,7 +193,8 @@ def test_a_tilted_surface_cannot_leave_its_height_open() -> None:
 def test_missing_is_in_document_order() -> None:
     text = (cup("") + '<body name="a" pos="0.4 0.3 0.05"><freejoint/><geom size="0.05"/></body>'
             '<geom name="table" type="box" pos="0.5 0 ?" size="0.3 0.3 0.02"/>')
-    assert [str(g) for g in scene(text).missing()] == ["cup.mass", "cup.friction", "a.mass", "a.friction", "table.height"]
+    missing = [str(g) for g in scene(text).missing()]
+    assert missing == ["cup.mass", "cup.friction", "a.mass", "a.friction", "table.height"]
 
 
 def test_bodies_inside_plain_frames_are_found() -> None:

@@ -68,7 +68,8 @@ def test_an_absent_file_is_an_input_error(tmp_path: Path) -> None:
 
 
 def test_a_missing_mesh_is_named_with_its_element(tmp_path: Path) -> None:
-    path = write(tmp_path, '<mujoco><compiler meshdir="assets"/><asset><mesh name="cup" file="cup.obj"/></asset></mujoco>')
+    path = write(tmp_path, '<mujoco><compiler meshdir="assets"/>'
+                           '<asset><mesh name="cup" file="cup.obj"/></asset></mujoco>')
     with pytest.raises(InputError, match=r'<mesh name="cup"> \(line 1\) names the file .*cup\.obj.* does not exist'):
         read_document(path)
 

@@ -131,7 +131,8 @@ def test_meshes_are_found_in_the_scenes_folder(tmp_path: Path) -> None:
         "v 0 0 0\nv .06 0 0\nv 0 .06 0\nv .06 .06 0\nv 0 0 .05\nv .06 0 .05\n"
         "f 1 3 2\nf 2 3 4\nf 1 2 6\nf 1 6 5\nf 5 6 4\nf 5 4 3\nf 1 5 3\nf 2 4 6\n")
     path = tmp_path / "scene.xml"
-    path.write_text('<mujoco><compiler meshdir="assets"/><asset><mesh name="wedge" file="wedge.obj"/></asset><worldbody>'
+    path.write_text('<mujoco><compiler meshdir="assets"/>'
+                    '<asset><mesh name="wedge" file="wedge.obj"/></asset><worldbody>'
                     '<body name="wedge" pos="0.5 0 0"><freejoint/><geom type="mesh" mesh="wedge"/></body>'
                     "</worldbody></mujoco>")
     found = load_scene(path)

@@ -12,7 +12,7 @@ from palpate.pose import Array, Pose
 from palpate.scene.grasp import HAND, PAD, Grasp, derive_grasp
 from palpate.scene.outline import Convex, Obstacle, above, rectangle, rim
 from palpate.scene.places import approach_pose, free_spot
-from palpate.scene.poses import Offset
+from palpate.scene.poses import Offset, Poses
 from palpate.scene.priors import APPROACH, RESTING
 from palpate.scene.scene import Body
 from palpate.scene.source import Belief
@@ -90,33 +90,38 @@ def derive_symbols(belief: Belief, bodies: Mapping[str, Body], base: Pose) -> Sy
     geometry = Geometry.of(belief, bodies, base)
     entries = belief.source.poses
     grasps = {name: _grasp(geometry, name) for name in geometry.objects}
-    ungraspable = {n: g.problem for n, g in grasps.items() if g.problem and n not in entries.grasps}
-    for name in geometry.objects:
-        if "position" in bodies[name].missing and name not in entries.objects:
-            ungraspable[name] = "nobody knows where it is; give its pose in poses.yaml"
-    poses = {f"{n}_pose": g.pose for n, g in grasps.items()}
-    poses |= {f"{n}_pose": bodies[n].pose_world @ e.tool_pose() for n, e in entries.grasps.items()}
-    poses |= {f"{n}_approach": p for n in geometry.tops if (p := _approach(geometry, n)) is not None}
-    poses |= {n: e.tool_pose() for n, e in entries.places.items()}
-    subjects = {f"{n}_{suffix}": n for n in geometry.objects for suffix in ("pose", "temporary")}
-    subjects |= {f"{n}_approach": n for n in geometry.tops}
-    own = {n: _own_offsets(geometry, n, g, poses[f"{n}_pose"]) for n, g in grasps.items()}
-    common, special = _given_offsets(entries.offsets, geometry.objects)
-    configurations = {"home_config": np.array(HOME)} | {n: np.array(q) for n, q in entries.joints.items()}
+    poses = _poses(geometry, grasps, entries)
     later = {f"{n}_temporary": _later(geometry, n, poses[f"{n}_pose"]) for n in geometry.objects
              if f"{n}_temporary" not in poses}
+    subjects = {f"{n}_{suffix}": n for n in geometry.objects for suffix in ("pose", "temporary")}
+    subjects |= {f"{n}_approach": n for n in geometry.tops}
+    common, special = _given_offsets(entries.offsets, geometry.objects)
+    own = {n: _own_offsets(geometry, n, g, poses[f"{n}_pose"]) for n, g in grasps.items()}
     return Symbols(
-        poses=poses, subjects={n: s for n, s in subjects.items() if n in poses or n in later},
-        configurations=configurations,
+        poses=poses, subjects={n: s for n, s in subjects.items() if n in poses or n in later}, later=later,
+        configurations={"home_config": np.array(HOME)} | {n: np.array(q) for n, q in entries.joints.items()},
         offsets={n: np.array(v) for n, v in DEFAULT_OFFSETS.items()} | common,
-        own_offsets={n: own.get(n, {}) | common | special.get(n, {}) for n in own},
-        ungraspable=ungraspable, later=later)
+        own_offsets={n: offsets | common | special.get(n, {}) for n, offsets in own.items()},
+        ungraspable=_ungraspable(geometry, grasps, entries))
 
 
-def free_place(geometry: Geometry, name: str, pose_world_tcp: Pose, avoiding: Iterable[str] = ()) -> Pose | None:
+def _poses(geometry: Geometry, grasps: Mapping[str, Grasp], entries: Poses) -> dict[str, Pose]:
+    poses = {f"{n}_pose": g.pose for n, g in grasps.items()}
+    poses |= {f"{n}_pose": geometry.bodies[n].pose_world @ e.tool_pose() for n, e in entries.grasps.items()}
+    poses |= {f"{n}_approach": p for n in geometry.tops if (p := _approach(geometry, n)) is not None}
+    return poses | {n: e.tool_pose() for n, e in entries.places.items()}
+
+
+def _ungraspable(geometry: Geometry, grasps: Mapping[str, Grasp], entries: Poses) -> dict[str, str]:
+    lost = {n: "nobody knows where it is; give its pose in poses.yaml" for n in geometry.objects
+            if "position" in geometry.bodies[n].missing and n not in entries.objects}
+    return {n: g.problem for n, g in grasps.items() if g.problem and n not in entries.grasps} | lost
+
+
+def free_place(geometry: Geometry, name: str, pose_world_tcp: Pose) -> Pose | None:
     """TCP pose at which the object, held as at `pose_world_tcp`, stands on a free spot of its surface.
 
-    What is stacked on another object is put down on the surface. `avoiding` are objects that are to be reached meanwhile: the spot is looked for on the far side of them.
+    What is stacked on another object is put down on the surface.
     """
     support = geometry.support(name)
     if support is None:
@@ -130,15 +135,8 @@ def free_place(geometry: Geometry, name: str, pose_world_tcp: Pose, avoiding: It
     drop = stacked if stacked > RESTING else 0.0
     bottom = float(cloud[:, 2].min()) - drop
     obstacles = above([*geometry.others(name, support), Obstacle.of(cloud)], bottom + 0.002)
-    obstacles += [_room(geometry, other) for other in avoiding]
     found = free_spot(shape, footing, geometry.tops[support], obstacles, here, bottom, geometry.base)
     return None if found is None else pose_world_tcp.translated((*(found[0] - here), -drop))
-
-
-def _room(geometry: Geometry, name: str) -> Array:
-    """What the hand needs around an object to grasp it."""
-    middle = np.array(_middle(geometry.clouds[name]))
-    return rectangle(middle, np.array([1.0, 0.0]), HAND[1], HAND[1])
 
 
 def _later(geometry: Geometry, name: str, pose: Pose) -> Callable[[], Pose | None]:

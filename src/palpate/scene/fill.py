@@ -232,7 +232,7 @@ class Filler:
                         for a in ("mass", "density") if UNKNOWN in tokens(g.get(a)))
             return
         if "com" in mine:
-            yield Edit(thing.inertial, "pos", _unknown_only(thing.inertial, "pos", pos))
+            yield Edit(thing.inertial, "pos", _unknown_only(thing.inertial, "pos", pos), "? ? ?")
         if "mass" in mine:
             yield Edit(thing.inertial, "mass", {0: self._text(thing.name, "mass", mass)})
         if "inertia" in thing.missing or "inertia" in mine:

@@ -19,8 +19,15 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 from palpate.errors import InputError
 from palpate.pose import Pose
 
-MAX_BYTES = 1_000_000
+MAX_BYTES = 200_000
 """Largest poses file."""
+
+MAX_DEPTH = 10
+"""Deepest nesting of lists and mappings."""
+
+_OPENING = (yaml.BlockMappingStartToken, yaml.BlockSequenceStartToken, yaml.FlowMappingStartToken,
+            yaml.FlowSequenceStartToken)
+_CLOSING = (yaml.BlockEndToken, yaml.FlowMappingEndToken, yaml.FlowSequenceEndToken)
 
 Number = Annotated[float, Field(allow_inf_nan=False, ge=-100.0, le=100.0)]
 Vector = tuple[Number, Number, Number]
@@ -97,7 +104,7 @@ def read_poses(path: Path) -> Poses:
     """
     try:
         if path.stat().st_size > MAX_BYTES:
-            raise InputError(f"{path} is larger than {MAX_BYTES // 1_000_000} MB, too large for poses")
+            raise InputError(f"{path} is larger than {MAX_BYTES // 1000} kB, too large for poses")
         text = path.read_text("utf-8")
     except OSError as error:
         raise InputError(f"cannot read {path}: {error.strerror or error}") from None
@@ -118,8 +125,8 @@ def parse_poses(text: str, where: str = "poses") -> Poses:
         mark = getattr(error, "problem_mark", None)
         at = f", line {mark.line + 1}, column {mark.column + 1}" if mark is not None else ""
         raise InputError(f"{where}{at}: not YAML: {getattr(error, 'problem', None) or error}") from None
-    except (RecursionError, ValueError):
-        raise InputError(f"{where}: nested too deep, or a value that is none") from None
+    except ValueError as error:
+        raise InputError(f"{where}: not YAML: {error}") from None
     try:
         return Poses.model_validate(content or {})
     except ValidationError as error:
@@ -128,10 +135,14 @@ def parse_poses(text: str, where: str = "poses") -> Poses:
 
 
 def _load(text: str) -> Any:
-    """YAML without aliases, whose expansion is unbounded."""
+    """YAML without aliases, whose expansion is unbounded, and without deep nesting, which takes forever to read."""
+    depth = 0
     for token in yaml.scan(text, Loader=yaml.SafeLoader):
         if isinstance(token, yaml.AliasToken):
             raise yaml.MarkedYAMLError(problem="aliases are not accepted", problem_mark=token.start_mark)
+        depth += isinstance(token, _OPENING) - isinstance(token, _CLOSING)
+        if depth > MAX_DEPTH:
+            raise yaml.MarkedYAMLError(problem=f"nested deeper than {MAX_DEPTH}", problem_mark=token.start_mark)
     return yaml.safe_load(text)
 
 

@@ -59,11 +59,20 @@ def _drawn(scene: Scene, gap: Gap, random: np.random.Generator) -> tuple[float, 
         return (float(random.uniform(*TRUE_FRICTION)),)
     if gap.quantity == "height":
         return (float(prior[0] + _height_error(scene, gap.object, random)),)
-    if gap.quantity == "com":
-        return tuple(float(v) for v in prior + random.uniform(-0.1, 0.1, 3) * scene.body(gap.object).size)
-    if gap.quantity == "position":
-        return tuple(float(v) for v in prior + random.uniform(-TRUE_SHIFT, TRUE_SHIFT, 2))
+    if gap.quantity in ("com", "position"):
+        scale = 0.1 * scene.body(gap.object).size if gap.quantity == "com" else np.full(2, TRUE_SHIFT)
+        shift = random.uniform(-scale, scale) * _open_numbers(scene, gap)
+        return tuple(float(v) for v in prior + shift)
     return scene.priors[gap]
+
+
+def _open_numbers(scene: Scene, gap: Gap) -> Array:
+    """1 for each number of a `pos` that is `?`, 0 for those that are stated."""
+    thing = scene.source.found.objects[gap.object]
+    element = thing.inertial if gap.quantity == "com" else thing.element
+    count = len(scene.priors[gap])
+    stated = tokens(element.get("pos") if element is not None else None) or [UNKNOWN] * count
+    return np.array([float(part == UNKNOWN) for part in stated[:count]])
 
 
 def _height_error(scene: Scene, surface: str, random: np.random.Generator) -> float:

@@ -140,7 +140,7 @@ def _written(document: Document, edits: Sequence[Edit | Insert], entries: list[_
     """The main text with the changes made, read again to make sure that nothing else has changed."""
     tags = spans.scan(document.text)
     data = document.text.encode("utf-8")
-    values = _attribute_values(document, edits)
+    values = _attribute_values(document, edits, data, tags)
     inserts = [edit for edit in edits if isinstance(edit, Insert)]
     changes = [spans.remove_attribute(data, tags[i], name) if value is None
                else spans.set_attribute(tags[i], name, value) for (i, name), value in values.items()]
@@ -151,14 +151,22 @@ def _written(document: Document, edits: Sequence[Edit | Insert], entries: list[_
     return _recorded(result, entries)
 
 
-def _attribute_values(document: Document, edits: Sequence[Edit | Insert]) -> dict[tuple[int, str], str | None]:
+def _attribute_values(document: Document, edits: Sequence[Edit | Insert], data: bytes,
+                      tags: Sequence[spans.Tag]) -> dict[tuple[int, str], str | None]:
     """New text of each changed attribute, by number of its element; several edits of one attribute add up."""
     values: dict[tuple[int, str], str | None] = {}
     for edit in edits:
         if isinstance(edit, Edit):
-            key = (document.index[edit.element], edit.attribute)
-            values[key] = edit.value(values.get(key, edit.element.get(edit.attribute)))
+            i = document.index[edit.element]
+            now = _as_written(data, tags[i], edit.attribute, edit.element.get(edit.attribute))
+            values[i, edit.attribute] = edit.value(values.get((i, edit.attribute), now))
     return values
+
+
+def _as_written(data: bytes, tag: spans.Tag, attribute: str, parsed: str | None) -> str | None:
+    """An attribute with its own line breaks, which parsing turns into spaces; as parsed if it has references."""
+    written = _value(data, tag, attribute)
+    return parsed if parsed is None or "&" in written else written
 
 
 def _require_same(document: Document, result: str, values: Mapping[tuple[int, str], str | None],
@@ -173,12 +181,11 @@ def _require_same(document: Document, result: str, values: Mapping[tuple[int, st
     for insert in inserts:
         listed[document.index[insert.parent]].insert(0, etree.Element(insert.tag, dict(insert.attributes)))
     if _content(before) != _content(after):
-        raise InputError("the estimates cannot be written into this MJCF without changing more than them; "
-                         "write its numbers without character references")
+        raise InputError("the estimates cannot be written into this MJCF without changing more than their numbers")
 
 
 def _content(root: Element) -> list[tuple[str, dict[str, str]]]:
-    return [(str(e.tag), {str(k): str(v) for k, v in e.items()}) for e in elements(root)]
+    return [(str(e.tag), {str(k): " ".join(str(v).split()) for k, v in e.items()}) for e in elements(root)]
 
 
 def _recorded(text: str, entries: Sequence[_Entry]) -> str:
