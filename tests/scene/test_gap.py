@@ -46,6 +46,7 @@ def test_mass_and_friction_of_an_object(geom: str, missing: set[str]) -> None:
     (INERTIAL.replace("0.2", "?"), {"mass"}),
     (INERTIAL.replace("0 0 0.01", "? ? ?"), {"com"}),
     (INERTIAL.replace("0 0 0.01", "0 0 ?"), {"com"}),
+    (INERTIAL.replace("0 0 0.01", " ? "), {"com"}),
     (INERTIAL.replace("1e-4 1e-4 1e-4", "? ? ?"), {"inertia"}),
     ('<inertial pos="0 0 0" mass="?" fullinertia="? ? ? ? ? ?"/>', {"mass", "inertia"}),
 ])
@@ -79,7 +80,7 @@ def test_visual_geoms_do_not_count_for_friction() -> None:
     assert body.objects["cup"].missing == {"friction"}
 
 
-@pytest.mark.parametrize(("pos", "missing"), [("? ? 0.05", {"position"}), ("0.5 ? 0.05", {"position"}),
+@pytest.mark.parametrize(("pos", "missing"), [("? ? 0.05", {"position"}), ("0.5 ? 0.05", {"position"}), ("?", {"position"}),
                                               ("0.5 0 ?", set())])
 def test_position_of_an_object(pos: str, missing: set[str]) -> None:
     body = scene(cup('mass="1" friction="1"', pos=pos)).objects["cup"]

@@ -125,6 +125,12 @@ def test_what_mujoco_refuses_is_an_input_error() -> None:
         scene('<body name="b"><freejoint/><geom type="box" size="0 1 1"/></body>')
 
 
+@pytest.mark.parametrize("number", ["nan", "inf", "1e999"])
+def test_numbers_must_be_finite(number: str) -> None:
+    with pytest.raises(InputError, match="finite|MuJoCo does not accept"):
+        scene(BOTTLE.replace("0.5 0.1 0.5", f"0.5 {number} 0.5"))
+
+
 def test_meshes_are_found_in_the_scenes_folder(tmp_path: Path) -> None:
     (tmp_path / "assets").mkdir()
     (tmp_path / "assets" / "wedge.obj").write_text(

@@ -125,6 +125,10 @@ def test_com_makes_an_inertial_that_moves_the_balance() -> None:
     ('<geom type="box" size=".02 .02 .02" density="?" friction="1"/>', {"mass": (0.064,)}, 'density="1000"'),
     ('<inertial pos="? 0.001 ?" mass="?" diaginertia="1e-4 1e-4 1e-4"/><geom size=".02" friction="1"/>',
      {"mass": (0.3,), "com": (0.01, 0.02, 0.03)}, 'pos="0.01 0.001 0.03" mass="0.3" diaginertia="1e-4 1e-4 1e-4"'),
+    ('<inertial pos="?" mass="?" diaginertia="?"/><geom size=".02" friction="1"/>',
+     {"mass": (0.3,), "com": (0, 0, 0), "inertia": (4e-5, 4e-5, 4e-5, 0, 0, 0)},
+     'pos="0 0 0" mass="0.3" diaginertia="4e-05 4e-05 4e-05"'),
+    ('<geom size=".02" mass="?" friction="0.4 ? 0.001"/>', {"mass": (0.3,)}, 'mass="0.3" friction="0.4 0.005 0.001"'),
     ('<geom size=".02" mass="1" friction="1" priority="3"/>', {"friction": (0.35,)}, 'friction="0.35" priority="3"'),
 ])
 def test_each_place_of_a_number(thing: str, values: dict[str, tuple[float, ...]], expected: str) -> None:
@@ -210,6 +214,15 @@ def test_completing_a_scene_answers_every_mark_and_says_what_was_assumed(tmp_pat
     text, notes = complete(scene, [estimate("table", "height", 0.181)])
     assert [n.split(" was")[0] for n in notes] == ["bottle.mass"]
     assert "palpate_bottle" not in text, "an assumption is not recorded as an estimate"
+
+
+def test_an_assumed_inertia_goes_with_the_measured_mass_and_centre() -> None:
+    text = ('<mujoco><worldbody><body name="a" pos="0.5 0 0.03"><freejoint/><inertial pos="?" mass="?" diaginertia="?"/>'
+            '<geom type="box" size=".1 .02 .03" friction="1"/></body></worldbody></mujoco>')
+    twin, notes = complete(parse_scene(text), [estimate("a", "mass", 0.6), estimate("a", "com", 0.04, 0.0, 0.0)])
+    assert [n.split(" was")[0] for n in notes] == ["a.inertia"]
+    about_middle = 0.6 / 12 * (0.2**2 + 0.06**2)
+    assert max(body(twin, "a").inertia) == pytest.approx(about_middle + 0.6 * 0.04**2, rel=1e-5)
 
 
 def test_a_value_that_makes_no_sense_stays_out_with_a_note() -> None:

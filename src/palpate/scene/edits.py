@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from lxml import etree
 
-from palpate.scene.mjcf import Element, with_tokens
+from palpate.scene.mjcf import Element, spelled_out, with_tokens
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,7 +26,9 @@ class Edit:
 
     def value(self, stated: str | None) -> str | None:
         """The attribute's new text, given what it is now."""
-        return None if self.numbers is None else with_tokens(self.base if stated is None else stated, self.numbers)
+        if self.numbers is None:
+            return None
+        return with_tokens(spelled_out(self.attribute, self.base if stated is None else stated), self.numbers)
 
 
 @dataclass(frozen=True, slots=True)

@@ -238,6 +238,16 @@ class Filler:
         if "inertia" in thing.missing or "inertia" in mine:
             yield from _stated_inertia(thing.inertial, tensor)
 
+    def completed(self, priors: Values, values: Values) -> dict[Gap, tuple[float, ...]]:
+        """`values`, and `priors` for the rest; an assumed inertia is the one that goes with the mass and centre."""
+        merged = {**priors, **values}
+        for gap in [g for g in merged if g.quantity == "inertia" and g not in values]:
+            thing = self.found.objects[gap.object]
+            mass = merged.get(Gap(gap.object, "mass"), (self.mass(thing),))[0]
+            com = merged.get(Gap(gap.object, "com"), self.com(thing))
+            merged[gap] = self.inertia_values(thing, mass, np.array(com))
+        return merged
+
     def mass(self, thing: ObjectEntry) -> float:
         """The object's mass as the MJCF states it (or a placeholder), kg."""
         if thing.inertial is not None and thing.inertial.get("mass") not in (None, UNKNOWN):

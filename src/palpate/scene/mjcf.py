@@ -30,6 +30,9 @@ MAX_ASSET_BYTES = 200_000_000
 UNKNOWN = "?"
 """Written in place of a number that is to be measured."""
 
+_COUNTS = {"pos": 3, "diaginertia": 3, "fullinertia": 6}
+"""How many numbers a single `?` stands for."""
+
 _FILE_ATTRIBUTES = ("file", "fileright", "fileleft", "fileup", "filedown", "filefront", "fileback")
 
 
@@ -149,6 +152,9 @@ def parse_document(text: str, folder: Path | None = None, where: str = "the scen
     files: list[Path] = []
     _expand_includes(root, folder, where, files)
     _check_assets(root, folder, where, files)
+    for element in elements(root):
+        for attribute in _COUNTS.keys() & set(element.keys()):
+            element.set(attribute, spelled_out(attribute, element.get(attribute) or ""))
     return Document(text, root, index, folder, tuple(dict.fromkeys(files)))
 
 
@@ -172,6 +178,11 @@ def label(element: Element) -> str:
 def tokens(value: str | None) -> list[str]:
     """The whitespace-separated parts of an attribute."""
     return (value or "").split()
+
+
+def spelled_out(attribute: str, value: str) -> str:
+    """A single `?` as one for each number it stands for; other values as they are."""
+    return " ".join([UNKNOWN] * _COUNTS[attribute]) if attribute in _COUNTS and value.strip() == UNKNOWN else value
 
 
 def with_tokens(value: str, changes: Mapping[int, str]) -> str:

@@ -145,7 +145,7 @@ class Scene:
 
     def spec(self, values: Mapping[Gap, tuple[float, ...]] | None = None) -> mujoco.MjSpec:
         """The scene as an editable model without any robot, unknowns filled from `values`, else from priors."""
-        return self.source.spec({**self.priors, **(values or {})})
+        return self.source.spec(self.priors, values or {})
 
 
 def load_scene(path: Path, poses: Path | None = None) -> Scene:

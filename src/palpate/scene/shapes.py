@@ -10,6 +10,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from palpate.errors import InputError
 from palpate.pose import Array, Pose
 from palpate.scene.edits import Edit, Insert
 from palpate.scene.gap import Inventory
@@ -96,8 +97,16 @@ def compile_shapes(document: Document, found: Inventory, edits: Sequence[Edit | 
     model = compile_model(compile_spec(root, document.folder))
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
+    _require_finite(model, data)
     ids = {geom: mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_GEOM, name) for geom, name in names.items()}
     return Shapes(model, data, {geom: i for geom, i in ids.items() if i >= 0})
+
+
+def _require_finite(model: mujoco.MjModel, data: mujoco.MjData) -> None:
+    numbers = (data.xpos, data.xquat, data.geom_xpos, data.geom_xmat, data.site_xpos, model.geom_size,
+               model.geom_friction, model.body_mass, model.body_inertia, model.body_ipos, model.opt.gravity)
+    if not all(np.isfinite(array).all() for array in numbers):
+        raise InputError("the scene has a number that is not finite (nan or inf)")
 
 
 def _name_geoms(twin_of: Mapping[Element, Element]) -> dict[Element, str]:

@@ -45,9 +45,10 @@ class Source:
         """Poses that came with the scene, then `values`."""
         return [*self.overrides, *self.filler.edits(values, {})]
 
-    def spec(self, values: Mapping[Gap, tuple[float, ...]]) -> mujoco.MjSpec:
-        """An editable model without any robot in which `values` hold."""
-        root, _ = model_tree(self.document, self.found, self.edits(values))
+    def spec(self, priors: Mapping[Gap, tuple[float, ...]],
+             values: Mapping[Gap, tuple[float, ...]]) -> mujoco.MjSpec:
+        """An editable model without any robot in which `values` hold, and `priors` for the rest."""
+        root, _ = model_tree(self.document, self.found, self.edits(self.filler.completed(priors, values)))
         return compile_spec(root, self.document.folder)
 
 

@@ -58,10 +58,9 @@ def complete(scene: Scene, estimates: Sequence[Estimate]) -> tuple[str, tuple[st
     fitting = {gap: value for gap, value in values.items() if not reasons[gap]}
     notes = [f"{gap} is not in the twin: {reason}" for gap, reason in reasons.items() if reason]
     open_gaps = [gap for gap in unfilled(scene.text, folder) if gap not in fitting]
-    notes += [f"{gap} was not measured; the twin holds the assumed value {_numbers(scene.priors[gap])}"
-              for gap in open_gaps]
-    priors = {gap: scene.priors[gap] for gap in open_gaps}
-    text = inject(scene.text, {**priors, **fitting}, [e for e in estimates if e.gap in fitting], folder)
+    filled = scene.source.filler.completed({gap: scene.priors[gap] for gap in open_gaps}, fitting)
+    notes += [f"{gap} was not measured; the twin holds the assumed value {_numbers(filled[gap])}" for gap in open_gaps]
+    text = inject(scene.text, filled, [e for e in estimates if e.gap in fitting], folder)
     return text, tuple(notes)
 
 
@@ -93,16 +92,15 @@ def _target(edit: Edit | Insert) -> Element:
 def _leftovers(source: Source, values: Values) -> Iterator[Edit]:
     """A `?` that no longer means anything once every mass, or friction, is known: in a defaults class, mostly."""
     still = {quantity for name, quantity in marked(source.found) if Gap(name, quantity) not in values}
-    slots = {(g, a) for thing in source.found.objects.values() for g in thing.geoms
-             for a in ("mass", "density", "friction")}
-    for element in elements(source.document.root):
-        for attribute in ("mass", "density"):
-            if UNKNOWN in tokens(element.get(attribute)) and element.tag == "geom" and "mass" not in still \
-                    and (element, attribute) not in slots:
-                yield Edit(element, attribute, None)
-        parts = tokens(element.get("friction"))
-        if UNKNOWN in parts and "friction" not in still and (element, "friction") not in slots:
-            yield Edit(element, "friction", {i: MUJOCO_FRICTION[i] for i, p in enumerate(parts) if p == UNKNOWN})
+    things = source.found.objects.values()
+    answered = {(g, a) for thing in things for g in thing.unweighed for a in ("mass", "density")}
+    answered |= {(g, "friction") for thing in things for g in thing.frictionless}
+    for geom in (e for e in elements(source.document.root) if e.tag == "geom"):
+        for attribute, quantity in (("mass", "mass"), ("density", "mass"), ("friction", "friction")):
+            open_numbers = [i for i, part in enumerate(tokens(geom.get(attribute))) if part == UNKNOWN]
+            if open_numbers and quantity not in still and (geom, attribute) not in answered:
+                numbers = {i: MUJOCO_FRICTION[min(i, 2)] for i in open_numbers} if attribute == "friction" else None
+                yield Edit(geom, attribute, numbers)
 
 
 @dataclass(frozen=True, slots=True)
