@@ -20,8 +20,8 @@ FINGERS = ("finger_joint1", "finger_joint2")
 HAND = Hand(tip_offset=0.009, force_resolution=0.05, force_repeatability=0.15, torque_gain=0.01,
             pose_repeatability=1e-4)
 """The tip is the end of the pad in fr3.xml. Force resolution 0.05 N, force repeatability 0.15 N and pose
-repeatability 0.1 mm: Franka Research 3 datasheet (R02212); its relative force accuracy of 0.8 N is what 1 % of a joint's
-gravity torque comes to at the TCP."""
+repeatability 0.1 mm: Franka Research 3 datasheet (R02212). Its relative force accuracy of 0.8 N is about what 1 % of
+the joints' gravity torques comes to at the TCP."""
 
 REGULARISATION = 1e-9
 """Added to J J^T (m^2), far below its smallest eigenvalue in the workspace, so that a singular pose stays finite."""

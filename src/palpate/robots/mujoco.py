@@ -47,6 +47,7 @@ that a contact keeps the force it had."""
 POSTURE = np.array(HOME)
 """rad: where the null space tends to."""
 
+
 class MujocoRobot:
     """A Franka Research 3 with hand, simulated. Implements `palpate.robots.robot.Robot`.
 
@@ -233,7 +234,7 @@ class MujocoRobot:
         control = np.empty((n, len(world.rest_control)))
         control[:] = world.rest_control
         target = self._command(control)
-        world.set_fingers(control, self._gripper.setpoints(world.t + TIMESTEP * np.arange(n)))
+        world.set_fingers(control, self._gripper.setpoints(world.t + TIMESTEP * np.arange(n, dtype=float)))
         steps = world.step(control)
         self._logged.append(self._readout.read(steps, self._gains, world.t, target))
         self._target = target[-1]

@@ -51,7 +51,8 @@ class Readout:
         """
         n, here = len(steps.q), self._nominal.kinematics(steps.q)
         rows = np.empty((n + 1, 21))
-        rows[0], rows[1:, :7], rows[1:, 7:14], rows[1:, 14:] = self._last, steps.q, here.pose_world_tcp, here.gravity_torque
+        rows[0], rows[1:, :7] = self._last, steps.q
+        rows[1:, 7:14], rows[1:, 14:] = here.pose_world_tcp, here.gravity_torque
         mean = rows[1:] + rows[:-1]
         mean *= 0.5
         dq = (rows[1:, :7] - rows[:-1, :7]) / PERIOD
@@ -61,9 +62,9 @@ class Readout:
         wrench = wrenches(jacobian, tau_ext)
         twist = np.matmul(jacobian, dq[:, :, None])[:, :, 0]
         mean[:, 7:10] += self._sensors.pose_error
-        self._last, self.dq, self.tau_ext, self.wrench, self.twist = rows[-1], dq[-1], tau_ext[-1], wrench[-1], twist[-1]
-        self.jacobian, self.commanded = jacobian[-1], steps.torque[-1]
-        ends = t - PERIOD * np.arange(n - 1, -1, -1)
+        self._last, self.dq, self.tau_ext, self.commanded = rows[-1], dq[-1], tau_ext[-1], steps.torque[-1]
+        self.jacobian, self.wrench, self.twist = jacobian[-1], wrench[-1], twist[-1]
+        ends = t - PERIOD * np.arange(n - 1.0, -1.0, -1.0)
         return Samples(ends, mean[:, :7], dq, tau_ext, wrench, mean[:, 7:14], twist, target,
                        steps.fingers.sum(1))
 

@@ -67,7 +67,7 @@ def imperfections(noise: Noise) -> Imperfections:
         repeatability=0.15,  # Franka Research 3 datasheet: force repeatability 0.15 N
         pose_repeatability=1e-4,  # datasheet: < +-0.1 mm (ISO 9283); taken as one sigma, the harsher reading
         gain=0.01,  # +-1 %: what the datasheet's relative force accuracy of 0.8 N allows at the arm's own weight
-        link_mass=0.005, link_com=3e-4,  # what is left of an identified model (Gaz et al., as above): no published figure
+        link_mass=0.005, link_com=3e-4,  # left over by identification (Gaz et al., as above): no published figure
     )
 
 
@@ -116,7 +116,7 @@ class Sensors:
         self._gain = 1.0 + kinds.gain * random.uniform(-1.0, 1.0, 7)
         self._friction = kinds.friction * random.uniform(-1.0, 1.0, 7)
         self._drift = kinds.drift * random.standard_normal(7)
-        self._stick, self._stuck = np.zeros(7), 0.0
+        self._stick, self._stuck, self._resting = np.zeros(7), 0.0, False
         self._zero = np.zeros(7)
         self._pose_goal = np.zeros(3)
         self.pose_error = kinds.pose_repeatability * random.standard_normal(3)
@@ -171,8 +171,6 @@ class Sensors:
             extra[i] += self._stuck * self._stick
         moved = 1.0 - float(np.exp(-distance.sum() / self._kinds.resettling))
         self.pose_error += (self._pose_goal - self.pose_error) * moved
-
-    _resting = False
 
     def _approach(self, jacobian: Array) -> None:
         """A new rest: what stays in the joints now looks like a force at the TCP."""

@@ -61,7 +61,7 @@ def pose_setpoints(path: PosePath, posture: Path, start: float, gains: Gains) ->
 def _times(path: Path, start: float) -> Array:
     """Every step from `start` to the path's end, in whole blocks, and one more run."""
     blocks = max(0, int(np.ceil((path.end - start) / PERIOD - 1e-9)))
-    return start + TIMESTEP * np.arange(1, (blocks + LONGEST_RUN) * BLOCK + 1)
+    return start + TIMESTEP * np.arange(1.0, (blocks + LONGEST_RUN) * BLOCK + 1)
 
 
 def _lead(rows: Array, gains: Gains) -> Array:

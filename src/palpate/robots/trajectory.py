@@ -20,6 +20,8 @@ SHORTEST = 0.05
 """s: no change of speed is quicker."""
 SHORTEST_RAMP = 0.1
 """s: from rest to a steady speed."""
+LONGEST_BRAKING = 1.0
+"""s: more is not given to a motion that begins at speed and has almost no way to go."""
 
 _POWERS = np.arange(6)
 
@@ -85,7 +87,7 @@ def quintic(start: Motion, end: Motion, duration: float) -> Array:
 
 
 def stop(t: float, now: Motion, acceleration: float, shortest: float = SHORTEST) -> Path:
-    """To rest, in the direction of travel, at about `acceleration` (the largest component's), in `shortest` s or more."""
+    """To rest, onwards, at about `acceleration` (the largest component's), in at least `shortest` s."""
     duration = max(shortest, RAMP_ACCELERATION * float(np.abs(now.v).max()) / acceleration)
     rest = np.zeros_like(now.p)
     end = Motion(now.p + now.v * duration / 2, rest, rest)
@@ -93,7 +95,7 @@ def stop(t: float, now: Motion, acceleration: float, shortest: float = SHORTEST)
 
 
 def straight(t: float, now: Motion, goal: Array, speed: float, acceleration: float) -> Path:
-    """To rest at `goal`: rate of the whole displacement at most `speed` (1/s), from rest along a straight line.
+    """To rest at `goal`, from rest along a straight line; from a state of motion along a smooth curve.
 
     `speed` and `acceleration` are per displacement: 0.5 crosses it in no less than 2 s. From rest a long motion
     ramps, cruises at `speed` and ramps down; a short one, or one that replaces another under way, is one quintic.
@@ -113,10 +115,10 @@ def straight(t: float, now: Motion, goal: Array, speed: float, acceleration: flo
 
 
 def _single(t: float, now: Motion, goal: Array, speed: float, acceleration: float) -> Path:
-    whole = float(np.abs(goal - now.p).max())
-    braking = 2.0 * float(np.abs(now.v).max()) / max(acceleration * whole, 1e-3)
+    whole = max(float(np.abs(goal - now.p).max()), 1e-9)
+    braking = 2 * float(np.abs(now.v).max()) / (acceleration * whole)
     duration = max(2 * SHORTEST, PEAK_SPEED / speed, (PEAK_ACCELERATION / acceleration) ** 0.5,
-                   min(braking, 1.0) if np.any(now.v) else 0.0)
+                   min(braking, LONGEST_BRAKING))
     rest = np.zeros_like(goal)
     return Path(np.array([t, t + duration]), quintic(now, Motion(goal, rest, rest), duration)[None])
 

@@ -98,7 +98,7 @@ class World:
         mean = np.add.reduce(torque, axis=1) / BLOCK
         return Steps(qpos[:, self._q], qvel[:, self._v], mean, qpos[:, self._finger_q], qvel[:, self._finger_v])
 
-    def set_fingers(self, control: Array, opening: Array) -> None:
+    def set_fingers(self, control: Array, opening: Array | float) -> None:
         """Command each finger's way from the middle, m, in the rows of `control`."""
         control[:, self._fingers_control] = opening
 
@@ -162,6 +162,8 @@ def _compile(spec: mujoco.MjSpec, pose_world_base: Pose, kinds: Imperfections,
     for name in ("integrator", "cone", "impratio"):
         setattr(spec.option, name, getattr(robot.option, name))
     robot.option.gravity = spec.option.gravity
+    for key in list(spec.keys):  # states of a world without this robot
+        spec.delete(key)
     try:
         frame = spec.worldbody.add_frame(pos=pose_world_base.position, quat=pose_world_base.quaternion)
         spec.attach(robot, frame=frame, prefix=PREFIX)

@@ -1,0 +1,103 @@
+"""Motions: they arrive, keep their speed, and jerk stays bounded."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from palpate.pose import Pose
+from palpate.robots import trajectory
+from palpate.robots.trajectory import Motion, PosePath, quintic, rotation_vector, still, stop, straight, turned
+
+ZERO = np.zeros(3)
+
+
+def rest(*p: float) -> Motion:
+    return Motion(np.array(p), np.zeros(len(p)), np.zeros(len(p)))
+
+
+def finely(path: trajectory.Path, step: float = 1e-3) -> tuple[np.ndarray, np.ndarray]:
+    t = np.arange(path.knots[0], path.end + step, step)
+    return t, path.sample(t)
+
+
+@given(st.floats(0.01, 1.0), st.floats(0.05, 2.0))
+def test_a_straight_motion_arrives_at_rest_below_its_speed(distance: float, speed: float) -> None:
+    path = straight(2.0, rest(0.0, 0.0, 0.0), np.array([distance, 0.0, 0.0]), speed / distance, 1.0 / distance)
+    _, p = finely(path)
+    assert p[0] == pytest.approx(ZERO)
+    assert path.at(path.end).p == pytest.approx([distance, 0.0, 0.0])
+    assert np.abs(np.gradient(p[:, 0], 1e-3)).max() <= speed * 1.001
+    assert (np.diff(p[:, 0]) >= -1e-12).all(), "never backwards"
+
+
+def test_a_long_motion_cruises_at_its_speed() -> None:
+    path = straight(0.0, rest(0.0), np.array([0.5]), 0.1 / 0.5, 1.0 / 0.5)
+    _, p = finely(path)
+    speed = np.gradient(p[:, 0], 1e-3)
+    assert np.isclose(speed, 0.1, rtol=1e-6).mean() > 0.9
+
+
+def test_jerk_is_bounded() -> None:
+    path = straight(0.0, rest(0.0), np.array([0.3]), 0.25 / 0.3, 1.0 / 0.3)
+    _, p = finely(path)
+    jerk = np.diff(p[:, 0], 3) / 1e-9
+    assert np.abs(jerk).max() < 12.0  # 6 v / T^2 of the ramps, m/s^3
+
+
+def test_before_and_after_it_stands_still() -> None:
+    path = straight(1.0, rest(0.2), np.array([0.4]), 1.0, 1.0)
+    assert path.sample(np.array([0.0, 99.0]))[:, 0] == pytest.approx([0.2, 0.4])
+    assert path.at(99.0).v == pytest.approx([0.0])
+
+
+def test_a_stop_goes_on_smoothly() -> None:
+    path = straight(0.0, rest(0.0), np.array([0.5]), 0.4, 2.0)
+    now = path.at(0.7)
+    halt = stop(0.7, now, 1.0)
+    begun = halt.at(0.7)
+    assert begun.p == pytest.approx(now.p)
+    assert begun.v == pytest.approx(now.v)
+    assert begun.a == pytest.approx(now.a)
+    assert halt.at(halt.end - 1e-9).v == pytest.approx([0.0], abs=1e-6)
+    assert now.p[0] < halt.at(halt.end).p[0] < now.p[0] + 0.1
+
+
+def test_replacing_a_motion_under_way_keeps_position_and_speed() -> None:
+    first = straight(0.0, rest(0.0, 0.0), np.array([0.5, 0.0]), 0.4, 2.0)
+    now = first.at(0.8)
+    second = straight(0.8, now, np.array([0.2, 0.3]), 0.5, 2.0)
+    assert second.at(0.8).v == pytest.approx(now.v)
+    assert second.at(second.end).p == pytest.approx([0.2, 0.3])
+
+
+def test_quintic_meets_both_ends() -> None:
+    start, end = Motion(np.array([1.0]), np.array([2.0]), np.array([3.0])), Motion(*np.array([[4.0], [5.0], [6.0]]))
+    c = quintic(start, end, 1.5)[:, 0]
+    polynomial = np.polynomial.Polynomial(c)
+    assert [polynomial(1.5), polynomial.deriv(1)(1.5), polynomial.deriv(2)(1.5)] == pytest.approx([4, 5, 6])
+
+
+@given(st.tuples(*[st.floats(-1.5, 1.5)] * 3))
+def test_turning_by_the_rotation_vector_between_two_orientations(angles: tuple[float, float, float]) -> None:
+    start = Pose.top_down([0, 0, 0], 0.4).quaternion
+    goal = turned(start, np.array([angles]))[0]
+    assert np.linalg.norm(goal) == pytest.approx(1.0)
+    assert rotation_vector(start, goal) == pytest.approx(np.array(angles), abs=1e-9)
+
+
+def test_a_pose_path_tells_its_turning_rate() -> None:
+    origin = Pose.top_down([0, 0, 0], 0.0).quaternion
+    goal = np.array([0.1, 0.0, 0.0, 0.0, 0.0, 0.8])
+    path = PosePath(straight(0.0, rest(*np.zeros(6)), goal, 0.5, 1.0), origin)
+    middle = path.motion(path.end / 2)
+    assert middle.p[3:] == pytest.approx(ZERO)
+    assert middle.v[3:] == pytest.approx([0.0, 0.0, 0.4], rel=1e-3)
+
+
+def test_standing_still() -> None:
+    path = still(3.0, np.array([1.0, 2.0]))
+    assert path.end == 3.0
+    assert path.sample(np.array([0.0, 9.0])) == pytest.approx(np.array([[1, 2], [1, 2]]))
