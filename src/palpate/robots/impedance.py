@@ -62,7 +62,7 @@ class Inertia(NamedTuple):
     def of(cls, mass_matrix: Array, jacobian: Array) -> Inertia:
         """From the joint-space inertia (7, 7) and the Jacobian (6, 7), world axes about the TCP."""
         mobility = jacobian @ np.linalg.solve(mass_matrix, jacobian.T)
-        return cls(np.linalg.solve(mobility + 1e-6 * np.eye(6), np.eye(6)), mass_matrix)
+        return cls(np.asarray(np.linalg.inv(mobility + 1e-6 * np.eye(6)), dtype=np.float64), mass_matrix)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
