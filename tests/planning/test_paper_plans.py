@@ -19,7 +19,7 @@ def test_the_papers_tree_passes_the_check_and_acquires_exactly_what_is_asked(nam
     scene, plan = pipeline.look(job), load_plan(task.folder / "plans" / "paper.json")
     assert check(plan, scene) == ()
     assert set(plan.parameters) == set(task.expects)
-    execution = pipeline.measure(job, scene, plan, ()).execution
+    execution = pipeline.measure(pipeline.Outcome(job, scene, plan)).execution
     assert execution is not None
     assert (execution.status, execution.actions) == ("complete", FIGURES[name])
     assert judge(execution.trace, task.expects).success

@@ -11,7 +11,7 @@ from pydantic import ValidationError
 
 from palpate.errors import InputError
 from palpate.planning.clearance import TOUCH, motion_to, straddled
-from palpate.planning.evidence import DERIVED, supports
+from palpate.planning.evidence import DERIVED, piece
 from palpate.planning.fold import during, leaves, merged, primitive_of
 from palpate.planning.plan import Node
 from palpate.pose import Pose
@@ -150,8 +150,8 @@ class Walk:
         derived = [gap for gap in parameters if gap.quantity in DERIVED]
         seen: set[tuple[Gap, str | None]] = set()
         for recorded in self._recorded:
-            keys = {(gap, recorded.context.grasp) for gap in derived
-                    if supports(gap, recorded.buffer, recorded.context)}
+            pieces = {gap: piece(gap, recorded.buffer, recorded.context) for gap in derived}
+            keys = {(gap, found) for gap, found in pieces.items() if found is not None}
             if not recorded.used and keys <= seen:
                 yield recorded.path
             seen |= keys
