@@ -17,9 +17,9 @@ from palpate.planning.fold import leaves
 from palpate.planning.grounding import Grounded, ground
 from palpate.planning.mentions import GRIPPER
 from palpate.planning.plan import Node, Plan
-from palpate.planning.walk import PAYLOAD
 from palpate.quantities import QUANTITIES, Gap
 from palpate.robots.kinematics import reachable
+from palpate.robots.robot import PAYLOAD
 from palpate.scene.scene import Scene
 from palpate.vocabulary.primitive import vocabulary
 

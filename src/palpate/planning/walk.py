@@ -26,10 +26,6 @@ Reach = Callable[[Pose], bool]
 MIN_SLIDE = 0.03
 """m: a shorter slide is not much more than the grip's and the arm's compliance."""
 
-PAYLOAD = 3.0
-"""kg: FR3 datasheet."""
-
-
 @dataclass(frozen=True, slots=True)
 class Finding:
     """Something wrong with a plan: where (`tree.children[3]`), which rule, and what to do about it."""
@@ -296,6 +292,7 @@ class Walk:
             self._helped.setdefault(before.holding, set()).add(gap)
 
     def _arm_reaches(self, pose: Pose) -> bool:
-        from palpate.robots.kinematics import reachable
+        from palpate.robots.robot import PAYLOAD
+from palpate.robots.kinematics import reachable
 
         return reachable(pose, self.scene.pose_world_base)

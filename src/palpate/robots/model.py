@@ -10,7 +10,7 @@ import numpy as np
 from scipy.linalg.lapack import dposv
 
 from palpate.pose import Array, Pose
-from palpate.robots.robot import Limits
+from palpate.robots.robot import PAYLOAD, Limits
 from palpate.trace import Hand
 
 FR3 = Path(__file__).with_name("fr3.xml")
@@ -41,7 +41,7 @@ def limits() -> Limits:
         tau_max=np.array([87.0, 87.0, 87.0, 87.0, 12.0, 12.0, 12.0]),
         force_max=60.0, torque_max=15.0,
         speed_max=0.40,  # 0.25 m/s commanded, and what an impedance overshoots by
-        tracking_max=0.05, payload=3.0, opening=0.08,
+        tracking_max=0.05, payload=PAYLOAD, opening=0.08,
         workspace_min=np.array([-0.855, -0.855, -0.90]), workspace_max=np.array([0.855, 0.855, 1.19]),
         stale_after=0.1,
     )

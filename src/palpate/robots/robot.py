@@ -144,3 +144,6 @@ class Robot(Protocol):
 
 HOME: Sequence[float] = (0.0, -np.pi / 4, 0.0, -3 * np.pi / 4, 0.0, np.pi / 2, np.pi / 4)
 """The manufacturer's ready configuration, rad."""
+
+PAYLOAD = 3.0
+"""kg: Franka Research 3 datasheet."""
