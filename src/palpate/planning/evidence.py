@@ -11,8 +11,8 @@ COM_GRASPS = 3
 """Distinct grasps that a centre of mass is derived from."""
 
 DERIVED: dict[str, str] = {
-    "friction": "a MeasureForces while the object is held still, lifted (what the support no longer carries is measured "
-                "against it), and one in a Parallel with a MovePose that slides the held object along its support",
+    "friction": "a MeasureForces while the object is held still, lifted (the normal force is measured against "
+                "it), and one in a Parallel with a MovePose that slides the held object along its support",
     "com": f"a MeasureForces while the object is held still, lifted, at each of {COM_GRASPS} different grasp poses",
 }
 """Quantities without a conversion, by id, with the recordings they need."""

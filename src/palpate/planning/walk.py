@@ -16,6 +16,7 @@ from palpate.planning.fold import during, leaves, merged, primitive_of
 from palpate.planning.plan import Node
 from palpate.pose import Pose
 from palpate.quantities import Gap
+from palpate.robots.robot import PAYLOAD
 from palpate.scene.scene import Scene
 from palpate.trace import Context
 from palpate.vocabulary.primitive import ConversionPrimitive, Primitive, vocabulary
@@ -292,7 +293,6 @@ class Walk:
             self._helped.setdefault(before.holding, set()).add(gap)
 
     def _arm_reaches(self, pose: Pose) -> bool:
-        from palpate.robots.robot import PAYLOAD
-from palpate.robots.kinematics import reachable
+        from palpate.robots.kinematics import reachable
 
         return reachable(pose, self.scene.pose_world_base)
