@@ -80,7 +80,8 @@ def test_visual_geoms_do_not_count_for_friction() -> None:
     assert body.objects["cup"].missing == {"friction"}
 
 
-@pytest.mark.parametrize(("pos", "missing"), [("? ? 0.05", {"position"}), ("0.5 ? 0.05", {"position"}), ("?", {"position"}),
+@pytest.mark.parametrize(("pos", "missing"), [("? ? 0.05", {"position"}), ("0.5 ? 0.05", {"position"}),
+                                              ("?", {"position"}),
                                               ("0.5 0 ?", set())])
 def test_position_of_an_object(pos: str, missing: set[str]) -> None:
     body = scene(cup('mass="1" friction="1"', pos=pos)).objects["cup"]

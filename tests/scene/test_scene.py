@@ -127,7 +127,7 @@ def test_what_mujoco_refuses_is_an_input_error() -> None:
 
 @pytest.mark.parametrize("number", ["nan", "inf", "1e999"])
 def test_numbers_must_be_finite(number: str) -> None:
-    with pytest.raises(InputError, match="finite|MuJoCo does not accept"):
+    with pytest.raises(InputError, match=r"finite|MuJoCo does not accept"):
         scene(BOTTLE.replace("0.5 0.1 0.5", f"0.5 {number} 0.5"))
 
 

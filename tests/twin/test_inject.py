@@ -217,7 +217,8 @@ def test_completing_a_scene_answers_every_mark_and_says_what_was_assumed(tmp_pat
 
 
 def test_an_assumed_inertia_goes_with_the_measured_mass_and_centre() -> None:
-    text = ('<mujoco><worldbody><body name="a" pos="0.5 0 0.03"><freejoint/><inertial pos="?" mass="?" diaginertia="?"/>'
+    text = ('<mujoco><worldbody><body name="a" pos="0.5 0 0.03"><freejoint/>'
+            '<inertial pos="?" mass="?" diaginertia="?"/>'
             '<geom type="box" size=".1 .02 .03" friction="1"/></body></worldbody></mujoco>')
     twin, notes = complete(parse_scene(text), [estimate("a", "mass", 0.6), estimate("a", "com", 0.04, 0.0, 0.0)])
     assert [n.split(" was")[0] for n in notes] == ["a.inertia"]
