@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from palpate.errors import InputError
-from palpate.scene.mjcf import MAX_BYTES, MAX_DEPTH, Defaults, parse_document, read_document, with_tokens
+from palpate.scene.mjcf import MAX_BYTES, MAX_DEPTH, parse_document, read_document, with_tokens
 
 SCENE = "<mujoco><worldbody/></mujoco>"
 CUBE = "v 0 0 0\nv .1 0 0\nv 0 .1 0\nv 0 0 .1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
@@ -117,21 +117,6 @@ def test_an_include_cycle_is_refused(tmp_path: Path) -> None:
 def test_text_alone_cannot_name_files() -> None:
     with pytest.raises(InputError, match="no folder"):
         parse_document('<mujoco><asset><mesh file="cup.obj"/></asset></mujoco>')
-
-
-def test_defaults_follow_classes_and_childclasses() -> None:
-    document = parse_document("""<mujoco>
-      <default><geom friction="0.1"/>
-        <default class="cup"><geom mass="0.2"/><default class="handle"><geom friction="0.3"/></default></default>
-      </default>
-      <worldbody>
-        <geom name="plain"/>
-        <body childclass="cup"><geom name="wall"/><body><geom name="grip" class="handle" mass="1"/></body></body>
-      </worldbody></mujoco>""")
-    defaults = Defaults(document.root)
-    geoms = {g.get("name"): g for g in document.root.iter("geom") if g.get("name")}
-    found = {name: (defaults.attribute(g, "mass"), defaults.attribute(g, "friction")) for name, g in geoms.items()}
-    assert found == {"plain": (None, "0.1"), "wall": ("0.2", "0.1"), "grip": ("1", "0.3")}
 
 
 def test_replacing_numbers_keeps_all_other_characters() -> None:

@@ -21,10 +21,11 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from palpate.errors import InputError
-from palpate.pose import Array, Pose
+from palpate.pose import Array
 from palpate.quantities import Gap
 from palpate.scene.edits import Edit, Insert, number
 from palpate.scene.gap import Inventory, ObjectEntry, SurfaceEntry, half_height_index
+from palpate.scene.inertia import components, inertia_attributes, rotation, tensor_of
 from palpate.scene.mjcf import UNKNOWN, Element, has_unknown, label, tokens
 from palpate.scene.model import MUJOCO_FRICTION
 from palpate.scene.shapes import Shapes
@@ -223,11 +224,11 @@ class Filler:
             raise InputError(f"the centre of mass of '{thing.name}' cannot be written without its mass")
         mass = given[0] if given else self.mass(thing)
         com = np.array(mine.get("com") or known.get(Gap(thing.name, "com")) or self.com(thing))
-        tensor = _tensor(mine["inertia"]) if "inertia" in mine else self.inertia(thing, mass, com)
+        tensor = tensor_of(mine["inertia"]) if "inertia" in mine else self.inertia(thing, mass, com)
         pos = {i: self._text(thing.name, "com", float(v)) for i, v in enumerate(com)}
         if thing.inertial is None:
-            yield Insert(thing.element, "inertial", {"pos": " ".join(pos.values()),
-                                                     "mass": self._text(thing.name, "mass", mass), **_inertia(tensor)})
+            stated = {"pos": " ".join(pos.values()), "mass": self._text(thing.name, "mass", mass)}
+            yield Insert(thing.element, "inertial", {**stated, **inertia_attributes(tensor)})
             yield from (Edit(g, a, {0: number(mass / len(thing.unweighed))}) for g in thing.unweighed
                         for a in ("mass", "density") if UNKNOWN in tokens(g.get(a)))
             return
@@ -269,13 +270,13 @@ class Filler:
 
     def inertia_values(self, thing: ObjectEntry, mass: float, com: Array) -> tuple[float, ...]:
         """As `inertia`: xx yy zz xy xz yz."""
-        return tuple(_components(self.inertia(thing, mass, com)))
+        return tuple(components(self.inertia(thing, mass, com)))
 
     def _compiled_inertia(self, thing: ObjectEntry, mass: float) -> tuple[Array, Array]:
         body = self.shapes.model.body(thing.name)
-        rotation = _rotation(np.asarray(body.iquat))
+        axes = rotation(np.asarray(body.iquat))
         scale = mass / float(body.mass[0])
-        return rotation @ np.diag(np.asarray(body.inertia)) @ rotation.T * scale, np.asarray(body.ipos)
+        return axes @ np.diag(np.asarray(body.inertia)) @ axes.T * scale, np.asarray(body.ipos)
 
     def _box_inertia(self, thing: ObjectEntry, mass: float) -> tuple[Array, Array]:
         to_body = self.shapes.body_pose(thing.name).inverse()
@@ -307,37 +308,8 @@ def _refuse_frame(element: Element) -> None:
                          "measured")
 
 
-def _rotation(quaternion: Array) -> Array:
-    return Pose.of((0, 0, 0), quaternion).rotation
-
-
-def inertia_components(diagonal: Array, quaternion: Array) -> tuple[float, ...]:
-    """xx yy zz xy xz yz in body axes, from MuJoCo's principal moments and their orientation."""
-    rotation = _rotation(np.asarray(quaternion))
-    return tuple(_components(rotation @ np.diag(np.asarray(diagonal)) @ rotation.T))
-
-
-def _tensor(components: Sequence[float]) -> Array:
-    """(3, 3) from xx yy zz xy xz yz."""
-    xx, yy, zz, xy, xz, yz = components
-    return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-
-
-def _components(tensor: Array) -> list[float]:
-    rows, columns = (0, 1, 2, 0, 0, 1), (0, 1, 2, 1, 2, 2)
-    return [float(v) for v in tensor[rows, columns]]
-
-
-def _inertia(tensor: Array) -> dict[str, str]:
-    parts = _components(tensor)
-    level = max(abs(p) for p in parts)
-    if max(abs(p) for p in parts[3:]) < 1e-5 * level:
-        return {"diaginertia": " ".join(number(p) for p in parts[:3])}
-    return {"fullinertia": " ".join(number(p) for p in parts)}
-
-
 def _stated_inertia(inertial: Element, tensor: Array) -> Iterator[Edit]:
-    texts = {i: number(part) for i, part in enumerate(_components(tensor))}
+    texts = {i: number(part) for i, part in enumerate(components(tensor))}
     if inertial.get("fullinertia") is not None:
         yield Edit(inertial, "fullinertia", _unknown_only(inertial, "fullinertia", texts))
     else:

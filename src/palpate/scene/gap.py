@@ -10,7 +10,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 from palpate.errors import InputError
-from palpate.scene.mjcf import UNKNOWN, Defaults, Document, Element, children, elements, has_unknown, label, tokens
+from palpate.scene.defaults import Defaults
+from palpate.scene.mjcf import UNKNOWN, Document, Element, children, elements, has_unknown, label, tokens
 
 _TRANSPARENT = ("frame",)
 _JOINTS = ("joint", "freejoint")

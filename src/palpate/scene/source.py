@@ -12,8 +12,9 @@ from palpate.errors import InputError, unknown_name
 from palpate.pose import Array
 from palpate.quantities import Gap
 from palpate.scene.edits import Edit, Insert
-from palpate.scene.fill import Filler, carrier, inertia_components, placeholders
+from palpate.scene.fill import Filler, carrier, placeholders
 from palpate.scene.gap import Inventory, ObjectEntry, SurfaceEntry, inventory
+from palpate.scene.inertia import inertia_components
 from palpate.scene.mjcf import Document, Element, has_unknown, label
 from palpate.scene.model import compile_spec, model_tree
 from palpate.scene.poses import Poses

@@ -6,7 +6,8 @@ import re
 
 import numpy as np
 
-from palpate.scene.mjcf import Defaults, Element, tokens
+from palpate.scene.defaults import Defaults
+from palpate.scene.mjcf import Element, tokens
 
 _COLOURS = {
     "red": (0.85, 0.1, 0.1), "green": (0.1, 0.65, 0.15), "blue": (0.1, 0.2, 0.8), "yellow": (0.95, 0.85, 0.1),
