@@ -1,0 +1,365 @@
+"""What palpate uses of MuJoCo 4, which ships no types. Names and arguments as in the bindings."""
+
+from collections.abc import Mapping, Sequence
+from typing import ClassVar, SupportsFloat, SupportsIndex, SupportsInt, overload
+
+import numpy as np
+from numpy.typing import NDArray
+
+_Doubles = NDArray[np.float64]
+_Floats = NDArray[np.float32]
+_Ints = NDArray[np.int32]
+_Int = SupportsInt | SupportsIndex
+_Float = SupportsFloat | SupportsIndex
+_Vector = Sequence[float] | _Doubles
+
+class FatalError(Exception): ...
+
+# Enumerations: no `enum.Enum`, but equal to and hashed like their integers
+
+class _Enum:
+    def __init__(self, value: _Int) -> None: ...
+    @property
+    def name(self) -> str: ...
+    @property
+    def value(self) -> int: ...
+    def __int__(self) -> int: ...
+    def __index__(self) -> int: ...
+    def __eq__(self, other: object, /) -> bool: ...
+    def __hash__(self) -> int: ...
+
+class mjtGeom(_Enum):
+    mjGEOM_PLANE: ClassVar[mjtGeom]
+    mjGEOM_HFIELD: ClassVar[mjtGeom]
+    mjGEOM_SPHERE: ClassVar[mjtGeom]
+    mjGEOM_CAPSULE: ClassVar[mjtGeom]
+    mjGEOM_ELLIPSOID: ClassVar[mjtGeom]
+    mjGEOM_CYLINDER: ClassVar[mjtGeom]
+    mjGEOM_BOX: ClassVar[mjtGeom]
+    mjGEOM_MESH: ClassVar[mjtGeom]
+    mjGEOM_SDF: ClassVar[mjtGeom]
+
+class mjtJoint(_Enum):
+    mjJNT_FREE: ClassVar[mjtJoint]
+    mjJNT_BALL: ClassVar[mjtJoint]
+    mjJNT_SLIDE: ClassVar[mjtJoint]
+    mjJNT_HINGE: ClassVar[mjtJoint]
+
+class mjtObj(_Enum):
+    mjOBJ_BODY: ClassVar[mjtObj]
+    mjOBJ_JOINT: ClassVar[mjtObj]
+    mjOBJ_GEOM: ClassVar[mjtObj]
+    mjOBJ_SITE: ClassVar[mjtObj]
+    mjOBJ_CAMERA: ClassVar[mjtObj]
+
+class mjtTrn(_Enum):
+    mjTRN_JOINT: ClassVar[mjtTrn]
+    mjTRN_SITE: ClassVar[mjtTrn]
+
+class mjtCtrlChart(_Enum):
+    mjCHART_EXPMAP: ClassVar[mjtCtrlChart]
+    mjCHART_QUAT: ClassVar[mjtCtrlChart]
+
+class mjtTexture(_Enum):
+    mjTEXTURE_2D: ClassVar[mjtTexture]
+    mjTEXTURE_CUBE: ClassVar[mjtTexture]
+    mjTEXTURE_SKYBOX: ClassVar[mjtTexture]
+
+class mjtBuiltin(_Enum):
+    mjBUILTIN_GRADIENT: ClassVar[mjtBuiltin]
+
+# Compiled model
+
+class MjOption:
+    timestep: float
+    gravity: _Doubles
+    integrator: int
+    cone: int
+    impratio: float
+
+class MjVisual:
+    class Global:
+        fovy: float
+        offwidth: int
+        offheight: int
+
+    class Quality:
+        shadowsize: int
+        numslices: int
+        numstacks: int
+
+    class Headlight:
+        ambient: _Floats
+        diffuse: _Floats
+        specular: _Floats
+
+    global_: Global
+    quality: Quality
+    headlight: Headlight
+
+class _Named:
+    @property
+    def id(self) -> int: ...
+    @property
+    def name(self) -> str: ...
+
+class _MjModelBodyViews(_Named):
+    pos: _Doubles
+    quat: _Doubles
+    ipos: _Doubles
+    iquat: _Doubles
+    mass: _Doubles
+    inertia: _Doubles
+
+class _MjModelJointViews(_Named):
+    qposadr: _Ints
+    dofadr: _Ints
+    type: _Ints
+    range: _Doubles
+
+class _MjModelSiteViews(_Named):
+    pos: _Doubles
+    quat: _Doubles
+
+class _MjModelActuatorViews(_Named): ...
+
+class _MjModelNumericViews(_Named):
+    data: _Doubles
+
+class MjModel:
+    opt: MjOption
+    vis: MjVisual
+
+    nq: int
+    nv: int
+    nu: int
+    nbody: int
+    ngeom: int
+    nnumeric: int
+
+    body_parentid: _Ints
+    body_weldid: _Ints
+    body_jntnum: _Ints
+    body_jntadr: _Ints
+    body_dofadr: _Ints
+    body_geomnum: _Ints
+    body_geomadr: _Ints
+    body_pos: _Doubles
+    body_ipos: _Doubles
+    body_mass: _Doubles
+    body_subtreemass: _Doubles
+    body_inertia: _Doubles
+    jnt_type: _Ints
+    jnt_range: _Doubles
+    dof_armature: _Doubles
+    geom_type: _Ints
+    geom_contype: _Ints
+    geom_conaffinity: _Ints
+    geom_bodyid: _Ints
+    geom_dataid: _Ints
+    geom_size: _Doubles
+    geom_aabb: _Doubles
+    geom_friction: _Doubles
+    mesh_vertadr: _Ints
+    mesh_vertnum: _Ints
+    mesh_faceadr: _Ints
+    mesh_facenum: _Ints
+    mesh_vert: _Floats
+    mesh_face: _Ints
+    hfield_size: _Doubles
+    actuator_ctrladr: _Ints
+    actuator_gainprm: _Doubles
+    actuator_biasprm: _Doubles
+
+    @staticmethod
+    def from_xml_string(xml: str, assets: Mapping[str, bytes] | None = None) -> MjModel: ...
+    @overload
+    def body(self, id: _Int, /) -> _MjModelBodyViews: ...
+    @overload
+    def body(self, name: str = "") -> _MjModelBodyViews: ...
+    @overload
+    def joint(self, id: _Int, /) -> _MjModelJointViews: ...
+    @overload
+    def joint(self, name: str = "") -> _MjModelJointViews: ...
+    @overload
+    def site(self, id: _Int, /) -> _MjModelSiteViews: ...
+    @overload
+    def site(self, name: str = "") -> _MjModelSiteViews: ...
+    @overload
+    def actuator(self, id: _Int, /) -> _MjModelActuatorViews: ...
+    @overload
+    def actuator(self, name: str = "") -> _MjModelActuatorViews: ...
+    @overload
+    def numeric(self, id: _Int, /) -> _MjModelNumericViews: ...
+    @overload
+    def numeric(self, name: str = "") -> _MjModelNumericViews: ...
+
+# State
+
+class _MjDataBodyViews(_Named):
+    xpos: _Doubles
+    xquat: _Doubles
+    xmat: _Doubles
+    xipos: _Doubles
+
+class _MjDataSiteViews(_Named):
+    xpos: _Doubles
+    xmat: _Doubles
+
+class MjData:
+    time: float
+    qpos: _Doubles
+    qvel: _Doubles
+    ctrl: _Doubles
+    qfrc_actuator: _Doubles
+    qfrc_bias: _Doubles
+    xpos: _Doubles
+    xquat: _Doubles
+    geom_xpos: _Doubles
+    geom_xmat: _Doubles
+    site_xpos: _Doubles
+    site_xmat: _Doubles
+
+    def __init__(self, model: MjModel, /) -> None: ...
+    @property
+    def model(self) -> MjModel: ...
+    @overload
+    def body(self, id: _Int, /) -> _MjDataBodyViews: ...
+    @overload
+    def body(self, name: str = "") -> _MjDataBodyViews: ...
+    @overload
+    def site(self, id: _Int, /) -> _MjDataSiteViews: ...
+    @overload
+    def site(self, name: str = "") -> _MjDataSiteViews: ...
+
+# Editable model
+
+class _SpecOption:
+    timestep: float
+    gravity: _Doubles
+    integrator: int
+    cone: int
+    impratio: float
+
+class _SpecElement:
+    name: str
+    @property
+    def id(self) -> int: ...
+
+class MjsFrame(_SpecElement):
+    pos: _Doubles
+    quat: _Doubles
+
+class MjsGeom(_SpecElement): ...
+class MjsSite(_SpecElement): ...
+class MjsLight(_SpecElement): ...
+class MjsEquality(_SpecElement): ...
+class MjsTendon(_SpecElement): ...
+class MjsKey(_SpecElement): ...
+
+class MjsJoint(_SpecElement):
+    actgravcomp: bool
+
+class MjsTexture(_SpecElement):
+    @property
+    def type(self) -> mjtTexture: ...
+    @type.setter
+    def type(self, value: _Int) -> None: ...
+
+class MjsActuator(_SpecElement):
+    gear: _Doubles
+    def set_to_position(self, kp: _Float, kv: _Float = -1, dampratio: _Float = -1, timeconst: _Float = -1,
+                        inheritrange: bool = False) -> None: ...
+    def set_to_orientation(self, kp: _Float, kv: _Float = -1, dampratio: _Float = -1, ctrlspec: _Int = 0) -> None: ...
+
+class MjsBody(_SpecElement):
+    pos: _Doubles
+    quat: _Doubles
+    ipos: _Doubles
+    mass: float
+    fullinertia: _Doubles
+    gravcomp: float
+    def add_body(self, *, name: str | None = None, pos: _Vector | None = None, quat: _Vector | None = None,
+                 mass: _Float | None = None, ipos: _Vector | None = None, fullinertia: _Vector | None = None,
+                 explicitinertial: bool | None = None) -> MjsBody: ...
+    def add_frame(self, *, name: str | None = None, pos: _Vector | None = None,
+                  quat: _Vector | None = None) -> MjsFrame: ...
+    def add_site(self, *, name: str | None = None, pos: _Vector | None = None, quat: _Vector | None = None,
+                 group: _Int | None = None) -> MjsSite: ...
+    def add_light(self, *, name: str | None = None, pos: _Vector | None = None, dir: _Vector | None = None,
+                  diffuse: _Vector | None = None, specular: _Vector | None = None,
+                  castshadow: _Int | None = None) -> MjsLight: ...
+
+class MjSpec:
+    modelfiledir: str
+    @property
+    def option(self) -> _SpecOption: ...
+    @property
+    def worldbody(self) -> MjsBody: ...
+    @property
+    def bodies(self) -> list[MjsBody]: ...
+    @property
+    def geoms(self) -> list[MjsGeom]: ...
+    @property
+    def lights(self) -> list[MjsLight]: ...
+    @property
+    def textures(self) -> list[MjsTexture]: ...
+    @property
+    def equalities(self) -> list[MjsEquality]: ...
+    @property
+    def tendons(self) -> list[MjsTendon]: ...
+    @property
+    def actuators(self) -> list[MjsActuator]: ...
+    @property
+    def keys(self) -> list[MjsKey]: ...
+    @staticmethod
+    def from_file(filename: str, include: Mapping[str, bytes] | None = None,
+                  assets: Mapping[str, bytes] | None = None) -> MjSpec: ...
+    @staticmethod
+    def from_string(xml: str, include: Mapping[str, bytes] | None = None,
+                    assets: Mapping[str, bytes] | None = None) -> MjSpec: ...
+    def compile(self) -> MjModel: ...
+    def copy(self) -> MjSpec: ...
+    def delete(self, element: _SpecElement, /) -> None: ...
+    def attach(self, child: MjSpec, prefix: str | None = None, suffix: str | None = None,
+               site: MjsSite | str | None = None, frame: MjsFrame | str | None = None) -> MjsFrame: ...
+    def body(self, name: str, /) -> MjsBody: ...
+    def joint(self, name: str, /) -> MjsJoint: ...
+    def add_actuator(self, *, name: str | None = None, trntype: _Int | None = None, target: str | None = None,
+                     refsite: str | None = None) -> MjsActuator: ...
+    def add_texture(self, *, name: str | None = None, type: _Int | None = None, builtin: _Int | None = None,
+                    rgb1: _Vector | None = None, rgb2: _Vector | None = None, width: _Int | None = None,
+                    height: _Int | None = None) -> MjsTexture: ...
+
+# Pictures
+
+class MjvCamera:
+    lookat: _Doubles
+    distance: float
+    azimuth: float
+    elevation: float
+
+class Renderer:
+    def __init__(self, model: MjModel, height: int = 240, width: int = 320, max_geom: int = 10000) -> None: ...
+    def update_scene(self, data: MjData, camera: int | str | MjvCamera = -1) -> None: ...
+    def render(self) -> NDArray[np.uint8]: ...
+    def close(self) -> None: ...
+
+# Functions
+
+def mj_step(m: MjModel, d: MjData, nstep: _Int = 1) -> None: ...
+def mj_forward(m: MjModel, d: MjData) -> None: ...
+def mj_kinematics(m: MjModel, d: MjData) -> None: ...
+def mj_comPos(m: MjModel, d: MjData) -> None: ...
+def mj_comVel(m: MjModel, d: MjData) -> None: ...
+def mj_fwdPosition(m: MjModel, d: MjData) -> None: ...
+def mj_fullM(m: MjModel, d: MjData, dst: _Doubles) -> None: ...
+def mj_jacSite(m: MjModel, d: MjData, jacp: _Doubles | None, jacr: _Doubles | None, site: _Int) -> None: ...
+def mj_rne(m: MjModel, d: MjData, flg_acc: _Int, result: _Doubles) -> None: ...
+def mj_name2id(m: MjModel, type: _Int, name: str) -> int: ...
+def mju_euler2Quat(quat: _Doubles, euler: _Doubles, seq: str) -> None: ...
+def mju_mat2Quat(quat: _Doubles, mat: _Doubles) -> None: ...
+def mju_mulQuat(res: _Doubles, quat1: _Doubles, quat2: _Doubles) -> None: ...
+def mju_quat2Mat(res: _Doubles, quat: _Doubles) -> None: ...
+def mju_rotVecQuat(res: _Doubles, vec: _Doubles, quat: _Doubles) -> None: ...
+def mju_subQuat(res: _Doubles, qa: _Doubles, qb: _Doubles) -> None: ...

@@ -1,0 +1,9 @@
+"""What palpate uses of SciPy's LAPACK wrappers, which are generated when SciPy is built."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+_Doubles = NDArray[np.float64]
+
+def dposv(a: _Doubles, b: _Doubles, lower: bool = False, overwrite_a: bool = False,
+          overwrite_b: bool = False) -> tuple[_Doubles, _Doubles, int]: ...
