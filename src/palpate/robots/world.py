@@ -20,7 +20,9 @@ from palpate.robots.sensors import Imperfections, perturb_links
 from palpate.robots.stiction import declared
 
 TIMESTEP = 0.001
-"""s."""
+"""s: the control cycle, 1 kHz."""
+SUBSTEPS = 2
+"""Physics steps in a control cycle: contacts and grasps are stiffer than what 1 ms resolves well."""
 BLOCK = 5
 """Steps per logged sample: 200 Hz."""
 PERIOD = BLOCK * TIMESTEP
@@ -87,7 +89,7 @@ class World:
                 stiction.apply(model, data)
             for i in range(BLOCK):
                 inputs[:] = rows[i]
-                mujoco.mj_step(model, data)
+                mujoco.mj_step(model, data, nstep=SUBSTEPS)
                 torque[block, i] = commanded
             qpos[block], qvel[block] = now, speed
         self._film(qpos)
@@ -158,10 +160,10 @@ def _compile(spec: mujoco.MjSpec, pose_world_base: Pose, kinds: Imperfections,
     """
     robot = robot_spec()
     perturb_links(robot, kinds, random)
-    spec.option.timestep = TIMESTEP
+    spec.option.timestep = TIMESTEP / SUBSTEPS
     for name in ("integrator", "cone", "impratio"):
         setattr(spec.option, name, getattr(robot.option, name))
-    robot.option.gravity = spec.option.gravity
+    robot.option.gravity, robot.option.timestep = spec.option.gravity, spec.option.timestep
     for key in list(spec.keys):  # states of a world without this robot
         spec.delete(key)
     try:
