@@ -162,9 +162,9 @@ class Bench:
         for _ in range(30):
             self.pressed(equilibrium, height, z, force)
         recording = self.record(measured, "contact", support, POSE)
-        for height in np.arange(height, equilibrium[2], 0.05 * DT):
-            z, force = self.balance(float(height), press)
-            self.pressed(equilibrium, float(height), z, force)
+        for higher in np.arange(height, equilibrium[2], 0.05 * DT):
+            z, force = self.balance(float(higher), press)
+            self.pressed(equilibrium, float(higher), z, force)
         self.go(str(self.at), equilibrium.tolist())
         return recording
 
@@ -172,26 +172,30 @@ class Bench:
              support: str = "table", speed: float = 0.02) -> None:
         """Drag the grasped object along its support; `press` (m) is how deep the equilibrium is, first and last.
 
-        Quasi-static: it sticks until the arm's spring exceeds static times normal force, then follows at dynamic.
+        It sticks until the arm's spring and damper exceed static times normal force, then slides against dynamic.
         """
         start, end = self.position.copy(), np.array(goal, dtype=float)
         begin, distance = self.t, float(np.linalg.norm(end - start))
         way = (end - start) / distance
-        duration = 1.875 * distance / speed
+        rise, duration = 0.1, distance / speed + 0.1
         weight = self.payload * 9.81
-        on, x, sliding = 0.0, 0.0, False
+        moving = APPARENT + self.payload
+        damping = 2 * np.sqrt(STIFFNESS * moving)
+        on, x, velocity, sliding = 0.0, 0.0, 0.0, False
         for time in np.arange(-0.5, duration + 0.4, DT):
-            s = min(max(time / duration, 0.0), 1.0)
-            on = distance * (10 * s**3 - 15 * s**4 + 6 * s**5)
+            commanded = speed * np.clip(min(time, duration - time) / rise, 0.0, 1.0)
+            before, on = on, on + commanded * DT
             depth = (press[0] + (press[1] - press[0]) * on / distance) * min(1.0, (time + 0.5) / 0.3)
             normal = STIFFNESS * depth + weight
-            sliding = sliding or STIFFNESS * (on - x) > static * normal
-            before, x = x, max(x, on - dynamic * normal / STIFFNESS) if sliding else x
-            here, target = start + way * x, start + way * on
-            target[2] -= depth
-            force = np.concatenate([STIFFNESS * (on - x) * way, np.zeros(3)])
+            for part in np.arange(1, 11) / 10:
+                pull = STIFFNESS * (before + part * (on - before) - x) + damping * (commanded - velocity)
+                sliding = sliding or pull > static * normal
+                velocity = max(velocity + (pull - dynamic * normal) / moving * DT / 10, 0.0) if sliding else 0.0
+                x += velocity * DT / 10
+            force = np.concatenate([pull * way, np.zeros(3)])
             force[2] = -normal
-            self.row(target, here, way * (x - before) / DT, np.zeros(3), force)
+            target = start + way * on - np.array([0.0, 0.0, depth])
+            self.row(target, start + way * x, way * velocity, np.zeros(3), force)
         self.position, self.at = end, at
         self.leaf("MovePose", begin, "contact")
         self.record(begin, "sliding", support)

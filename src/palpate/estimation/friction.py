@@ -30,6 +30,12 @@ DRAG_SPEED = 0.002
 SLIDING = 0.85
 """Part of the usual quotient of forces from which the object may be sliding: before, it turns in the fingers' grip."""
 
+RISE_ROWS = 6
+"""Rows of the rise before the breakaway through which a line is laid."""
+
+FOLLOWING = 0.7
+"""Part of the commanded speed at which the hand follows; slower, the object may have stuck again."""
+
 PEAK_WITHIN = 0.3
 """s after that in which the breakaway lies."""
 
@@ -48,6 +54,9 @@ DRIVE_BIAS = 0.3
 APPARENT_MASS = 5.0
 """kg, of a 7-axis arm at its TCP, horizontally: what its acceleration at breakaway takes of the force."""
 
+GAIN_RATIO = 0.8
+"""A quotient of two forces that different joints carry: sqrt(2) times a gain uniform within its half width."""
+
 NORMAL_MIN = 0.5
 """N: below this the quotient of forces says nothing."""
 
@@ -58,13 +67,14 @@ class _Drag:
 
     Attributes:
         t: s. tangential: N, along the drag, the arm's inertia taken off. normal: N.
-        cruising: the motion is commanded at its full speed.
+        cruising: the motion is commanded at its full speed. moving: the hand follows it.
     """
 
     t: Array
     tangential: Array
     normal: Array
     cruising: Mask
+    moving: Mask
 
     @property
     def quotient(self) -> Array:
@@ -93,7 +103,7 @@ class _Drag:
         start = self.breakaway
         if start is None:
             return np.zeros(len(self.t), dtype=bool)
-        return (self.t > self.t[start] + TRANSIENT) & self.cruising & (self.normal > NORMAL_MIN)
+        return (self.t > self.t[start] + TRANSIENT) & self.cruising & self.moving & (self.normal > NORMAL_MIN)
 
 
 def estimate_friction(trace: Trace, gap: Gap) -> Estimate:
@@ -110,7 +120,8 @@ def estimate_friction(trace: Trace, gap: Gap) -> Estimate:
         return not_identified(gap, "No recording shows the held object sliding steadily along its support.", evidence)
     dynamic, residuals, covariance = _dynamic(steady)
     static = _static(steady, residuals, float(covariance[1, 1]))
-    return _estimate(gap, evidence, dynamic, float(np.sqrt(covariance[0, 0])), static, steady)
+    gain = GAIN_RATIO * trace.hand.torque_gain * dynamic
+    return _estimate(gap, evidence, dynamic, float(np.hypot(np.sqrt(covariance[0, 0]), gain)), static, steady)
 
 
 def _drags(trace: Trace, load: Load) -> list[_Drag]:
@@ -142,9 +153,11 @@ def _drag(samples: Samples, rows: slice, step: Array, reference: Array) -> _Drag
     way = velocity.sum(axis=0) / np.linalg.norm(velocity.sum(axis=0))
     force = samples.wrench[rows, :3] - reference
     commanded = velocity @ way
-    acceleration = np.gradient(samples.twist[:, :2], samples.t, axis=0)[rows] @ way
+    # Backward differences: central ones would lend the last row before the slip the jump that follows it.
+    acceleration = np.diff(samples.twist[:, :2] @ way, prepend=0.0)[rows] / float(np.median(np.diff(samples.t)))
     tangential = force[:, :2] @ way - APPARENT_MASS * acceleration
-    return _Drag(samples.t[rows], tangential, -force[:, 2], commanded > 0.95 * float(np.median(commanded)))
+    return _Drag(samples.t[rows], tangential, -force[:, 2], commanded > 0.95 * float(np.median(commanded)),
+                 samples.twist[rows, :2] @ way > FOLLOWING * commanded)
 
 
 def _dynamic(drags: Sequence[_Drag]) -> tuple[float, Array, Array]:
@@ -185,10 +198,19 @@ def _peak(drag: _Drag, residual: float) -> tuple[float, float, float] | None:
     k = drag.breakaway
     if k is None:
         return None
-    near = np.abs(drag.t - drag.t[k]) <= SMOOTH / 2
-    normal = float(drag.normal[near].mean())
-    noise = float(np.diff(drag.tangential[drag.steady]).std()) / np.sqrt(2.0 * near.sum())
-    return (float(drag.tangential[near].mean()) - residual) / normal, noise / normal, normal
+    near = np.flatnonzero(np.abs(drag.t - drag.t[k]) <= SMOOTH)
+    top = int(near[np.argmax(drag.tangential[near] / np.maximum(drag.normal[near], NORMAL_MIN))])
+    rise = slice(max(top - RISE_ROWS + 1, 0), top + 1)
+    normal = float(drag.normal[rise].mean())
+    noise = float(np.diff(drag.tangential[drag.steady]).std()) / np.sqrt(2.0)
+    return (_last(drag.tangential[rise]) - residual) / normal, noise / normal, normal
+
+
+def _last(y: Array) -> float:
+    """The end of the line through `y`: a force that rises until it breaks away is greatest there."""
+    if len(y) < 3:
+        return float(y[-1])
+    return float(np.polyfit(np.arange(len(y)) - (len(y) - 1), y, 1)[1])
 
 
 def _estimate(gap: Gap, evidence: tuple[Recording, ...], dynamic: float, std: float,

@@ -21,6 +21,10 @@ TORQUE_X, TORQUE_Y, FORCE_Z = 3, 4, 2
 GRASP_ACCURACY = 7e-4
 """m (1 sigma): how far a grasp may shift the object from where it is believed to be in the hand."""
 
+GAIN_LEVER = 0.3
+"""m: unequal gains of the joints' torque sensors make a pure force look as if it acted off the TCP, by the gain's
+standard deviation times about so much; the same at all grasps."""
+
 PRIOR = 0.25
 """Part of the object's extent that is the 1 sigma of a coordinate of the centre of mass before measuring."""
 
@@ -58,10 +62,12 @@ def estimate_com(trace: Trace, gap: Gap, scene: Scene) -> Estimate:
         return _prior(gap, body)
     grasps = [_grasp(trace, recording, body) for recording in held]
     centre, covariance = _solve(grasps, body)
+    common = GAIN_LEVER * trace.hand.torque_gain / np.sqrt(3.0)
+    std = np.sqrt(np.diag(covariance) + common**2)
     best = min(grasps, key=lambda grasp: grasp.torque)
     mass = estimate_mass(trace, Conversion("Force2Mass", gap.object, "mass", best.recording, best.recording.end))
     components = {"mass": (mass.value[0], mass.std[0]), "least torque": (best.torque, 0.0)}
-    return _estimate(gap, centre, np.sqrt(np.diag(covariance)), grasps, body, components)
+    return _estimate(gap, centre, std, grasps, body, components)
 
 
 def _grasp(trace: Trace, recording: Recording, body: Body) -> _Grasp:

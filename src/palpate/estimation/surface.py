@@ -53,6 +53,9 @@ RIGID = 2e-4
 SOFT = 0.0015
 """m above the rigid surface from which an earlier rise of the force is something soft."""
 
+SOFT_ACCURACY = 2e-3
+"""m (1 sigma): what is soft has no sharp beginning."""
+
 RETREAT = 1.5
 """s after the recording in which the unloading curve is looked for."""
 
@@ -202,13 +205,20 @@ def _line(z: Array, force: Array, rows: Mask, knee: float) -> tuple[_Stiff, floa
 
 
 def _soft_onset(z: Array, force: Array, noise: float, approach: Mask, rigid: float) -> float | None:
-    """World z where the force began to rise for good, when that was well above the rigid surface."""
+    """World z where the force began to rise for good, when that was well above the rigid surface.
+
+    A rise shows late in the noise, so it is carried back to no force at all.
+    """
     smooth = np.convolve(force, np.ones(7) / 7, mode="same")
     quiet = np.flatnonzero(approach & (smooth < max(0.15, 4.0 * noise / np.sqrt(7))))
-    if not len(quiet):
+    if not len(quiet) or z[quiet[-1]] < rigid + SOFT:
         return None
-    onset = float(z[quiet[-1]])
-    return onset if onset > rigid + SOFT else None
+    seen = float(z[quiet[-1]])
+    rise = approach & (z < seen) & (z > rigid + 0.5 * (seen - rigid))
+    if rise.sum() < MIN_ROWS:
+        return seen
+    slope, onset = np.polyfit(force[rise], z[rise], 1)
+    return float(np.clip(onset, seen, seen + (seen - rigid))) if slope < 0.0 else seen
 
 
 def _estimate(conversion: Conversion, stiff: _Stiff, soft: float | None, full: float, hand: Hand) -> Estimate:
@@ -220,7 +230,7 @@ def _estimate(conversion: Conversion, stiff: _Stiff, soft: float | None, full: f
         std = max(std, stiff.compliance * full)
     components = {"penetration": (penetration, CORRECTION * penetration)}
     if soft is not None:
-        components["soft onset"] = (soft, 1e-3)
+        components["soft onset"] = (soft, SOFT_ACCURACY)
     return Estimate(
         Gap(conversion.object, "height"), (stiff.height,), (std,),
         ((stiff.height - 1.96 * std, stiff.height + 1.96 * std),), _method(stiff, soft, full),
