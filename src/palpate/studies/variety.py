@@ -113,7 +113,7 @@ SCENES: tuple[Variety, ...] = (
                                Thing("right_box", "box", (0.05, 0.02, 0.03), 0.11, (0.5, -0.2), 10)),
             _mass("left_box", "right_box")),
     Variety("known_neighbour", 0.3, 0.25, (Thing("tin", "cylinder", (0.03, 0.04), 0.18, (0.6, 0.1)),
-                                           Thing("crate", "box", (0.06, 0.04, 0.05), 0.9, (0.4, -0.15), 60)),
+                                           Thing("crate", "box", (0.06, 0.036, 0.05), 0.9, (0.4, -0.15), 60)),
             _mass("crate")),
     Variety("low_table", 0.05, 0.0, (Thing("torch", "cylinder", (0.02, 0.09), 0.33, (0.48, -0.22)),),
             (*_mass("torch"), HEIGHT)),
