@@ -59,9 +59,7 @@ def efficiency(names: Annotated[list[str] | None, typer.Argument(metavar="[SCENA
 
     found = run_efficiency(names or comparable(), noise, seed)
     if plot:
-        from palpate.report.plots import efficiency_page
-
-        plot.write_text(efficiency_page(found), encoding="utf-8")
+        _plot_comparisons(plot, found, PAPER)
     if as_json:
         from palpate.cli.show import print_json
 
@@ -85,6 +83,15 @@ def _show_summaries(rows: list[Summary], title: str, as_json: bool) -> None:
         table.add_row(name, f"{r.truth:.5g}", f"{r.mean:.5g}", f"{r.bias:+.3g}", f"{r.sd:.3g}", f"{r.claimed:.3g}",
                       f"{r.covered}/{r.runs}", shot)
     out.print(table)
+
+
+def _plot_comparisons(file: Path, rows: list[Comparison], paper: tuple[int, float, int, float]) -> None:
+    from palpate.report.efficiency import Effort, efficiency_page
+
+    efforts = [Effort(c.scenario, (c.exhaustive.actions, c.intent.actions),
+                      (c.exhaustive.robot_seconds, c.intent.robot_seconds)) for c in rows]
+    page = efficiency_page(efforts, Effort("the paper's pair", (paper[0], paper[2]), (paper[1], paper[3])))
+    file.write_text(page, encoding="utf-8")
 
 
 def _show_comparisons(rows: list[Comparison], paper: tuple[int, float, int, float]) -> None:
