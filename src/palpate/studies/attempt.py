@@ -121,7 +121,7 @@ def _judged(proposed: Proposed, job: Job, scene: Scene, task: Scenario) -> Judge
     if proposed.plan.tree is None:
         return Judgement(not task.expects, "" if not task.expects else "no tree: " + proposed.plan.explanation[:300])
     with _executing:
-        execution = pipeline.measure(job, scene, proposed.plan, ()).execution
+        execution = pipeline.measure(pipeline.Outcome(job, scene, proposed.plan)).execution
     assert execution is not None
     return judge(execution.trace, task.expects)
 
