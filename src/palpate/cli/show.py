@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -30,7 +30,7 @@ def print_json(content: Any) -> None:
 
 
 @contextmanager
-def live_view() -> Iterator[tuple[Observer, Callable[[str], None]]]:
+def live_view() -> Generator[tuple[Observer, Callable[[str], None]]]:
     """The live view on stderr and a way to name the present stage."""
     from palpate.tree.live import LiveView
 

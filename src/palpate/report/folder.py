@@ -129,8 +129,8 @@ def _gap_rows(outcome: Outcome) -> list[GapRow]:
 
 
 def _measured(outcome: Outcome) -> list[Measured]:
-    truth = outcome.cell.truth if outcome.cell else lambda _: None
-    return [Measured(e, quantity(e.gap.quantity).unit, truth(e.gap)) for e in outcome.estimates]
+    cell = outcome.cell
+    return [Measured(e, quantity(e.gap.quantity).unit, cell.truth(e.gap) if cell else None) for e in outcome.estimates]
 
 
 def twin_checks(marks: Validation) -> dict[str, str]:

@@ -14,6 +14,7 @@ import mujoco
 
 from palpate import pipeline
 from palpate.cell import simulated_cell
+from palpate.pose import Array
 from palpate.scenarios.catalogue import scenario
 from palpate.studies.variety import crowd
 
@@ -48,7 +49,7 @@ def closed_loop_ratio() -> float:
     return statistics.median(ratios)
 
 
-def _bare(model: mujoco.MjModel, frames: list[tuple[float, object]], steps: int) -> float:
+def _bare(model: mujoco.MjModel, frames: list[tuple[float, Array]], steps: int) -> float:
     """Seconds for `steps` bare steps through the same states: restarted at each stored frame of the run."""
     data = mujoco.MjData(model)
     chunk = steps // len(frames)
