@@ -174,6 +174,7 @@ def test_a_cupboard_with_a_door_is_left_standing() -> None:
     ('<body name="a"><freejoint/></body>', "no geom"),
     (cup("") + '<geom name="cup" type="box" size="1 1 1"/>', "called 'cup'"),
     (cup('rgba="? 0 0 1"'), "cannot be measured"),
+    (cup("", pos="? 0"), "MuJoCo does not accept|too few"),
     ('<body name="a" euler="0 0 ?"><freejoint/><geom size="1"/></body>', "cannot be measured"),
     ('<geom name="t" type="box" pos="? 0 0" size="1 1 1"/>', "only the height"),
     ('<geom name="t" type="box" size="? 1 1"/>', "only the height|cannot be measured"),

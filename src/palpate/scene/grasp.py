@@ -71,7 +71,7 @@ def derive_grasp(geoms: Sequence[Convex], obstacles: Sequence[Obstacle], yaw: fl
         outlines = [o for g in geoms if len(o := slab(g, height - TIP, height + TIP)) > 2]
         nearby, tall = above(obstacles, height - TIP), above(obstacles, height + PALM)
         found = [_along(outlines, angle, height, nearby, tall, base) for angle in _angles(outlines, yaw, base)]
-        best = min([*found, *([best] if best else [])], key=_badness, default=None)
+        best = min(found if best is None else [*found, best], key=_badness, default=None)
         if best is not None and not best.problem:
             return best
     return best or _nothing(cloud, yaw, base)
@@ -106,10 +106,11 @@ def _along(outlines: Sequence[Array], angle: float, height: float, nearby: Seque
     """The best grasp that closes along `angle`."""
     across, along = unit(angle), unit(angle - np.pi / 2)
     ends = np.concatenate([o @ along for o in outlines])
-    count = max(int((ends.max() - ends.min()) / STATION), 8)
-    stations = np.linspace(ends.min() + 1e-6, ends.max() - 1e-6, count + 1)
+    start, length = float(ends.min()) + 1e-6, float(np.ptp(ends)) - 2e-6
+    count = max(int(length / STATION), 8)
+    step = length / count
+    stations: Array = start + step * np.arange(count + 1, dtype=float)
     low, high = profile(outlines, along, across, stations)
-    step = float(stations[1] - stations[0])
     facing = (np.abs(np.gradient(low, step)) <= SLANT) & (np.abs(np.gradient(high, step)) <= SLANT)
     window = max(int(np.ceil(PAD / step)), 1)
     low, high = _spread(low, window, np.fmin), _spread(high, window, np.fmax)

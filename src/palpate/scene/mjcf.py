@@ -186,8 +186,14 @@ def spelled_out(attribute: str, value: str) -> str:
 
 
 def with_tokens(value: str, changes: Mapping[int, str]) -> str:
-    """`value` with the i-th parts replaced, every other character kept."""
+    """`value` with the i-th parts replaced, every other character kept.
+
+    Raises:
+        InputError: it has fewer parts.
+    """
     parts = re.split(r"(\S+)", value)
+    if 2 * max(changes, default=-1) + 1 >= len(parts):
+        raise InputError(f"'{value[:60]}' has too few numbers: {max(changes) + 1} or more are needed")
     for i, new in changes.items():
         parts[2 * i + 1] = new
     return "".join(parts)

@@ -71,9 +71,9 @@ def _grid(footing: Array, top: Array, near: Array) -> Array:
     """(n, 2) spots of a grid through `near` at which `footing` stays within the box around `top`."""
     low = np.maximum(top.min(axis=0)[:2] - footing.min(axis=0), near - SEARCH)
     high = np.minimum(top.max(axis=0)[:2] - footing.max(axis=0), near + SEARCH)
-    axes = [np.arange(np.ceil((a - n) / STEP), np.floor((b - n) / STEP) + 1) * STEP + n
-            for a, b, n in zip(low, high, near, strict=True)]
-    return np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, 2)
+    first, last = np.ceil((low - near) / STEP), np.floor((high - near) / STEP)
+    x, y = (np.arange(float(a), float(b) + 1) * STEP for a, b in zip(first, last, strict=True))
+    return np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2) + near
 
 
 def approach_pose(top: Array, others: Sequence[Obstacle], objects: Sequence[Array], clear: float,
