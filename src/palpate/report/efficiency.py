@@ -6,7 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from html import escape
 
-from palpate.report.plots import FAINT, MARK, NORM, Figure
+from palpate.report.plots import MARK, NORM, Figure
+
+GRID = "#e5e7eb"
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,9 +41,9 @@ def efficiency_figure(rows: Sequence[Effort], paper: Effort) -> Figure:
             "plot_bgcolor": "#fff", "font": {"family": "system-ui, sans-serif"},
             "legend": {"orientation": "h", "x": 0, "y": 1.02, "yanchor": "bottom"},
             "xaxis": {"domain": [0.0, 0.47], "automargin": True},
-            "yaxis": {"title": {"text": "actions"}, "gridcolor": FAINT, "rangemode": "tozero"},
+            "yaxis": {"title": {"text": "actions"}, "gridcolor": GRID, "rangemode": "tozero"},
             "xaxis2": {"domain": [0.53, 1.0], "automargin": True, "anchor": "y2"},
-            "yaxis2": {"title": {"text": "robot time (s)"}, "gridcolor": FAINT, "rangemode": "tozero", "anchor": "x2"},
+            "yaxis2": {"title": {"text": "robot time (s)"}, "gridcolor": GRID, "rangemode": "tozero", "anchor": "x2"},
         },
     }
 

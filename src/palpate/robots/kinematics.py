@@ -108,7 +108,8 @@ class _Solver:
         for _ in range(MAX_ITERATIONS):
             if self._arrived():
                 return self.configuration.q.copy()
-            step = mink.solve_ik(self.configuration, [self.reach, self.posture], 1.0, "daqp", limits=[self.limit])
+            step = mink.solve_ik(  # pyright: ignore[reportUnknownMemberType] (mink leaves its **kwargs untyped)
+                self.configuration, [self.reach, self.posture], 1.0, "daqp", limits=[self.limit])
             self.configuration.update(np.clip(self.configuration.q + step, self.low, self.high))
             if np.abs(step).max() < STALLED:
                 break

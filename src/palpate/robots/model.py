@@ -143,7 +143,8 @@ class NominalArm:
         """
         for _ in range(SEARCH_STEPS):
             here = self.kinematics(q[None])
-            jacobian, pose = here.jacobian[0], Pose(here.pose_world_tcp[0, :3], here.pose_world_tcp[0, 3:])
+            jacobian: Array = here.jacobian[0]
+            pose = Pose(here.pose_world_tcp[0, :3], here.pose_world_tcp[0, 3:])
             error = np.concatenate([goal.position - pose.position, _turn(pose.quaternion, goal.quaternion)])
             inverse = np.linalg.solve(jacobian @ jacobian.T + SEARCH_DAMPING * np.eye(6), jacobian).T
             away = SEARCH_RATE * (posture - q)
