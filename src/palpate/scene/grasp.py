@@ -66,6 +66,7 @@ def derive_grasp(geoms: Sequence[Convex], obstacles: Sequence[Obstacle], yaw: fl
     """
     cloud = np.concatenate([g.points for g in geoms])
     bottom, top = float(cloud[:, 2].min()), float(cloud[:, 2].max())
+    obstacles = _around(cloud, obstacles)
     best: Grasp | None = None
     for height in _heights(bottom, top):
         outlines = [o for g in geoms if len(o := slab(g, height - TIP, height + TIP)) > 2]
@@ -75,6 +76,12 @@ def derive_grasp(geoms: Sequence[Convex], obstacles: Sequence[Obstacle], yaw: fl
         if best is not None and not best.problem:
             return best
     return best or _nothing(cloud, yaw, base)
+
+
+def _around(cloud: Array, obstacles: Sequence[Obstacle]) -> list[Obstacle]:
+    """Those that the hand could touch while it grasps."""
+    low, high = cloud.min(axis=0)[:2] - 2 * HAND[1], cloud.max(axis=0)[:2] + 2 * HAND[1]
+    return [o for o in obstacles if (o.outline.max(axis=0) > low).all() and (o.outline.min(axis=0) < high).all()]
 
 
 def _heights(bottom: float, top: float) -> list[float]:
