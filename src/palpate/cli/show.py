@@ -78,15 +78,17 @@ def _show_estimates(outcome: Outcome) -> None:
     if outcome.cell:
         table.add_column("hidden truth", style="dim")
     for estimate in outcome.estimates:
-        unit = quantity(estimate.gap.quantity).unit
-        row = [estimate.gap.object, estimate.gap.quantity, f"[bold]{_numbers(estimate.value)}[/] {unit}",
-               _numbers(estimate.std, 2), " ".join(f"{low:.5g} … {high:.5g}" for low, high in estimate.ci95),
-               estimate.verdict]
+        unit = quantity(estimate.gap.quantity).unit.removesuffix("1")
+        value = f"[bold]{_numbers(estimate.value)}[/] {unit}" if estimate.value else "–"
+        row = [escape(estimate.gap.object), estimate.gap.quantity, value, _numbers(estimate.std, 2),
+               "\n".join(f"{low:.5g} … {high:.5g}" for low, high in estimate.ci95), estimate.verdict]
         if outcome.cell:
             truth = outcome.cell.truth(estimate.gap)
             row.append(_numbers(truth) if truth else "–")
         table.add_row(*row)
     out.print(table)
+    for setback in outcome.execution.setbacks if outcome.execution else ():
+        out.print(f"[yellow]went on after[/] {escape(setback)}")
     if outcome.execution and outcome.execution.stopped_by:
         out.print(f"[bold red]stopped[/] {escape(outcome.execution.stopped_by)}")
 
