@@ -11,6 +11,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+
 from palpate import pipeline
 from palpate.report.mcap import read_mcap
 from palpate.scenarios.catalogue import scenario
@@ -66,7 +67,7 @@ def test_twin_gives_the_touch_back(folder: Path) -> None:
 
 def test_trace_can_be_read_again(folder: Path) -> None:
     trace = read_mcap(folder / "trace.mcap")
-    assert [leaf.primitive for leaf in trace.leaves][0] == "MoveJoints"
+    assert trace.leaves[0].primitive == "MoveJoints"
     assert {c.quantity for c in trace.conversions} == {"mass", "height"}
 
 

@@ -6,6 +6,7 @@ from typing import ClassVar
 
 import numpy as np
 import pytest
+
 from palpate import pipeline
 from palpate.cell import SimulatedCell
 from palpate.job import Job, OnFailure

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
+
 from palpate.cli.main import main
 
 TABLE = """<mujoco model="cell">
@@ -34,7 +35,8 @@ class Answer:
 
 
 @pytest.fixture
-def palpate(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> Callable[..., Answer]:
+def palpate(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str],
+            tmp_path: Path) -> Callable[..., Answer]:
     """`palpate("gap", "scene.xml")` → exit status, stdout, stderr; the working folder is empty and pictures are off."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("MUJOCO_GL", "disable")

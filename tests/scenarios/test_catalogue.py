@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+
 from palpate import pipeline
 from palpate.errors import InputError
 from palpate.quantities import Gap
@@ -19,9 +20,8 @@ TOLERANCE = {"mass": 0.02, "height": 0.0005, "friction": 0.02, "com": 0.003}
 def run(request: pytest.FixtureRequest) -> tuple[Any, pipeline.Outcome, Any]:
     chosen = scenario(request.param)
     job = chosen.job(noise="lab").checked()
-    scene = pipeline.look(job)
-    plan, findings = pipeline.think(job, scene)
-    return chosen, pipeline.measure(pipeline.Outcome(job, scene, plan, findings)), scene
+    outcome = pipeline.measure(pipeline.think(job, pipeline.look(job)))
+    return chosen, outcome, outcome.scene
 
 
 def test_ends_as_it_should(run: tuple[Any, pipeline.Outcome, Any]) -> None:
