@@ -74,9 +74,9 @@ def _show_estimates(outcome: Outcome) -> None:
 
     table = Table(box=None, header_style="dim", pad_edge=False)
     for heading in ("object", "quantity", "value", "± std", "95 % interval", "verdict"):
-        table.add_column(heading)
+        table.add_column(heading, no_wrap=True)
     if outcome.cell:
-        table.add_column("hidden truth", style="dim")
+        table.add_column("truth", style="dim", no_wrap=True)
     for estimate in outcome.estimates:
         unit = quantity(estimate.gap.quantity).unit.removesuffix("1")
         value = f"[bold]{_numbers(estimate.value)}[/] {unit}" if estimate.value else "–"
@@ -94,7 +94,8 @@ def _show_estimates(outcome: Outcome) -> None:
 
 
 def _numbers(values: tuple[float, ...], digits: int = 5) -> str:
-    return " ".join(f"{v:.{digits}g}" for v in values)
+    """One number a line."""
+    return "\n".join(f"{v:.{digits}g}" for v in values)
 
 
 def show_scenarios(as_json: bool) -> None:
@@ -126,7 +127,7 @@ def show_gap(scene: Scene, as_json: bool) -> None:
     for heading in ("name", "role", "missing", "known", "assumed"):
         table.add_column(heading)
     for body in scene.bodies.values():
-        known = ", ".join(f"{k} {_numbers(v, 4)}" for k, v in body.known.items())
+        known = ", ".join(f"{k} {' '.join(f'{x:.4g}' for x in v)}" for k, v in body.known.items())
         table.add_row(escape(body.name), body.role, f"[bold red]{', '.join(sorted(body.missing))}[/]" if body.missing
                       else "[green]nothing[/]", f"[dim]{known}[/]", f"[dim]{', '.join(sorted(body.assumed))}[/]")
     out.print(table)
