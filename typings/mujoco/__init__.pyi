@@ -206,8 +206,16 @@ class _MjDataSiteViews(_Named):
     xpos: _Doubles
     xmat: _Doubles
 
+class _MjContactList:
+    """All contacts of a state, one row each."""
+
+    geom: _Ints
+    pos: _Doubles
+
 class MjData:
     time: float
+    ncon: int
+    contact: _MjContactList
     qpos: _Doubles
     qvel: _Doubles
     ctrl: _Doubles
@@ -215,6 +223,7 @@ class MjData:
     qfrc_bias: _Doubles
     xpos: _Doubles
     xquat: _Doubles
+    xmat: _Doubles
     geom_xpos: _Doubles
     geom_xmat: _Doubles
     site_xpos: _Doubles
@@ -286,6 +295,8 @@ class MjsBody(_SpecElement):
                   quat: _Vector | None = None) -> MjsFrame: ...
     def add_site(self, *, name: str | None = None, pos: _Vector | None = None, quat: _Vector | None = None,
                  group: _Int | None = None) -> MjsSite: ...
+    def add_camera(self, *, name: str | None = None, pos: _Vector | None = None, quat: _Vector | None = None,
+                   fovy: float | None = None) -> object: ...
     def add_light(self, *, name: str | None = None, pos: _Vector | None = None, dir: _Vector | None = None,
                   diffuse: _Vector | None = None, specular: _Vector | None = None,
                   castshadow: _Int | None = None) -> MjsLight: ...

@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import mujoco
+import numpy as np
 
 from palpate.errors import InputError, unknown_name
 
@@ -32,11 +33,32 @@ class Stiction:
     dynamic: tuple[float, ...]
 
     def apply(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
-        """Set the coefficient that holds at the object's present speed."""
-        x, y = data.qvel[self.dof], data.qvel[self.dof + 1]
-        slips = x * x + y * y > SLIP * SLIP
+        """Set the coefficient that holds at the speed at which the object slides on what it touches."""
+        slips = self._slip(model, data) > SLIP
         for geom, dynamic in zip(self.geoms, self.dynamic, strict=True):
             model.geom_friction[geom, 0] = dynamic if slips else self.static
+
+    def _slip(self, model: mujoco.MjModel, data: mujoco.MjData) -> float:
+        """Largest horizontal speed, m/s, of the object's contact points with static things.
+
+        At the contact, not at the body's origin: an object turns in the fingers' grip before its base slips.
+        """
+        pairs, points = data.contact.geom, data.contact.pos
+        touching = [p for pair, p in zip(pairs, points, strict=True) if self._on_static(model, *map(int, pair))]
+        if not touching:
+            return 0.0
+        body = model.geom_bodyid[self.geoms[0]]
+        linear, turning = data.qvel[self.dof:self.dof + 3], data.qvel[self.dof + 3:self.dof + 6]
+        angular = data.xmat[body].reshape(3, 3) @ turning
+        speed = linear + np.cross(angular, np.array(touching) - data.xpos[body])
+        return float(np.hypot(speed[:, 0], speed[:, 1]).max())
+
+    def _on_static(self, model: mujoco.MjModel, geom1: int, geom2: int) -> bool:
+        """Whether a contact is between the object and something that never moves."""
+        if (geom1 in self.geoms) == (geom2 in self.geoms):
+            return False
+        other = geom2 if geom1 in self.geoms else geom1
+        return int(model.body_weldid[model.geom_bodyid[other]]) == 0
 
 
 def declared(model: mujoco.MjModel) -> tuple[Stiction, ...]:
