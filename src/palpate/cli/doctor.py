@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import platform
-import sys
 from collections.abc import Iterator
 from importlib.metadata import PackageNotFoundError, version
 
@@ -36,7 +35,7 @@ def examine() -> int:
 
 
 def _lines() -> Iterator[Line]:
-    yield True, "palpate", f"{__version__}, Python {platform.python_version()} on {platform.system()} {sys.platform}"
+    yield True, "palpate", f"{__version__}, Python {platform.python_version()} on {platform.system()} {platform.machine()}"
     for name in CORE:
         found = _installed(name)
         yield found is not None, name, found or f"missing: pip install {name}"
