@@ -3,7 +3,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test bench lint format lock clean
+.PHONY: demo test bench lint format docs lock clean
 
 demo: $(VENV)/.run
 	$(BIN)/palpate demo
@@ -32,6 +32,9 @@ $(VENV)/.run: pyproject.toml requirements.txt
 $(VENV)/.dev: $(VENV)/.run requirements-dev.txt
 	$(BIN)/pip install --quiet --disable-pip-version-check --require-hashes -r requirements-dev.txt
 	touch $@
+
+docs: $(VENV)/.run
+	$(BIN)/python -m palpate.vocabulary.page > docs/vocabulary.md
 
 # Pins with hashes, from pyproject.toml. Needs uv.
 lock:
