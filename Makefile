@@ -34,7 +34,7 @@ $(VENV)/.dev: $(VENV)/.run requirements-dev.txt
 	touch $@
 
 docs: $(VENV)/.run
-	$(BIN)/python -m palpate.vocabulary.page > docs/vocabulary.md
+	$(BIN)/python -m palpate.reference > docs/vocabulary.md
 
 # Pins with hashes, from pyproject.toml. Needs uv.
 lock:

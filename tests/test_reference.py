@@ -1,9 +1,9 @@
 from pathlib import Path
 
-from palpate.vocabulary.page import page
+from palpate.reference import page
 from palpate.vocabulary.primitive import vocabulary
 
-DOCS = Path(__file__).parents[2] / "docs"
+DOCS = Path(__file__).parents[1] / "docs"
 
 
 def test_the_page_in_the_docs_is_what_the_declarations_say() -> None:

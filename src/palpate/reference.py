@@ -1,4 +1,4 @@
-"""The vocabulary as a page of the documentation: `python -m palpate.vocabulary.page > docs/vocabulary.md`."""
+"""The vocabulary as a page of the documentation: `python -m palpate.reference > docs/vocabulary.md`."""
 
 from __future__ import annotations
 
