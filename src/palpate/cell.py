@@ -24,6 +24,9 @@ if TYPE_CHECKING:
 SIZE_TOLERANCE = 0.02
 """m: how far an object's extents in scene and world may differ and still be the same object."""
 
+SEEN_TOLERANCE = 0.06
+"""m: the same for a scene made of what was seen in a picture, where a block is taken for a square one."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Footage:
@@ -79,24 +82,24 @@ def simulated_cell(job: Job, scene: Scene) -> SimulatedCell:
         drawn = draw_truth(scene, job.seed)
         return SimulatedCell(scene, drawn, "simulated from the scene, its unknowns drawn from priors")
     world = load_scene(job.world)
-    _match(scene, world)
+    _match(scene, world, SIZE_TOLERANCE if job.scene else SEEN_TOLERANCE)
     return SimulatedCell(world, {}, f"simulated world {job.world.name}")
 
 
-def _match(scene: Scene, world: Scene) -> None:
+def _match(scene: Scene, world: Scene, tolerance: float) -> None:
     """The world holds every object and surface of the scene, at about the same size."""
     absent = [name for name in scene.bodies if name not in world.bodies]
     if absent:
         raise InputError(f"scene and world do not match: the world has no {', '.join(absent)}; "
                          f"it has {', '.join(world.bodies)}")
     for name, body in scene.objects.items():
-        _match_body(body, world.bodies[name])
+        _match_body(body, world.bodies[name], tolerance)
 
 
-def _match_body(mine: Body, theirs: Body) -> None:
+def _match_body(mine: Body, theirs: Body, tolerance: float) -> None:
     if mine.role != theirs.role:
         raise InputError(f"scene and world do not match: '{mine.name}' is an {mine.role} in the scene and a "
                          f"{theirs.role} in the world")
-    if (abs(mine.size - theirs.size) > SIZE_TOLERANCE).any():
+    if (abs(mine.size - theirs.size) > tolerance).any():
         raise InputError(f"scene and world do not match: '{mine.name}' measures {mine.size.round(3).tolist()} m in the "
                          f"scene and {theirs.size.round(3).tolist()} m in the world")

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal, get_args
 
 from palpate.errors import InputError, unknown_name
+from palpate.planning.session import Asking
 
 Noise = Literal["none", "lab", "datasheet"]
 OnFailure = Literal["stop", "skip", "replan"]
@@ -29,6 +30,7 @@ class Job:
         out: run folder to make; must not exist.
         remeasure: measure what R asks even if D states it.
         on_failure: what to do when the tree fails (see `palpate.recovery`).
+        asking: how a model is asked, where the planner is one.
         rehearse: execute the plan in simulation first; None means only before a real robot moves.
     """
 
@@ -45,6 +47,7 @@ class Job:
     remeasure: bool = False
     on_failure: OnFailure = "stop"
     rehearse: bool | None = None
+    asking: Asking = field(default_factory=Asking)
 
     def checked(self) -> Job:
         """This job, its request stripped.
@@ -52,7 +55,7 @@ class Job:
         Raises:
             InputError: nothing asked, or a value out of range.
         """
-        if self.request is None and self.scene is None:
+        if self.request is None and self.scene is None and not self.planner.startswith("replay:"):
             raise InputError("nothing to do: give a request (-r TEXT), a scene (--scene D.xml), or both")
         if self.request is not None and not self.request.strip():
             raise InputError("the request is empty: say what you want to simulate, e.g. -r 'the mass of the bottle'")

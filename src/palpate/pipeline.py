@@ -12,14 +12,14 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
+from palpate import thinking
 from palpate.cell import Footage, SimulatedCell, simulated_cell
-from palpate.errors import InputError, PlanRejected
+from palpate.errors import ExecutionAborted
 from palpate.estimation.derive import estimate_all
 from palpate.estimation.estimate import Estimate
 from palpate.job import Job, OnFailure
-from palpate.planning.check import Finding, check
+from palpate.planning.check import Finding
 from palpate.planning.plan import Plan
-from palpate.planning.planner import make_planner
 from palpate.run_folder import default_folder, new_folder
 from palpate.scene.camera import load_image
 from palpate.scene.scene import Scene, load_scene
@@ -29,18 +29,27 @@ from palpate.vocabulary.primitive import ConversionPrimitive, vocabulary
 if TYPE_CHECKING:
     from mujoco import MjSpec
 
+    from palpate.planning.conversation import Conversation
     from palpate.rehearsal import Rehearsal
     from palpate.robots.robot import Robot
+    from palpate.scene.from_picture import Seen
     from palpate.trace import Trace
     from palpate.tree.runner import Execution, Observer
 
 Status = Literal["complete", "rejected", "aborted", "failed"]
 Say = Callable[[str], None]
+Confirm = Callable[["Outcome"], bool]
+"""Shown a plan before a real robot moves; whether it may."""
 EXIT = {"complete": 0, "failed": 1, "rejected": 3, "aborted": 4}
 
 
 def silent(_: str) -> None:
     """Tell nobody which stage is under way."""
+
+
+def unasked(_: Outcome) -> bool:
+    """Let the robot move without asking anybody."""
+    return True
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -51,6 +60,9 @@ class Outcome:
     scene: Scene
     plan: Plan
     findings: tuple[Finding, ...] = ()
+    conversation: Conversation | None = None
+    seen: Seen | None = None
+    picture: bytes | None = None
     rehearsal: Rehearsal | None = None
     cell: SimulatedCell | None = None
     execution: Execution | None = None
@@ -70,31 +82,36 @@ class Outcome:
         return "complete" if found >= set(self.plan.parameters) else "failed"
 
 
-def run(job: Job, observer: Observer | None = None, say: Say = silent) -> Outcome:
+def run(job: Job, observer: Observer | None = None, say: Say = silent, confirm: Confirm = unasked) -> Outcome:
     """From a job to a finished run folder.
 
     Raises:
-        InputError: bad input. Unavailable: planner or robot out of reach.
+        InputError: bad input. Unavailable: planner or robot out of reach. ExecutionAborted: not confirmed.
     """
     job = job.checked()
     scene = look(job)
     say("planning")
-    plan, findings = think(job, scene)
-    return execute(job, scene, plan, findings, observer, say)
-
-
-def execute(job: Job, scene: Scene, plan: Plan, findings: tuple[Finding, ...], observer: Observer | None = None,
-            say: Say = silent) -> Outcome:
-    """From a checked plan to a finished run folder."""
-    outcome = practise(Outcome(job, scene, plan, findings), say)
-    outcome = measure(outcome, observer, say)
-    if outcome.execution is not None:
-        say("building the twin, and touching it in simulation")
-        replay = partial(_replay, scene, plan)
-        twin = build_twin(scene, outcome.estimates, outcome.execution.trace, replay)
-        outcome = replace(outcome, twin=twin)
+    outcome = practise(think(job, scene), say)
+    agree(outcome, confirm)
+    outcome = complete(measure(outcome, observer, say), say)
     say("writing the report")
     return write(outcome)
+
+
+def look(job: Job) -> Scene | None:
+    """D and the poses that came with it, or None without D; the pictures are checked on the way."""
+    for image in job.images:
+        load_image(image)
+    return load_scene(job.scene, job.poses) if job.scene else None
+
+
+def think(job: Job, scene: Scene | None) -> Outcome:
+    """A plan and what the check finds wrong with it; a plan without a tree is an honest rejection.
+
+    Without D the scene is made of what the model saw in the picture.
+    """
+    t = thinking.think(job, scene)
+    return Outcome(job, t.scene, t.plan, t.findings, t.conversation, t.seen, t.picture)
 
 
 def practise(outcome: Outcome, say: Say = silent) -> Outcome:
@@ -109,6 +126,17 @@ def practise(outcome: Outcome, say: Say = silent) -> Outcome:
     say(f"rehearsal: {rehearsal}")
     failed = (Finding("tree", "rehearsal", f"in simulation the plan fails: {rehearsal.failure}"),)
     return replace(outcome, rehearsal=rehearsal, findings=failed if rehearsal.failure else ())
+
+
+def agree(outcome: Outcome, confirm: Confirm) -> None:
+    """Ask before a real robot moves; a simulation needs no confirmation.
+
+    Raises:
+        ExecutionAborted: the plan was not confirmed.
+    """
+    moves = outcome.job.robot is not None and outcome.plan.tree is not None and not outcome.findings
+    if moves and not confirm(outcome):
+        raise ExecutionAborted("the plan was not confirmed; nothing has moved")
 
 
 def measure(outcome: Outcome, observer: Observer | None = None, say: Say = silent) -> Outcome:
@@ -127,25 +155,17 @@ def measure(outcome: Outcome, observer: Observer | None = None, say: Say = silen
     return replace(outcome, cell=cell, execution=execution, footage=footage, estimates=estimates)
 
 
-def look(job: Job) -> Scene:
-    """D and the poses that came with it; the pictures are checked on the way."""
-    for image in job.images:
-        load_image(image)
-    if job.scene is None:
-        raise InputError("the request needs a scene to work on: give an MJCF with --scene D.xml")
-    return load_scene(job.scene, job.poses)
-
-
-def think(job: Job, scene: Scene) -> tuple[Plan, tuple[Finding, ...]]:
-    """A plan and what the check finds wrong with it; a plan without a tree is an honest rejection."""
-    planner = make_planner(job.planner, remeasure=job.remeasure)
-    try:
-        plan = planner.plan(job.request, scene, job.images)
-    except PlanRejected as rejection:
-        plan = Plan((), None, str(rejection), job.planner)
-    if plan.tree is None:
-        return plan, ()
-    return plan, check(plan, scene, remeasure=job.remeasure or job.planner == "exhaustive")
+def complete(outcome: Outcome, say: Say = silent) -> Outcome:
+    """From estimates to a twin. Shapes that were seen in a picture are fitted anew to the heights that were felt."""
+    if outcome.execution is None:
+        return outcome
+    say("building the twin, and touching it in simulation")
+    scene = outcome.scene
+    if outcome.seen is not None:
+        scene = outcome.seen.scene({e.gap.object: e.value[0] for e in outcome.estimates
+                                    if e.gap.quantity == "height" and e.verdict != "not identified"})
+    twin = build_twin(scene, outcome.estimates, outcome.execution.trace, partial(_replay, scene, outcome.plan))
+    return replace(outcome, scene=scene, twin=twin)
 
 
 def touch(plan: Plan, scene: Scene, robot: Robot, observer: Observer | None = None,

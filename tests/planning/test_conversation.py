@@ -4,7 +4,16 @@ from collections.abc import Callable, Sequence
 import pytest
 
 from palpate.errors import InputError, PlanRejected
-from palpate.planning.conversation import MAX_FINDINGS, Answer, Conversation, converse, feedback, recorded, replay
+from palpate.planning.conversation import (
+    MAX_FINDINGS,
+    Answer,
+    Conversation,
+    converse,
+    feedback,
+    load,
+    recorded,
+    replayed,
+)
 from palpate.planning.plan import Plan
 
 GOOD = Plan((), None, "nothing to do")
@@ -73,7 +82,7 @@ def test_a_conversation_is_read_back_as_it_was(tmp_path) -> None:
     assert Conversation.load(talk.dump()) == talk
     file = tmp_path / "conversation.json"
     file.write_text(talk.dump(), encoding="utf-8")
-    assert replay(file, judge) is GOOD
+    assert replayed(load(file), Conversation("again", ""), judge) is GOOD
 
 
 def test_a_replay_is_judged_anew(tmp_path) -> None:
@@ -81,7 +90,7 @@ def test_a_replay_is_judged_anew(tmp_path) -> None:
     converse(talk, "please", scripted("good"), judge)
     (tmp_path / "c.json").write_text(talk.dump())
     with pytest.raises(PlanRejected, match="stale"):
-        replay(tmp_path / "c.json", lambda _: (None, ["stale"]))
+        replayed(load(tmp_path / "c.json"), Conversation("again", ""), lambda _: (None, ["stale"]))
 
 
 @pytest.mark.parametrize("text", ["", "{}", "[]", '{"planner": "p", "system": "S", "rounds": [{"message": 1}]}',
@@ -94,7 +103,7 @@ def test_what_is_no_conversation_is_refused(text: str) -> None:
 def test_an_empty_record_has_no_plan(tmp_path) -> None:
     (tmp_path / "c.json").write_text(Conversation("p:m", "S").dump())
     with pytest.raises(InputError, match="no answer"):
-        replay(tmp_path / "c.json", judge)
+        load(tmp_path / "c.json")
 
 
 def test_recorded_answers_end() -> None:

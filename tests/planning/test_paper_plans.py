@@ -17,6 +17,7 @@ def test_the_papers_tree_passes_the_check_and_acquires_exactly_what_is_asked(nam
     task = scenario(name)
     job = task.job(noise="none").checked()
     scene, plan = pipeline.look(job), load_plan(task.folder / "plans" / "paper.json")
+    assert scene is not None
     assert check(plan, scene) == ()
     assert set(plan.parameters) == set(task.expects)
     execution = pipeline.measure(pipeline.Outcome(job, scene, plan)).execution

@@ -7,7 +7,7 @@ from loopback import Fails, Loopback, Reply, Request, Says
 
 from palpate.errors import InputError, Unavailable
 from palpate.planning import session as session_module
-from palpate.planning.session import Budget
+from palpate.planning.session import Asking, Budget
 from palpate.scenarios.catalogue import scenario
 from palpate.studies.ablation import CONFIGURATIONS, PAPER, ablation, without
 from palpate.studies.attempt import Settings
@@ -27,7 +27,8 @@ def _environment(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def settings(server: Loopback, **changes) -> Settings:
-    return Settings(**{"noise": "none", "base_url": server.url("openai"), "budget": Budget(seconds=20)} | changes)
+    asking = Asking(base_url=server.url("openai"), budget=Budget(seconds=20), rounds=changes.pop("rounds", 0))
+    return Settings(**{"noise": "none", "asking": asking} | changes)
 
 
 def model(request: Request) -> Reply:

@@ -171,16 +171,24 @@ def recorded(conversation: Conversation) -> Ask:
     return ask
 
 
-def replay(path: Path, judge: Judge) -> Plan:
-    """The plan of a recorded conversation, judged anew, without network.
+def load(path: Path) -> Conversation:
+    """A conversation that was kept.
 
     Raises:
-        InputError: not a conversation. PlanRejected: its answers do not pass.
+        InputError: not a conversation, or nothing was answered in it.
     """
     kept = Conversation.load(path.read_text(encoding="utf-8"))
     if not kept.rounds:
         raise InputError(f"'{path.name}' holds no answer")
-    again = Conversation(kept.planner, kept.system, kept.images)
+    return kept
+
+
+def replayed(kept: Conversation, again: Conversation, judge: Judge) -> Plan:
+    """The plan of a recorded conversation, judged anew, without network; every round is appended to `again`.
+
+    Raises:
+        PlanRejected: its answers do not pass.
+    """
     return converse(again, kept.rounds[0].message, recorded(kept), judge, rounds=len(kept.rounds) - 1)
 
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from palpate.planning.plan import Plan
+from palpate.planning.planner import needs_scene
 from palpate.planning.symbolic import assemble
 from palpate.quantities import Gap
 from palpate.scene.scene import Scene
@@ -21,12 +22,14 @@ class ExhaustivePlanner:
 
     name: str = "exhaustive"
 
-    def plan(self, request: str | None, scene: Scene, images: Sequence[Path] = ()) -> Plan:
+    def plan(self, request: str | None, scene: Scene | None, images: Sequence[Path] = ()) -> Plan:
         """The full suite of sensing on everything; the request and what is known are not looked at.
 
         Raises:
-            PlanRejected: nothing in the scene can be measured.
+            InputError: no scene. PlanRejected: nothing in the scene can be measured.
         """
+        if scene is None:
+            raise needs_scene(self.name)
         bodies = [*scene.surfaces.values(), *scene.objects.values()]
         gaps = [Gap(body.name, quantity) for body in bodies for quantity in SUITE[body.role]]
         made = assemble(scene, gaps)

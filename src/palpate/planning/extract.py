@@ -9,12 +9,13 @@ import json
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal, cast
+from typing import Any, cast
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from palpate.errors import InputError
 from palpate.planning.plan import MAX_BYTES, MAX_NESTING, Plan, parse_plan
+from palpate.scene.from_picture import SceneObject, Shape
 
 MAX_ATTEMPTS = 200
 """Opening braces from which JSON is tried to be read."""
@@ -23,21 +24,6 @@ MAX_OBJECTS = 100
 
 _OPENING = re.compile(r"\{\s*[\"}]")
 _DECODER = json.JSONDecoder()
-
-
-@dataclass(frozen=True, slots=True)
-class SceneObject:
-    """An object that a model saw in the picture.
-
-    Attributes:
-        name: as in its pose name.
-        shape: primitive shape; `plane` is what the things stand on.
-        bbox: (left, top, right, bottom) in the image, as fractions of its width and height.
-    """
-
-    name: str
-    shape: Literal["box", "cylinder", "sphere", "plane"]
-    bbox: tuple[float, float, float, float]
 
 
 @dataclass(frozen=True, slots=True)
@@ -158,8 +144,9 @@ class _SceneObject(BaseModel):
     model_config = ConfigDict(extra="ignore", allow_inf_nan=False)
 
     name: str = Field(pattern=r"^[A-Za-z][A-Za-z0-9_-]{0,59}$")
-    shape: Literal["box", "cylinder", "sphere", "plane"]
+    shape: Shape
     bbox: tuple[float, float, float, float]
+    height: float | None = Field(default=None, ge=-5.0, le=5.0)
 
     @model_validator(mode="after")
     def _is_a_box(self) -> _SceneObject:
@@ -185,4 +172,4 @@ def _scene_object(item: object, index: int) -> SceneObject:
         first = error.errors()[0]
         place = ".".join(str(part) for part in first["loc"]) or "object"
         raise InputError(f"scene[{index}]: {place}: {first['msg'][:200]}") from None
-    return SceneObject(read.name, read.shape, read.bbox)
+    return SceneObject(read.name, read.shape, read.bbox, read.height)

@@ -28,7 +28,8 @@ def flat_schema(vocabulary: Vocabulary, with_scene: bool) -> dict[str, Any]:
         properties["scene"] = {"type": "array", "items": _object({
             "name": {"type": "string"},
             "shape": {"type": "string", "enum": ["box", "cylinder", "sphere", "plane"]},
-            "bbox": {"type": "array", "items": {"type": "number"}}})}
+            "bbox": {"type": "array", "items": {"type": "number"}},
+            "height": {"anyOf": [{"type": "number"}, {"type": "null"}]}})}
     return _object(properties)
 
 

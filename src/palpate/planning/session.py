@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 from palpate.errors import PalpateError, Unavailable
-from palpate.planning.conversation import Answer, Conversation
+from palpate.planning.conversation import FEEDBACK_ROUNDS, Answer, Conversation
 from palpate.planning.picture import Picture
 from palpate.planning.provider import Provider, redact
 from palpate.planning.wire import bounded_client, is_too_large
@@ -53,6 +53,24 @@ class Budget:
         if (conversation.cost or 0.0) >= self.dollars:
             return f"the budget of ${self.dollars:g} is used up"
         return None
+
+
+@dataclass(frozen=True, slots=True)
+class Asking:
+    """How a model is asked.
+
+    Attributes:
+        base_url: where an OpenAI-compatible server, or a proxy, listens; the provider's own if None.
+        native: ask for the provider's structured output, in the flat form, instead of JSON in prose.
+        without: prompt modules and inputs to leave out (ablation).
+        rounds: how often findings are fed back.
+    """
+
+    base_url: str | None = None
+    native: bool = False
+    without: frozenset[str] = frozenset()
+    rounds: int = FEEDBACK_ROUNDS
+    budget: Budget = field(default_factory=Budget)
 
 
 @dataclass(slots=True)

@@ -17,6 +17,7 @@ from palpate.planning.fold import leaves
 from palpate.planning.grounding import Grounded, ground
 from palpate.planning.mentions import GRIPPER
 from palpate.planning.plan import Node, Plan
+from palpate.planning.planner import needs_scene
 from palpate.quantities import QUANTITIES, Gap
 from palpate.robots.kinematics import reachable
 from palpate.robots.robot import PAYLOAD
@@ -40,13 +41,15 @@ class SymbolicPlanner:
     remeasure: bool = False
     name: str = "symbolic"
 
-    def plan(self, request: str | None, scene: Scene, images: Sequence[Path] = ()) -> Plan:
+    def plan(self, request: str | None, scene: Scene | None, images: Sequence[Path] = ()) -> Plan:
         """The minimal plan for what R asks and D misses; without R, for everything D misses. Images are not used.
 
         Raises:
-            InputError: empty or too long a request, or it names objects that are not there.
+            InputError: no scene, empty or too long a request, or it names objects that are not there.
             PlanRejected: ambiguous, not understood, or nothing of it can be done.
         """
+        if scene is None:
+            raise needs_scene(self.name)
         vocabulary()  # registers the quantities that third parties measure
         asked = Grounded(scene.missing()) if request is None else ground(request, scene)
         known = [gap for gap in asked.asked if not self.remeasure and _is_known(gap, scene)]
@@ -59,6 +62,21 @@ class SymbolicPlanner:
         sentences = [*asked.remarks, *_explained(made), *notes, *made.failed, *cannot]
         return Plan(made.measured, made.tree, " ".join(sentences) or "Nothing is missing.", self.name,
                     (*notes, *made.failed, *(cannot if made.measured else ())))
+
+
+def requested(request: str | None, scene: Scene, remeasure: bool = False) -> tuple[Gap, ...] | None:
+    """The gaps that a plan for R in this scene must measure, no more and no fewer.
+
+    None where the words leave that open: something in them is not understood, cannot be measured, or is read into them.
+    """
+    vocabulary()
+    try:
+        asked = Grounded(scene.missing()) if request is None else ground(request, scene)
+    except (InputError, PlanRejected):
+        return None
+    wanted = [gap for gap in asked.asked if QUANTITIES[gap.quantity].identifiable
+              and (remeasure or not _is_known(gap, scene))]
+    return None if asked.remarks or asked.cannot or not wanted else assemble(scene, wanted).measured
 
 
 def assemble(scene: Scene, gaps: Iterable[Gap]) -> Assembled:

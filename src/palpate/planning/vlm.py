@@ -5,20 +5,22 @@ Keys come from the environment and are blotted out of every message; what is rec
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from palpate.errors import InputError
 from palpate.planning import flat
-from palpate.planning.conversation import FEEDBACK_ROUNDS, Conversation, converse
-from palpate.planning.extract import Proposal, SceneObject, read_answer
+from palpate.planning.conversation import Conversation, converse
+from palpate.planning.extract import Proposal, read_answer
 from palpate.planning.picture import picture
 from palpate.planning.plan import Plan
 from palpate.planning.prompt.compose import Prompt, compose
 from palpate.planning.provider import find_provider
-from palpate.planning.session import Budget, Session
+from palpate.planning.session import Asking, Session
+from palpate.planning.symbolic import requested
+from palpate.scene.from_picture import SceneObject, Seen, Template
 from palpate.vocabulary.primitive import vocabulary
 
 if TYPE_CHECKING:
@@ -32,74 +34,84 @@ class VlmPlanner:
 
     Attributes:
         model: `PROVIDER:MODEL`, or `PROVIDER` alone for its default.
-        base_url: where an OpenAI-compatible server, or a proxy, listens; the provider's own if None.
-        native: ask for the provider's structured output, in the flat form, instead of JSON in prose.
-        without: prompt modules and inputs to leave out (ablation).
-        rounds: how often findings are fed back.
-        build: makes a scene of the objects a model saw, for a request without D.
+        asking: address, form, feedback and budget.
+        template: makes a scene of what the model saw, for a request without D.
         conversation: the latest dialogue, also when `plan` raised.
+        seen: what the model saw, when there was no D.
     """
 
     model: str
-    base_url: str | None = None
-    native: bool = False
-    without: frozenset[str] = frozenset()
+    asking: Asking = field(default_factory=Asking)
     remeasure: bool = False
-    rounds: int = FEEDBACK_ROUNDS
-    budget: Budget = field(default_factory=Budget)
-    build: Callable[[tuple[SceneObject, ...]], Scene] | None = None
+    template: Template | None = None
     conversation: Conversation | None = field(default=None, init=False)
+    seen: Seen | None = field(default=None, init=False)
 
     @property
     def name(self) -> str:
         """As written on the command line."""
         return self.model
 
-    def plan(self, request: str | None, scene: Scene | None, images: Sequence[Path] = (),
-             symbols: Symbols | None = None) -> Plan:
-        """The first plan of the model that passes the check. Without a scene, `symbols` name the poses.
+    def plan(self, request: str | None, scene: Scene | None, images: Sequence[Path] = ()) -> Plan:
+        """The first plan of the model that passes the check.
 
         Raises:
-            InputError: unknown provider or module, unreadable image.
+            InputError: unknown provider or module, unreadable image, neither a scene nor a picture.
             Unavailable: no extra, no key, provider out of reach or refusing, time used up.
             PlanRejected: the model gave no valid plan.
         """
         provider, model = find_provider(self.model)
         provider.require_key()
-        prompt = self._prompt(request or "", scene, images, symbols)
+        prompt = self._prompt(request or "", scene, images)
         pictures = [picture(path) for path in prompt.images]
         self.conversation = Conversation(f"{provider.name}:{model}", prompt.system,
                                          tuple(p.note() for p in pictures))
-        schema = flat.flat_schema(vocabulary(), with_scene=scene is None) if self.native else None
-        session = Session(provider, model, provider.address(self.base_url), prompt.system, pictures, schema,
-                           self.budget)
-        plan = converse(self.conversation, prompt.user, session.ask, lambda text: self.judge(text, scene),
-                        self.rounds, self.budget.exhausted)
+        schema = flat.flat_schema(vocabulary(), with_scene=scene is None) if self.asking.native else None
+        session = Session(provider, model, provider.address(self.asking.base_url), prompt.system, pictures, schema,
+                          self.asking.budget)
+        plan = converse(self.conversation, prompt.user, session.ask, lambda text: self.judge(text, scene, request),
+                        self.asking.rounds, self.asking.budget.exhausted)
         return replace(plan, planner=self.conversation.planner)
 
-    def judge(self, text: str, scene: Scene | None) -> tuple[Plan | None, list[str]]:
-        """The plan in an answer and what the check finds wrong with it."""
+    def judge(self, text: str, scene: Scene | None, request: str | None = "") -> tuple[Plan | None, list[str]]:
+        """The plan in an answer and what the check finds wrong with it.
+
+        An empty `request` leaves open which parameters are wanted; None wants all that D leaves out.
+        """
         try:
             proposal = read_answer(text)
-            return proposal.plan, self._findings(proposal, scene)
+            return proposal.plan, self._findings(proposal, scene, request)
         except InputError as error:
             return None, [str(error)]
 
-    def _prompt(self, request: str, scene: Scene | None, images: Sequence[Path], symbols: Symbols | None) -> Prompt:
-        prompt = compose(vocabulary(), request, scene, images, symbols, self.without)
-        return replace(prompt, user=f"{prompt.user}\n\n{flat.NOTE}") if self.native else prompt
+    def _prompt(self, request: str, scene: Scene | None, images: Sequence[Path]) -> Prompt:
+        symbols = self._names(images) if scene is None else None
+        prompt = compose(vocabulary(), request, scene, images, symbols, self.asking.without)
+        return replace(prompt, user=f"{prompt.user}\n\n{flat.NOTE}") if self.asking.native else prompt
 
-    def _findings(self, proposal: Proposal, scene: Scene | None) -> list[str]:
+    def _names(self, images: Sequence[Path]) -> Symbols:
+        """The names there are without D."""
+        if self.template is None or not images:
+            raise InputError("there is neither a scene nor a picture for the model to look at: give --scene D.xml, or "
+                             "--image I.png with its camera in --poses poses.yaml")
+        _ = self.template.camera
+        return self.template.symbols
+
+    def _findings(self, proposal: Proposal, scene: Scene | None, request: str | None) -> list[str]:
         from palpate.planning.check import check
 
         plan = proposal.plan
         if plan.tree is not None and scene is None:
-            scene = self._seen(proposal.scene)
-        return [f"{f.path}: {f.message}" for f in check(plan, scene, remeasure=self.remeasure)]
+            self.seen, scene = self._built(proposal.scene)
+        wanted = None
+        if scene is not None and plan.tree is not None and request != "" and "text" not in self.asking.without:
+            wanted = requested(request, scene, self.remeasure)
+        return [f"{f.path}: {f.message}" for f in check(plan, scene, remeasure=self.remeasure, requested=wanted)]
 
-    def _seen(self, objects: tuple[SceneObject, ...]) -> Scene:
-        if self.build is None:
+    def _built(self, objects: tuple[SceneObject, ...]) -> tuple[Seen, Scene]:
+        if self.template is None:
             raise InputError("there is no simulation description to check the plan against; give one with --scene")
         if not objects:
             raise InputError("'scene' is missing: there is no D, so list the objects that the image shows")
-        return self.build(objects)
+        seen = Seen(self.template, objects)
+        return seen, seen.scene()

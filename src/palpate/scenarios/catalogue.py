@@ -13,6 +13,8 @@ from palpate.job import Job
 from palpate.quantities import Gap
 
 ROOT = Path(__file__).parent
+FILES = {"scene": "scene.xml", "poses": "poses.yaml", "world": "world.xml"}
+"""What a scenario's folder may hold, by field of the `Job`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,12 +42,8 @@ class Scenario:
 
     def job(self, **changes: Any) -> Job:
         """The run it stands for; `changes` override single fields of the `Job`."""
-        poses = self.folder / "poses.yaml"
-        world = self.folder / "world.xml"
-        fields: dict[str, Any] = {
-            "request": self.request, "scene": self.folder / "scene.xml", "planner": self.planner,
-            "poses": poses if poses.exists() else None, "world": world if world.exists() else None,
-        }
+        files = {name: self.folder / file for name, file in FILES.items() if (self.folder / file).exists()}
+        fields: dict[str, Any] = {"request": self.request, "planner": self.planner, **files}
         return Job(**(fields | changes))
 
 

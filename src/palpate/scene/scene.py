@@ -162,15 +162,15 @@ def load_scene(path: Path, poses: Path | None = None) -> Scene:
     return _scene(document, path, read_poses(Path(poses)) if poses is not None else None)
 
 
-def parse_scene(text: str, folder: Path | None = None, poses: str | None = None) -> Scene:
-    """As `load_scene`, from text; `folder` is where relative file names start.
+def parse_scene(text: str, folder: Path | None = None, poses: str | Poses | None = None) -> Scene:
+    """As `load_scene`, from text; `folder` is where relative file names start, `poses` YAML or read already.
 
     Raises:
         InputError: as `load_scene`.
     """
     from palpate.scene.poses import parse_poses
 
-    return _scene(parse_document(text, folder), None, parse_poses(poses) if poses is not None else None)
+    return _scene(parse_document(text, folder), None, parse_poses(poses) if isinstance(poses, str) else poses)
 
 
 def scene_from_text(text: str, like: Scene) -> Scene:

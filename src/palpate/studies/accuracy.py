@@ -63,9 +63,7 @@ class Summary:
 def run_seed(job: Job, seed: int) -> Run:
     """Plan, execute and estimate once; no twin and no report."""
     job = replace(job, seed=seed)
-    scene = pipeline.look(job)
-    plan, findings = pipeline.think(job, scene)
-    outcome = pipeline.measure(pipeline.Outcome(job, scene, plan, findings))
+    outcome = pipeline.measure(pipeline.think(job, pipeline.look(job)))
     done = outcome.execution
     return Run(seed, outcome.status, done.actions if done else 0, done.robot_seconds if done else 0.0,
                tuple(_trials(outcome, seed)))

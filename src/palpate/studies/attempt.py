@@ -8,17 +8,14 @@ from pathlib import Path
 from typing import Any, cast
 
 from palpate import pipeline
-from palpate.cell import simulated_cell
-from palpate.errors import InputError, PlanRejected
+from palpate.errors import InputError
 from palpate.job import Job
-from palpate.planning.check import check
+from palpate.pipeline import Outcome
 from palpate.planning.extract import read_answer
 from palpate.planning.plan import Plan
-from palpate.planning.planner import make_planner
-from palpate.planning.provider import PROVIDERS
-from palpate.planning.session import Budget
-from palpate.planning.vlm import VlmPlanner
+from palpate.planning.session import Asking
 from palpate.scenarios.catalogue import Scenario, scenario
+from palpate.scene.poses import read_poses
 from palpate.scene.scene import Scene
 from palpate.studies.judgement import Judgement, judge
 from palpate.studies.trials import Record, Trial
@@ -32,26 +29,12 @@ class Settings:
     """What all trials of a study share.
 
     Attributes:
-        images: I. noise: sensor world. base_url: of the provider. rounds: of feedback; the paper has none.
-        native: structured output. budget: of one plan.
+        images: I. noise: sensor world. asking: how models are asked; the paper gives no feedback.
     """
 
     images: tuple[Path, ...] = ()
     noise: str = "lab"
-    base_url: str | None = None
-    rounds: int = 0
-    native: bool = False
-    budget: Budget = field(default_factory=Budget)
-
-
-@dataclass(frozen=True, slots=True)
-class Proposed:
-    """What a planner came up with: the first answer's syntax, a plan that passed the check, or why there is none."""
-
-    syntax: bool
-    plan: Plan | None
-    reason: str
-    figures: dict[str, Any]
+    asking: Asking = field(default_factory=lambda: Asking(rounds=0))
 
 
 _executing = threading.Lock()
@@ -68,7 +51,7 @@ def with_image(name: str, settings: Settings, file: Path) -> Settings:
     path = file.with_suffix(".png")
     if not path.exists():
         job = scenario(name).job()
-        content = workspace_png(simulated_cell(job, pipeline.look(job)))
+        content = workspace_png(job, pipeline.look(job), read_poses(job.poses).camera if job.poses else None)
         if content is None:
             return settings
         path.write_bytes(content)
@@ -82,54 +65,47 @@ def attempt(trial: Trial, without: frozenset[str], settings: Settings) -> Record
         InputError: unknown scenario or planner. Unavailable: the provider.
     """
     task = scenario(trial.scenario)
-    job = task.job(images=settings.images, noise=settings.noise, seed=trial.number, planner=trial.planner).checked()
-    scene = pipeline.look(job)
-    if trial.planner.partition(":")[0] in PROVIDERS:
-        proposed = _from_model(trial.planner, without, job, scene, settings)
-    else:
-        proposed = _from_planner(job, scene)
-    judgement = None if "text" in without else _judged(proposed, job, scene, task)
-    return Record(trial, proposed.syntax, proposed.plan is not None, judgement.success if judgement else None,
-                  judgement.reason if judgement else "", proposed.figures)
+    job = _job(task, trial, without, settings)
+    outcome = pipeline.think(job, pipeline.look(job))
+    judgement = None if "text" in without else _judged(outcome, task)
+    return Record(trial, _syntax(outcome), _is_valid(outcome), judgement.success if judgement else None,
+                  judgement.reason if judgement else "", _figures(outcome))
 
 
-def _from_model(name: str, without: frozenset[str], job: Job, scene: Scene, settings: Settings) -> Proposed:
-    planner = VlmPlanner(name, base_url=settings.base_url, native=settings.native, without=without,
-                         rounds=settings.rounds, budget=settings.budget)
-    try:
-        plan, reason = planner.plan(job.request, scene, job.images), ""
-    except PlanRejected as rejection:
-        plan, reason = None, str(rejection)
-    assert planner.conversation is not None
-    answers = [r.answer.text for r in planner.conversation.rounds]
-    figures = planner.conversation.summary()["model"] | {"answers": answers}
-    return Proposed(_syntax(answers[0], scene), plan, reason, figures)
+def _job(task: Scenario, trial: Trial, without: frozenset[str], settings: Settings) -> Job:
+    return task.job(images=settings.images, noise=settings.noise, seed=trial.number, planner=trial.planner,
+                    asking=replace(settings.asking, without=without)).checked()
 
 
-def _from_planner(job: Job, scene: Scene) -> Proposed:
-    try:
-        plan = make_planner(job.planner).plan(job.request, scene, job.images)
-    except PlanRejected as rejection:
-        return Proposed(True, Plan((), None, str(rejection)), "", {})
-    findings = () if plan.tree is None else check(plan, scene)
-    return Proposed(_compiled(plan, scene), None if findings else plan, "; ".join(f.message for f in findings[:3]), {})
-
-
-def _judged(proposed: Proposed, job: Job, scene: Scene, task: Scenario) -> Judgement:
-    if proposed.plan is None:
-        return Judgement(False, proposed.reason[:500])
-    if proposed.plan.tree is None:
-        return Judgement(not task.expects, "" if not task.expects else "no tree: " + proposed.plan.explanation[:300])
+def _judged(outcome: Outcome, task: Scenario) -> Judgement:
+    if not _is_valid(outcome):
+        findings = "; ".join(f.message for f in outcome.findings[:3])
+        return Judgement(False, (findings or outcome.plan.explanation)[:500])
+    if outcome.plan.tree is None:
+        return Judgement(not task.expects, "" if not task.expects else "no tree: " + outcome.plan.explanation[:300])
     with _executing:
-        execution = pipeline.measure(pipeline.Outcome(job, scene, proposed.plan)).execution
+        execution = pipeline.measure(outcome).execution
     assert execution is not None
     return judge(execution.trace, task.expects)
 
 
-def _syntax(answer: str, scene: Scene) -> bool:
-    """Whether an answer is a plan that compiles, as it came."""
+def _is_valid(outcome: Outcome) -> bool:
+    """Whether the plan, or the explanation why there is none, passed the check."""
+    rounds = outcome.conversation.rounds if outcome.conversation else []
+    return not outcome.findings and (not rounds or not rounds[-1].findings)
+
+
+def _figures(outcome: Outcome) -> dict[str, Any]:
+    talk = outcome.conversation
+    return talk.summary()["model"] | {"answers": [r.answer.text for r in talk.rounds]} if talk else {}
+
+
+def _syntax(outcome: Outcome) -> bool:
+    """Whether the first answer is a plan that compiles, as it came."""
+    if outcome.conversation is None:
+        return _compiled(outcome.plan, outcome.scene)
     try:
-        return _compiled(read_answer(answer).plan, scene)
+        return _compiled(read_answer(outcome.conversation.rounds[0].answer.text).plan, outcome.scene)
     except InputError:
         return False
 

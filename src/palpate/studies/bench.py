@@ -37,12 +37,11 @@ def closed_loop_ratio() -> float:
     ratios: list[float] = []
     for seed in range(ROUNDS):
         job = scenario("bottle_and_table").job(noise="lab", seed=seed)
-        scene = pipeline.look(job)
-        plan, _ = pipeline.think(job, scene)
-        robot = simulated_cell(job, scene).robot(job)
+        outcome = pipeline.think(job, pipeline.look(job))
+        robot = simulated_cell(job, outcome.scene).robot(job)
         model = robot.world.model
         start = time.perf_counter()
-        execution = pipeline.touch(plan, scene, robot)
+        execution = pipeline.touch(outcome.plan, outcome.scene, robot)
         loop = time.perf_counter() - start
         steps = round(execution.robot_seconds / model.opt.timestep)
         ratios.append(loop / _bare(model, robot.world.frames, steps))

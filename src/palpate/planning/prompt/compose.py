@@ -133,7 +133,8 @@ def _request(request: str) -> str:
 
 def _description(scene: Scene | None) -> str:
     if scene is None:
-        return "# Simulation description D\nNone: list what the image shows in `scene`."
+        return ("# Simulation description D\nNone: list what the image shows in `scene`. What you list as X there has "
+                "the poses X_pose and X_temporary, a plane X has X_approach, and every object its own offsets.")
     if len(scene.text) > LARGEST_DESCRIPTION:
         raise InputError(f"the scene has {len(scene.text)} characters; at most {LARGEST_DESCRIPTION} are sent to a "
                          "model: use the symbolic planner, or move assets to other files")
