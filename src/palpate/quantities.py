@@ -42,8 +42,8 @@ _CATALOGUE = (
     Quantity("height", "m", "height", ("height", "elevation", "level", "high", "tall"), 1, "surface",
              "MoveUntilContact -z over a free spot, MeasureGripperPose, then Pose2Height"),
     Quantity("friction", "1", "sliding friction", ("friction", "slipperiness", "slippery", "grip", "mu"), 1,
-             "object", "MeasureForces while held still in the air, and in a Parallel with a MovePose that slides the held "
-             "object along its support; derived"),
+             "object", "MeasureForces while held still in the air, and in a Parallel with a MovePose that slides the "
+             "held object along its support; derived"),
     Quantity("com", "m", "centre of mass",
              ("centre of mass", "center of mass", "centre of gravity", "center of gravity", "com", "cog",
               "balance point"), 3, "object",

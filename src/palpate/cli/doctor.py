@@ -35,7 +35,8 @@ def examine() -> int:
 
 
 def _lines() -> Iterator[Line]:
-    yield True, "palpate", f"{__version__}, Python {platform.python_version()} on {platform.system()} {platform.machine()}"
+    system = f"Python {platform.python_version()} on {platform.system()} {platform.machine()}"
+    yield True, "palpate", f"{__version__}, {system}"
     for name in CORE:
         found = _installed(name)
         yield found is not None, name, found or f"missing: pip install {name}"
