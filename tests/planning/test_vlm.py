@@ -223,13 +223,13 @@ def test_what_the_model_writes_is_never_more_than_a_plan(scene: Scene) -> None:
         planner(server).plan(REQUEST, scene)
 
 
-CAMERA = "camera: {pos: [0.5, 0, 1.4], quat: [0.7071068, 0, 0, 0.7071068], fovy: 60, size: [640, 480]}"
+CAMERA = "camera: {pos: [1.15, 0, 1.1], quat: [0.6826, 0.18454, 0.18454, 0.6826], fovy: 45, size: [640, 480]}"
 
 
 def test_without_d_the_scene_is_built_of_what_the_model_saw(picture: Path) -> None:
     template = Template(parse_poses(CAMERA))
-    things = [{"name": "desk", "shape": "plane", "bbox": [0.1, 0.1, 0.9, 0.9], "height": 0.01},
-              {"name": "cup", "shape": "cylinder", "bbox": [0.47, 0.46, 0.53, 0.54]}]
+    things = [{"name": "desk", "shape": "plane", "bbox": [0.152, 0.301, 0.848, 0.936], "height": 0.01},
+              {"name": "cup", "shape": "cylinder", "bbox": [0.549, 0.347, 0.608, 0.513]}]
     with Loopback(Says(GOOD), Says(json.dumps(json.loads(GOOD) | {"scene": things[1:]})),
                   Says(json.dumps(json.loads(GOOD) | {"scene": things}))) as server:
         asked = planner(server, template=template)

@@ -28,7 +28,7 @@ def sensors(buffer: str | None) -> list[type[Primitive]]:
     return [cls for cls in vocabulary().primitives.values() if buffer is not None and cls.writes == buffer]
 
 
-_NEEDED = {"friction": 2, "com": COM_GRASPS}
+NEEDED = {"friction": 2, "com": COM_GRASPS}
 """Different pieces of evidence that a derived quantity takes."""
 
 
@@ -49,7 +49,7 @@ def supports(gap: Gap, buffer: str, context: Context) -> bool:
 def amount(gap: Gap, state: SymbolicState) -> int:
     """How much of the evidence for `gap` there is."""
     if gap in state.converted:
-        return max(_NEEDED.values())
+        return max(NEEDED.values())
     return len({piece(gap, buffer, context) for buffer, context in state.logged} - {None})
 
 
@@ -57,4 +57,4 @@ def discharged(gap: Gap, state: SymbolicState) -> bool:
     """Whether what was recorded and converted so far yields `gap`."""
     if gap.quantity not in DERIVED:
         return gap in state.converted
-    return amount(gap, state) >= _NEEDED[gap.quantity]
+    return amount(gap, state) >= NEEDED[gap.quantity]

@@ -178,13 +178,16 @@ def _groups(segment: Sequence[Item]) -> list[_Group]:
 
 
 def _split_compounds(groups: Sequence[_Group], segment: Sequence[Item]) -> Iterator[_Group]:
-    """In "the mass of the bottle and mug friction", the mug belongs to the friction."""
+    """In "the mass of the bottle and mug friction", the mug belongs to the friction; in "what does the cup weigh and how
+    high is the table", the weight to the cup."""
     for i, group in enumerate(groups):
         following = groups[i + 1] if i + 1 < len(groups) else None
         compound = (following is not None and len(group.items) > 1 and not group.of_quantities
                     and i > 0 and all(item.text == "'s" for item in segment[group.end + 1:following.start])
                     and not _forward(groups, i + 1, segment))
-        if compound:
+        between = (len(group.items) > 1 and group.of_quantities and _compound(groups, i, segment)
+                   and _forward(groups, i, segment))
+        if compound or between:
             listed = next(k for k in range(group.end - 1, group.start, -1) if segment[k].kind == "list")
             yield _Group(group.items[:-1], group.start, listed - 1)
             yield _Group(group.items[-1:], group.end, group.end)

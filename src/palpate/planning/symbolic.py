@@ -67,7 +67,7 @@ class SymbolicPlanner:
 def requested(request: str | None, scene: Scene, remeasure: bool = False) -> tuple[Gap, ...] | None:
     """The gaps that a plan for R in this scene must measure, no more and no fewer.
 
-    None where the words leave that open: something in them is not understood, cannot be measured, or is read into them.
+    None where that is not certain: something in R is not understood or is read into it, or cannot be measured.
     """
     vocabulary()
     try:
@@ -76,7 +76,9 @@ def requested(request: str | None, scene: Scene, remeasure: bool = False) -> tup
         return None
     wanted = [gap for gap in asked.asked if QUANTITIES[gap.quantity].identifiable
               and (remeasure or not _is_known(gap, scene))]
-    return None if asked.remarks or asked.cannot or not wanted else assemble(scene, wanted).measured
+    if asked.remarks or asked.cannot or not wanted or assemble(scene, wanted).failed:
+        return None
+    return tuple(wanted)
 
 
 def assemble(scene: Scene, gaps: Iterable[Gap]) -> Assembled:

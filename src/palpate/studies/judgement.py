@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 
-from palpate.planning.evidence import COM_GRASPS, DERIVED, supports
+from palpate.planning.evidence import DERIVED, NEEDED, piece, supports
 from palpate.quantities import Gap
 from palpate.trace import Trace
 
@@ -42,8 +42,8 @@ def judge(trace: Trace, expected: Collection[Gap], may_touch: Collection[str] = 
 def _derived(trace: Trace, expected: Collection[Gap]) -> Iterable[Gap]:
     """The expected derived quantities for which the raw forces were logged."""
     for gap in expected:
-        grasps = {r.context.grasp for r in trace.recordings if supports(gap, r.buffer, r.context)}
-        if gap.quantity in DERIVED and len(grasps) >= (COM_GRASPS if gap.quantity == "com" else 1):
+        pieces = {piece(gap, r.buffer, r.context) for r in trace.recordings} - {None}
+        if gap.quantity in DERIVED and len(pieces) >= NEEDED[gap.quantity]:
             yield gap
 
 
