@@ -151,9 +151,9 @@ def plan(request: Request = None, scene: SceneFile = None, image: Images = None,
     from palpate.cli.show import show_plan
 
     job = _job({**locals(), "out": None}).checked()
-    found, findings = pipeline.think(job, pipeline.look(job))
-    show_plan(found, findings, as_json, out)
-    raise typer.Exit(3 if found.tree is None or findings else 0)
+    outcome = pipeline.think(job, pipeline.look(job))
+    show_plan(outcome.plan, outcome.findings, as_json, out)
+    raise typer.Exit(3 if outcome.plan.tree is None or outcome.findings else 0)
 
 
 @app.command()
