@@ -17,6 +17,7 @@ from palpate.errors import PalpateError
 if TYPE_CHECKING:
     from palpate.job import Job
     from palpate.pipeline import Outcome
+    from palpate.planning.session import Asking
 
 app = typer.Typer(
     name="palpate", no_args_is_help=True, add_completion=False, rich_markup_mode="rich", pretty_exceptions_enable=False,
@@ -48,6 +49,14 @@ NoiseLevel = Annotated[Noise, typer.Option("--noise", help="Sensor world of the 
 Seed = Annotated[int, typer.Option("--seed", help="Seed of everything random.")]
 Out = Annotated[Path | None, typer.Option("--out", help="Run folder to make (default: runs/NAME-TIME).")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")]
+BaseUrl = Annotated[str | None, typer.Option("--base-url", help="Address of the model's server.")]
+Native = Annotated[bool, typer.Option("--native", help="Ask for the provider's structured output.")]
+Without = Annotated[list[str] | None, typer.Option("--without", metavar="MODULE",
+                                                   help="Part of the prompt to leave out; may be repeated.")]
+Feedback = Annotated[int, typer.Option("--feedback", min=0, max=10, help="How often findings go back to the model.")]
+Seconds = Annotated[float, typer.Option("--budget-seconds", min=1, help="Longest that a model may take for a plan.")]
+Tokens = Annotated[int, typer.Option("--budget-tokens", min=1, help="Most tokens that a plan may take.")]
+Dollars = Annotated[float, typer.Option("--budget-dollars", min=0, help="Most that a plan may cost, by list prices.")]
 Yes = Annotated[bool, typer.Option("--yes", help="Do not ask before a real robot moves.")]
 Rehearse = Annotated[bool | None, typer.Option("--rehearse/--no-rehearse",
                                                help="Execute in simulation first (default: only for a real robot).")]
@@ -106,11 +115,13 @@ def root(version: Annotated[bool, typer.Option("--version", callback=_version, i
 @app.command()
 def demo(name: Annotated[str, typer.Argument(metavar="[SCENARIO]")] = "bottle_and_table", noise: NoiseLevel = Noise.lab,
          seed: Seed = 0, planner: Annotated[str | None, typer.Option("--planner")] = None, out: Out = None,
-         as_json: AsJson = False) -> None:
+         as_json: AsJson = False, base_url: BaseUrl = None, native: Native = False, feedback: Feedback = 3,
+         budget_seconds: Seconds = 300, budget_tokens: Tokens = 200_000, budget_dollars: Dollars = 2) -> None:
     """Run a bundled scenario from the sentence to the report."""
+    options = locals()
     from palpate.scenarios.catalogue import scenario
 
-    changes: dict[str, Any] = {"noise": noise.value, "seed": seed, "out": out}
+    changes: dict[str, Any] = {"noise": noise.value, "seed": seed, "out": out, "asking": _asking(options)}
     carry_out(scenario(name).job(**changes, **({"planner": planner} if planner else {})), as_json)
 
 
@@ -126,9 +137,11 @@ def scenarios(as_json: AsJson = False) -> None:
 def run(request: Request = None, scene: SceneFile = None, image: Images = None, poses: Poses = None,
         world: World = None, robot: RobotUrl = None, planner: Planner = "symbolic", noise: NoiseLevel = Noise.lab,
         seed: Seed = 0, out: Out = None, as_json: AsJson = False, yes: Yes = False, remeasure: Remeasure = False,
-        rehearse: Rehearse = None, on_failure: OnFailure = "stop") -> None:
+        rehearse: Rehearse = None, on_failure: OnFailure = "stop", base_url: BaseUrl = None, native: Native = False,
+        without: Without = None, feedback: Feedback = 3, budget_seconds: Seconds = 300,
+        budget_tokens: Tokens = 200_000, budget_dollars: Dollars = 2) -> None:
     """Measure what is missing and write the twin and the report."""
-    carry_out(_job(locals()), as_json)
+    carry_out(_job(locals()), as_json, yes)
 
 
 @app.command()
@@ -143,21 +156,32 @@ def gap(scene: Annotated[Path, typer.Argument(help="Your MJCF.")], poses: Poses 
 
 @app.command()
 def plan(request: Request = None, scene: SceneFile = None, image: Images = None, poses: Poses = None,
-         planner: Planner = "symbolic", remeasure: Remeasure = False,
+         world: World = None, planner: Planner = "symbolic", remeasure: Remeasure = False,
          out: Annotated[Path | None, typer.Option("--out", help="File to write the plan to.")] = None,
-         as_json: AsJson = False) -> None:
+         as_json: AsJson = False, base_url: BaseUrl = None, native: Native = False, without: Without = None,
+         feedback: Feedback = 3, budget_seconds: Seconds = 300, budget_tokens: Tokens = 200_000,
+         budget_dollars: Dollars = 2) -> None:
     """Plan only: which parameters, which tree, and why."""
     from palpate import pipeline
     from palpate.cli.show import show_plan
 
     job = _job({**locals(), "out": None}).checked()
     outcome = pipeline.think(job, pipeline.look(job))
-    show_plan(outcome.plan, outcome.findings, as_json, out)
+    show_plan(outcome, as_json, out)
     raise typer.Exit(3 if outcome.plan.tree is None or outcome.findings else 0)
 
 
 @app.command()
-def check(plan: Annotated[Path, typer.Argument(metavar="PLAN", help="A plan file, or a run folder.")],
+def prompt(request: Request = None, scene: SceneFile = None, poses: Poses = None, image: Images = None,
+           without: Without = None, as_json: AsJson = False) -> None:
+    """Print what a model would be sent, to read it or to paste it into a chat."""
+    from palpate.cli.show import show_prompt
+
+    show_prompt(_job(locals()).checked(), as_json)
+
+
+@app.command()
+def check(plan: Annotated[Path, typer.Argument(metavar="PLAN", help="A plan, a chat's answer, or a run folder.")],
           scene: SceneFile = None, poses: Poses = None, as_json: AsJson = False) -> None:
     """Check a plan against the vocabulary and a scene."""
     from palpate.cli.show import check_plan_file
@@ -166,14 +190,14 @@ def check(plan: Annotated[Path, typer.Argument(metavar="PLAN", help="A plan file
 
 
 @app.command()
-def execute(plan: Annotated[Path, typer.Argument(metavar="PLAN", help="A plan file, or a run folder.")],
+def execute(plan: Annotated[Path, typer.Argument(metavar="PLAN", help="A plan, a chat's answer, or a run folder.")],
             scene: SceneFile = None, poses: Poses = None, world: World = None, robot: RobotUrl = None,
             noise: NoiseLevel = Noise.lab, seed: Seed = 0, out: Out = None, as_json: AsJson = False, yes: Yes = False,
             rehearse: Rehearse = None, on_failure: OnFailure = "stop") -> None:
     """Execute a plan that exists already."""
     from palpate.planning.replay import plan_file
 
-    carry_out(_job({**locals(), "planner": f"replay:{plan_file(plan)}"}), as_json)
+    carry_out(_job({**locals(), "planner": f"replay:{plan_file(plan)}"}), as_json, yes)
 
 
 @app.command()
@@ -198,19 +222,32 @@ def _job(options: dict[str, Any]) -> Job:
 
     fields = {k: v for k, v in options.items() if k in Job.__dataclass_fields__}
     fields["images"] = tuple(options.get("image") or ())
+    fields["asking"] = _asking(options)
     if "noise" in fields:
         fields["noise"] = fields["noise"].value
     return Job(**fields)
 
 
-def carry_out(job: Job, as_json: bool) -> None:
+def _asking(options: dict[str, Any]) -> Asking:
+    """How a model is asked, by the options of a command; defaults for what it does not have."""
+    from palpate.planning.prompt.compose import checked_modules
+    from palpate.planning.session import Asking, Budget
+
+    budget = {name: options[f"budget_{name}"] for name in ("seconds", "tokens", "dollars")
+              if f"budget_{name}" in options}
+    given = {name: options[name] for name in ("base_url", "native") if name in options}
+    rounds = {"rounds": options["feedback"]} if "feedback" in options else {}
+    return Asking(**given, **rounds, without=checked_modules(options.get("without") or ()), budget=Budget(**budget))
+
+
+def carry_out(job: Job, as_json: bool, yes: bool = False) -> None:
     """Run a job with a live view on stderr, print the result, leave with its exit status."""
-    from palpate.cli.show import live_view, show_outcome
-    from palpate.pipeline import EXIT
+    from palpate.cli.show import confirm_plan, live_view, show_outcome
+    from palpate.pipeline import EXIT, unasked
     from palpate.pipeline import run as run_pipeline
 
     with live_view() as (observer, say):
-        outcome: Outcome = run_pipeline(job, observer, say)
+        outcome: Outcome = run_pipeline(job, observer, say, unasked if yes else confirm_plan)
     show_outcome(outcome, as_json)
     raise typer.Exit(EXIT[outcome.status])
 

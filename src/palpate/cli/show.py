@@ -14,6 +14,7 @@ from rich.table import Table
 from rich.text import Text
 
 if TYPE_CHECKING:
+    from palpate.job import Job
     from palpate.pipeline import Outcome
     from palpate.planning.check import Finding
     from palpate.planning.plan import Node, Plan
@@ -138,23 +139,58 @@ def _body_json(body: Body) -> dict[str, Any]:
             "known": {k: list(v) for k, v in body.known.items()}}
 
 
-def show_plan(plan: Plan, findings: tuple[Finding, ...], as_json: bool, file: Path | None) -> None:
+def show_plan(outcome: Outcome, as_json: bool, file: Path | None) -> None:
     """A plan: parameters, tree in the paper's notation, explanation, findings."""
-    from palpate.planning.plan import dump_plan, plan_json
+    from palpate.report.result import plan_text
 
     if file:
-        file.write_text(dump_plan(plan), encoding="utf-8")
+        file.write_text(plan_text(outcome), encoding="utf-8")
     if as_json:
-        print_json(plan_json(plan) | {"findings": [finding_json(f) for f in findings]})
+        print_json(json.loads(plan_text(outcome)) | {"findings": [finding_json(f) for f in outcome.findings]})
         return
-    out.print("measures  ", ", ".join(str(g) for g in plan.parameters) or "nothing", markup=False)
-    if plan.tree:
-        out.print(*tree_lines(plan.tree), sep="\n", markup=False)
-    out.print(f"\n{plan.explanation}", markup=False)
-    for note in plan.notes:
-        out.print(f"[dim]note[/] {escape(note)}")
-    for finding in findings:
+    _print_plan(outcome.plan, out)
+    for finding in outcome.findings:
         out.print(f"[yellow]{finding.rule}[/] {finding.path}: {escape(finding.message)}")
+
+
+def show_prompt(job: Job, as_json: bool) -> None:
+    """System prompt, user message and images, as they would be sent."""
+    from palpate.pipeline import look
+    from palpate.planning.prompt.compose import compose
+    from palpate.scene.from_picture import Template
+    from palpate.scene.poses import Poses, read_poses
+    from palpate.vocabulary.primitive import vocabulary
+
+    scene = look(job)
+    poses = read_poses(job.poses) if job.poses else Poses()
+    symbols = Template(poses).symbols if scene is None else None
+    prompt = compose(vocabulary(), job.request or "", scene, job.images, symbols, job.asking.without)
+    images = [str(path) for path in prompt.images]
+    if as_json:
+        print_json({"system": prompt.system, "user": prompt.user, "images": images})
+        return
+    attached = "\n".join(["", "Attach:", *images]) if images else ""
+    sys.stdout.write("\n\n".join(part for part in (prompt.system.rstrip(), prompt.user) if part) + attached + "\n")
+
+
+def confirm_plan(outcome: Outcome) -> bool:
+    """Show the plan and ask whether the robot may move; no answer is a no."""
+    import typer
+
+    _print_plan(outcome.plan, err)
+    try:
+        return typer.confirm(f"Let {outcome.job.robot} move? (--yes skips this question)", err=True)
+    except typer.Abort:
+        return False
+
+
+def _print_plan(plan: Plan, console: Console) -> None:
+    console.print("measures  ", ", ".join(str(g) for g in plan.parameters) or "nothing", markup=False)
+    if plan.tree:
+        console.print(*tree_lines(plan.tree), sep="\n", markup=False)
+    console.print(f"\n{plan.explanation}", markup=False)
+    for note in plan.notes:
+        console.print(f"[dim]note[/] {escape(note)}")
 
 
 def finding_json(finding: Finding) -> dict[str, str]:
@@ -176,10 +212,16 @@ def tree_lines(node: Node, depth: int = 0) -> Iterator[str]:
 def check_plan_file(path: Path, scene: Path | None, poses: Path | None, as_json: bool) -> int:
     """Check a plan file; the exit status is 0 when valid and 3 when not."""
     from palpate.planning.check import check
-    from palpate.planning.replay import load_plan
+    from palpate.planning.replay import load_proposal
+    from palpate.scene.from_picture import Seen, Template
+    from palpate.scene.poses import read_poses
     from palpate.scene.scene import load_scene
 
-    findings = check(load_plan(path), load_scene(scene, poses) if scene else None)
+    proposal = load_proposal(path)
+    known = load_scene(scene, poses) if scene else None
+    if known is None and poses and proposal.scene:
+        known = Seen(Template(read_poses(poses)), proposal.scene).scene()
+    findings = check(proposal.plan, known)
     if as_json:
         print_json({"valid": not findings, "findings": [finding_json(f) for f in findings]})
     elif not findings:

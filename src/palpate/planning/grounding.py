@@ -178,8 +178,8 @@ def _groups(segment: Sequence[Item]) -> list[_Group]:
 
 
 def _split_compounds(groups: Sequence[_Group], segment: Sequence[Item]) -> Iterator[_Group]:
-    """In "the mass of the bottle and mug friction", the mug belongs to the friction; in "what does the cup weigh and how
-    high is the table", the weight to the cup."""
+    """In "the mass of the bottle and mug friction", the mug belongs to the friction; in "what does the cup weigh and
+    how high is the table", the weight to the cup."""
     for i, group in enumerate(groups):
         following = groups[i + 1] if i + 1 < len(groups) else None
         compound = (following is not None and len(group.items) > 1 and not group.of_quantities

@@ -2,25 +2,26 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+from urllib.parse import urlsplit, urlunsplit
 
 from palpate import __version__
-from palpate.planning.plan import dump_plan
 from palpate.quantities import Gap, quantity
 from palpate.rendering import gl_available, png
 from palpate.report.data import GapRow, Measured, ReportData
 from palpate.report.mcap import write_mcap
 from palpate.report.render import Film, film, frames_of, render_before_after, render_moment, render_scene
 from palpate.report.report import write_report
-from palpate.report.result import result_json
+from palpate.report.result import plan_text, result_json
 from palpate.run_folder import write_json
 from palpate.scene.camera import load_image
 
 if TYPE_CHECKING:
     from palpate.pipeline import Outcome
+    from palpate.planning.session import Asking
     from palpate.twin.validate import Residual, Validation
 
 LIBRARIES = ("mujoco", "mink", "py_trees", "numpy", "scipy")
@@ -42,7 +43,11 @@ def write_outcome(outcome: Outcome, scratch: Path, folder: Path) -> None:
     from palpate.vocabulary.primitive import vocabulary
 
     write_json(scratch / "request.json", request_json(outcome))
-    (scratch / "plan.json").write_text(dump_plan(outcome.plan), encoding="utf-8")
+    (scratch / "plan.json").write_text(plan_text(outcome), encoding="utf-8")
+    if outcome.conversation is not None:
+        (scratch / "conversation.json").write_text(outcome.conversation.dump(), encoding="utf-8")
+    if outcome.seen is not None:
+        (scratch / "scene.xml").write_text(outcome.scene.text, encoding="utf-8")
     if outcome.plan.tree is not None and not outcome.findings:
         (scratch / "tree.xml").write_text(tree_xml(outcome.plan, vocabulary()), encoding="utf-8")
     if outcome.execution is not None:
@@ -65,14 +70,21 @@ def request_json(outcome: Outcome) -> dict[str, Any]:
     return {"request": job.request, "scene": shown(job.scene), "poses": shown(job.poses),
             "images": [shown(p) for p in job.images], "world": shown(job.world), "robot": job.robot,
             "planner": job.planner, "noise": job.noise, "seed": job.seed, "remeasure": job.remeasure,
-            "on_failure": job.on_failure, "rehearse": job.rehearse,
+            "on_failure": job.on_failure, "rehearse": job.rehearse, "asking": asking_json(job.asking),
             "palpate": __version__}
+
+
+def asking_json(asking: Asking) -> dict[str, Any]:
+    """How a model was asked, without whatever an address may hold besides the address."""
+    url = urlsplit(asking.base_url or "")
+    host = url.netloc.rpartition("@")[2]
+    return asdict(asking) | {"without": sorted(asking.without),
+                             "base_url": urlunsplit((url.scheme, host, url.path, "", "")) or None}
 
 
 def take_pictures(outcome: Outcome) -> Pictures:
     """Workspace, before, after and film, as far as there is something to see and a way to see it."""
-    given = load_image(outcome.job.images[0]) if outcome.job.images else None
-    workspace = png(given) if given is not None else None
+    workspace = png(load_image(outcome.job.images[0])) if outcome.job.images else outcome.picture
     if not gl_available()[0]:
         return Pictures(workspace)
     names = tuple(outcome.scene.bodies)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from palpate import __version__
 from palpate.estimation.estimate import Estimate
+from palpate.planning.plan import dump_plan
 from palpate.quantities import quantity
 
 if TYPE_CHECKING:
@@ -31,6 +32,13 @@ def result_json(outcome: Outcome, folder: Path | None) -> dict[str, Any]:
         "provenance": {"palpate": __version__, "seed": outcome.job.seed, "noise": outcome.job.noise,
                        "world": outcome.cell.description if outcome.cell else None},
     }
+
+
+def plan_text(outcome: Outcome) -> str:
+    """The content of `plan.json`: the plan, what a model saw in the picture, and what it took to ask the model."""
+    seen = {"scene": [asdict(thing) for thing in outcome.seen.objects]} if outcome.seen else {}
+    asked = outcome.conversation.summary() if outcome.conversation else {}
+    return dump_plan(outcome.plan, seen | asked)
 
 
 def parameter_json(estimate: Estimate) -> dict[str, Any]:
@@ -87,6 +95,10 @@ def _files(outcome: Outcome, folder: Path | None) -> dict[str, str]:
     names = {"request": "request.json", "plan": "plan.json", "report": "report.html"}
     if outcome.plan.tree:
         names["tree"] = "tree.xml"
+    if outcome.conversation:
+        names["conversation"] = "conversation.json"
+    if outcome.seen:
+        names["scene"] = "scene.xml"
     if outcome.execution:
         names["trace"] = "trace.mcap"
     if outcome.twin:
