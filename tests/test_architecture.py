@@ -1,0 +1,136 @@
+"""The code keeps to the two tables of docs/architecture.md: who may import whom, and where each third party lives."""
+
+from __future__ import annotations
+
+import ast
+import re
+import subprocess
+import sys
+from collections.abc import Iterator
+from functools import cache
+from graphlib import CycleError, TopologicalSorter
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+SOURCE = ROOT / "src" / "palpate"
+ABOVE: dict[str, set[str]] = {
+    "all of the above but `reference`": {"reference"}, "all of the above but `report`": {"report"}, "everything": set()}
+"""What a row leaves out that allows all rows above it."""
+HEAVY = {"mujoco", "numpy", "scipy", "py_trees", "pydantic_ai", "plotly", "mink", "lxml", "mcap", "jinja2",
+         "imageio_ffmpeg", "PIL", "yaml"}
+"""Not pydantic, which typer itself loads for a command's help."""
+
+
+def table(heading: str) -> dict[str, str]:
+    """First cell (each of its names) to second cell, of the table that begins with `heading`."""
+    text = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
+    rows = re.findall(r"^\| (.+?) \| (.+?) \|$", text[text.index(heading):].partition("\n\n")[0], re.MULTILINE)[1:]
+    return {name: second for first, second in rows for name in re.findall(r"`([\w.]+)`", first)}
+
+
+@cache
+def allowed() -> dict[str, set[str]]:
+    """What each module or package may import, as names below palpate."""
+    found: dict[str, set[str]] = {}
+    for name, cell in table("| module or package |").items():
+        entries = set(re.findall(r"`([\w.]+)`", cell.partition(":")[0]))
+        found[name] = set(found) - ABOVE[cell] if cell in ABOVE else entries
+    return found
+
+
+def is_for_types(node: ast.stmt) -> bool:
+    return isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test)
+
+
+def statements(body: list[ast.stmt], inside_functions: bool) -> Iterator[ast.stmt]:
+    """All statements that run, or only those that run when the module is loaded."""
+    for node in body:
+        if is_for_types(node) or (isinstance(node, ast.FunctionDef) and not inside_functions):
+            continue
+        yield node
+        for part in ("body", "orelse", "finalbody", "handlers", "cases"):
+            yield from statements(getattr(node, part, []), inside_functions)
+
+
+def name_of(file: Path) -> str:
+    parts = file.relative_to(SOURCE.parent).with_suffix("").parts
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+
+
+@cache
+def modules() -> dict[str, ast.Module]:
+    return {name_of(file): ast.parse(file.read_text(encoding="utf-8")) for file in sorted(SOURCE.rglob("*.py"))}
+
+
+def imported(name: str, inside_functions: bool = True) -> set[str]:
+    """Full names of the modules that a module imports."""
+    found: set[str] = set()
+    for node in statements(modules()[name].body, inside_functions):
+        if isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"{name} imports relatively"
+            members = {f"{node.module}.{alias.name}" for alias in node.names}
+            found |= {m for m in members if m in modules()} or {str(node.module)}
+    return found
+
+
+def is_part(module: str, of: str) -> bool:
+    return module == of or module.startswith(f"{of}.")
+
+
+def unit(module: str) -> str:
+    """`scene` of `palpate.scene.gap`."""
+    return module.split(".")[1]
+
+
+def test_every_module_has_its_row() -> None:
+    units = {unit(name) for name in modules() if name != "palpate"}
+    assert units == set(allowed())
+
+
+@pytest.mark.parametrize("name", [name for name in modules() if name != "palpate"])
+def test_imports_point_one_way(name: str) -> None:
+    others = {m.removeprefix("palpate.") for m in imported(name)
+              if m.startswith("palpate.") and unit(m) != unit(name)}
+    astray = {m for m in others if not any(is_part(m, entry) for entry in allowed()[unit(name)])}
+    assert not astray, f"{name} must not import {sorted(astray)}"
+
+
+def test_nothing_is_allowed_that_nobody_uses() -> None:
+    used = {(unit(name), m.removeprefix("palpate.")) for name in modules() if name != "palpate"
+            for m in imported(name) if m.startswith("palpate.")}
+    cells = table("| module or package |")
+    idle = {(name, entry) for name, entries in allowed().items() if cells[name] not in ABOVE
+            for entry in entries if not any(user == name and is_part(m, entry) for user, m in used)}
+    assert not idle
+
+
+def test_third_parties_have_one_home() -> None:
+    homes = {name: re.findall(r"`([\w.]+)`", cell) for name, cell in table("| third party |").items()}
+    strays = {(name, package) for name in modules() for m in imported(name) if (package := m.split(".")[0]) in homes
+              and not any(is_part(name, f"palpate.{home}") for home in homes[package])}
+    assert not strays
+
+
+def test_no_modules_load_each_other_in_a_circle() -> None:
+    graph = {name: {m for m in imported(name, inside_functions=False) if m in modules()} for name in modules()}
+    try:
+        TopologicalSorter(graph).prepare()
+    except CycleError as error:
+        pytest.fail(f"import cycle: {' → '.join(error.args[1])}")
+
+
+@pytest.mark.parametrize("statement", [
+    "import palpate",
+    "from palpate.cli.main import app; app(['--help'], standalone_mode=False)",
+    "from palpate.cli.main import app; app(['run', '--help'], standalone_mode=False)",
+])
+def test_the_way_in_loads_nothing_heavy(statement: str) -> None:
+    code = f"import sys\n{statement}\nprint('loaded:', *{{m.split('.')[0] for m in sys.modules}})"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    loaded = set(done.stdout.rpartition("loaded:")[2].split())
+    assert "palpate" in loaded
+    assert not loaded & HEAVY
