@@ -156,15 +156,13 @@ def measure(outcome: Outcome, observer: Observer | None = None, say: Say = silen
 
 
 def complete(outcome: Outcome, say: Say = silent) -> Outcome:
-    """From estimates to a twin. Shapes that were seen in a picture are fitted anew to the heights that were felt."""
+    """From estimates to a twin of the scene as it was believed in the end."""
     if outcome.execution is None:
         return outcome
     say("building the twin, and touching it in simulation")
-    scene = outcome.scene
-    if outcome.seen is not None:
-        scene = outcome.seen.scene({e.gap.object: e.value[0] for e in outcome.estimates
-                                    if e.gap.quantity == "height" and e.verdict != "not identified"})
-    twin = build_twin(scene, outcome.estimates, outcome.execution.trace, partial(_replay, scene, outcome.plan))
+    replay = partial(_replay, outcome.scene, outcome.plan)
+    scene = outcome.execution.final_state.scene if outcome.seen else outcome.scene
+    twin = build_twin(scene, outcome.estimates, outcome.execution.trace, replay)
     return replace(outcome, scene=scene, twin=twin)
 
 

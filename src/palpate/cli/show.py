@@ -181,6 +181,7 @@ def confirm_plan(outcome: Outcome) -> bool:
     try:
         return typer.confirm(f"Let {outcome.job.robot} move? (--yes skips this question)", err=True)
     except typer.Abort:
+        err.print()
         return False
 
 

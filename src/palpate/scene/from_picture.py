@@ -3,13 +3,13 @@
 A box has four sides, and an upright cylinder, a ball or a square block on a plane of known height has at most four
 numbers: where it stands, how wide and how high it is. They are chosen such that the shape, seen through the pinhole
 camera, fills the box. How high the plane is comes from `poses.yaml`, else from the model, else it is level with the
-arm's foot; contact tells better, and `Seen.scene` then fits the shapes anew.
+arm's foot; contact tells better, and the shapes are then fitted anew, while the arm is at work.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -112,19 +112,25 @@ class Seen:
     objects: tuple[SceneObject, ...]
 
     def scene(self, heights: Mapping[str, float] | None = None) -> Scene:
-        """The scene; `heights` are the tops of planes (m) that contact has told since.
+        """The scene; `heights` are the tops of planes (m) that contact has told since. It refits itself to others.
 
         Raises:
             InputError: nothing to stand on, or a box that no such shape fills; worded for the model.
         """
+        felt = dict(heights or {})
         planes, things = _sorted(self.objects)
-        levels = {p.name: (heights or {}).get(p.name, self._level(p)) for p in planes}
+        levels = {p.name: felt.get(p.name, self._level(p)) for p in planes}
         camera = self.template.camera
         fitted = [fit(camera, thing, levels[support.name], self.template.poses.objects.get(thing.name))
                   for thing, support in ((t, _support(t, planes)) for t in things)]
         slabs = [_widened(fit(camera, p, levels[p.name]), [f for f in fitted if _support(f.thing, planes) is p])
                  for p in planes]
-        return parse_scene(_mjcf(slabs, fitted, self.template.poses), poses=self._poses(slabs, levels))
+        scene = parse_scene(_mjcf(slabs, fitted, self.template.poses), poses=self._poses(slabs, levels))
+
+        def refit(name: str, height: float) -> Scene:
+            return self.scene({**felt, name: height})
+
+        return replace(scene, refit=refit)
 
     def _level(self, plane: SceneObject) -> float:
         """What is believed of a plane's top, m."""

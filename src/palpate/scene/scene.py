@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
@@ -102,6 +102,7 @@ class Scene:
         gravity: m/s^2, magnitude.
         priors: what is believed of every missing quantity before it is measured.
         source: the parsed file, for `spec` and the twin.
+        refit: of a scene seen in a picture: the scene anew, when contact has told a surface's height (m).
     """
 
     text: str
@@ -112,6 +113,7 @@ class Scene:
     gravity: float
     priors: Mapping[Gap, tuple[float, ...]]
     source: Source
+    refit: Callable[[str, float], Scene] | None = None
 
     @property
     def objects(self) -> Mapping[str, Body]:
@@ -137,6 +139,10 @@ class Scene:
         if name not in self.bodies:
             raise unknown_name("object or surface", name, self.bodies)
         return self.bodies[name]
+
+    def learned(self, gap: Gap, value: tuple[float, ...]) -> Scene:
+        """What is believed of the cell once `gap` has been measured: a scene seen in a picture gets new shapes."""
+        return self.refit(gap.object, value[0]) if self.refit and gap.quantity == "height" else self
 
     def missing(self) -> tuple[Gap, ...]:
         """Everything the MJCF does not state, in document order ("everything missing")."""

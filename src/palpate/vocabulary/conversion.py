@@ -54,6 +54,7 @@ class _Conversion(ConversionPrimitive):
         if found.verdict == "not identified":
             raise LeafFailure(f"{found.gap} is not identified: {found.method}")
         cell.recorder.conversions.append(conversion)
+        cell.state = replace(cell.state, scene=cell.scene.learned(found.gap, found.value))
         shown = ", ".join(f"{v:.4g} ± {s:.2g}" for v, s in zip(found.value, found.std, strict=True))
         return f"{subject} {quantity.label} {shown} {quantity.unit}"
 
