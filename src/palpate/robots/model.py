@@ -101,6 +101,7 @@ class NominalArm:
 
     def __init__(self, pose_world_base: Pose, gravity: Array) -> None:
         spec = robot_spec(gravity)
+        self._pose_world_base = pose_world_base
         base = spec.body("fr3_link0")
         base.pos, base.quat = pose_world_base.position, pose_world_base.quaternion
         for geom in list(spec.geoms):
@@ -136,11 +137,17 @@ class NominalArm:
             out[i, :3], out[i, 3:] = self._position, self._quaternion
         return out
 
-    def reach(self, goal: Pose, q: Array, posture: Array) -> Array:
-        """Configuration (7,) that puts the TCP at `goal` with the null space at rest near `posture`, searched from `q`.
+    def reach(self, goal: Pose, posture: Array) -> Array:
+        """Configuration (7,) that puts the TCP at `goal` with the null space at rest near `posture`, which is first
+        turned about the base towards the goal.
 
-        Where there is none it ends as near as the search came: it is a tendency, no promise of reachability.
+        It depends on nothing else, so the arm comes back to a pose with the elbow where it was before: a wrench's bias
+        is that of a configuration, not of a pose. Where there is none, the search ends as near as it came: it is a
+        tendency, no promise of reachability.
         """
+        ahead = self._pose_world_base.inverse().apply(goal.position)
+        posture = posture + np.arctan2(ahead[1], ahead[0]) * np.eye(7)[0]
+        q = posture
         for _ in range(SEARCH_STEPS):
             here = self.kinematics(q[None])
             jacobian: Array = here.jacobian[0]

@@ -129,7 +129,7 @@ class MujocoRobot:
         t, q = self._world.t, self._readout.q
         path = trajectory.straight(t, now, goal, rate, acceleration)
         resting = trajectory.Motion(q, np.zeros(7), np.zeros(7))
-        posture = trajectory.straight(t, resting, self._nominal.reach(target, q, POSTURE), rate, acceleration)
+        posture = trajectory.straight(t, resting, self._nominal.reach(target, POSTURE), rate, acceleration)
         self._follow_pose(trajectory.PosePath(path, origin), posture)
 
     def move_axis(self, direction: Array, speed: float, travel: float) -> None:
