@@ -6,7 +6,7 @@ estimate discharges it and the twin shows it.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 from palpate.errors import unknown_name
 
@@ -78,7 +78,7 @@ class Gap:
     """One unknown: a quantity of a named object of the scene."""
 
     object: str
-    quantity: str = field()
+    quantity: str
 
     def __str__(self) -> str:
         return f"{self.object}.{self.quantity}"

@@ -35,7 +35,7 @@ class Trial:
 
 @dataclass(frozen=True, slots=True)
 class Run:
-    """One seed: its trials, and how the run ended."""
+    """One seed: its trials (none of what was not identified), and how the run ended."""
 
     seed: int
     status: str
@@ -71,7 +71,7 @@ def run_seed(job: Job, seed: int) -> Run:
 
 def _trials(outcome: pipeline.Outcome, seed: int) -> Iterable[Trial]:
     for estimate in outcome.estimates:
-        truth = outcome.cell.truth(estimate.gap) if outcome.cell else None
+        truth = outcome.cell.truth(estimate.gap) if outcome.cell and estimate.value else None
         shot = estimate.components.get("single-shot")
         for i, true_value in enumerate(truth or ()):
             yield Trial(estimate.gap, i, seed, estimate.value[i], estimate.std[i], *estimate.ci95[i], true_value,

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from palpate.errors import PalpateError
 from palpate.estimation.estimate import Estimate
-from palpate.scene.scene import Scene, parse_scene
+from palpate.scene.scene import Scene, scene_from_text
 from palpate.trace import Trace
 from palpate.twin.inject import complete
 from palpate.twin.validate import Replay, Validation, validate
@@ -37,7 +37,7 @@ def build_twin(scene: Scene, estimates: Sequence[Estimate], trace: Trace, replay
     diff = "".join(difflib.unified_diff(scene.text.splitlines(keepends=True), text.splitlines(keepends=True),
                                         "scene.xml", "twin.xml"))
     try:
-        marks = validate(parse_scene(text, scene.source.document.folder), scene, trace, replay)
+        marks = validate(scene_from_text(text, scene), scene, trace, replay)
     except PalpateError as error:
         return Twin(text, diff, (*notes, f"the twin was not simulated: {error}"), None)
     return Twin(text, diff, tuple(notes), marks)

@@ -10,7 +10,7 @@ from pydantic import Field
 
 from palpate.errors import InputError
 from palpate.pose import Array, Pose
-from palpate.robots.kinematics import reachable
+from palpate.robots.kinematics import reachable, within_joint_limits
 from palpate.robots.safety import Expectation
 from palpate.vocabulary.primitive import Cell, LeafFailure, Primitive, Resource, Steps
 from palpate.vocabulary.state import SymbolicState
@@ -187,8 +187,6 @@ class MoveJoints(Primitive):
             target = self.target(state)
         except InputError as error:
             return [str(error)]
-        from palpate.robots.kinematics import within_joint_limits
-
         if not within_joint_limits(target):
             return [f"joint angles {np.round(target, 3).tolist()} rad are beyond the arm's limits; "
                     "use 'home_config'"]

@@ -11,13 +11,13 @@ from __future__ import annotations
 from collections.abc import Generator, Mapping
 from dataclasses import dataclass, field
 from functools import cache
-from importlib.metadata import entry_points
+from importlib.metadata import EntryPoint, entry_points
 from types import ModuleType
 from typing import Any, ClassVar, Literal
 
 from pydantic import BaseModel, ConfigDict
 
-from palpate.errors import unknown_name
+from palpate.errors import InputError, unknown_name
 from palpate.estimation.estimate import Estimate
 from palpate.quantities import QUANTITIES, Quantity
 from palpate.robots.robot import Robot
@@ -188,6 +188,9 @@ def vocabulary() -> Vocabulary:
     """Everything registered through the entry-point group `palpate.primitives`, palpate's own first.
 
     An entry point names a module; every public concrete `Primitive` in it is registered under its class name.
+
+    Raises:
+        InputError: an entry point's module cannot be loaded; the message names it.
     """
     from palpate.vocabulary import core
     from palpate.vocabulary.composites import COMPOSITES
@@ -195,15 +198,23 @@ def vocabulary() -> Vocabulary:
     found: dict[str, type[Primitive]] = _declared(core)
     for entry in sorted(entry_points(group="palpate.primitives"), key=lambda e: e.name):
         if entry.value != core.__name__:
-            found = {**_declared(entry.load()), **found}
+            found = {**_declared(_loaded(entry)), **found}
     for cls in found.values():
         if cls.measures is not None:
             QUANTITIES.setdefault(cls.measures.id, cls.measures)
     return Vocabulary(dict(sorted(found.items(), key=lambda item: _order(item[0], core))), COMPOSITES)
 
 
+def _loaded(entry: EntryPoint) -> ModuleType:
+    try:
+        return entry.load()
+    except Exception as error:
+        raise InputError(f"the primitives '{entry.name}' ({entry.value}) cannot be loaded: {type(error).__name__}: "
+                         f"{error}; repair or uninstall the package that brings them") from error
+
+
 def _declared(module: ModuleType) -> dict[str, type[Primitive]]:
-    names: list[str] = list(getattr(module, "__all__", vars(module)))
+    names: list[str] = getattr(module, "__all__", [name for name in vars(module) if not name.startswith("_")])
     candidates = [getattr(module, name) for name in names]
     return {c.__name__: c for c in candidates if isinstance(c, type) and issubclass(c, Primitive)
             and c not in (Primitive, ConversionPrimitive)}

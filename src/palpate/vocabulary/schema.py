@@ -10,7 +10,7 @@ from palpate.vocabulary.primitive import Primitive, Vocabulary
 def leaf_schema(cls: type[Primitive]) -> dict[str, Any]:
     """Schema of one primitive's node."""
     schema = cls.model_json_schema()
-    properties = {"type": {"const": cls.__name__}, **schema.get("properties", {})}
+    properties = {"type": {"const": cls.__name__}, "name": {"type": "string"}, **schema.get("properties", {})}
     return {"type": "object", "description": cls.summary(), "properties": properties,
             "required": ["type", *schema.get("required", [])], "additionalProperties": False}
 
