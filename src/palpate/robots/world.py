@@ -13,6 +13,7 @@ import numpy as np
 
 from palpate.errors import ExecutionAborted, InputError, unknown_name
 from palpate.pose import Array, Pose
+from palpate.robots.gripper import OPEN
 from palpate.robots.impedance import PREFIX, Actuators, equip
 from palpate.robots.model import ARM, FINGERS, robot_spec
 from palpate.robots.robot import HOME
@@ -28,8 +29,12 @@ BLOCK = 5
 PERIOD = BLOCK * TIMESTEP
 FRAME_PERIOD = 1.0 / 30.0
 """s between camera frames."""
-OPEN = 0.04
-"""m: each finger's way from the middle when open."""
+LEVEL = 0.01
+"""rad: how far gravity may lean."""
+_OFF = mujoco.mjtDisableBit
+NEEDED = (_OFF.mjDSBL_GRAVITY, _OFF.mjDSBL_CONTACT, _OFF.mjDSBL_CONSTRAINT, _OFF.mjDSBL_EQUALITY, _OFF.mjDSBL_LIMIT,
+          _OFF.mjDSBL_FRICTIONLOSS, _OFF.mjDSBL_ACTUATION, _OFF.mjDSBL_SPRING, _OFF.mjDSBL_DAMPER)
+"""What MuJoCo can leave out and a robot cannot."""
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Steps:
@@ -156,8 +161,9 @@ def _compile(spec: mujoco.MjSpec, pose_world_base: Pose, kinds: Imperfections,
     """The world with the robot in it.
 
     Raises:
-        InputError: MuJoCo does not accept the result.
+        InputError: MuJoCo does not accept the result, or the world's physics is none to weigh and touch in.
     """
+    _require_physics(spec)
     robot = robot_spec()
     perturb_links(robot, kinds, random)
     spec.option.timestep = TIMESTEP / SUBSTEPS
@@ -173,6 +179,17 @@ def _compile(spec: mujoco.MjSpec, pose_world_base: Pose, kinds: Imperfections,
         return spec.compile()
     except ValueError as error:
         raise InputError(f"the simulated world does not compile with the robot in it: {error}") from error
+
+
+def _require_physics(spec: mujoco.MjSpec) -> None:
+    x, y, z = spec.option.gravity
+    if z >= 0 or max(abs(x), abs(y)) > -LEVEL * z:
+        raise InputError(f"the world's gravity is ({x:g}, {y:g}, {z:g}) m/s²; it must point down, as in "
+                         '<option gravity="0 0 -9.81"/>: what is let go has to fall, and weighing needs a weight')
+    disabled = [flag.name.removeprefix("mjDSBL_").lower() for flag in NEEDED if spec.option.disableflags & int(flag)]
+    if disabled:
+        raise InputError(f"the world's <option><flag> disables {', '.join(disabled)}, without which nothing can be "
+                         "grasped and weighed; leave it enabled")
 
 
 def _run(first: int, count: int) -> slice:
