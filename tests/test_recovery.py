@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import ClassVar
 
 import numpy as np
@@ -13,9 +14,11 @@ from palpate.job import Job, OnFailure
 from palpate.planning.plan import Node, Plan
 from palpate.planning.symbolic import assemble
 from palpate.quantities import Gap
-from palpate.recovery import MAX_REPLANS, recover
+from palpate.recovery import MAX_REPLANS, failed_at, recover
 from palpate.rehearsal import rehearse
+from palpate.robots.model import HAND
 from palpate.scene.scene import Scene, parse_scene, rearranged
+from palpate.trace import Context, LeafRun, Samples, Trace
 from palpate.tree.runner import Execution, run
 from palpate.vocabulary.primitive import Cell, LeafFailure, Primitive, Steps, Vocabulary, vocabulary
 
@@ -97,6 +100,21 @@ def test_replanning_gets_over_bad_luck(scene: Scene) -> None:
     times = done.trace.samples.t
     assert np.all(np.diff(times) > 0)
     assert any(leaf.node.startswith("replan[1].tree") for leaf in done.trace.leaves)
+
+
+@pytest.mark.parametrize("attempt", ["", "replan[1]."])
+def test_the_failed_leaf_tells_its_object_whatever_it_is_called(scene: Scene, attempt: str) -> None:
+    way = Node("MovePose", (("pose", "wet_pose + z_offset"),), name="go and (gently) see")
+    plan = Plan(BOTH, Node("Sequence", (), (Node("OpenGripper"), way)), "")
+    failed = LeafRun(f"{attempt}tree.children[1]", "MovePose", way.name, 0.0, 1.0, "FAILURE", "blocked",
+                     Context("still"))
+    trace = Trace(Samples.empty(), (failed,), (), (), HAND)
+    assert failed_at(trace, plan, scene) == "wet"
+    later = replace(failed, node=f"{attempt}tree.children[0]", context=Context("still", at="dry_pose"))
+    assert failed_at(replace(trace, leaves=(failed, later)), plan, scene) == "dry"
+    held = replace(failed, context=Context("moving", at="dry_pose", holding="dry"))
+    assert failed_at(replace(trace, leaves=(held,)), plan, scene) == "dry"
+    assert failed_at(replace(trace, leaves=()), plan, scene) is None
 
 
 def test_rearranged_scene_moves_the_object_and_its_grasp(scene: Scene) -> None:

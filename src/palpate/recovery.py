@@ -34,18 +34,19 @@ MAX_REPLANS = 2
 
 def recover(first: Execution, plan: Plan, scene: Scene, robot: Robot, policy: OnFailure, run: Runner) -> Execution:
     """The execution with all further attempts that the policy allows joined to it."""
-    done, left_alone = first, set[str]()
+    done, now, left_alone = first, plan, set[str]()
     for attempt in range(len(scene.bodies) if policy == "skip" else MAX_REPLANS):
         if policy == "stop" or not resumable(done):
             break
         rest = remaining(plan.parameters, done.trace)
         if policy == "skip" and rest:
-            left_alone.add(failed_at(done.trace, scene) or rest[0].object)
+            left_alone.add(failed_at(done.trace, now, scene) or rest[0].object)
             rest = [gap for gap in rest if gap.object not in left_alone]
         again = replan(rest, rearranged(scene, done.final_state.not_restored()), f"{plan.planner}, {policy}")
         if again is None:
             break
-        done = joined(done, run(again[0], again[1], robot), attempt + 1)
+        now, around = again
+        done = joined(done, run(now, around, robot), attempt + 1)
     return done
 
 
@@ -61,18 +62,22 @@ def remaining(parameters: Sequence[Gap], trace: Trace) -> list[Gap]:
     return [gap for gap in parameters if gap not in made]
 
 
-def failed_at(trace: Trace, scene: Scene) -> str | None:
-    """The object or surface that the failed leaf worked on, by the symbolic state."""
+def failed_at(trace: Trace, plan: Plan, scene: Scene) -> str | None:
+    """The object or surface that the failed leaf of `plan`, the latest in the trace, worked on."""
     failed = next((leaf for leaf in reversed(trace.leaves) if leaf.status == "FAILURE"), None)
-    return _subject(failed, scene) if failed else None
-
-
-def _subject(leaf: LeafRun, scene: Scene) -> str | None:
-    context = leaf.context
-    if context is None or context.holding:
-        return context.holding if context else None
-    expression = leaf.label.partition("(")[2].rstrip(")") if leaf.primitive == "MovePose" else context.at
+    if failed is None or failed.context is None:
+        return None
+    if failed.context.holding:
+        return failed.context.holding
+    expression = _goal(failed, plan) or failed.context.at
     return scene.symbols.subject(expression) if expression and expression not in scene.symbols.configurations else None
+
+
+def _goal(leaf: LeafRun, plan: Plan) -> str | None:
+    """The pose expression that a MovePose was under way to."""
+    nodes = dict(plan.tree.walk()) if plan.tree else {}
+    node = nodes.get(leaf.node[leaf.node.find("tree"):])  # without the part that tells attempts apart
+    return dict(node.args).get("pose") if node else None
 
 
 def replan(gaps: Sequence[Gap], scene: Scene, planner: str) -> tuple[Plan, Scene] | None:
