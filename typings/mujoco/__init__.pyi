@@ -56,6 +56,17 @@ class mjtTrn(_Enum):
     mjTRN_JOINT: ClassVar[mjtTrn]
     mjTRN_SITE: ClassVar[mjtTrn]
 
+class mjtDisableBit(_Enum):
+    mjDSBL_CONSTRAINT: ClassVar[mjtDisableBit]
+    mjDSBL_EQUALITY: ClassVar[mjtDisableBit]
+    mjDSBL_FRICTIONLOSS: ClassVar[mjtDisableBit]
+    mjDSBL_LIMIT: ClassVar[mjtDisableBit]
+    mjDSBL_CONTACT: ClassVar[mjtDisableBit]
+    mjDSBL_SPRING: ClassVar[mjtDisableBit]
+    mjDSBL_DAMPER: ClassVar[mjtDisableBit]
+    mjDSBL_GRAVITY: ClassVar[mjtDisableBit]
+    mjDSBL_ACTUATION: ClassVar[mjtDisableBit]
+
 class mjtCtrlChart(_Enum):
     mjCHART_EXPMAP: ClassVar[mjtCtrlChart]
     mjCHART_QUAT: ClassVar[mjtCtrlChart]
@@ -110,6 +121,7 @@ class _MjModelBodyViews(_Named):
     iquat: _Doubles
     mass: _Doubles
     inertia: _Doubles
+    jntadr: _Ints
 
 class _MjModelJointViews(_Named):
     qposadr: _Ints
@@ -150,6 +162,7 @@ class MjModel:
     body_subtreemass: _Doubles
     body_inertia: _Doubles
     jnt_type: _Ints
+    jnt_qposadr: _Ints
     jnt_range: _Doubles
     dof_armature: _Doubles
     geom_type: _Ints
@@ -249,6 +262,7 @@ class _SpecOption:
     integrator: int
     cone: int
     impratio: float
+    disableflags: int
 
 class _SpecElement:
     name: str

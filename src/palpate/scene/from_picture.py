@@ -37,7 +37,7 @@ THICKNESS = 0.02
 RIM = 0.03
 """m: how far a plane reaches, at least, beyond what stands on it."""
 
-_CIRCLE = np.linspace(0, 2 * np.pi, 32, endpoint=False)
+_CIRCLE = np.linspace(0, 2 * np.pi, 96, endpoint=False)
 _RING = np.column_stack([np.cos(_CIRCLE), np.sin(_CIRCLE)])
 _SQUARE = np.array([[1.0, 1.0], [1.0, -1.0], [-1.0, -1.0], [-1.0, 1.0]])
 
