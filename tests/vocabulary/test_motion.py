@@ -1,0 +1,131 @@
+"""Motions: what they need, what they change, and that the arm does it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from palpate.robots.robot import HOME
+from palpate.vocabulary.motion import CONTACT_FORCE, POSITION_TOLERANCE, PROBE_TRAVEL, clear_of_support
+
+LIFT, AT = ("MovePose", "cup_pose + z_offset"), ("MovePose", "cup_pose")
+TO_TABLE = ("MovePose", "table_approach")
+
+
+def test_move_pose_names_what_it_cannot_read_or_reach(start, make) -> None:
+    assert "unknown pose 'teapot_pose'" in make("MovePose", pose="teapot_pose").requires(start)[0]
+    assert "unknown offset 'w'" in make("MovePose", pose="cup_pose + w").requires(start)[0]
+    (far,) = make("MovePose", pose="cup_pose + 200*x_offset").requires(start)
+    assert "is out of the arm's reach" in far
+
+
+def test_move_pose_arrives_where_its_expression_says(start, make, after) -> None:
+    state = after(start, LIFT)
+    assert state.at == "cup_pose + z_offset"
+    assert state.pose_world_tcp.distance_to(start.scene.symbols.resolve("cup_pose + z_offset")) == 0
+    assert (state.activity, state.holding, state.moved) == ("still", None, {})
+    assert make("MovePose", pose="cup_pose").during(state).activity == "moving"
+
+
+def test_lifting_carries_the_object_and_setting_down_restores_it(start, after, reached) -> None:
+    held = after(start, *reached, "CloseGripper")
+    assert not held.lifted
+    up = after(held, LIFT)
+    height = start.scene.symbols.resolve("cup_pose + z_offset").position[2] - \
+        start.scene.symbols.resolve("cup_pose").position[2]
+    assert up.lifted
+    assert up.pose_of("cup").position == pytest.approx(start.pose_of("cup").position + np.array([0, 0, height]))
+    assert up.activity == "still"
+    down = after(up, AT)
+    assert not down.lifted
+    assert down.activity == "contact"
+    assert down.not_restored() == {}
+
+
+def test_sideways_on_the_support_is_a_slide_and_in_the_air_is_not(start, make, after, reached) -> None:
+    held = after(start, *reached, "CloseGripper")
+    side = make("MovePose", pose="cup_pose + x_offset")
+    assert side.slides(held)
+    assert side.during(held).activity == "sliding"
+    assert side.effects(held).not_restored().keys() == {"cup"}
+    assert not make("MovePose", pose="cup_pose + z_offset").slides(held)
+    up = after(held, LIFT)
+    assert not make("MovePose", pose="cup_pose + z_offset + x_offset").slides(up)
+    assert not side.slides(start)
+
+
+def test_clear_of_support_takes_five_millimetres(start) -> None:
+    held, at = replace(start, holding="cup"), start.pose_of("cup")
+    assert not clear_of_support(held, "cup", at.translated((0, 0, 0.004)))
+    assert clear_of_support(held, "cup", at.translated((0, 0, 0.006)))
+
+
+@pytest.mark.parametrize(("joints", "problem"), [
+    ("elsewhere", "unknown joint configuration 'elsewhere'"),
+    ([0.0, 1.0], "needs 7 angles, not 2"),
+    ([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0], "beyond the arm's limits"),
+])
+def test_move_joints_refuses(start, make, joints, problem: str) -> None:
+    assert problem in make("MoveJoints", joints=joints).requires(start)[0]
+
+
+def test_move_joints_leaves_no_pose_and_no_contact(start, make, after) -> None:
+    touching = after(start, TO_TABLE, ("MoveUntilContact", "-z"))
+    state = after(touching, ("MoveJoints", "home_config"))
+    assert (state.at, state.pose_world_tcp, state.contact, state.activity) == ("home_config", None, None, "still")
+    assert make("MoveJoints", joints=list(HOME)).effects(touching).at is None
+    assert make("MoveJoints", joints=list(HOME)).during(touching).contact is None
+
+
+def test_move_joints_does_not_drag(start, make, after, reached) -> None:
+    held = after(start, *reached, "CloseGripper")
+    assert "stands on its support" in make("MoveJoints", joints="home_config").requires(held)[0]
+    assert make("MoveJoints", joints="home_config").requires(after(held, LIFT)) == []
+
+
+def test_a_probe_needs_a_place_a_surface_and_empty_fingers(start, make, after, reached) -> None:
+    down = make("MoveUntilContact", axis="-z")
+    assert "not at a known pose" in down.requires(start)[0]
+    beside = replace(start, at="nowhere", pose_world_tcp=start.scene.symbols.resolve("cup_pose").translated((2, 0, 0)))
+    assert "nothing is below 'nowhere'" in down.requires(beside)[0]
+    assert make("MoveUntilContact", axis="+x").requires(beside) == []
+    assert "'cup' is in the gripper" in down.requires(after(start, *reached, "CloseGripper", LIFT))[0]
+    touching = after(start, TO_TABLE, ("MoveUntilContact", "-z"))
+    assert touching.context().support == "table"
+    assert "already in contact with 'table'" in down.requires(touching)[0]
+
+
+def test_a_sideways_probe_touches_nothing_that_has_a_height(start, after) -> None:
+    state = after(start, TO_TABLE, ("MoveUntilContact", "+x"))
+    assert (state.contact, state.activity) == (None, "contact")
+
+
+def test_the_arm_goes_home_and_to_the_pose_and_settles(perform, scene) -> None:
+    done = perform(LIFT, ("MoveJoints", "home_config"), LIFT)
+    assert done.execution.status == "complete"
+    goal = scene.symbols.resolve("cup_pose + z_offset")
+    assert done.robot.world.true_tcp().distance_to(goal) < 5e-4 < POSITION_TOLERANCE
+    samples = done.execution.trace.samples
+    home = done.execution.trace.leaf_runs("MoveJoints")[0].end
+    assert samples.between(home - 0.01, home).q[-1] == pytest.approx(np.array(HOME), abs=2e-3)
+    rest = samples.between(samples.t[-1] - 0.3, samples.t[-1])
+    assert np.abs(rest.twist).max() < 3e-3
+
+
+def test_a_probe_stops_at_its_threshold_on_the_surface(perform) -> None:
+    done = perform("OpenGripper", TO_TABLE, ("MoveUntilContact", "-z"))
+    assert done.execution.status == "complete"
+    pressed = -done.execution.trace.samples.wrench[:, 2]
+    assert CONTACT_FORCE < pressed.max() < done.robot.limits.force_max
+    assert 2.0 < pressed[-60:].min() <= pressed[-60:].max() < CONTACT_FORCE, "it stays in contact"
+    tip = done.robot.world.true_tcp().position[2] - done.robot.hand.tip_offset
+    assert tip == pytest.approx(0.0, abs=2e-4)
+    assert done.execution.final_state.contact == "table"
+
+
+def test_a_probe_that_meets_nothing_fails_at_its_travel_limit(perform) -> None:
+    from_above = perform(TO_TABLE, ("MoveUntilContact", "+z"))
+    assert from_above.execution.status == "stopped"
+    assert f"nothing touched within {PROBE_TRAVEL:.2f} m along +z" in from_above.execution.stopped_by
