@@ -89,10 +89,9 @@ def take_pictures(outcome: Outcome) -> Pictures:
         return Pictures(workspace)
     names = tuple(outcome.scene.bodies)
     before = outcome.scene.spec()
-    if outcome.twin is None or outcome.footage is None:
+    if outcome.twin is None or outcome.twin.scene is None or outcome.footage is None:
         return Pictures(workspace or render_scene(before, names))
-    found = {e.gap: e.value for e in outcome.estimates if e.verdict != "not identified"}
-    pair = render_before_after(before, outcome.scene.spec(found), names)
+    pair = render_before_after(before, outcome.twin.scene.spec(), names)
     t, qpos = frames_of(outcome.footage.frames)
     workspace = workspace or render_moment(outcome.footage.model, qpos[0])
     moving = film(outcome.footage.model, t, qpos, outcome.execution.trace if outcome.execution else None)

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 
 from palpate.errors import PalpateError
 from palpate.estimation.estimate import Estimate
-from palpate.scene.scene import Scene, scene_from_text
+from palpate.pose import Pose
+from palpate.scene.scene import Scene, rearranged, scene_from_text
 from palpate.trace import Trace
 from palpate.twin.inject import complete
 from palpate.twin.validate import Replay, Validation, validate
@@ -22,12 +23,14 @@ class Twin:
         text: MJCF. diff: unified diff from the user's file.
         notes: remarks, e.g. which unknowns nobody asked for and hence hold a prior.
         validation: None when the twin could not be simulated; `notes` then says why.
+        scene: the twin read back, with the poses that came with the user's scene; None likewise.
     """
 
     text: str
     diff: str
     notes: tuple[str, ...]
     validation: Validation | None
+    scene: Scene | None = None
 
 
 def build_twin(scene: Scene, estimates: Sequence[Estimate], trace: Trace, replay: Replay) -> Twin:
@@ -37,7 +40,19 @@ def build_twin(scene: Scene, estimates: Sequence[Estimate], trace: Trace, replay
     diff = "".join(difflib.unified_diff(scene.text.splitlines(keepends=True), text.splitlines(keepends=True),
                                         "scene.xml", "twin.xml"))
     try:
-        marks = validate(scene_from_text(text, scene), scene, trace, replay)
+        twin = scene_from_text(text, _with_measured_positions(scene, identified))
+        marks = validate(twin, scene, trace, replay)
     except PalpateError as error:
         return Twin(text, diff, (*notes, f"the twin was not simulated: {error}"), None)
-    return Twin(text, diff, tuple(notes), marks)
+    return Twin(text, diff, tuple(notes), marks, twin)
+
+
+def _with_measured_positions(scene: Scene, estimates: Sequence[Estimate]) -> Scene:
+    """The scene whose poses, which overrule the MJCF's, do not overrule what was measured."""
+    placed = {e.gap.object: _placed(scene.body(e.gap.object).pose_world, e.value)
+              for e in estimates if e.gap.quantity == "position"}
+    return rearranged(scene, placed) if placed else scene
+
+
+def _placed(pose_world: Pose, position: tuple[float, ...]) -> Pose:
+    return Pose.of((*position, pose_world.position[2]), pose_world.quaternion)
