@@ -50,7 +50,7 @@ class Job:
     asking: Asking = field(default_factory=Asking)
 
     def checked(self) -> Job:
-        """This job, its request stripped.
+        """This job, once nothing is found wrong with it.
 
         Raises:
             InputError: nothing asked, or a value out of range.

@@ -26,7 +26,7 @@ def new_folder(path: Path) -> Generator[Path]:
     """A scratch folder beside `path` that becomes `path` when the block ends well, and is removed when it does not.
 
     Raises:
-        InputError: `path` exists or cannot be made.
+        InputError: `path` exists or cannot be made; or it came into being meanwhile, then the scratch folder is kept.
     """
     if path.exists():
         raise InputError(f"'{path}' exists already: choose another --out, nothing is overwritten")
@@ -37,10 +37,15 @@ def new_folder(path: Path) -> Generator[Path]:
         raise InputError(f"cannot write '{path}': {error.strerror}") from error
     try:
         yield scratch
-        scratch.chmod(0o755)
-        scratch.rename(path)
-    finally:
+    except BaseException:
         shutil.rmtree(scratch, ignore_errors=True)
+        raise
+    scratch.chmod(0o755)
+    try:
+        scratch.rename(path)
+    except OSError as error:
+        raise InputError(f"'{path}' cannot be made any more ({error.strerror}); the run is kept in '{scratch}'"
+                         ) from error
 
 
 def write_json(path: Path, content: Any) -> None:
