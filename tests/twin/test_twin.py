@@ -1,0 +1,77 @@
+"""The finished twin: text, diff, notes, marks."""
+
+from __future__ import annotations
+
+import pytest
+
+from palpate.estimation.estimate import Estimate, not_identified
+from palpate.quantities import Gap
+from palpate.scene.scene import Scene, parse_scene
+from palpate.trace import Hand, Samples, Trace
+from palpate.twin.twin import Twin, build_twin
+
+NOTHING = Trace(Samples.empty(), (), (), (), Hand(0.009, 0.05, 0.15, 0.01, 1e-4))
+SCENE = """<mujoco>
+  <worldbody>
+    <body name="table" pos="0.5 0 -0.02"><geom type="box" size=".3 .3 .02" friction="0.6"/></body>
+    <!-- mine -->
+    <body name="cup" pos="{pos}"><freejoint/><geom type="box" size=".03 .02 .05" friction="0.5"/></body>
+  </worldbody>
+</mujoco>
+"""
+POSES = "objects:\n  cup: {pos: [0.45, 0.10, 0.05]}\n"
+
+
+def scene(pos: str = "0.5 0 0.05", poses: str | None = None) -> Scene:
+    return parse_scene(SCENE.format(pos=pos), poses=poses)
+
+
+def estimate(gap: Gap, *value: float) -> Estimate:
+    return Estimate(gap, value, (1e-3,) * len(value), tuple((v - 2e-3, v + 2e-3) for v in value), "measured", ())
+
+
+def build(scene: Scene, *estimates: Estimate) -> Twin:
+    return build_twin(scene, estimates, NOTHING, lambda spec: NOTHING)
+
+
+MASS = estimate(Gap("cup", "mass"), 0.2541)
+
+
+def test_only_the_gap_is_closed() -> None:
+    twin = build(scene(), MASS)
+    kept = [line for line in SCENE.format(pos="0.5 0 0.05").splitlines() if "cup" not in line]
+    assert [line for line in twin.text.splitlines() if line in kept] == kept
+    assert parse_scene(twin.text).body("cup").known["mass"] == (0.2541,)
+    assert twin.diff.startswith("--- scene.xml\n+++ twin.xml\n")
+    assert '+    <body name="cup"' in twin.diff
+    assert twin.notes == ()
+    assert twin.validation is not None
+    assert twin.validation.settled
+
+
+def test_what_is_not_identified_stays_open() -> None:
+    twin = build(scene(), not_identified(Gap("cup", "mass"), "It slipped."))
+    assert twin.text == SCENE.format(pos="0.5 0 0.05")
+    assert twin.diff == ""
+
+
+def test_the_poses_that_came_with_the_scene_hold_for_the_twin() -> None:
+    twin = build(scene(poses=POSES), MASS)
+    assert twin.scene is not None
+    assert twin.scene.body("cup").pose_world.position == pytest.approx([0.45, 0.10, 0.05])
+    assert parse_scene(twin.text).body("cup").pose_world.position == pytest.approx([0.5, 0, 0.05])
+
+
+def test_a_measured_position_overrules_the_poses_that_came_with_the_scene() -> None:
+    twin = build(scene(pos="? ? 0.05", poses=POSES), MASS, estimate(Gap("cup", "position"), 0.461, 0.093))
+    assert twin.scene is not None
+    for read in (twin.scene, parse_scene(twin.text)):
+        assert read.body("cup").pose_world.position == pytest.approx([0.461, 0.093, 0.05])
+
+
+def test_a_quantity_of_the_gripper_is_noted_and_not_written() -> None:
+    twin = build(scene(), MASS, estimate(Gap("gripper", "velocity"), 0.1, 0.0, 0.2))
+    (note,) = twin.notes
+    assert note.startswith("gripper.velocity is not in the twin")
+    assert "velocity" not in twin.text
+    assert twin.scene is not None
