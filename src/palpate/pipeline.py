@@ -73,9 +73,9 @@ class Outcome:
 
     @property
     def status(self) -> Status:
-        """`complete` when every promised parameter is estimated."""
+        """`complete` when every promised parameter is estimated, or nothing is missing."""
         if self.execution is None:
-            return "rejected"
+            return "complete" if self.plan.satisfied else "rejected"
         if self.execution.status == "stopped":
             return "aborted"
         found = {e.gap for e in self.estimates if e.verdict != "not identified"}

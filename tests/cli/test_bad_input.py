@@ -156,3 +156,21 @@ def test_wrong_option_is_a_usage_error(palpate: Palpate) -> None:
     answer = palpate("gap", "--sideways")
     assert answer.status == 2
     assert "--sideways" in answer.err
+
+
+def test_what_is_known_is_not_measured_and_that_is_no_failure(palpate: Palpate, scene: SceneMaker) -> None:
+    file = scene(cube("mug", mass='mass="0.3"'))
+    answer = palpate("run", "-r", "the mass of the mug", "--scene", file, "--out", "out", "--json")
+    result = json.loads(answer.out)
+    assert answer.status == 0
+    assert result["status"] == "complete"
+    assert result["parameters"] == []
+    assert result["execution"] is None
+    assert "0.3 kg" in result["plan"]["notes"][0]
+
+
+def test_remeasure_measures_what_is_known(palpate: Palpate, scene: SceneMaker) -> None:
+    file = scene(cube("mug", mass='mass="0.3"'))
+    answer = palpate("plan", "-r", "the mass of the mug", "--scene", file, "--remeasure", "--json")
+    assert answer.status == 0
+    assert json.loads(answer.out)["parameters"] == [{"object": "mug", "quantity": "mass"}]

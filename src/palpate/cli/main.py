@@ -168,7 +168,8 @@ def plan(request: Request = None, scene: SceneFile = None, image: Images = None,
     job = _job({**locals(), "out": None}).checked()
     outcome = pipeline.think(job, pipeline.look(job))
     show_plan(outcome, as_json, out)
-    raise typer.Exit(3 if outcome.plan.tree is None or outcome.findings else 0)
+    ready = outcome.plan.satisfied or outcome.plan.tree is not None and not outcome.findings
+    raise typer.Exit(0 if ready else 3)
 
 
 @app.command()

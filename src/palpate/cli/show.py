@@ -48,6 +48,8 @@ def show_outcome(outcome: Outcome, as_json: bool) -> None:
         return
     if outcome.status == "rejected":
         _show_rejection(outcome)
+    elif outcome.execution is None:
+        out.print("[bold green]nothing is missing[/]")
     else:
         _show_estimates(outcome)
     for note in outcome.plan.notes:

@@ -54,6 +54,8 @@ class Plan:
     planner: str = ""
     notes: tuple[str, ...] = ()
     """Remarks for the result, e.g. that a requested quantity is known already."""
+    satisfied: bool = False
+    """There is no tree because nothing is missing: all that was asked is known."""
 
     @property
     def actions(self) -> int:

@@ -61,7 +61,8 @@ class SymbolicPlanner:
         notes = tuple(_known_note(gap, scene) for gap in known)
         sentences = [*asked.remarks, *_explained(made), *notes, *made.failed, *cannot]
         return Plan(made.measured, made.tree, " ".join(sentences) or "Nothing is missing.", self.name,
-                    (*notes, *made.failed, *(cannot if made.measured else ())))
+                    (*notes, *made.failed, *(cannot if made.measured else ())),
+                    satisfied=not (wanted or cannot or made.failed))
 
 
 def requested(request: str | None, scene: Scene, remeasure: bool = False) -> tuple[Gap, ...] | None:

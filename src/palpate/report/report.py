@@ -60,6 +60,8 @@ def _verdict_line(data: ReportData) -> str:
     wanted = max(len(data.plan.parameters), len(data.measured))
     if data.status == "rejected":
         return "The arm did not move."
+    if data.plan.satisfied:
+        return "Nothing is missing: the arm did not move."
     if data.status == "aborted":
         return data.stopped_by or "The robot stopped before the plan was finished."
     return f"{found} of {wanted} unknown{'s' if wanted != 1 else ''} measured."
