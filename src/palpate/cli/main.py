@@ -168,7 +168,7 @@ def plan(request: Request = None, scene: SceneFile = None, image: Images = None,
     job = _job({**locals(), "out": None}).checked()
     outcome = pipeline.think(job, pipeline.look(job))
     show_plan(outcome, as_json, out)
-    ready = outcome.plan.satisfied or outcome.plan.tree is not None and not outcome.findings
+    ready = outcome.plan.satisfied or (outcome.plan.tree is not None and not outcome.findings)
     raise typer.Exit(0 if ready else 3)
 
 

@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import os
+from collections import Counter
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from statistics import fmean
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
 
 if TYPE_CHECKING:
-    from palpate.studies.accuracy import Summary
+    from palpate.studies.accuracy import Run, Summary
     from palpate.studies.attempt import Settings
     from palpate.studies.efficiency import Comparison
     from palpate.studies.trials import Rate, Record, Row
@@ -37,29 +40,28 @@ Dollars = Annotated[float, typer.Option("--budget-dollars", min=0, help="Most th
 
 
 @app.command()
-def accuracy(scenario: Annotated[str, typer.Argument()] = "bottle_and_table", noise: Noise = "lab",
+def accuracy(names: Annotated[list[str] | None, typer.Argument(metavar="[SCENARIO]...")] = None, noise: Noise = "lab",
              seeds: Annotated[int, typer.Option("--seeds", min=1)] = 20, workers: Workers = CORES,
+             every: Annotated[bool, typer.Option("--all", help="Every scenario that the planner completes.")] = False,
              as_json: AsJson = False) -> None:
-    """Repeat a scenario over many seeds, against the hidden truth."""
+    """Repeat scenarios over many seeds, against the hidden truth."""
     from palpate.scenarios.catalogue import scenario as find
     from palpate.studies.accuracy import accuracy as run_accuracy
-    from palpate.studies.accuracy import summarise
+    from palpate.studies.efficiency import comparable
 
-    runs = run_accuracy(find(scenario).job(noise=noise).checked(), range(seeds), workers)
-    _show_summaries(summarise(runs), f"{scenario}, --noise {noise}, {seeds} seeds", as_json)
+    chosen = comparable() if every else names or ["bottle_and_table"]
+    jobs = {name: find(name).job(noise=noise).checked() for name in chosen}
+    runs = {name: run_accuracy(job, range(seeds), workers) for name, job in jobs.items()}
+    _show_runs(runs, f"--noise {noise}", as_json)
 
 
 @app.command()
 def variety(noise: Noise = "lab", seed: Annotated[int, typer.Option("--seed", min=0)] = 0,
             workers: Workers = CORES, as_json: AsJson = False) -> None:
     """Ten scenes of other objects, heights and gaps, one run each."""
-    from palpate.studies.accuracy import summarise
     from palpate.studies.variety import run_all
 
-    runs = run_all(noise, seed, workers)
-    for name, run in runs.items():
-        _show_summaries(summarise([run]), f"{name}: {run.status}, {run.actions} actions, {run.robot_seconds:.1f} s",
-                        as_json)
+    _show_runs({name: [run] for name, run in run_all(noise, seed, workers).items()}, f"--noise {noise}", as_json)
 
 
 @app.command()
@@ -177,21 +179,43 @@ def _grid(*headings: str) -> Table:
     return grid
 
 
-def _show_summaries(rows: list[Summary], title: str, as_json: bool) -> None:
-    from palpate.cli.show import out, print_json
+def _show_runs(runs: dict[str, list[Run]], title: str, as_json: bool) -> None:
+    from palpate.cli.show import print_json
+    from palpate.studies.accuracy import summarise
 
     if as_json:
-        print_json({"title": title, "rows": [asdict(r) for r in rows]})
+        print_json({"title": title, "scenarios": [_runs_json(name, found) for name, found in runs.items()]})
         return
     table = Table(title=title, title_justify="left", box=None, header_style="dim", pad_edge=False)
-    for heading in ("parameter", "truth", "mean", "bias", "SD", "claimed std", "95 % covers", "single-shot SD"):
-        table.add_column(heading, justify="left" if heading == "parameter" else "right")
-    for r in rows:
-        name = str(r.gap) + (f"[{r.component}]" if r.component else "")
-        shot = f"{r.single_shot_sd:.4g}" if r.single_shot_sd is not None else "–"
-        table.add_row(name, f"{r.truth:.5g}", f"{r.mean:.5g}", f"{r.bias:+.3g}", f"{r.sd:.3g}", f"{r.claimed:.3g}",
-                      f"{r.covered}/{r.runs}", shot)
-    out.print(table)
+    for heading in ("parameter", "truth", "mean", "bias", "SD", "stated", "in 95 %", "1-shot SD"):
+        table.add_column(heading, justify="left" if heading == "parameter" else "right", no_wrap=True)
+    for name, found in runs.items():
+        table.add_row(f"[bold]{name}[/]")
+        for row in summarise(found):
+            table.add_row(*_summary_cells(row))
+        table.add_row(f"[dim]{_endings(found)}[/]")
+    Console(highlight=False, width=TABLE_WIDTH).print(table)
+
+
+def _summary_cells(row: Summary) -> list[str]:
+    name = f"  {row.gap}" + (f"[{row.component}]" if row.component else "")
+    shot = f"{row.single_shot_sd:.3g}" if row.single_shot_sd is not None else "–"
+    return [escape(name), f"{row.truth:.4g}", f"{row.mean:.4g}", f"{row.bias:+.2g}", f"{row.sd:.2g}",
+            f"{row.claimed:.2g}", f"{row.covered}/{row.runs}", shot]
+
+
+def _endings(runs: list[Run]) -> str:
+    """How the runs ended, and what they took."""
+    counts = Counter(run.status for run in runs)
+    ended = ", ".join(f"{n} {status}" for status, n in counts.items())
+    return f"  {ended}; {runs[0].actions} actions, {fmean(r.robot_seconds for r in runs):.1f} s"
+
+
+def _runs_json(name: str, runs: list[Run]) -> dict[str, Any]:
+    from palpate.studies.accuracy import summarise
+
+    return {"scenario": name, "statuses": dict(Counter(run.status for run in runs)), "actions": runs[0].actions,
+            "robot_seconds": fmean(r.robot_seconds for r in runs), "rows": [asdict(r) for r in summarise(runs)]}
 
 
 def _plot_comparisons(file: Path, rows: list[Comparison], paper: tuple[int, float, int, float]) -> None:
