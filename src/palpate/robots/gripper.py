@@ -58,8 +58,11 @@ class Gripper:
         return np.maximum(self._from - way, self._goal)
 
     def observe(self, t: float, fingers: Sequence[float], speeds: Sequence[float]) -> None:
-        """Take note of the fingers' two ways from the middle, m, and their speeds, m/s."""
-        self.width = sum(fingers)
+        """Take note of the fingers' two ways from the middle, m, and their speeds, m/s.
+
+        Fingers that touch are closed, however much the end stops give under the drive.
+        """
+        self.width = max(0.0, sum(fingers))
         if not self.moving:
             return
         if max(map(abs, speeds)) > STANDSTILL or not self._pressed(t):
