@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from palpate.cli.main import main
+from palpate.rendering import gl_available
 
 TABLE = """<mujoco model="cell">
   <worldbody>
@@ -42,6 +43,7 @@ def palpate(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str],
     monkeypatch.setenv("MUJOCO_GL", "disable")
 
     def call(*args: object) -> Answer:
+        gl_available.cache_clear()  # the probe's answer belongs to the environment of this call
         monkeypatch.setattr(sys, "argv", ["palpate", *map(str, args)])
         try:
             main()
