@@ -41,6 +41,7 @@ def live_view() -> Generator[tuple[Observer, Callable[[str], None]]]:
 
 def show_outcome(outcome: Outcome, as_json: bool) -> None:
     """The result: values with error bars, and where the files are."""
+    from palpate.rendering import gl_available
     from palpate.report.result import result_json
 
     if as_json:
@@ -57,6 +58,9 @@ def show_outcome(outcome: Outcome, as_json: bool) -> None:
     out.print(f"[dim]run folder[/]  {outcome.folder}", soft_wrap=True)
     if outcome.folder:
         out.print(f"[dim]report[/]      {outcome.folder / 'report.html'}", soft_wrap=True)
+    pictures, remedy = gl_available()
+    if not pictures:
+        out.print(f"[dim]no pictures[/] {escape(remedy)}", soft_wrap=True)
 
 
 def escape(text: str) -> str:

@@ -19,7 +19,7 @@ FREE_FORCE = 25.0
 up to 16 N at 0.25 m/s and 1 m/s^2; ISO/TS 15066 allows 65 N on the most sensitive part of the body, the face."""
 
 OVERLOAD = 14.0
-"""N above the payload's weight, for the inertia of load and arm: taking up 2.8 kg at 0.25 m/s reads up to 13 N of it."""
+"""N above the payload's weight, for the inertia of load and arm: taking up 2.8 kg at 0.25 m/s reads up to 13 N."""
 
 ORIGIN = Pose.of((0.0, 0.0, 0.0))
 
