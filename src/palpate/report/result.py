@@ -22,7 +22,7 @@ def result_json(outcome: Outcome, folder: Path | None) -> dict[str, Any]:
         "status": outcome.status,
         "request": outcome.job.request,
         "parameters": [parameter_json(e) for e in outcome.estimates],
-        "plan": {"planner": outcome.plan.planner, "actions": planned_actions(outcome),
+        "plan": {"planner": outcome.plan.planner, "actions": outcome.plan.actions,
                  "explanation": outcome.plan.explanation, "notes": list(outcome.plan.notes),
                  "findings": [{"path": f.path, "rule": f.rule, "message": f.message} for f in outcome.findings]},
         "rehearsal": asdict(outcome.rehearsal) if outcome.rehearsal else None,
@@ -42,11 +42,10 @@ def plan_text(outcome: Outcome) -> str:
 
 
 def parameter_json(estimate: Estimate) -> dict[str, Any]:
-    """One estimate; scalars for quantities of one component, lists for the others."""
-    scalar = len(estimate.value) == 1
+    """One estimate; scalars for quantities of one component, lists for the others, null where nothing is known."""
 
     def shape(values: tuple[Any, ...]) -> Any:
-        return values[0] if scalar else list(values)
+        return values[0] if len(values) == 1 else list(values) or None
 
     return {
         "object": estimate.gap.object, "quantity": estimate.gap.quantity, "value": shape(estimate.value),
@@ -55,12 +54,6 @@ def parameter_json(estimate: Estimate) -> dict[str, Any]:
         "verdict": estimate.verdict,
         "components": {name: {"value": v, "std": s} for name, (v, s) in estimate.components.items()},
     }
-
-
-def planned_actions(outcome: Outcome) -> int:
-    """Number of leaves in the plan."""
-    tree = outcome.plan.tree
-    return sum(not node.children for _, node in tree.walk()) if tree else 0
 
 
 def _execution_json(outcome: Outcome) -> dict[str, Any] | None:

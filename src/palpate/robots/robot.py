@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from palpate.pose import Array, Pose
 from palpate.trace import Hand, Samples
@@ -76,14 +75,6 @@ class RobotState:
     gripping: bool
     moving: bool
     gripper_moving: bool
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class CameraFrame:
-    """One camera image: stamp in robot time (s) and RGB pixels (height, width, 3) uint8."""
-
-    t: float
-    pixels: NDArray[np.uint8]
 
 
 class Robot(Protocol):

@@ -155,11 +155,6 @@ class PosePath:
                       np.concatenate([now.a[:3], zero]))
 
 
-def still_pose(t: float, pose: Pose) -> PosePath:
-    """Standing at `pose`."""
-    return PosePath(still(t, np.concatenate([pose.position, np.zeros(3)])), pose.quaternion)
-
-
 def rotation_vector(start: Array, goal: Array) -> Array:
     """(3,) rad, in the frame of `start`, of the shortest turn from one quaternion to another."""
     out = np.empty(3)

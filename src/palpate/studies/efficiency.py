@@ -22,8 +22,9 @@ class Comparison:
 
     @property
     def time_saved(self) -> float:
-        """Fraction of robot time that intent saves."""
-        return 1.0 - self.intent.robot_seconds / self.exhaustive.robot_seconds
+        """Fraction of robot time that intent saves, 0 where nothing was moved."""
+        whole = self.exhaustive.robot_seconds
+        return 1.0 - self.intent.robot_seconds / whole if whole else 0.0
 
 
 def comparable() -> list[str]:
