@@ -9,6 +9,8 @@ from typing import Any, ClassVar
 
 import numpy as np
 import pytest
+from py_trees.behaviour import Behaviour
+from py_trees.common import Status
 
 from palpate.planning.plan import Node, Plan
 from palpate.pose import Pose
@@ -27,6 +29,10 @@ LIMITS = Limits(
 
 STIFFNESS = 2000.0
 """N/m of the support under a held object."""
+
+
+TICK = 0.02
+"""s of robot time between two ticks."""
 
 
 class StandIn:
@@ -114,6 +120,16 @@ class StandIn:
 
     def close(self) -> None:
         self.calls.append(("close", None))
+
+
+def tick(root: Behaviour, robot: StandIn, times: int = 1) -> Status:
+    """Let time pass and tick, at most `times` times, until the leaf or tree has ended."""
+    for _ in range(times):
+        robot.advance(TICK)
+        root.tick_once()
+        if root.status is not Status.RUNNING:
+            break
+    return root.status
 
 
 class Wait(Primitive):

@@ -9,16 +9,11 @@ from palpate.errors import InputError
 from palpate.planning.plan import Node
 from palpate.tree.build import build, leaves
 
-TICK = 0.02
+from .conftest import TICK, tick
 
 
-def run(root, robot, times=200):
-    for _ in range(times):
-        robot.advance(TICK)
-        root.tick_once()
-        if root.status is not Status.RUNNING:
-            break
-    return root.status
+def run(root, robot):
+    return tick(root, robot, 200)
 
 
 def test_a_sequence_remembers_where_it_is(node, words, cell, robot):

@@ -13,16 +13,7 @@ from palpate.trace import Context
 from palpate.tree.leaf import PrimitiveLeaf, merged
 from palpate.vocabulary.state import SymbolicState
 
-TICK = 0.02
-
-
-def tick(leaf, robot, times=1):
-    for _ in range(times):
-        robot.advance(TICK)
-        leaf.tick_once()
-        if leaf.status is not Status.RUNNING:
-            break
-    return leaf.status
+from .conftest import TICK, tick
 
 
 def make(words, cell, kind, **args):

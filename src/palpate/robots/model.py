@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
 
 import mujoco
 import numpy as np
 from scipy.linalg.lapack import dposv
 
 from palpate.pose import Array, Pose
+from palpate.robots.kinematics import FR3
 from palpate.robots.robot import PAYLOAD, Limits
 from palpate.trace import Hand
 
-FR3 = Path(__file__).with_name("fr3.xml")
 ARM = tuple(f"fr3_joint{i}" for i in range(1, 8))
 FINGERS = ("finger_joint1", "finger_joint2")
 

@@ -8,7 +8,9 @@ from typing import ClassVar
 import numpy as np
 
 from palpate.robots.safety import Expectation
-from palpate.vocabulary.primitive import Cell, LeafFailure, Primitive, Resource, Steps
+from palpate.vocabulary.gripper import finish_fingers
+from palpate.vocabulary.motion import finish, guard
+from palpate.vocabulary.primitive import Cell, Primitive, Resource, Steps
 from palpate.vocabulary.state import SymbolicState
 
 DOWN = np.array([0.0, 0.0, -1.0])
@@ -50,9 +52,7 @@ class PutDown(Primitive):
         name = cell.state.holding or "the object"
         cell.state = released(cell)
         cell.robot.open_gripper()
-        yield
-        while cell.robot.state.gripper_moving:
-            yield
+        yield from finish_fingers(cell)
         cell.robot.move_axis(-DOWN, RETREAT_SPEED, RETREAT)
         yield from _arrive(cell)
         return f"put {name} down"
@@ -69,12 +69,9 @@ class PutDown(Primitive):
         cell.robot.move_axis(DOWN, LOWERING_SPEED, travel)
         yield
         free = cell.robot.state.wrench[2]
-        while free - cell.robot.state.wrench[2] < SUPPORTED:
-            if not cell.robot.state.moving:
-                raise LeafFailure(f"no support within {1e3 * travel:.0f} mm below '{cell.state.holding}': "
-                                  "it stays in the fingers")
-            yield
-        cell.robot.hold()
+        yield from guard(cell, lambda: bool(free - cell.robot.state.wrench[2] >= SUPPORTED),
+                         f"no support within {1e3 * travel:.0f} mm below '{cell.state.holding}': "
+                         "it stays in the fingers")
         yield from _arrive(cell)
         return "supported"
 
@@ -98,9 +95,7 @@ def lost(cell: Cell) -> SymbolicState:
 
 def _arrive(cell: Cell) -> Steps:
     """Wait until the arm's motion has ended and it had time to come to rest."""
-    yield
-    while cell.robot.state.moving:
-        yield
+    yield from finish(cell)
     since = cell.robot.state.t
     while cell.robot.state.t - since < SETTLING:
         yield

@@ -13,7 +13,8 @@ GRIP_SETTLE = 0.2
 """s: fingers at rest on an object before the grasp counts."""
 
 
-def _wait(cell: Cell) -> Steps:
+def finish_fingers(cell: Cell) -> Steps:
+    """Wait until the fingers' commanded motion has ended."""
     yield
     while cell.robot.state.gripper_moving:
         yield
@@ -44,7 +45,7 @@ class OpenGripper(Primitive):
 
     def run(self, cell: Cell) -> Steps:
         cell.robot.open_gripper()
-        yield from _wait(cell)
+        yield from finish_fingers(cell)
         return f"open to {1e3 * cell.robot.state.width:.0f} mm"
 
 
@@ -80,7 +81,7 @@ class CloseGripper(Primitive):
 
     def run(self, cell: Cell) -> Steps:
         cell.robot.close_gripper()
-        yield from _wait(cell)
+        yield from finish_fingers(cell)
         start = cell.robot.state.t
         while cell.robot.state.t - start < GRIP_SETTLE:
             yield

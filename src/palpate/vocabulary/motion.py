@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Annotated, ClassVar, Literal
 
@@ -71,6 +72,20 @@ def finish(cell: Cell) -> Steps:
     while cell.robot.state.moving:
         yield
     return "arrived"
+
+
+def guard(cell: Cell, touching: Callable[[], bool], otherwise: str) -> Steps:
+    """Wait until the arm's motion touches something, and hold it there.
+
+    Raises:
+        LeafFailure: the motion ended first; `otherwise` is the reason given.
+    """
+    while not touching():
+        if not cell.robot.state.moving:
+            raise LeafFailure(otherwise)
+        yield
+    cell.robot.hold()
+    return "touched"
 
 
 class MovePose(Primitive):
@@ -252,12 +267,9 @@ class MoveUntilContact(Primitive):
         cell.robot.move_axis(direction, PROBE_SPEED, PROBE_TRAVEL)
         yield
         free = cell.robot.state.wrench
-        while not self._touching(cell, direction, free):
-            if not cell.robot.state.moving:
-                raise LeafFailure(f"nothing touched within {PROBE_TRAVEL:.2f} m along {self.axis}; "
-                                  "start nearer, or probe another direction")
-            yield
-        cell.robot.hold()
+        yield from guard(cell, lambda: self._touching(cell, direction, free),
+                         f"nothing touched within {PROBE_TRAVEL:.2f} m along {self.axis}; "
+                         "start nearer, or probe another direction")
         yield from settle(cell)
         travelled = cell.robot.state.pose_world_tcp.distance_to(start)
         return f"contact after {1e3 * travelled:.0f} mm"
