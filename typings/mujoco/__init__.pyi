@@ -180,6 +180,7 @@ class MjModel:
     mesh_vert: _Floats
     mesh_face: _Ints
     hfield_size: _Doubles
+    light_pos: _Doubles
     actuator_ctrladr: _Ints
     actuator_gainprm: _Doubles
     actuator_biasprm: _Doubles
