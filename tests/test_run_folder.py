@@ -71,6 +71,7 @@ def test_the_default_is_free(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
         folder.mkdir(parents=True)
         made.append(folder)
     assert len(set(made)) == 3
+    assert default_folder("").name.startswith("run-2")
 
 
 def test_json_is_strict_and_readable(tmp_path: Path) -> None:

@@ -189,7 +189,7 @@ def write(outcome: Outcome) -> Outcome:
     """The run folder: request, plan, tree, trace, result, twin, report and images."""
     from palpate.report.folder import write_outcome
 
-    folder = outcome.job.out or default_folder(outcome.job.scene.parent.name if outcome.job.scene else "run")
+    folder = outcome.job.out or default_folder(outcome.job.scene.resolve().parent.name if outcome.job.scene else "")
     with new_folder(folder) as scratch:
         write_outcome(outcome, scratch, folder)
     return replace(outcome, folder=folder)

@@ -15,8 +15,8 @@ from palpate.errors import InputError
 
 
 def default_folder(name: str) -> Path:
-    """`runs/NAME-TIME`, in the present folder; a number is added where that exists."""
-    stem = Path("runs") / f"{name}-{datetime.now():%Y%m%d-%H%M%S}"
+    """`runs/NAME-TIME` in the present folder (NAME `run` where there is none); a number is added where it exists."""
+    stem = Path("runs") / f"{name or 'run'}-{datetime.now():%Y%m%d-%H%M%S}"
     candidates = [stem, *(stem.with_name(f"{stem.name}-{i}") for i in range(2, 100))]
     return next(c for c in candidates if not c.exists())
 
