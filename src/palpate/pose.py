@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import mujoco
 import numpy as np
@@ -11,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Pose:
     """A frame's pose in another: `position` (3,) in m and `quaternion` (4,) wxyz, of unit length.
 
@@ -39,7 +40,7 @@ class Pose:
         half = yaw / 2
         return cls.of(position, (0.0, np.cos(half), np.sin(half), 0.0))
 
-    @property
+    @cached_property
     def rotation(self) -> Array:
         """Rotation matrix (3, 3)."""
         out = np.empty(9)

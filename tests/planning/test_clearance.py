@@ -29,8 +29,8 @@ def box(pose: Pose, half: tuple[float, ...]) -> Boxes:
 @settings(max_examples=150, deadline=None)
 def test_boxes_overlap_when_points_of_one_are_in_the_other_and_it_does_not_matter_which_is_asked(p, q, a, r, s, b):
     first, second = Pose.of(p, q), Pose.of(r, s)
-    meet = box(first, a).overlaps(second, np.zeros(3), np.array(b), 0.0)
-    assert meet == box(second, b).overlaps(first, np.zeros(3), np.array(a), 0.0)
+    meet = bool(box(first, a).overlap(box(second, b), 0.0)[0])
+    assert meet == bool(box(second, b).overlap(box(first, a), 0.0)[0])
     grid = np.stack(np.meshgrid(*[np.linspace(-h, h, 7) for h in a]), axis=-1).reshape(-1, 3)
     inside = [bool(np.all(np.abs(second.inverse().apply(first.apply(point))) < np.array(b) - 1e-6)) for point in grid]
     assert meet or not any(inside)

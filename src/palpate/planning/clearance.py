@@ -5,12 +5,13 @@ Objects and the hand's parts are boxes; a motion is sampled and every sample tes
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from palpate.errors import InputError
 from palpate.pose import Array, Pose
@@ -48,26 +49,28 @@ class Boxes:
     axes: Array
     halves: Array
 
-    def overlaps(self, other: Pose, centre: Array, half: Array, margin: float) -> bool:
-        """Whether any of these comes nearer than `margin` to the box `centre`, `half` in the frame `other`.
+    def overlap(self, others: Boxes, margin: float) -> NDArray[np.bool_]:
+        """Which of `others` (m,) any of these comes nearer to than `margin`.
 
-        Separating axes theorem on the 15 candidate axes.
+        Separating axes theorem on the 15 candidate axes of each pair.
         """
-        axes = other.rotation
-        between = other.apply(centre) - self.centres
-        reach = np.linalg.norm(self.halves, axis=1) + np.linalg.norm(half) + max(margin, 0.0)
-        near = np.einsum("ij,ij->i", between, between) < reach**2
-        if not near.any():
-            return False
-        mine, halves, between = self.axes[near], self.halves[near] + margin, between[near]
-        theirs = np.broadcast_to(axes, mine.shape)
+        apart = others.centres - self.centres[:, None]
+        reach = _radii(self.halves)[:, None] + _radii(others.halves) + max(margin, 0.0)
+        i, j = np.nonzero(np.einsum("ijk,ijk->ij", apart, apart) < reach**2)
+        mine, theirs, between = self.axes[i], others.axes[j], apart[i, j]
         crossed = np.cross(mine[:, :, :, None], theirs[:, :, None, :], axis=1).reshape(len(mine), 3, 9)
         candidates = np.concatenate([mine, theirs, crossed], axis=2)
-        radius = np.einsum("nkj,nj->nk", np.abs(np.einsum("nik,nij->nkj", candidates, mine)), halves)
-        radius += np.abs(np.einsum("nik,nij->nkj", candidates, theirs)) @ half
+        radius = np.einsum("nkj,nj->nk", np.abs(np.einsum("nik,nij->nkj", candidates, mine)), self.halves[i] + margin)
+        radius += np.einsum("nkj,nj->nk", np.abs(np.einsum("nik,nij->nkj", candidates, theirs)), others.halves[j])
         distance = np.abs(np.einsum("nik,ni->nk", candidates, between))
         separated = (distance > radius) & (np.linalg.norm(candidates, axis=1) > 1e-6)
-        return bool((~separated.any(axis=1)).any())
+        found = np.zeros(len(others.centres), dtype=np.bool_)
+        found[j[~separated.any(axis=1)]] = True
+        return found
+
+
+def _radii(halves: Array) -> Array:
+    return np.sqrt(np.einsum("ij,ij->i", halves, halves))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -94,8 +97,14 @@ class Motion:
         poses = [Pose(p, self.end.quaternion) for p in self._positions()]
         hand, held = self._hand(poses), self._held(poses)
         left_out = {*ignoring, self.state.holding}
-        return [name for name in self._beside() if name not in left_out
-                and (self._hit(name, hand, margin) or (held is not None and self._hit(name, held, -TOUCH)))]
+        names = [name for name in self._beside() if name not in left_out]
+        if not names:
+            return []
+        there = self._standing(names)
+        found = hand.overlap(there, margin)
+        if held is not None:
+            found |= held.overlap(there, -TOUCH)
+        return [name for name, met in zip(names, found, strict=True) if met]
 
     def _beside(self) -> Iterator[str]:
         """Objects near enough to be hit at all."""
@@ -132,9 +141,10 @@ class Motion:
         return Boxes(np.array([p.apply(body.centre) for p in placed]), np.array([p.rotation for p in placed]),
                      np.tile(body.size / 2, (len(placed), 1)))
 
-    def _hit(self, name: str, swept: Boxes, margin: float) -> bool:
-        body = self.state.scene.body(name)
-        return swept.overlaps(self.state.pose_of(name), body.centre, body.size / 2, margin)
+    def _standing(self, names: Sequence[str]) -> Boxes:
+        bodies, poses = [self.state.scene.body(n) for n in names], [self.state.pose_of(n) for n in names]
+        return Boxes(np.array([pose.apply(body.centre) for pose, body in zip(poses, bodies, strict=True)]),
+                     np.array([pose.rotation for pose in poses]), np.array([body.size / 2 for body in bodies]))
 
 
 def motion_to(state: SymbolicState, end: Pose) -> Motion | None:

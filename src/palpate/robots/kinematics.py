@@ -42,7 +42,8 @@ TURNS: tuple[tuple[float, ...], ...] = (
     (0.8, 0, -0.8, 0, 0, 0, 0),
     (0, 1.0, 0, 0.8, 0, 0.5, 0),
 )
-"""rad: where the search starts, relative to the ready posture: the hand turned, the elbow swung, the arm low."""
+"""rad: where the search starts when the ready posture with the hand turned as a top-down pose wants it fails,
+relative to the ready posture: the hand turned otherwise, the elbow swung, the arm low."""
 
 
 def inverse_kinematics(pose_world_tcp: Pose, pose_world_base: Pose, seed_q: Array | None = None) -> Array | None:
@@ -151,8 +152,11 @@ def _solve(key: tuple[float, ...], seed: tuple[float, ...] | None) -> tuple[floa
 def _seeds(pose_base_tcp: Pose, seed: tuple[float, ...] | None) -> Iterator[Array]:
     if seed is not None:
         yield np.array(seed)
-    ready = np.array(HOME)
-    ready[0] += np.arctan2(pose_base_tcp.position[1], pose_base_tcp.position[0])
+    azimuth = float(np.arctan2(pose_base_tcp.position[1], pose_base_tcp.position[0]))
+    ready = np.array(HOME) + azimuth * np.eye(7)[0]
+    tool_x = pose_base_tcp.rotation[:, 0]
+    turned = azimuth - float(np.arctan2(tool_x[1], tool_x[0]))
+    yield ready + np.remainder(turned + np.pi, 2 * np.pi) * np.eye(7)[6] - np.pi * np.eye(7)[6]
     for turn in TURNS:
         yield ready + turn
 

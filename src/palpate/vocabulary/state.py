@@ -77,10 +77,11 @@ class SymbolicState:
 
     def surface_below(self, pose_world_tcp: Pose) -> Body | None:
         """What a guarded descent from this pose meets first, by belief: a surface or an object's top."""
-        x, y, z = pose_world_tcp.position
-        under = [b for b in self.scene.bodies.values() if b.name != self.holding
-                 and b.covers(x, y, self.pose_of(b.name)) and b.top_z(self.pose_of(b.name)) < z + 0.05]
-        return max(under, key=lambda b: b.top_z(self.pose_of(b.name)), default=None)
+        x, y, z = pose_world_tcp.position.tolist()
+        there = [(b, self.pose_of(b.name)) for b in self.scene.bodies.values() if b.name != self.holding]
+        under = [(b.top_z(pose), b) for b, pose in there if b.covers(x, y, pose)]
+        met = max((pair for pair in under if pair[0] < z + 0.05), key=lambda pair: pair[0], default=None)
+        return met[1] if met else None
 
     def not_restored(self) -> dict[str, Pose]:
         """Objects left away from where the scene has them, with where they are."""
