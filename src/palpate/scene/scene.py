@@ -115,15 +115,14 @@ class Scene:
     source: Source
     refit: Callable[[str, float], Scene] | None = None
 
-    @property
-    def objects(self) -> Mapping[str, Body]:
-        """Bodies with a free joint."""
-        return {name: body for name, body in self.bodies.items() if body.role == "object"}
+    objects: Mapping[str, Body] = field(init=False)
+    """Bodies with a free joint."""
+    surfaces: Mapping[str, Body] = field(init=False)
+    """Static bodies that carry things."""
 
-    @property
-    def surfaces(self) -> Mapping[str, Body]:
-        """Static bodies that carry things."""
-        return {name: body for name, body in self.bodies.items() if body.role == "surface"}
+    def __post_init__(self) -> None:
+        for name, role in (("objects", "object"), ("surfaces", "surface")):
+            object.__setattr__(self, name, {n: body for n, body in self.bodies.items() if body.role == role})
 
     @property
     def files(self) -> tuple[Path, ...]:
