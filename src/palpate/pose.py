@@ -45,6 +45,7 @@ class Pose:
         """Rotation matrix (3, 3)."""
         out = np.empty(9)
         mujoco.mju_quat2Mat(out, self.quaternion)
+        out.flags.writeable = False  # shared by all who ask
         return out.reshape(3, 3)
 
     @property

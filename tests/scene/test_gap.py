@@ -203,3 +203,9 @@ def test_missing_is_in_document_order() -> None:
 def test_bodies_inside_plain_frames_are_found() -> None:
     document = parse_document(f"<mujoco><worldbody><frame>{cup('')}</frame></worldbody></mujoco>")
     assert list(inventory(document).objects) == ["cup"]
+
+
+def test_a_plane_without_a_name_is_the_floor() -> None:
+    text = f'<mujoco><worldbody><geom type="plane" size="2 2 .1"/>{cup("")}</worldbody></mujoco>'
+    floor = parse_scene(text).surfaces["floor"]
+    assert floor.known["height"] == (0.0,)

@@ -17,6 +17,9 @@ _TRANSPARENT = ("frame",)
 _JOINTS = ("joint", "freejoint")
 _ROBOT_JOINTS = 6
 
+FLOOR = "floor"
+"""What a plane without a name is called."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ObjectEntry:
@@ -89,10 +92,15 @@ def _walk(parent: Element, found: Inventory, actuated: frozenset[str], world: bo
     for child in children(parent):
         if child.tag in _TRANSPARENT:
             _walk(child, found, actuated, world)
-        elif child.tag == "geom" and world and child.get("name"):
+        elif child.tag == "geom" and world and (child.get("name") or _is_floor(child, found)):
             _add_surface(child, (child,), found)
         elif child.tag == "body":
             _sort_body(child, found, actuated)
+
+
+def _is_floor(geom: Element, found: Inventory) -> bool:
+    """Whether it is the plane without a name that most models stand on, the first of them."""
+    return found.defaults.attribute(geom, "type") == "plane" and FLOOR not in found.order
 
 
 def _sort_body(body: Element, found: Inventory, actuated: frozenset[str]) -> None:
@@ -226,7 +234,7 @@ def _add_surface(element: Element, geoms: tuple[Element, ...], found: Inventory)
     unknown |= {"size"} if marked and _size_unknown(marked[0], found.defaults) else set[str]()
     if not carrier:
         return
-    name = element.get("name") or ""
+    name = element.get("name") or FLOOR
     _register(name, element, found)
     found.surfaces[name] = SurfaceEntry(name, element, carrier, frozenset(unknown))
 
