@@ -18,8 +18,8 @@ Z95 = NormalDist().inv_cdf(0.975)
 
 
 CENTRING = 0.0015
-"""m (1 sigma): fingers centre an object on themselves as they close; in simulated grasps it ended up to 2.5 mm from where
-it had stood."""
+"""m (1 sigma): fingers centre an object on themselves as they close; in simulated grasps it ended up to 2.5 mm from
+where it had stood."""
 
 
 def estimate_velocity(trace: Trace, conversion: Conversion) -> Estimate:
