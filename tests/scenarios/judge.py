@@ -1,0 +1,98 @@
+"""How a scenario's run is judged: by its execution trace, the hidden world's truth, and where everything ends."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+
+import numpy as np
+
+from palpate import pipeline
+from palpate.estimation.estimate import Estimate
+from palpate.pipeline import Outcome
+from palpate.quantities import Gap
+from palpate.scenarios.catalogue import Scenario
+from palpate.studies.judgement import judge
+
+TOLERANCE = {"height": 0.0005, "friction": 0.02, "com": 0.003}
+"""At `--noise lab`: m, -, m (horizontally: no torque tells the height of a centre of mass)."""
+MASS = 0.02
+"""Relative."""
+LIGHT = 0.002
+"""kg, of the 16 g box."""
+STATIC = 0.03
+MOVED = 0.005
+"""m that an object may be from where it stood."""
+SETTLED = 30
+"""Frame, at 30 Hz, by which everything stands as the world let it."""
+
+
+def executed(scenario: Scenario, plan: str | None = None) -> Outcome:
+    """A run at `--noise lab`, by the scenario's planner or by one of its recorded plans."""
+    job = (scenario.job(planner=f"replay:{plan}") if plan else scenario.job()).checked()
+    return pipeline.measure(pipeline.think(job, pipeline.look(job)))
+
+
+def assert_acquired(outcome: Outcome, expected: Collection[Gap], may_touch: Collection[str] = ()) -> None:
+    """From the trace alone: the right sensing on the right objects, nothing redundant, no safety stop."""
+    assert outcome.findings == ()
+    assert outcome.execution is not None
+    assert outcome.execution.stopped_by is None
+    judgement = judge(outcome.execution.trace, expected, may_touch)
+    assert judgement.success, judgement.reason
+
+
+def assert_near_truth(outcome: Outcome) -> None:
+    """Every estimate is within the tolerance of its quantity; the truth is looked up only now."""
+    assert outcome.cell is not None
+    assert {estimate.gap for estimate in outcome.estimates} == set(outcome.plan.parameters)
+    for estimate in outcome.estimates:
+        truth = np.array(outcome.cell.truth(estimate.gap))
+        error = np.abs(np.array(estimate.value) - truth)
+        if estimate.gap.quantity == "com":
+            error = error[:2]
+        assert (error <= _allowed(estimate.gap, truth)).all(), (str(estimate.gap), estimate.value, truth)
+        if estimate.gap.quantity == "friction":
+            _assert_static(estimate, outcome)
+
+
+def assert_restored(outcome: Outcome) -> None:
+    """Every object is back, upright, where it stood before the arm came near it."""
+    for name, (distance, tilt) in displacements(outcome).items():
+        assert distance < MOVED, (name, distance)
+        assert tilt < np.radians(2.0), (name, tilt)
+
+
+def displacements(outcome: Outcome) -> dict[str, tuple[float, float]]:
+    """How far (m) and how much turned (rad) each object ends from where it stood."""
+    assert outcome.footage is not None
+    first, last = outcome.footage.frames[min(SETTLED, len(outcome.footage.frames) // 2)][1], outcome.footage.frames[-1][1]
+    return {name: between(first, last, joint_of(outcome, name)) for name in outcome.scene.objects}
+
+
+def joint_of(outcome: Outcome, name: str) -> slice:
+    """Where an object's pose is in the world's configuration."""
+    assert outcome.footage is not None
+    model = outcome.footage.model
+    start = int(model.jnt_qposadr[model.body(name).jntadr[0]])
+    return slice(start, start + 7)
+
+
+def between(first: np.ndarray, last: np.ndarray, joint: slice) -> tuple[float, float]:
+    """Distance (m) and angle (rad) of two poses of a free joint."""
+    (a, b) = first[joint], last[joint]
+    turn = 2 * np.arccos(min(1.0, abs(float(a[3:] @ b[3:]))))
+    return float(np.linalg.norm(b[:3] - a[:3])), float(turn)
+
+
+def _allowed(gap: Gap, truth: np.ndarray) -> float:
+    if gap.quantity == "mass":
+        return max(MASS * truth[0], LIGHT)
+    return TOLERANCE[gap.quantity]
+
+
+def _assert_static(estimate: Estimate, outcome: Outcome) -> None:
+    assert outcome.footage is not None
+    truth = outcome.footage.model.numeric(f"static_friction_{estimate.gap.object}").data[0]
+    static, _ = estimate.components["static"]
+    assert abs(static - truth) <= STATIC, (static, truth)
+    assert static > estimate.value[0]

@@ -1,0 +1,52 @@
+"""Fifteen manipulations at once: refused by the check; forced past it, one motion has the arm and nothing happens."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from palpate import pipeline
+from palpate.cell import simulated_cell
+from palpate.planning.replay import load_plan
+from palpate.scenarios.catalogue import scenario
+from palpate.tree.runner import run
+
+FIFTEEN = scenario("fifteen_objects")
+
+
+def test_one_parallel_for_fifteen_manipulations_is_refused() -> None:
+    job = FIFTEEN.job(planner="replay:parallel").checked()
+    outcome = pipeline.measure(pipeline.think(job, pipeline.look(job)))
+    assert outcome.status == "rejected"
+    assert outcome.execution is None
+    owners = [f.message for f in outcome.findings if f.rule == "one-owner"]
+    assert any("leaves would move the arm at once" in message and "Sequence" in message for message in owners)
+    assert any("leaves would move the gripper at once" in message for message in owners)
+
+
+def test_forced_past_the_check_the_first_motion_has_the_arm_and_the_others_fail() -> None:
+    job = FIFTEEN.job().checked()
+    scene, plan = pipeline.look(job), load_plan(FIFTEEN.plans["parallel"])
+    assert scene is not None
+    robot = simulated_cell(job, scene).robot(job)
+    before = {name: robot.world.true_pose(name) for name in scene.objects}
+    done = run(plan, scene, robot)
+
+    assert done.status == "stopped"
+    claims = [leaf for leaf in done.trace.leaves if leaf.node.startswith("tree.children[2].")]
+    assert len(claims) == len(scene.objects) == 15
+    first, *others = sorted(claims, key=lambda leaf: leaf.status == "FAILURE")
+    assert (first.node, first.status) == ("tree.children[2].children[0].children[0]", "INVALID")
+    reason = f"the arm is in use by {first.label}: one motion at a time"
+    assert {(leaf.status, leaf.message) for leaf in others} == {("FAILURE", reason)}
+    assert reason in (done.stopped_by or "")
+
+    state = robot.state
+    assert not state.moving
+    assert np.linalg.norm(state.twist[:3]) < 0.003
+    assert not state.gripping
+    assert done.final_state.holding is None
+    assert np.linalg.norm(done.trace.samples.wrench[:, :3], axis=1).max() < robot.limits.force_max
+    assert done.trace.conversions == ()
+    for name, pose in before.items():
+        assert robot.world.true_pose(name).position == pytest.approx(pose.position, abs=0.005)

@@ -1,0 +1,52 @@
+"""A photo and a rendering of one scene: the same prompt, the same parameters, the same tree."""
+
+from __future__ import annotations
+
+import io
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from palpate import pipeline
+from palpate.job import Job
+from palpate.planning.prompt.compose import Prompt, compose
+from palpate.planning.replay import load_plan
+from palpate.rendering import gl_available
+from palpate.scenarios.catalogue import scenario
+from palpate.vocabulary.primitive import vocabulary
+
+PHOTO, RENDERING = scenario("synthetic_and_real"), scenario("synthetic_and_real/rendering")
+
+
+def prompt(job: Job) -> Prompt:
+    return compose(vocabulary(), job.request or "", pipeline.look(job), job.images)
+
+
+def test_only_the_picture_differs_in_what_is_sent() -> None:
+    photo, rendering = prompt(PHOTO.job()), prompt(RENDERING.job())
+    assert photo.system.encode() == rendering.system.encode()
+    assert photo.user == rendering.user
+    (one,), (other,) = photo.images, rendering.images
+    assert one.read_bytes() != other.read_bytes()
+
+
+def test_the_answers_agree_on_parameters_and_tree_in_words_of_their_own() -> None:
+    photo, rendering = load_plan(PHOTO.plans["model"]), load_plan(RENDERING.plans["model"])
+    assert photo.parameters == rendering.parameters == PHOTO.expects
+    assert photo.tree == rendering.tree
+    assert photo.explanation != rendering.explanation
+
+
+@pytest.mark.skipif(not gl_available()[0], reason="no OpenGL")
+def test_the_pictures_are_those_that_the_renderer_makes() -> None:
+    from palpate.scenarios.synthetic_and_real.pictures import photo, rendering
+
+    for kept, made in ((PHOTO.images[0], photo()), (RENDERING.images[0], rendering())):
+        difference = np.abs(pixels(kept.read_bytes()) - pixels(made))
+        assert difference.mean() < 6.0, kept.name
+    assert np.abs(pixels(photo()) - pixels(rendering())).mean() > 30.0
+
+
+def pixels(content: bytes) -> np.ndarray:
+    return np.asarray(Image.open(io.BytesIO(content)).convert("RGB"), dtype=float)
