@@ -65,7 +65,7 @@ def assert_restored(outcome: Outcome) -> None:
 def displacements(outcome: Outcome) -> dict[str, tuple[float, float]]:
     """How far (m) and how much turned (rad) each object ends from where it stood."""
     assert outcome.footage is not None
-    first, last = outcome.footage.frames[min(SETTLED, len(outcome.footage.frames) // 2)][1], outcome.footage.frames[-1][1]
+    (_, first), (_, last) = outcome.footage.frames[SETTLED], outcome.footage.frames[-1]
     return {name: between(first, last, joint_of(outcome, name)) for name in outcome.scene.objects}
 
 
