@@ -48,6 +48,9 @@ APPARENT_MASS = (6.0, 3.0)
 CENTRIFUGAL = 8.0
 """N s^2/m^2 (1 sigma): how much two passes differ whose squared speeds differ; equal motions compare best."""
 
+SAME_MOTION = 0.25
+"""m/s^2, root mean square along the path: passes whose accelerations differ by more are not compared."""
+
 BLOCK = 0.1
 """s: samples are averaged over blocks of this length before their scatter is taken, so correlation counts."""
 
@@ -119,7 +122,17 @@ def segments(trace: Trace, recording: Recording) -> list[Segment]:
     load = load_of(trace, recording.context.holding)
     path = lift_path(trace, recording, load)
     passes = _passes(trace, load, path) if path else []
-    return _measure(trace.samples, _rests(trace, recording, load, path), passes, path)
+    found = _measure(trace.samples, _rests(trace, recording, load, path), passes, path)
+    return [s for s in found if s.at_rest or any(_comparable(s, other) for other in found)]
+
+
+def _comparable(one: Segment, other: Segment) -> bool:
+    """Whether two passes, one with the load and one without, were the same motion: else the arm's own inertia, which is
+    far larger than a load's, does not cancel."""
+    if one.kind != other.kind or one.loaded == other.loaded:
+        return False
+    apart = one.acceleration - np.interp(one.path, other.path, other.acceleration)
+    return float(np.sqrt(np.mean(apart**2))) < SAME_MOTION
 
 
 def referenced(found: Iterable[Segment]) -> bool:
