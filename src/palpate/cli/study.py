@@ -235,6 +235,7 @@ def _show_comparisons(rows: list[Comparison], paper: tuple[int, float, int, floa
         table.add_column(heading, justify="left" if heading == "scenario" else "right")
     for c in rows:
         table.add_row(c.scenario, str(c.exhaustive.actions), f"{c.exhaustive.robot_seconds:.1f}", str(c.intent.actions),
-                      f"{c.intent.robot_seconds:.1f}", f"{c.time_saved:.0%}")
+                      f"{c.intent.robot_seconds:.1f}",
+                      f"{c.time_saved:.0%}" if c.time_saved is not None else "not completed")
     table.add_row("[dim]the paper's pair[/]", f"{paper[0]}", f"{paper[1]:.0f}", f"{paper[2]}", f"{paper[3]:.0f}", "47%")
     out.print(table)

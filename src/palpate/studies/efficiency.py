@@ -21,10 +21,11 @@ class Comparison:
     intent: Run
 
     @property
-    def time_saved(self) -> float:
-        """Fraction of robot time that intent saves, 0 where nothing was moved."""
-        whole = self.exhaustive.robot_seconds
-        return 1.0 - self.intent.robot_seconds / whole if whole else 0.0
+    def time_saved(self) -> float | None:
+        """Fraction of robot time that intent saves; None unless both planners' runs were completed."""
+        if self.exhaustive.status != "complete" or self.intent.status != "complete":
+            return None
+        return 1.0 - self.intent.robot_seconds / self.exhaustive.robot_seconds
 
 
 def comparable() -> list[str]:
