@@ -112,3 +112,8 @@ def test_turning_by_a_right_angle() -> None:
 def test_what_is_no_rotation_is_refused(quaternion: tuple[float, ...]) -> None:
     with pytest.raises(ValueError, match="not a rotation quaternion"):
         Pose.of((0, 0, 0), quaternion)
+
+
+def test_local_undoes_apply() -> None:
+    pose = Pose.of((0.3, -0.2, 0.5), (0.5, 0.1, -0.7, 0.2))
+    assert pose.local(pose.apply((0.1, 0.2, -0.3))) == pytest.approx((0.1, 0.2, -0.3))

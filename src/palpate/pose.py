@@ -68,6 +68,10 @@ class Pose:
         """A point (3,) given in this frame, in the reference frame."""
         return self.position + self.rotation @ np.asarray(point, dtype=float)
 
+    def local(self, point: ArrayLike) -> Array:
+        """A point (3,) given in the reference frame, in this one."""
+        return (np.asarray(point, dtype=float) - self.position) @ self.rotation
+
     def translated(self, offset: ArrayLike) -> Pose:
         """Shifted by `offset` (3,), given along the reference frame's axes."""
         return Pose(self.position + np.asarray(offset, dtype=float), self.quaternion)

@@ -144,7 +144,7 @@ class NominalArm:
         is that of a configuration, not of a pose. Where there is none, the search ends as near as it came: it is a
         tendency, no promise of reachability.
         """
-        ahead = self._pose_world_base.inverse().apply(goal.position)
+        ahead = self._pose_world_base.local(goal.position)
         posture = posture + np.arctan2(ahead[1], ahead[0]) * np.eye(7)[0]
         q = posture
         for _ in range(SEARCH_STEPS):

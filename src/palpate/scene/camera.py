@@ -59,7 +59,7 @@ class Camera:
 
     def project(self, point: Array) -> tuple[float, float] | None:
         """Pixel (u, v) of a point in the world; None behind the camera."""
-        x, y, z = self.pose_world_camera.inverse().apply(point)
+        x, y, z = self.pose_world_camera.local(point)
         if z >= 0:
             return None
         return self.width / 2 - self.focal * x / z, self.height / 2 + self.focal * y / z

@@ -74,7 +74,7 @@ class Body:
         if not self.is_near(x - at_x, y - at_y):
             return False
         down = pose.rotation[2]
-        start = pose.inverse().apply((x, y, pose.position[2])) - self.centre
+        start = pose.local((x, y, pose.position[2])) - self.centre
         along = np.where(np.abs(down) > 1e-9, down, 1e-9)
         near, far = (-start - self.size / 2) / along, (-start + self.size / 2) / along
         return bool(np.minimum(near, far).max() <= np.maximum(near, far).min() + 1e-9)

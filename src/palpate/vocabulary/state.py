@@ -107,5 +107,5 @@ class SymbolicState:
 
     def _outside(self, body: Body, pose_world_tcp: Pose) -> float:
         """Distance from the TCP to the object's box, 0 inside, m."""
-        local = self.pose_of(body.name).inverse().apply(pose_world_tcp.position) - body.centre
+        local = self.pose_of(body.name).local(pose_world_tcp.position) - body.centre
         return float(np.linalg.norm(np.maximum(np.abs(local) - body.size / 2, 0.0)))
