@@ -3,7 +3,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test bench lint docs lock clean
+.PHONY: demo test bench golden lint docs lock clean
 
 demo: $(VENV)/.run
 	$(BIN)/palpate demo
@@ -14,8 +14,13 @@ test: $(VENV)/.dev
 bench: $(VENV)/.dev
 	$(BIN)/python -m palpate.studies.bench
 
+# Every scenario at every noise against the table of what it measured before; some minutes.
+golden: $(VENV)/.dev
+	$(BIN)/python tests/golden/golden.py compare
+
 lint: $(VENV)/.dev
-	$(BIN)/ruff check src tests
+	$(BIN)/ruff check src tests examples
+	$(BIN)/ruff format --check src tests examples
 	$(BIN)/pyright
 
 $(VENV)/.run: pyproject.toml requirements.txt
@@ -29,7 +34,7 @@ $(VENV)/.dev: $(VENV)/.run requirements-dev.txt
 	touch $@
 
 docs: $(VENV)/.run
-	$(BIN)/python -m palpate.reference > docs/vocabulary.md
+	$(BIN)/python -m palpate.cli.reference > docs/vocabulary.md
 
 # Pins with hashes, from pyproject.toml. Needs uv.
 lock:

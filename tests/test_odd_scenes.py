@@ -1,4 +1,5 @@
-"""Scenes as users really write them: odd names, other gravity, a turned base, leftovers of another robot."""
+"""Scenes as users really write them: odd names, other gravity, a turned base, leftovers of another
+robot."""
 
 from __future__ import annotations
 
@@ -9,30 +10,37 @@ from pathlib import Path
 import pytest
 
 from palpate import pipeline
-from palpate.job import Job
-from palpate.quantities import Gap
-from palpate.scene.scene import load_scene
+from palpate.parameter import Parameter
+from palpate.scene.load import load_scene
+from palpate.settings import Job
 from palpate.studies.accuracy import run_seed
 
 BASE = '<site name="robot_base"/>'
 TABLE = '<body name="table" pos="0.5 0 -0.02"><geom type="box" size=".4 .6 .02" friction="0.6 0.005 0.0001"/></body>'
 FRICTION = 'friction="0.6 0.005 0.0001"'
-MASS = Gap("cup", "mass")
-NASTY = "[/red] it's <b>\"Ω\"</b> & 水"
+MASS = Parameter("cup", "mass")
+NASTY = '[/red] it\'s <b>"Ω"</b> & 水'
 
 
-def cup(at: str = "0.5 0.1 0.05", geoms: str = f'<geom type="cylinder" size=".03 .05" {FRICTION}/>') -> str:
+def cup(
+    at: str = "0.5 0.1 0.05", geoms: str = f'<geom type="cylinder" size=".03 .05" {FRICTION}/>'
+) -> str:
     return f'<body name="cup" pos="{at}"><freejoint/>{geoms}</body>'
 
 
 def write(folder: Path, *bodies: str, base: str = BASE, before: str = "", after: str = "") -> Path:
     path = folder / "scene.xml"
-    path.write_text(f"<mujoco>{before}<worldbody>{base}{''.join(bodies)}</worldbody>{after}</mujoco>", encoding="utf-8")
+    path.write_text(
+        f"<mujoco>{before}<worldbody>{base}{''.join(bodies)}</worldbody>{after}</mujoco>",
+        encoding="utf-8",
+    )
     return path
 
 
-CRATE = (f'<body name="crate" pos="0.5 0.1 0.03"><freejoint/>'
-         f'<geom type="box" size=".05 .035 .03" mass="0.3" {FRICTION}/></body>')
+CRATE = (
+    f'<body name="crate" pos="0.5 0.1 0.03"><freejoint/>'
+    f'<geom type="box" size=".05 .035 .03" mass="0.3" {FRICTION}/></body>'
+)
 ARM = """<body name="link0"><geom type="cylinder" size=".06 .05"/>
   <body name="link1" pos="0 0 .2"><joint name="j1" type="hinge" axis="0 0 1"/><geom type="capsule" size=".04 .1"/>
     <body name="link2" pos="0 0 .2"><joint name="j2" type="hinge" axis="0 1 0"/><geom type="capsule" size=".03 .1"/>
@@ -47,12 +55,20 @@ MEASURED = {
     "on the moon": {"bodies": (TABLE, cup()), "before": '<option gravity="0 0 -1.62"/>'},
     "the base turned by a right angle": {
         "bodies": (TABLE.replace("0.5 0 -0.02", "0 0.5 -0.02"), cup("0.1 0.5 0.05")),
-        "base": '<site name="robot_base" quat="0.7071068 0 0 0.7071068"/>'},
-    "with a keyframe": {"bodies": (TABLE, cup()),
-                        "after": '<keyframe><key name="k" qpos="0.5 0.1 0.05 1 0 0 0"/></keyframe>'},
+        "base": '<site name="robot_base" quat="0.7071068 0 0 0.7071068"/>',
+    },
+    "with a keyframe": {
+        "bodies": (TABLE, cup()),
+        "after": '<keyframe><key name="k" qpos="0.5 0.1 0.05 1 0 0 0"/></keyframe>',
+    },
     "where another arm stood": {"bodies": (ARM, TABLE, cup()), "base": "", "after": ARMS_REST},
     "on another object": {"bodies": (TABLE, CRATE, cup("0.5 0.1 0.11"))},
-    "of two geoms": {"bodies": (TABLE, cup(geoms=cup().partition("<freejoint/>")[2].removesuffix("</body>") + HANDLE))},
+    "of two geoms": {
+        "bodies": (
+            TABLE,
+            cup(geoms=cup().partition("<freejoint/>")[2].removesuffix("</body>") + HANDLE),
+        )
+    },
 }
 
 
@@ -62,17 +78,21 @@ def test_is_measured(case: dict, tmp_path: Path) -> None:
     run = run_seed(Job(scene=scene, noise="none"), 1)
     assert run.status == "complete"
     (trial,) = run.trials
-    assert trial.gap == MASS
+    assert trial.parameter == MASS
     assert trial.value == pytest.approx(trial.truth, rel=0.02)
 
 
 @pytest.mark.parametrize("at", ["0.5 0.1 0.25", "0.5 0.1 ?"])
 def test_a_table_of_unknown_height_and_what_stands_on_it(at: str, tmp_path: Path) -> None:
-    scene = write(tmp_path, '<body name="table" pos="0.5 0 ?"><geom type="box" size=".4 .6 .02"/></body>', cup(at))
+    scene = write(
+        tmp_path,
+        '<body name="table" pos="0.5 0 ?"><geom type="box" size=".4 .6 .02"/></body>',
+        cup(at),
+    )
     run = run_seed(Job(scene=scene, noise="none"), 1)
     assert run.status == "complete"
     height, mass = run.trials
-    assert height.gap == Gap("table", "height")
+    assert height.parameter == Parameter("table", "height")
     assert height.value == pytest.approx(height.truth, abs=2e-4)
     assert mass.value == pytest.approx(mass.truth, rel=0.02)
 
@@ -86,7 +106,9 @@ def test_where_nothing_is_missing_nothing_moves(bodies: tuple[str, ...], tmp_pat
     assert outcome.plan.explanation == "Nothing is missing."
 
 
-def test_any_name_goes_through_to_every_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_any_name_goes_through_to_every_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setenv("MUJOCO_GL", "disable")
     name = NASTY.replace("&", "&amp;").replace("<", "&lt;").replace('"', "&quot;")
     scene = write(tmp_path, TABLE, cup().replace('name="cup"', f'name="{name}"'))
@@ -95,7 +117,9 @@ def test_any_name_goes_through_to_every_file(tmp_path: Path, monkeypatch: pytest
     assert outcome.status == "complete"
     (found,) = json.loads((out / "result.json").read_text(encoding="utf-8"))["parameters"]
     assert found["object"] == NASTY
-    assert load_scene(out / "twin.xml").body(NASTY).known["mass"][0] == pytest.approx(found["value"], rel=0.01)
+    assert load_scene(out / "twin.xml").body(NASTY).known["mass"][0] == pytest.approx(
+        found["value"], rel=0.01
+    )
     page = (out / "report.html").read_text(encoding="utf-8")
     assert "&lt;b&gt;" in page
     assert not re.search(r"<b>\W*Ω", page)
@@ -104,7 +128,9 @@ def test_any_name_goes_through_to_every_file(tmp_path: Path, monkeypatch: pytest
 def test_what_the_gripper_does_has_no_place_in_the_twin(tmp_path: Path) -> None:
     scene = write(tmp_path, TABLE, cup())
     out = tmp_path / "out"
-    outcome = pipeline.run(Job(request="the velocity of the gripper", scene=scene, noise="none", out=out))
+    outcome = pipeline.run(
+        Job(request="the velocity of the gripper", scene=scene, noise="none", out=out)
+    )
     assert outcome.status == "complete"
     assert outcome.twin is not None
     assert outcome.twin.notes[0].startswith("gripper.velocity is not in the twin")

@@ -1,4 +1,5 @@
-"""The whole way on the paper's first scenario, through the command line, with every file it leaves."""
+"""The whole way on the paper's first scenario, through the command line, with every file it
+leaves."""
 
 from __future__ import annotations
 
@@ -13,19 +14,31 @@ from pathlib import Path
 import pytest
 
 from palpate import pipeline
-from palpate.report.mcap import read_mcap
 from palpate.scenarios.catalogue import scenario
-from palpate.scene.scene import load_scene
+from palpate.scene.load import load_scene
 from palpate.studies.accuracy import run_seed
+from palpate.trace.mcap import read_mcap
 
-FILES = {"request.json", "plan.json", "tree.xml", "trace.mcap", "result.json", "twin.xml", "report.html", "images"}
+FILES = {
+    "request.json",
+    "plan.json",
+    "tree.xml",
+    "trace.mcap",
+    "result.json",
+    "twin.xml",
+    "report.html",
+    "images",
+}
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("demo") / "run"
-    subprocess.run([sys.executable, "-m", "palpate.cli.main", "demo", "--out", str(path)], check=True,
-                   capture_output=True)
+    subprocess.run(
+        [sys.executable, "-m", "palpate.cli.main", "demo", "--out", str(path)],
+        check=True,
+        capture_output=True,
+    )
     return path
 
 
@@ -50,7 +63,10 @@ def test_result_is_the_contract(folder: Path) -> None:
 
 def test_twin_is_the_users_file_with_the_gap_closed(folder: Path) -> None:
     template = scenario("bottle_and_table").folder / "scene.xml"
-    before, after = template.read_text(encoding="utf-8").splitlines(), (folder / "twin.xml").read_text().splitlines()
+    before, after = (
+        template.read_text(encoding="utf-8").splitlines(),
+        (folder / "twin.xml").read_text().splitlines(),
+    )
     kept = [line for line in before if "?" not in line and 'material="glass" friction' not in line]
     assert [line for line in after if line in kept] == kept
     twin = load_scene(folder / "twin.xml")
@@ -83,14 +99,21 @@ def test_every_stage_can_start_from_the_folder(folder: Path, tmp_path: Path) -> 
     job = scenario("bottle_and_table").job(out=out, planner=f"replay:{folder / 'plan.json'}")
     outcome = pipeline.run(replace(job))
     assert outcome.status == "complete"
-    assert outcome.plan.parameters == pipeline.run(replace(job, out=tmp_path / "third")).plan.parameters
+    assert (
+        outcome.plan.parameters
+        == pipeline.run(replace(job, out=tmp_path / "third")).plan.parameters
+    )
 
 
 def test_interrupt_puts_the_bottle_down(tmp_path: Path) -> None:
     out = tmp_path / "run"
     process = subprocess.Popen(
-        [sys.executable, "-m", "palpate.cli.main", "demo", "--out", str(out)], stderr=subprocess.PIPE, text=True,
-        stdout=subprocess.DEVNULL, env={**os.environ, "MUJOCO_GL": "disable"})
+        [sys.executable, "-m", "palpate.cli.main", "demo", "--out", str(out)],
+        stderr=subprocess.PIPE,
+        text=True,
+        stdout=subprocess.DEVNULL,
+        env={**os.environ, "MUJOCO_GL": "disable"},
+    )
     assert process.stderr is not None
     for line in process.stderr:
         if "CloseGripper" in line:

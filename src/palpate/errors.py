@@ -21,7 +21,8 @@ class InputError(PalpateError):
 
 
 class PlanRejected(PalpateError):
-    """No plan exists for the request, or none passed the check (exit 3). The text is the explanation."""
+    """No plan exists for the request, or none passed the check (exit 3). The text is the
+    explanation."""
 
     exit_code = 3
 

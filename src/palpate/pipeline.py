@@ -1,6 +1,7 @@
 """The whole story on one page: a sentence, or an incomplete scene, becomes a digital twin.
 
-    request + scene + image ─► gap ─► plan ─► (check) ─► tree ─ticks─► trace ─► estimates ─► twin + report
+request + scene + image ─► gap ─► plan ─► (check) ─► tree ─ticks─► trace ─► estimates ─► twin +
+report
 """
 
 from __future__ import annotations
@@ -13,28 +14,32 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from palpate import thinking
-from palpate.cell import Footage, SimulatedCell, simulated_cell
+from palpate.cells.simulated import SimulatedCell, simulated_cell
 from palpate.errors import ExecutionAborted
-from palpate.estimation.derive import estimate_all
 from palpate.estimation.estimate import Estimate
-from palpate.job import Job, OnFailure
-from palpate.planning.check import Finding
+from palpate.execution.recovery import OnFailure
+from palpate.pictures.footage import Footage
+from palpate.planning.check.check import Finding
 from palpate.planning.plan import Plan
-from palpate.run_folder import default_folder, new_folder
+from palpate.quantities.estimate_all import estimate_all
+from palpate.runs.folder import default_folder, new_folder
 from palpate.scene.camera import load_image
-from palpate.scene.scene import Scene, load_scene
+from palpate.scene.load import load_scene
+from palpate.scene.scene import Scene
+from palpate.settings import Job
 from palpate.twin.twin import Twin, build_twin
-from palpate.vocabulary.primitive import ConversionPrimitive, vocabulary
+from palpate.vocabulary.base import ConversionPrimitive
+from palpate.vocabulary.registry import vocabulary
 
 if TYPE_CHECKING:
     from mujoco import MjSpec
 
-    from palpate.planning.conversation import Conversation
-    from palpate.rehearsal import Rehearsal
+    from palpate.execution.rehearsal import Rehearsal
+    from palpate.execution.runner import Execution, Observer
+    from palpate.planning.model.conversation import Conversation
     from palpate.robots.robot import Robot
-    from palpate.scene.from_picture import Seen
-    from palpate.trace import Trace
-    from palpate.tree.runner import Execution, Observer
+    from palpate.scene.from_picture import DetectedScene
+    from palpate.trace.samples import Trace
 
 Status = Literal["complete", "rejected", "aborted", "failed"]
 Say = Callable[[str], None]
@@ -61,7 +66,7 @@ class Outcome:
     plan: Plan
     findings: tuple[Finding, ...] = ()
     conversation: Conversation | None = None
-    seen: Seen | None = None
+    seen: DetectedScene | None = None
     picture: bytes | None = None
     rehearsal: Rehearsal | None = None
     cell: SimulatedCell | None = None
@@ -78,15 +83,18 @@ class Outcome:
             return "complete" if self.plan.satisfied else "rejected"
         if self.execution.status == "stopped":
             return "aborted"
-        found = {e.gap for e in self.estimates if e.verdict != "not identified"}
+        found = {e.parameter for e in self.estimates if e.verdict != "not identified"}
         return "complete" if found >= set(self.plan.parameters) else "failed"
 
 
-def run(job: Job, observer: Observer | None = None, say: Say = silent, confirm: Confirm = unasked) -> Outcome:
+def run(
+    job: Job, observer: Observer | None = None, say: Say = silent, confirm: Confirm = unasked
+) -> Outcome:
     """From a job to a finished run folder.
 
     Raises:
-        InputError: bad input. Unavailable: planner or robot out of reach. ExecutionAborted: not confirmed.
+        InputError: bad input. Unavailable: planner or robot out of reach. ExecutionAborted: not
+            confirmed.
     """
     job = job.checked()
     scene = look(job)
@@ -115,11 +123,14 @@ def think(job: Job, scene: Scene | None) -> Outcome:
 
 
 def practise(outcome: Outcome, say: Say = silent) -> Outcome:
-    """A rehearsal where the job wants one; a failure in it is a finding, and a plan with findings is not executed."""
-    wanted = outcome.job.rehearse if outcome.job.rehearse is not None else outcome.job.robot is not None
+    """A rehearsal where the job wants one; a failure in it is a finding, and a plan with findings
+    is not executed."""
+    wanted = (
+        outcome.job.rehearse if outcome.job.rehearse is not None else outcome.job.robot is not None
+    )
     if not wanted or outcome.plan.tree is None or outcome.findings:
         return outcome
-    from palpate.rehearsal import rehearse
+    from palpate.execution.rehearsal import rehearse
 
     say("rehearsing in simulation")
     rehearsal = rehearse(outcome.plan, outcome.scene)
@@ -140,7 +151,8 @@ def agree(outcome: Outcome, confirm: Confirm) -> None:
 
 
 def measure(outcome: Outcome, observer: Observer | None = None, say: Say = silent) -> Outcome:
-    """From a checked plan to estimates. A plan with findings, or without a tree, is rejected: nothing moves."""
+    """From a checked plan to estimates. A plan with findings, or without a tree, is rejected:
+    nothing moves."""
     job, scene, plan = outcome.job, outcome.scene, outcome.plan
     if plan.tree is None or outcome.findings:
         return outcome
@@ -150,7 +162,11 @@ def measure(outcome: Outcome, observer: Observer | None = None, say: Say = silen
     execution = touch(plan, scene, robot, observer, job.on_failure)
     footage = Footage(robot.world.model, tuple(robot.world.frames))
     say("estimating")
-    estimators = {n: p.estimate for n, p in vocabulary().primitives.items() if issubclass(p, ConversionPrimitive)}
+    estimators = {
+        n: p.estimate
+        for n, p in vocabulary().primitives.items()
+        if issubclass(p, ConversionPrimitive)
+    }
     estimates = estimate_all(plan.parameters, execution.trace, scene, estimators)
     return replace(outcome, cell=cell, execution=execution, footage=footage, estimates=estimates)
 
@@ -166,12 +182,17 @@ def complete(outcome: Outcome, say: Say = silent) -> Outcome:
     return replace(outcome, scene=scene, twin=twin)
 
 
-def touch(plan: Plan, scene: Scene, robot: Robot, observer: Observer | None = None,
-          on_failure: OnFailure = "stop") -> Execution:
-    """Run the tree on the robot, and go on after a failure as far as the policy allows; the robot is let go in any
-    case."""
-    from palpate.recovery import recover
-    from palpate.tree.runner import run as run_tree
+def touch(
+    plan: Plan,
+    scene: Scene,
+    robot: Robot,
+    observer: Observer | None = None,
+    on_failure: OnFailure = "stop",
+) -> Execution:
+    """Run the tree on the robot, and go on after a failure as far as the policy allows; the robot
+    is let go in any case."""
+    from palpate.execution.recovery import recover
+    from palpate.execution.runner import run as run_tree
 
     attempt = partial(run_tree, observer=observer)
     with closing(robot):
@@ -180,16 +201,18 @@ def touch(plan: Plan, scene: Scene, robot: Robot, observer: Observer | None = No
 
 def _replay(scene: Scene, plan: Plan, world: MjSpec) -> Trace:
     """What a perfect robot feels when the plan is executed in `world`."""
-    from palpate.robots.mujoco import MujocoRobot
+    from palpate.robots.simulated.robot import MujocoRobot
 
     return touch(plan, scene, MujocoRobot(world, scene.pose_world_base)).trace
 
 
 def write(outcome: Outcome) -> Outcome:
     """The run folder: request, plan, tree, trace, result, twin, report and images."""
-    from palpate.report.folder import write_outcome
+    from palpate.report.contents import write_outcome
 
-    folder = outcome.job.out or default_folder(outcome.job.scene.resolve().parent.name if outcome.job.scene else "")
+    folder = outcome.job.out or default_folder(
+        outcome.job.scene.resolve().parent.name if outcome.job.scene else ""
+    )
     with new_folder(folder) as scratch:
         write_outcome(outcome, scratch, folder)
     return replace(outcome, folder=folder)

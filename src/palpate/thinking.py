@@ -1,22 +1,25 @@
-"""From R, D and I to a checked plan: the planner is asked, shown the workspace, and its plan is checked."""
+"""From R, D and I to a checked plan: the planner is asked, shown the workspace, and its plan is
+checked."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
+from palpate.cells.view import image_files, workspace_png
 from palpate.errors import InputError, PlanRejected
-from palpate.job import Job
-from palpate.planning.check import Finding, check
-from palpate.planning.conversation import Conversation
+from palpate.planning.check.check import Finding, check
+from palpate.planning.model.conversation import Conversation
+from palpate.planning.model.planner import VlmPlanner
 from palpate.planning.plan import Plan
-from palpate.planning.planner import Planner, make_planner
-from palpate.planning.replay import ReplayPlanner
-from palpate.planning.symbolic import requested
-from palpate.planning.vlm import VlmPlanner
-from palpate.scene.from_picture import Seen, Template
+from palpate.planning.planner import Planner
+from palpate.planning.recorded import ReplayPlanner
+from palpate.planning.registry import make_planner
+from palpate.planning.symbolic.planner import requested
+from palpate.scene.from_picture import DetectedScene, SceneBuilder
+from palpate.scene.load import parse_scene
 from palpate.scene.poses import Poses, read_poses
-from palpate.scene.scene import Scene, parse_scene
-from palpate.view import image_files, workspace_png
+from palpate.scene.scene import Scene
+from palpate.settings import Job
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -34,7 +37,7 @@ class Thought:
     plan: Plan
     findings: tuple[Finding, ...] = ()
     conversation: Conversation | None = None
-    seen: Seen | None = None
+    seen: DetectedScene | None = None
     picture: bytes | None = None
 
 
@@ -45,7 +48,12 @@ def think(job: Job, scene: Scene | None) -> Thought:
         InputError: bad input. Unavailable: the provider.
     """
     poses = read_poses(job.poses) if job.poses else Poses()
-    planner = make_planner(job.planner, remeasure=job.remeasure, asking=job.asking, template=Template(poses))
+    planner = make_planner(
+        job.planner,
+        remeasure=job.remeasure,
+        model_settings=job.model_settings,
+        template=SceneBuilder(poses),
+    )
     picture = _picture(planner, job, scene, poses)
     plan = _asked(planner, job, scene, picture)
     seen, conversation = None, None
@@ -58,7 +66,7 @@ def think(job: Job, scene: Scene | None) -> Thought:
 def _picture(planner: Planner, job: Job, scene: Scene | None, poses: Poses) -> bytes | None:
     """The simulated workspace as PNG, where it is to be looked at and no image was given."""
     looks = scene is None or isinstance(planner, VlmPlanner)
-    if job.images or not looks or "image" in job.asking.without:
+    if job.images or not looks or "image" in job.model_settings.without:
         return None
     return workspace_png(job, scene, poses.camera)
 
@@ -72,20 +80,27 @@ def _asked(planner: Planner, job: Job, scene: Scene | None, picture: bytes | Non
             return Plan((), None, str(rejection), job.planner)
 
 
-def _scene(plan: Plan, seen: Seen | None) -> Scene:
+def _scene(plan: Plan, seen: DetectedScene | None) -> Scene:
     if seen is not None:
         return seen.scene()
     if plan.tree is not None:
-        raise InputError("the plan comes without the objects of its scene: give the MJCF with --scene D.xml")
+        raise InputError(
+            "the plan comes without the objects of its scene: give the MJCF with --scene D.xml"
+        )
     return parse_scene("<mujoco><worldbody/></mujoco>")
 
 
 def _findings(job: Job, plan: Plan, scene: Scene) -> tuple[Finding, ...]:
-    """What the check says against a plan. What R asks is compared where somebody else than the grounding read it."""
+    """What the check says against a plan. What R asks is compared where somebody else than the
+    grounding read it."""
     if plan.tree is None:
         return ()
     everything = job.planner == "exhaustive"
-    compared = job.request is not None and not everything and job.planner != "symbolic" \
-        and "text" not in job.asking.without
+    compared = (
+        job.request is not None
+        and not everything
+        and job.planner != "symbolic"
+        and "text" not in job.model_settings.without
+    )
     wanted = requested(job.request, scene, job.remeasure) if compared else None
     return check(plan, scene, remeasure=job.remeasure or everything, requested=wanted)

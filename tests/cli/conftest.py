@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from palpate.cli.main import main
-from palpate.rendering import gl_available
+from palpate.pictures.renderer import gl_available
 
 TABLE = """<mujoco model="cell">
   <worldbody>
@@ -24,7 +24,9 @@ CUBE = """<body name="{name}" pos="{x} {y} 0.03"><freejoint/>
       <geom type="box" size="{half} {half} 0.03" friction="0.6 0.005 0.0001" {mass}/></body>"""
 
 
-def cube(name: str = "cube", x: float = 0.5, y: float = 0.0, half: float = 0.025, mass: str = "") -> str:
+def cube(
+    name: str = "cube", x: float = 0.5, y: float = 0.0, half: float = 0.025, mass: str = ""
+) -> str:
     return CUBE.format(name=name, x=x, y=y, half=half, mass=mass)
 
 
@@ -36,9 +38,11 @@ class Answer:
 
 
 @pytest.fixture
-def palpate(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str],
-            tmp_path: Path) -> Callable[..., Answer]:
-    """`palpate("gap", "scene.xml")` → exit status, stdout, stderr; the working folder is empty and pictures are off."""
+def palpate(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> Callable[..., Answer]:
+    """`palpate("gap", "scene.xml")` → exit status, stdout, stderr; the working folder is empty and
+    pictures are off."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("MUJOCO_GL", "disable")
 

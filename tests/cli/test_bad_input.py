@@ -25,20 +25,53 @@ def refused(answer: Answer, status: int, *words: str) -> None:
 
 
 def nothing_written(folder: Path) -> bool:
-    return not (folder / "out").exists() and not list(folder.glob(".out*")) and not (folder / "runs").exists()
+    return (
+        not (folder / "out").exists()
+        and not list(folder.glob(".out*"))
+        and not (folder / "runs").exists()
+    )
 
 
-@pytest.mark.parametrize(("text", "words"), [
-    ("<mujoco><worldbody>", ["scene.xml"]),
-    ("not xml at all", ["scene.xml"]),
-    ('<!DOCTYPE m [<!ENTITY a SYSTEM "file:///etc/passwd">]><mujoco>&a;</mujoco>', ["scene.xml"]),
-    ('<!DOCTYPE m [<!ENTITY a "aaaa"><!ENTITY b "&a;&a;&a;&a;">]><mujoco model="&b;"/>', ["scene.xml"]),
-    (TABLE.format(bodies='<body name="cup" pos="0.5 0 0.1"><freejoint/><geom type="mesh" mesh="cup"/></body>').replace(
-        "<worldbody>", '<asset><mesh name="cup" file="cup.obj"/></asset><worldbody>'), ["cup.obj"]),
-    (TABLE.format(bodies='<body name="cup" pos="0.5 0 0.1"><freejoint/><geom type="mesh" mesh="cup"/></body>').replace(
-        "<worldbody>", '<asset><mesh name="cup" file="../../secret.obj"/></asset><worldbody>'), ["../../secret.obj"]),
-    ("<mujoco>" + "<body>" * 5000 + "</body>" * 5000 + "</mujoco>", ["scene.xml"]),
-], ids=["malformed", "no xml", "external entity", "entity bomb", "missing mesh", "escaping mesh", "deep"])
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("<mujoco><worldbody>", ["scene.xml"]),
+        ("not xml at all", ["scene.xml"]),
+        (
+            '<!DOCTYPE m [<!ENTITY a SYSTEM "file:///etc/passwd">]><mujoco>&a;</mujoco>',
+            ["scene.xml"],
+        ),
+        (
+            '<!DOCTYPE m [<!ENTITY a "aaaa"><!ENTITY b "&a;&a;&a;&a;">]><mujoco model="&b;"/>',
+            ["scene.xml"],
+        ),
+        (
+            TABLE.format(
+                bodies='<body name="cup" pos="0.5 0 0.1"><freejoint/><geom type="mesh" mesh="cup"/></body>'
+            ).replace("<worldbody>", '<asset><mesh name="cup" file="cup.obj"/></asset><worldbody>'),
+            ["cup.obj"],
+        ),
+        (
+            TABLE.format(
+                bodies='<body name="cup" pos="0.5 0 0.1"><freejoint/><geom type="mesh" mesh="cup"/></body>'
+            ).replace(
+                "<worldbody>",
+                '<asset><mesh name="cup" file="../../secret.obj"/></asset><worldbody>',
+            ),
+            ["../../secret.obj"],
+        ),
+        ("<mujoco>" + "<body>" * 5000 + "</body>" * 5000 + "</mujoco>", ["scene.xml"]),
+    ],
+    ids=[
+        "malformed",
+        "no xml",
+        "external entity",
+        "entity bomb",
+        "missing mesh",
+        "escaping mesh",
+        "deep",
+    ],
+)
 def test_unusable_scene(palpate: Palpate, tmp_path: Path, text: str, words: list[str]) -> None:
     (tmp_path / "scene.xml").write_text(text, encoding="utf-8")
     refused(palpate("run", "--scene", "scene.xml", "--out", "out"), 2, *words)
@@ -54,19 +87,34 @@ def test_neither_request_nor_scene(palpate: Palpate, tmp_path: Path) -> None:
     assert nothing_written(tmp_path)
 
 
-@pytest.mark.parametrize("request_", ["", "   ", "mass " * 20_000], ids=["empty", "blank", "100 kB"])
-def test_unusable_request(palpate: Palpate, scene: SceneMaker, tmp_path: Path, request_: str) -> None:
+@pytest.mark.parametrize(
+    "request_", ["", "   ", "mass " * 20_000], ids=["empty", "blank", "100 kB"]
+)
+def test_unusable_request(
+    palpate: Palpate, scene: SceneMaker, tmp_path: Path, request_: str
+) -> None:
     refused(palpate("run", "-r", request_, "--scene", scene(cube()), "--out", "out"), 2, "request")
     assert nothing_written(tmp_path)
 
 
 def test_object_that_is_not_there_lists_those_that_are(palpate: Palpate, scene: SceneMaker) -> None:
-    answer = palpate("run", "-r", "the mass of the teapot", "--scene", scene(cube("mug"), cube("brick", y=0.2)))
+    answer = palpate(
+        "run", "-r", "the mass of the teapot", "--scene", scene(cube("mug"), cube("brick", y=0.2))
+    )
     refused(answer, 2, "teapot", "mug", "brick")
 
 
 def test_unmeasurable_quantity_is_explained(palpate: Palpate, scene: SceneMaker) -> None:
-    answer = palpate("run", "-r", "the temperature of the mug", "--scene", scene(cube("mug")), "--out", "out", "--json")
+    answer = palpate(
+        "run",
+        "-r",
+        "the temperature of the mug",
+        "--scene",
+        scene(cube("mug")),
+        "--out",
+        "out",
+        "--json",
+    )
     result = json.loads(answer.out)
     assert answer.status == 3
     assert result["status"] == "rejected"
@@ -83,11 +131,17 @@ def test_ambiguous_object_names_both(palpate: Palpate, scene: SceneMaker) -> Non
     assert "blue_bottle" in explanation
 
 
-@pytest.mark.parametrize("text", [
-    "this is not JSON", '{"parameters": [], "explanation": "", "tree": {"type": "Fly"}}', "[" * 10_000 + "]" * 10_000,
-    '{"tree": ' + '{"type": "Sequence", "children": [' * 10_000 + "]}" * 10_000 + "}",
-    '{"parameters": [], "explanation": "x", "tree": {"type": "MoveJoints", "joints": [NaN, 0, 0, 0, 0, 0, 0]}}',
-], ids=["no JSON", "unknown primitive", "deep list", "deep tree", "NaN"])
+@pytest.mark.parametrize(
+    "text",
+    [
+        "this is not JSON",
+        '{"parameters": [], "explanation": "", "tree": {"type": "Fly"}}',
+        "[" * 10_000 + "]" * 10_000,
+        '{"tree": ' + '{"type": "Sequence", "children": [' * 10_000 + "]}" * 10_000 + "}",
+        '{"parameters": [], "explanation": "x", "tree": {"type": "MoveJoints", "joints": [NaN, 0, 0, 0, 0, 0, 0]}}',
+    ],
+    ids=["no JSON", "unknown primitive", "deep list", "deep tree", "NaN"],
+)
 def test_unusable_plan(palpate: Palpate, scene: SceneMaker, tmp_path: Path, text: str) -> None:
     (tmp_path / "plan.json").write_text(text, encoding="utf-8")
     answer = palpate("execute", "plan.json", "--scene", scene(cube()), "--out", "out")
@@ -116,15 +170,26 @@ def test_object_heavier_than_the_payload(palpate: Palpate, scene: SceneMaker) ->
     assert "anvil" in answer.out
 
 
-def test_scene_and_world_that_do_not_match(palpate: Palpate, scene: SceneMaker, tmp_path: Path) -> None:
+def test_scene_and_world_that_do_not_match(
+    palpate: Palpate, scene: SceneMaker, tmp_path: Path
+) -> None:
     world = scene(cube("other", mass='mass="0.2"'), name="world.xml")
-    refused(palpate("run", "--scene", scene(cube("cube")), "--world", world, "--out", "out"), 2, "cube", "other")
+    refused(
+        palpate("run", "--scene", scene(cube("cube")), "--world", world, "--out", "out"),
+        2,
+        "cube",
+        "other",
+    )
     assert nothing_written(tmp_path)
 
 
 def test_unreadable_image(palpate: Palpate, scene: SceneMaker, tmp_path: Path) -> None:
     (tmp_path / "picture.png").write_bytes(b"\x89PNG but not really")
-    refused(palpate("run", "--scene", scene(cube()), "--image", "picture.png", "--out", "out"), 2, "picture.png")
+    refused(
+        palpate("run", "--scene", scene(cube()), "--image", "picture.png", "--out", "out"),
+        2,
+        "picture.png",
+    )
     assert nothing_written(tmp_path)
 
 
@@ -142,7 +207,13 @@ def test_existing_folder_is_left_alone(palpate: Palpate, scene: SceneMaker, tmp_
 
 
 def test_unknown_planner_and_scenario_list_the_choices(palpate: Palpate, scene: SceneMaker) -> None:
-    refused(palpate("plan", "--scene", scene(cube()), "--planner", "wizard"), 2, "wizard", "symbolic", "exhaustive")
+    refused(
+        palpate("plan", "--scene", scene(cube()), "--planner", "wizard"),
+        2,
+        "wizard",
+        "symbolic",
+        "exhaustive",
+    )
     refused(palpate("demo", "atlantis"), 2, "atlantis", "bottle_and_table")
 
 
@@ -158,7 +229,9 @@ def test_wrong_option_is_a_usage_error(palpate: Palpate) -> None:
     assert "--sideways" in answer.err
 
 
-def test_what_is_known_is_not_measured_and_that_is_no_failure(palpate: Palpate, scene: SceneMaker) -> None:
+def test_what_is_known_is_not_measured_and_that_is_no_failure(
+    palpate: Palpate, scene: SceneMaker
+) -> None:
     file = scene(cube("mug", mass='mass="0.3"'))
     answer = palpate("run", "-r", "the mass of the mug", "--scene", file, "--out", "out", "--json")
     result = json.loads(answer.out)

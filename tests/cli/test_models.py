@@ -1,4 +1,5 @@
-"""Models as planners, through the command line and over real HTTP to a server on the loopback interface."""
+"""Models as planners, through the command line and over real HTTP to a server on the loopback
+interface."""
 
 from __future__ import annotations
 
@@ -9,17 +10,15 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from loopback import Fails, Loopback, Request, Says
 from PIL import Image
 
-from palpate.planning import session as session_module
-from palpate.planning.prompt.compose import system_prompt
+from palpate.planning.model import session as session_module
+from palpate.planning.model.prompt.compose import system_prompt
 from palpate.scenarios.catalogue import scenario
-from palpate.vocabulary.primitive import vocabulary
+from palpate.vocabulary.registry import vocabulary
 
 from .conftest import Answer, cube
-
-sys.path.insert(0, str(Path(__file__).parents[1] / "planning"))
-from loopback import Fails, Loopback, Request, Says
 
 pytest.importorskip("pydantic_ai")
 
@@ -38,14 +37,15 @@ def _environment(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def half(text: str) -> str:
-    """The plan without its last three leaves and the table's height: the bottle stays in the hand."""
+    """The plan without its last three leaves and the table's height: the bottle stays in the
+    hand."""
     document = json.loads(text)
     document["tree"]["children"] = document["tree"]["children"][:-3]
     document["parameters"] = [p for p in document["parameters"] if p["quantity"] != "height"]
     return json.dumps(document)
 
 
-def asking(server: Loopback) -> tuple[str, ...]:
+def model_settings(server: Loopback) -> tuple[str, ...]:
     return "--planner", "openai:gpt-x", "--base-url", server.url("openai")
 
 
@@ -53,23 +53,39 @@ def bottle(*more: object) -> tuple[object, ...]:
     return ("-r", BOTTLE.request, "--scene", BOTTLE.folder / "scene.xml", *more)
 
 
-def test_bottle_and_table_end_to_end_over_http(palpate: Palpate, monkeypatch: pytest.MonkeyPatch,
-                                               tmp_path: Path) -> None:
+def test_bottle_and_table_end_to_end_over_http(
+    palpate: Palpate, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
     monkeypatch.delenv("MUJOCO_GL")
-    with Loopback(Says("Sure, I will."), Says(half(PAPER)), Says(f"```json\n{PAPER}\n```")) as server:
+    with Loopback(
+        Says("Sure, I will."), Says(half(PAPER)), Says(f"```json\n{PAPER}\n```")
+    ) as server:
         world = BOTTLE.folder / "world.xml"
-        answer = palpate("run", *bottle(*asking(server), "--world", world, "--out", "out", "--json"))
+        answer = palpate(
+            "run", *bottle(*model_settings(server), "--world", world, "--out", "out", "--json")
+        )
         requests = list(server.requests)
     assert answer.status == 0, answer.err
     result = json.loads(answer.out)
-    assert {(p["object"], p["quantity"]) for p in result["parameters"]} == {("bottle", "mass"), ("table", "height")}
+    assert {(p["object"], p["quantity"]) for p in result["parameters"]} == {
+        ("bottle", "mass"),
+        ("table", "height"),
+    }
     assert result["plan"]["planner"] == "openai:gpt-x"
-    assert {p.name for p in (tmp_path / "out").iterdir()} >= {"twin.xml", "report.html", "conversation.json"}
+    assert {p.name for p in (tmp_path / "out").iterdir()} >= {
+        "twin.xml",
+        "report.html",
+        "conversation.json",
+    }
     assert [len(request.images) > 0 for request in requests] == [True] * 3
     assert all(request.system == system_prompt(vocabulary()) for request in requests)
     assert "table.height is requested" in requests[2].user
     figures = json.loads((tmp_path / "out" / "plan.json").read_text())["model"]
-    assert (figures["valid_first"], figures["valid_after_feedback"], figures["rounds"]) == (False, True, 3)
+    assert (figures["valid_first"], figures["valid_after_feedback"], figures["rounds"]) == (
+        False,
+        True,
+        3,
+    )
     assert figures["reported"] == "loopback-1-2026"
     everything = b"".join(p.read_bytes() for p in (tmp_path / "out").rglob("*") if p.is_file())
     assert KEY.encode() not in everything
@@ -77,12 +93,22 @@ def test_bottle_and_table_end_to_end_over_http(palpate: Palpate, monkeypatch: py
 
 def test_a_conversation_is_replayed_without_network(palpate: Palpate, tmp_path: Path) -> None:
     with Loopback(Says(half(PAPER)), Says(PAPER)) as server:
-        palpate("run", *bottle(*asking(server), "--out", "first",
-                               "--noise", "none"))
-    answer = palpate("run", *bottle("--planner", f"replay:{tmp_path}/first/conversation.json", "--out", "second",
-                                    "--noise", "none"))
+        palpate("run", *bottle(*model_settings(server), "--out", "first", "--noise", "none"))
+    answer = palpate(
+        "run",
+        *bottle(
+            "--planner",
+            f"replay:{tmp_path}/first/conversation.json",
+            "--out",
+            "second",
+            "--noise",
+            "none",
+        ),
+    )
     assert answer.status == 0, answer.err
-    first, second = (json.loads((tmp_path / name / "plan.json").read_text()) for name in ("first", "second"))
+    first, second = (
+        json.loads((tmp_path / name / "plan.json").read_text()) for name in ("first", "second")
+    )
     assert (first["tree"], first["model"]) == (second["tree"], second["model"])
     request = json.loads((tmp_path / "first" / "request.json").read_text())
     assert request["planner"] == "openai:gpt-x"
@@ -90,10 +116,13 @@ def test_a_conversation_is_replayed_without_network(palpate: Palpate, tmp_path: 
     assert request["asking"]["budget"]["dollars"] == 2
 
 
-def test_a_model_without_a_valid_plan_is_status_3_and_its_words_are_kept(palpate: Palpate, tmp_path: Path) -> None:
+def test_a_model_without_a_valid_plan_is_status_3_and_its_words_are_kept(
+    palpate: Palpate, tmp_path: Path
+) -> None:
     with Loopback(Says("I'd rather not.")) as server:
-        answer = palpate("run", *bottle(*asking(server), "--out", "out",
-                                        "--feedback", "1", "--json"))
+        answer = palpate(
+            "run", *bottle(*model_settings(server), "--out", "out", "--feedback", "1", "--json")
+        )
     assert answer.status == 3
     assert "rather not" in json.loads(answer.out)["plan"]["explanation"]
     talk = json.loads((tmp_path / "out" / "conversation.json").read_text())
@@ -102,9 +131,11 @@ def test_a_model_without_a_valid_plan_is_status_3_and_its_words_are_kept(palpate
     assert (figures["valid_after_feedback"], figures["input_tokens"]) == (False, 6000)
 
 
-def test_a_provider_that_refuses_is_status_5_and_leaves_nothing(palpate: Palpate, tmp_path: Path) -> None:
+def test_a_provider_that_refuses_is_status_5_and_leaves_nothing(
+    palpate: Palpate, tmp_path: Path
+) -> None:
     with Loopback(Fails(401)) as server:
-        answer = palpate("run", *bottle(*asking(server), "--out", "out"))
+        answer = palpate("run", *bottle(*model_settings(server), "--out", "out"))
     assert answer.status == 5
     assert "the key was refused" in answer.err
     assert not (tmp_path / "out").exists()
@@ -112,8 +143,7 @@ def test_a_provider_that_refuses_is_status_5_and_leaves_nothing(palpate: Palpate
 
 def test_a_budget_ends_the_dialogue(palpate: Palpate) -> None:
     with Loopback(Says("hm")) as server:
-        answer = palpate("plan", *bottle(*asking(server),
-                                         "--budget-tokens", "5000"))
+        answer = palpate("plan", *bottle(*model_settings(server), "--budget-tokens", "5000"))
         assert len(server.requests) == 2
     assert answer.status == 3
     assert "budget of 5000 tokens" in " ".join(answer.out.split())
@@ -121,22 +151,35 @@ def test_a_budget_ends_the_dialogue(palpate: Palpate) -> None:
 
 def test_a_plan_by_a_model_is_written_with_its_figures(palpate: Palpate, tmp_path: Path) -> None:
     with Loopback(Says(PAPER)) as server:
-        answer = palpate("plan", *bottle(*asking(server), "--out",
-                                         "plan.json", "--json", "--without", "role"))
+        answer = palpate(
+            "plan",
+            *bottle(*model_settings(server), "--out", "plan.json", "--json", "--without", "role"),
+        )
         assert "# Role" not in server.requests[0].system
     assert answer.status == 0
     assert json.loads(answer.out)["model"]["valid_first"] is True
     assert json.loads((tmp_path / "plan.json").read_text())["model"]["rounds"] == 1
 
 
-def test_from_a_sentence_a_picture_and_a_camera_to_complete_mjcf(palpate: Palpate, monkeypatch: pytest.MonkeyPatch,
-                                                                 tmp_path: Path) -> None:
+def test_from_a_sentence_a_picture_and_a_camera_to_complete_mjcf(
+    palpate: Palpate, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
     monkeypatch.delenv("MUJOCO_GL")
     blind = re.sub(r'  "scene": \[.*?\],\n', "", SAID, flags=re.DOTALL)
     with Loopback(Says(blind), Says(SAID)) as server:
-        answer = palpate("run", "-r", SEEN.request, "--poses", SEEN.folder / "poses.yaml", "--world",
-                         SEEN.folder / "world.xml", *asking(server),
-                         "--out", "out", "--json")
+        answer = palpate(
+            "run",
+            "-r",
+            SEEN.request,
+            "--poses",
+            SEEN.folder / "poses.yaml",
+            "--world",
+            SEEN.folder / "world.xml",
+            *model_settings(server),
+            "--out",
+            "out",
+            "--json",
+        )
         requests = list(server.requests)
     assert answer.status == 0, answer.err
     assert "list the objects that the image shows" in requests[1].user
@@ -145,9 +188,11 @@ def test_from_a_sentence_a_picture_and_a_camera_to_complete_mjcf(palpate: Palpat
     assert found["table", "height"] == pytest.approx(0.031, abs=5e-4)
     assert found["bottle", "mass"] == pytest.approx(0.317, abs=0.006)
     twin = palpate("gap", tmp_path / "out" / "twin.xml", "--json")
-    assert json.loads(twin.out)["missing"] == [{"object": "bottle", "quantity": "friction"},
-                                               {"object": "carton", "quantity": "mass"},
-                                               {"object": "carton", "quantity": "friction"}]
+    assert json.loads(twin.out)["missing"] == [
+        {"object": "bottle", "quantity": "friction"},
+        {"object": "carton", "quantity": "mass"},
+        {"object": "carton", "quantity": "friction"},
+    ]
     assert palpate("check", "out", "--poses", SEEN.folder / "poses.yaml").status == 0
 
 
@@ -167,11 +212,14 @@ def test_prompt_prints_what_is_sent(palpate: Palpate, tmp_path: Path) -> None:
     Image.new("RGB", (40, 30)).save(tmp_path / "view.png")
     options = bottle("--poses", "poses.yaml", "--image", "view.png")
     with Loopback(Says(PAPER)) as server:
-        palpate("plan", *options, *asking(server))
+        palpate("plan", *options, *model_settings(server))
         sent: Request = server.requests[0]
     printed = json.loads(palpate("prompt", *options, "--json").out)
     assert printed == {"system": sent.system, "user": sent.user, "images": ["view.png"]}
-    assert palpate("prompt", *options).out == f"{sent.system.rstrip()}\n\n{sent.user}\nAttach:\nview.png\n"
+    assert (
+        palpate("prompt", *options).out
+        == f"{sent.system.rstrip()}\n\n{sent.user}\nAttach:\nview.png\n"
+    )
     assert json.loads(palpate("prompt", *options, "--without", "all", "--json").out)["system"] == ""
     refused = palpate("prompt", *options, "--without", "soul")
     assert (refused.status, "bt_rules" in refused.err) == (2, True)
@@ -185,10 +233,14 @@ def test_prompt_without_a_scene_names_the_poses_there_are(palpate: Palpate, tmp_
 
 
 def test_the_answer_of_any_chat_is_checked_and_executed(palpate: Palpate, tmp_path: Path) -> None:
-    (tmp_path / "answer.txt").write_text(f"Of course! Here is the plan:\n```json\n{PAPER}\n```\nGood luck.")
+    (tmp_path / "answer.txt").write_text(
+        f"Of course! Here is the plan:\n```json\n{PAPER}\n```\nGood luck."
+    )
     scene = BOTTLE.folder / "scene.xml"
     assert palpate("check", "answer.txt", "--scene", scene).status == 0
-    answer = palpate("execute", "answer.txt", "--scene", scene, "--noise", "none", "--out", "out", "--json")
+    answer = palpate(
+        "execute", "answer.txt", "--scene", scene, "--noise", "none", "--out", "out", "--json"
+    )
     assert (answer.status, json.loads(answer.out)["status"]) == (0, "complete")
     (tmp_path / "answer.txt").write_text(f"Here:\n```json\n{PAPER[:-40]}\n```")
     cut = palpate("check", "answer.txt", "--scene", scene)
@@ -196,15 +248,33 @@ def test_the_answer_of_any_chat_is_checked_and_executed(palpate: Palpate, tmp_pa
     assert "the JSON" in cut.err
 
 
-@pytest.mark.parametrize(("said", "status", "words"), [("n\n", 4, "not confirmed"), ("", 4, "not confirmed"),
-                                                       ("y\n", 5, "no driver")])
-def test_a_real_robot_moves_only_when_confirmed(palpate: Palpate, scene: Callable[..., Path], said: str, status: int,
-                                                words: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("said", "status", "words"),
+    [("n\n", 4, "not confirmed"), ("", 4, "not confirmed"), ("y\n", 5, "no driver")],
+)
+def test_a_real_robot_moves_only_when_confirmed(
+    palpate: Palpate,
+    scene: Callable[..., Path],
+    said: str,
+    status: int,
+    words: str,
+    monkeypatch: pytest.MonkeyPatch,
+    tmp_path: Path,
+) -> None:
     import io
 
     monkeypatch.setattr(sys, "stdin", io.StringIO(said))
-    answer = palpate("run", "--scene", scene(cube()), "--robot", "franka://arm", "--no-rehearse", "--out", "out",
-                     "--json")
+    answer = palpate(
+        "run",
+        "--scene",
+        scene(cube()),
+        "--robot",
+        "franka://arm",
+        "--no-rehearse",
+        "--out",
+        "out",
+        "--json",
+    )
     assert (answer.status, words in answer.err) == (status, True), answer.err
     assert answer.err.index("Force2Mass") < answer.err.index("Let franka://arm move?")
     assert not (tmp_path / "out").exists()
@@ -212,23 +282,52 @@ def test_a_real_robot_moves_only_when_confirmed(palpate: Palpate, scene: Callabl
 
 
 def test_yes_skips_the_question(palpate: Palpate, scene: Callable[..., Path]) -> None:
-    answer = palpate("run", "--scene", scene(cube()), "--robot", "franka://arm", "--no-rehearse", "--yes")
+    answer = palpate(
+        "run", "--scene", scene(cube()), "--robot", "franka://arm", "--no-rehearse", "--yes"
+    )
     assert answer.status == 5
     assert "move?" not in answer.err
 
 
 def test_the_papers_tables_are_made_and_gone_on_with(palpate: Palpate, tmp_path: Path) -> None:
     with Loopback(Says(PAPER)) as server:
-        options = ("bottle_and_table", *asking(server), "--noise", "none")
-        first = palpate("study", "ablation", *options, "--trials", 1, "--configuration", "full", "--configuration",
-                        "no role", "--out", "a.jsonl", "--json")
-        again = palpate("study", "ablation", *options, "--trials", 2, "--configuration", "full", "--configuration",
-                        "no role", "--out", "a.jsonl", "--workers", 2)
+        options = ("bottle_and_table", *model_settings(server), "--noise", "none")
+        first = palpate(
+            "study",
+            "ablation",
+            *options,
+            "--trials",
+            1,
+            "--configuration",
+            "full",
+            "--configuration",
+            "no role",
+            "--out",
+            "a.jsonl",
+            "--json",
+        )
+        again = palpate(
+            "study",
+            "ablation",
+            *options,
+            "--trials",
+            2,
+            "--configuration",
+            "full",
+            "--configuration",
+            "no role",
+            "--out",
+            "a.jsonl",
+            "--workers",
+            2,
+        )
         assert len(server.requests) == 4
         shown = palpate("study", "repeatability", *options, "--trials", 2, "--out", "r.jsonl")
     rows = json.loads(first.out)["rows"]
-    assert [(r["configuration"], r["syntax"]["hits"], r["success"]["hits"]) for r in rows] == [("full", 1, 1),
-                                                                                              ("no role", 1, 1)]
+    assert [(r["configuration"], r["syntax"]["hits"], r["success"]["hits"]) for r in rows] == [
+        ("full", 1, 1),
+        ("no role", 1, 1),
+    ]
     assert rows[0]["intervals"]["syntax"][0] == pytest.approx(0.2065, abs=1e-3)
     assert "2 of 4 trials are done already" in again.err
     assert "2/2 [0.34, 1.00]" in shown.out

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from palpate.estimation.windows import at_rest, lift_path, load_of, mean_pose, runs
-from palpate.trace import Samples
+from palpate.trace.samples import Samples
 
 
 def test_runs_are_maximal():

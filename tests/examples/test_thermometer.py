@@ -1,4 +1,5 @@
-"""The example package, found through its entry point by a palpate of its own process, which knows nothing of it."""
+"""The example package, found through its entry point by a palpate of its own process, which knows
+nothing of it."""
 
 from __future__ import annotations
 
@@ -27,24 +28,34 @@ Palpate = Callable[..., "subprocess.CompletedProcess[str]"]
 
 def command(**environment: str) -> Palpate:
     def run(*arguments: str, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
-        return subprocess.run([sys.executable, "-m", "palpate.cli.main", *arguments], capture_output=True, text=True,
-                              check=False, cwd=cwd, env={**os.environ, **environment}, timeout=120)
+        return subprocess.run(
+            [sys.executable, "-m", "palpate.cli.main", *arguments],
+            capture_output=True,
+            text=True,
+            check=False,
+            cwd=cwd,
+            env={**os.environ, **environment},
+            timeout=120,
+        )
 
     return run
 
 
 @pytest.fixture(scope="module")
 def installed(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
-    """The environment of a palpate with the example installed, as an editable install would: the package's folder on
-    the path, and metadata with its entry point. A thermometer is logging."""
+    """The environment of a palpate with the example installed, as an editable install would: the
+    package's folder on the path, and metadata with its entry point. A thermometer is logging."""
     site = tmp_path_factory.mktemp("site")
     project = tomllib.loads((EXAMPLE / "pyproject.toml").read_text("utf-8"))["project"]
     metadata = site / f"{project['name'].replace('-', '_')}-{project['version']}.dist-info"
     metadata.mkdir()
-    (metadata / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {project['name']}\n"
-                                       f"Version: {project['version']}\n")
-    groups = [f"[{group}]\n" + "".join(f"{name} = {value}\n" for name, value in entries.items())
-              for group, entries in project["entry-points"].items()]
+    (metadata / "METADATA").write_text(
+        f"Metadata-Version: 2.1\nName: {project['name']}\nVersion: {project['version']}\n"
+    )
+    groups = [
+        f"[{group}]\n" + "".join(f"{name} = {value}\n" for name, value in entries.items())
+        for group, entries in project["entry-points"].items()
+    ]
     (metadata / "entry_points.txt").write_text("\n".join(groups))
     log = site / "thermometer.log"
     log.write_text("".join(f"{reading}\n" for reading in (20.0, *READINGS)))
@@ -59,7 +70,10 @@ def palpate(installed: dict[str, str]) -> Palpate:
 
 def test_the_prompt_offers_the_primitive_and_its_quantity(palpate: Palpate) -> None:
     system = json.loads(palpate("prompt", *R, *D, "--json").stdout)["system"]
-    assert "- MeasureTemperature(): Read the thermometer while it is held still over an object" in system
+    assert (
+        "- MeasureTemperature(): Read the thermometer while it is held still over an object"
+        in system
+    )
     assert "- temperature °C, of an object: hold the thermometer over the object" in system
 
 
@@ -73,10 +87,14 @@ def test_the_check_knows_the_primitive_only_with_the_package(palpate: Palpate) -
     assert (with_it.returncode, json.loads(with_it.stdout)) == (0, {"valid": True, "findings": []})
     without = command()("check", str(PLAN), *D, "--json")
     assert without.returncode == 3
-    assert {"unknown-primitive", "unknown-parameter"} <= {f["rule"] for f in json.loads(without.stdout)["findings"]}
+    assert {"unknown-primitive", "unknown-parameter"} <= {
+        f["rule"] for f in json.loads(without.stdout)["findings"]
+    }
 
 
-def test_the_check_holds_the_primitive_to_its_own_preconditions(palpate: Palpate, tmp_path: Path) -> None:
+def test_the_check_holds_the_primitive_to_its_own_preconditions(
+    palpate: Palpate, tmp_path: Path
+) -> None:
     plan = json.loads(PLAN.read_text("utf-8"))
     steps = plan["tree"]["children"]
     measuring = next(i for i, step in enumerate(steps) if step["type"] == "MeasureTemperature")
@@ -107,7 +125,8 @@ def test_the_request_is_measured_and_reported(palpate: Palpate, tmp_path: Path) 
 
 
 def test_a_thermometer_that_cannot_be_read_ends_in_a_controlled_stop_with_the_reason(
-        installed: dict[str, str], tmp_path: Path) -> None:
+    installed: dict[str, str], tmp_path: Path
+) -> None:
     dumb = command(**{**installed, "PALPATE_THERMOMETER": str(tmp_path / "unplugged.log")})
     done = dumb("run", *R, *D, *W, cwd=tmp_path)
     assert done.returncode == 4, done.stderr

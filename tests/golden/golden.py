@@ -1,13 +1,15 @@
 #!/usr/bin/env python3
 """The golden table: what every bundled scenario measures, to the last bit.
 
-    python tests/golden/golden.py compare [--quick] [--only NAME …]     against table.json; exit status 1 where they differ
-    python tests/golden/golden.py record                                writes table.json anew
+    python tests/golden/golden.py compare [--quick] [--only NAME …]     against table.json; exit
+    status 1 where they differ python tests/golden/golden.py record
+    writes table.json anew
 
-A row is a scenario, a seed and a noise model: values, standard deviations, intervals, verdicts, actions, robot seconds and
-the twin's bytes without its sentences. Everything is run through the command line, which is a contract, so the table
-outlives any change of the code behind it. Pictures are left out, which makes a run several times faster and changes no number.
-`--quick` runs seed 0 at `lab` and leaves out the scenarios that take over ten seconds.
+A row is a scenario, a seed and a noise model: values, standard deviations, intervals, verdicts,
+actions, robot seconds and the twin's bytes without its sentences. Everything is run through the
+command line, which is a contract, so the table outlives any change of the code behind it. Pictures
+are left out, which makes a run several times faster and changes no number. `--quick` runs seed 0 at
+`lab` and leaves out the scenarios that take over ten seconds.
 """
 
 from __future__ import annotations
@@ -30,14 +32,20 @@ NOISE = ("none", "lab", "datasheet")
 SEEDS = (0, 1, 2)
 SLOW = {"fifteen_objects"}
 SENTENCES = re.compile(r'(name="palpate[^"]*method[^"]*" data=)"[^"]*"')
-"""The twin's `<custom>` texts that say in words how a value was measured: wording may change, bytes around it may not."""
+"""The twin's `<custom>` texts that say in words how a value was measured: wording may change, bytes
+around it may not."""
 
 
 def palpate(*arguments: str) -> subprocess.CompletedProcess[str]:
     """Run palpate without pictures."""
     code = "import sys; from palpate.cli.main import main; sys.exit(main())"
-    return subprocess.run([sys.executable, "-c", code, *arguments], capture_output=True, text=True, check=False,
-                          env=os.environ | {"MUJOCO_GL": "disabled"})
+    return subprocess.run(
+        [sys.executable, "-c", code, *arguments],
+        capture_output=True,
+        text=True,
+        check=False,
+        env=os.environ | {"MUJOCO_GL": "disabled"},
+    )
 
 
 def scenarios() -> list[str]:
@@ -51,7 +59,9 @@ def measure(name: str, seed: int, noise: str) -> dict[str, object]:
     """One row of the table."""
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch) / "run"
-        done = palpate("demo", name, "--seed", str(seed), "--noise", noise, "--out", str(folder), "--json")
+        done = palpate(
+            "demo", name, "--seed", str(seed), "--noise", noise, "--out", str(folder), "--json"
+        )
         if not done.stdout:
             return {"exit": done.returncode, "error": done.stderr.strip().splitlines()[-1:]}
         return row(done.returncode, json.loads(done.stdout), folder)
@@ -63,9 +73,13 @@ def row(status: int, result: dict[str, object], folder: Path) -> dict[str, objec
     execution = result.get("execution") or {}
     twin = folder / "twin.xml"
     return {
-        "exit": status, "status": result["status"],
-        "parameters": [{key: parameter.get(key) for key in kept} for parameter in result["parameters"]],
-        "actions": execution.get("actions"), "robot_seconds": execution.get("robot_seconds"),
+        "exit": status,
+        "status": result["status"],
+        "parameters": [
+            {key: parameter.get(key) for key in kept} for parameter in result["parameters"]
+        ],
+        "actions": execution.get("actions"),
+        "robot_seconds": execution.get("robot_seconds"),
         "plan": digest((folder / "plan.json").read_text("utf-8"), tree_only=True),
         "twin": digest(SENTENCES.sub(r'\1""', twin.read_text("utf-8"))) if twin.exists() else None,
     }
@@ -103,8 +117,11 @@ def difference(expected: dict[str, object], found: dict[str, object]) -> list[st
     """What differs between two rows, in words."""
     if not expected:
         return ["is not in the table"]
-    return [f"{key}: {expected.get(key)} → {found.get(key)}" for key in expected | found
-            if expected.get(key) != found.get(key)]
+    return [
+        f"{key}: {expected.get(key)} → {found.get(key)}"
+        for key in expected | found
+        if expected.get(key) != found.get(key)
+    ]
 
 
 def compare(quick: bool, only: list[str], jobs: int) -> int:
@@ -121,7 +138,9 @@ def compare(quick: bool, only: list[str], jobs: int) -> int:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("action", choices=("compare", "record"))
     parser.add_argument("--quick", action="store_true")
     parser.add_argument("--only", nargs="*", default=[])

@@ -1,10 +1,11 @@
-"""The trees of the paper's figures, as recorded plans: checked, executed, and judged from the trace."""
+"""The trees of the paper's figures, as recorded plans: checked, executed, and judged from the
+trace."""
 
 import pytest
 
 from palpate import pipeline
-from palpate.planning.check import check
-from palpate.planning.replay import load_plan
+from palpate.planning.check.check import check
+from palpate.planning.recorded import load_plan
 from palpate.scenarios.catalogue import scenario
 from palpate.studies.judgement import judge
 

@@ -10,29 +10,57 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from palpate.errors import InputError
+from palpate.parameter import Parameter
 from palpate.planning.plan import Node, Plan, dump_plan, parse_plan, plan_from, plan_json
-from palpate.quantities import Gap
 
-TREE = {"type": "Sequence", "name": "weigh", "children": [
-    {"type": "MoveJoints", "joints": [0, 0.5, 0, -1, 0, 1, 0]},
-    {"type": "Parallel", "children": [{"type": "MovePose", "pose": "bottle_pose - 0.5*x_offset"},
-                                      {"type": "MeasureForces"}]}]}
-DOCUMENT: dict[str, Any] = {"parameters": [{"object": "bottle", "quantity": "mass"}], "explanation": "why",
-                            "tree": TREE}
+TREE = {
+    "type": "Sequence",
+    "name": "weigh",
+    "children": [
+        {"type": "MoveJoints", "joints": [0, 0.5, 0, -1, 0, 1, 0]},
+        {
+            "type": "Parallel",
+            "children": [
+                {"type": "MovePose", "pose": "bottle_pose - 0.5*x_offset"},
+                {"type": "MeasureForces"},
+            ],
+        },
+    ],
+}
+DOCUMENT: dict[str, Any] = {
+    "parameters": [{"object": "bottle", "quantity": "mass"}],
+    "explanation": "why",
+    "tree": TREE,
+}
 
 json_values = st.recursive(
     st.none() | st.booleans() | st.integers() | st.floats() | st.text(),
-    lambda inner: st.lists(inner, max_size=4) | st.dictionaries(
-        st.sampled_from(["type", "children", "tree", "parameters", "object", "quantity", "pose", "name"]) | st.text(),
-        inner, max_size=5), max_leaves=25)
+    lambda inner: (
+        st.lists(inner, max_size=4)
+        | st.dictionaries(
+            st.sampled_from(
+                ["type", "children", "tree", "parameters", "object", "quantity", "pose", "name"]
+            )
+            | st.text(),
+            inner,
+            max_size=5,
+        )
+    ),
+    max_leaves=25,
+)
 
 
 def test_a_plan_is_read_with_its_paths():
     plan = parse_plan(json.dumps(DOCUMENT))
-    assert plan.parameters == (Gap("bottle", "mass"),)
+    assert plan.parameters == (Parameter("bottle", "mass"),)
     assert plan.tree is not None
     assert [path for path, _ in plan.tree.walk()] == [
-        "tree", "tree.children[0]", "tree.children[1]", "tree.children[1].children[0]", "tree.children[1].children[1]"]
+        "tree",
+        "tree.children[0]",
+        "tree.children[1]",
+        "tree.children[1].children[0]",
+        "tree.children[1].children[1]",
+    ]
     assert plan.tree.children[0].args == (("joints", (0, 0.5, 0, -1, 0, 1, 0)),)
     assert plan.tree.name == "weigh"
     assert plan.actions == 3
@@ -58,29 +86,38 @@ def test_a_null_tree_is_an_answer():
     assert plan.actions == 0
 
 
-@pytest.mark.parametrize(("text", "names"), [
-    ("", "not JSON"),
-    ("Sure! Here is the plan", "not JSON"),
-    (b"\xff\xfe", "UTF-8"),
-    ("[]", "JSON object"),
-    ("null", "JSON object"),
-    ('{"tree": null}', "'parameters'"),
-    ('{"parameters": []}', "'tree'"),
-    ('{"parameters": {}, "tree": null}', "parameters must be a list"),
-    ('{"parameters": [], "tree": []}', "tree must be a JSON object"),
-    ('{"parameters": [], "tree": {"children": []}}', "'type'"),
-    ('{"parameters": [], "tree": {"type": 3}}', "tree.type must be text"),
-    ('{"parameters": [], "tree": {"type": "Sequence", "children": {}}}', "tree.children must be a list"),
-    ('{"parameters": [], "tree": {"type": "MovePose", "pose": {"x": 1}}}', "tree.pose"),
-    ('{"parameters": [{"object": "bottle"}], "tree": null}', "parameters[0]"),
-    ('{"parameters": [{"object": "b", "quantity": "mass", "why": ""}], "tree": null}', "'why'"),
-    ('{"parameters": [], "tree": null, "tree": null}', "twice"),
-    ('{"parameters": [], "tree": {"type": "MoveJoints", "joints": [NaN]}}', "NaN"),
-    ('{"parameters": [], "tree": {"type": "MoveJoints", "joints": [-Infinity]}}', "Infinity"),
-    ('{"parameters": [], "tree": {"type": "MoveJoints", "joints": [1e999]}}', "finite"),
-    ('{"parameters": [], "tree": {"type": "MoveJoints", "joints": [' + "9" * 5000 + "]}}", "JSON"),
-    ('{"parameters": [], "tree": {"type": "\\ud800"}}', "surrogate"),
-])
+@pytest.mark.parametrize(
+    ("text", "names"),
+    [
+        ("", "not JSON"),
+        ("Sure! Here is the plan", "not JSON"),
+        (b"\xff\xfe", "UTF-8"),
+        ("[]", "JSON object"),
+        ("null", "JSON object"),
+        ('{"tree": null}', "'parameters'"),
+        ('{"parameters": []}', "'tree'"),
+        ('{"parameters": {}, "tree": null}', "parameters must be a list"),
+        ('{"parameters": [], "tree": []}', "tree must be a JSON object"),
+        ('{"parameters": [], "tree": {"children": []}}', "'type'"),
+        ('{"parameters": [], "tree": {"type": 3}}', "tree.type must be text"),
+        (
+            '{"parameters": [], "tree": {"type": "Sequence", "children": {}}}',
+            "tree.children must be a list",
+        ),
+        ('{"parameters": [], "tree": {"type": "MovePose", "pose": {"x": 1}}}', "tree.pose"),
+        ('{"parameters": [{"object": "bottle"}], "tree": null}', "parameters[0]"),
+        ('{"parameters": [{"object": "b", "quantity": "mass", "why": ""}], "tree": null}', "'why'"),
+        ('{"parameters": [], "tree": null, "tree": null}', "twice"),
+        ('{"parameters": [], "tree": {"type": "MoveJoints", "joints": [NaN]}}', "NaN"),
+        ('{"parameters": [], "tree": {"type": "MoveJoints", "joints": [-Infinity]}}', "Infinity"),
+        ('{"parameters": [], "tree": {"type": "MoveJoints", "joints": [1e999]}}', "finite"),
+        (
+            '{"parameters": [], "tree": {"type": "MoveJoints", "joints": [' + "9" * 5000 + "]}}",
+            "JSON",
+        ),
+        ('{"parameters": [], "tree": {"type": "\\ud800"}}', "surrogate"),
+    ],
+)
 def test_what_is_no_plan_is_refused_in_one_message(text: str | bytes, names: str):
     with pytest.raises(InputError) as refusal:
         parse_plan(text)
@@ -125,15 +162,27 @@ def test_any_text_is_a_plan_or_an_input_error(text: str | bytes):
     assert parse_plan(dump_plan(plan)) == plan
 
 
-arguments = st.dictionaries(st.text().filter(lambda k: k not in ("type", "name", "children")),
-                            st.text() | st.integers() | st.booleans()).map(lambda d: tuple(d.items()))
+arguments = st.dictionaries(
+    st.text().filter(lambda k: k not in ("type", "name", "children")),
+    st.text() | st.integers() | st.booleans(),
+).map(lambda d: tuple(d.items()))
 nodes = st.recursive(
     st.builds(Node, st.text(), arguments),
-    lambda inner: st.builds(Node, st.text(), children=st.lists(inner, min_size=1, max_size=3).map(tuple),
-                            name=st.text()), max_leaves=10)
+    lambda inner: st.builds(
+        Node, st.text(), children=st.lists(inner, min_size=1, max_size=3).map(tuple), name=st.text()
+    ),
+    max_leaves=10,
+)
 
 
-@given(st.builds(Plan, st.lists(st.builds(Gap, st.text(), st.text())).map(tuple), st.none() | nodes, st.text()))
+@given(
+    st.builds(
+        Plan,
+        st.lists(st.builds(Parameter, st.text(), st.text())).map(tuple),
+        st.none() | nodes,
+        st.text(),
+    )
+)
 @settings(max_examples=100, deadline=None)
 def test_every_plan_survives_the_file(plan: Plan):
     assert parse_plan(dump_plan(plan)) == plan

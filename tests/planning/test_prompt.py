@@ -6,10 +6,10 @@ import pytest
 from rs_bpe.bpe import openai
 
 from palpate.errors import InputError
-from palpate.planning.check import check
-from palpate.planning.extract import read_answer
-from palpate.planning.prompt import compose as compose_module
-from palpate.planning.prompt.compose import (
+from palpate.planning.check.check import check
+from palpate.planning.model.answer import read_answer
+from palpate.planning.model.prompt import compose as compose_module
+from palpate.planning.model.prompt.compose import (
     MODULES,
     SYSTEM_MODULES,
     Prompt,
@@ -19,11 +19,13 @@ from palpate.planning.prompt.compose import (
     user_prompt,
 )
 from palpate.scenarios.catalogue import names, scenario
-from palpate.scene.from_picture import Template
+from palpate.scene.from_picture import SceneBuilder
+from palpate.scene.load import load_scene, parse_scene
 from palpate.scene.poses import read_poses
-from palpate.scene.scene import Scene, load_scene, parse_scene
-from palpate.vocabulary import primitive as primitive_module
-from palpate.vocabulary.primitive import Primitive, vocabulary
+from palpate.scene.scene import Scene
+from palpate.vocabulary import base as primitive_module
+from palpate.vocabulary.base import Primitive
+from palpate.vocabulary.registry import vocabulary
 
 SCENE = """<mujoco><worldbody>
   <site name="robot_base"/>
@@ -42,7 +44,9 @@ def prompt_of(name: str) -> Prompt:
     if job.scene is not None:
         return compose(vocabulary(), job.request or "", load_scene(job.scene, job.poses))
     assert job.poses is not None
-    return compose(vocabulary(), job.request or "", None, symbols=Template(read_poses(job.poses)).symbols)
+    return compose(
+        vocabulary(), job.request or "", None, symbols=SceneBuilder(read_poses(job.poses)).symbols
+    )
 
 
 @pytest.mark.parametrize("name", names())
@@ -53,12 +57,13 @@ def test_the_system_prompt_is_the_same_bytes_for_every_scenario(name: str) -> No
 
 
 def test_the_system_prompt_is_compact() -> None:
-    """By `o200k_base`, the public tokenizer of OpenAI's models, as the package `rs-bpe` ships it."""
+    """By `o200k_base`, the public tokenizer of OpenAI's models, as the package `rs-bpe` ships
+    it."""
     assert openai.o200k_base().count(system_prompt(vocabulary())) <= 4000
 
 
 def test_every_primitive_composite_and_quantity_is_in_it() -> None:
-    from palpate.quantities import QUANTITIES
+    from palpate.quantities.quantity import QUANTITIES
 
     system = system_prompt(vocabulary())
     for name in [*vocabulary().primitives, *vocabulary().composites]:
@@ -72,8 +77,11 @@ def test_every_primitive_composite_and_quantity_is_in_it() -> None:
 
 
 def test_it_names_nothing_of_a_bundled_scenario() -> None:
-    text = "".join(system_prompt(vocabulary(), set(SYSTEM_MODULES) - {name})
-                   for name in SYSTEM_MODULES if name != "actions")
+    text = "".join(
+        system_prompt(vocabulary(), set(SYSTEM_MODULES) - {name})
+        for name in SYSTEM_MODULES
+        if name != "actions"
+    )
     for name in names():
         job = scenario(name).job()
         for body in load_scene(job.scene, job.poses).bodies if job.scene else ():
@@ -123,19 +131,35 @@ def test_without_image_text_or_metadata_the_input_is_gone(scene: Scene, tmp_path
     picture = tmp_path / "i.png"
     full = compose(vocabulary(), "weigh the cup", scene, [picture])
     assert full.images == (picture,)
-    assert all(part in full.user for part in ("weigh the cup", SCENE, "cup_pose: 0.500", "Attached: the workspace"))
+    assert all(
+        part in full.user
+        for part in ("weigh the cup", SCENE, "cup_pose: 0.500", "Attached: the workspace")
+    )
     bare = compose(vocabulary(), "weigh the cup", scene, [picture], without=["image"])
     assert (bare.images, "Attached" in bare.user) == ((), False)
     silent = compose(vocabulary(), "weigh the cup", scene, [picture], without=["text"])
     assert not any(part in silent.user for part in ("weigh the cup", "<mujoco"))
-    assert "cup_pose" not in compose(vocabulary(), "weigh the cup", parse_scene(SCENE), without=["metadata"]).user
+    assert (
+        "cup_pose"
+        not in compose(vocabulary(), "weigh the cup", parse_scene(SCENE), without=["metadata"]).user
+    )
 
 
 def test_an_unknown_module_is_named_with_those_there_are(scene: Scene) -> None:
     with pytest.raises(InputError, match=r"unknown prompt module 'soul'.*bt_rules"):
         compose(vocabulary(), "x", scene, without=["soul"])
-    assert set(MODULES) == {"role", "actions", "composites", "reasoning_rules", "bt_rules", "metadata", "output",
-                            "image", "text", "all"}
+    assert set(MODULES) == {
+        "role",
+        "actions",
+        "composites",
+        "reasoning_rules",
+        "bt_rules",
+        "metadata",
+        "output",
+        "image",
+        "text",
+        "all",
+    }
 
 
 def test_every_pose_offset_and_configuration_is_listed(scene: Scene) -> None:
@@ -172,7 +196,10 @@ def test_the_examples_are_plans_that_pass_the_check(scene: Scene) -> None:
     output = system_prompt(vocabulary(), set(SYSTEM_MODULES) - {"output"})
     weighing = output.split('how high is the shelf?"\n')[1].split("\n\nExample")[0]
     plan = read_answer(weighing).plan
-    assert check(plan, parse_scene(SCENE.replace("0.5 0 0.10", "0.5 0 ?").replace('"cup"', '"jar"'))) == ()
+    assert (
+        check(plan, parse_scene(SCENE.replace("0.5 0 0.10", "0.5 0 ?").replace('"cup"', '"jar"')))
+        == ()
+    )
     rejection = read_answer(output.rsplit("\n", 2)[-2]).plan
     assert check(rejection, scene) == ()
     sliding = output.split("before it is released:\n")[1].split("\n\nExample")[0]

@@ -15,14 +15,20 @@ import pytest
 from PIL import Image
 
 from palpate.estimation.estimate import Estimate
+from palpate.parameter import Parameter
+from palpate.pictures.renderer import png
 from palpate.planning.plan import Node, Plan
-from palpate.quantities import Gap
-from palpate.rendering import png
-from palpate.report.report import GapRow, Measured, ReportData, write_report
-from palpate.trace import Context, LeafRun, Recording
+from palpate.report.report import Measured, ParameterRow, ReportData, write_report
+from palpate.trace.recording import Context, LeafRun, Recording
 
 HOSTILE = '</script><script>alert(1)</script><img src="http://evil.example/x" onerror=alert(1)>'
-SECTIONS = ("The workspace", "What was known, what was not", "The plan", "What the robot felt", "The digital twin")
+SECTIONS = (
+    "The workspace",
+    "What was known, what was not",
+    "The plan",
+    "What the robot felt",
+    "The digital twin",
+)
 
 
 class Page(HTMLParser):
@@ -64,15 +70,38 @@ def picture() -> bytes:
 
 
 def complete(data: ReportData) -> ReportData:
-    return replace(data, workspace=picture(), before=picture(), after=picture(), video=b"\0\0\0\x18ftypmp42",
-                   video_speed=2.5, warnings=("a warning",))
+    return replace(
+        data,
+        workspace=picture(),
+        before=picture(),
+        after=picture(),
+        video=b"\0\0\0\x18ftypmp42",
+        video_speed=2.5,
+        warnings=("a warning",),
+    )
 
 
 def test_all_sections_are_there(data: ReportData, tmp_path: Path) -> None:
     page = page_of(complete(data), tmp_path)
-    for words in (*SECTIONS, data.request, "0.2541", "± 0.0008", "0.2525 … 0.2557 kg", "hidden truth 0.254 kg",
-                  "+0.1 g", "inside the interval", "at 2.5 × robot time", "a warning", "16", "31.0 s", "lab",
-                  "single-shot 0.262 ± 0.020 kg", "mujoco", "MoveUntilContact(-z)", data.plan.explanation):
+    for words in (
+        *SECTIONS,
+        data.request,
+        "0.2541",
+        "± 0.0008",
+        "0.2525 … 0.2557 kg",
+        "hidden truth 0.254 kg",
+        "+0.1 g",
+        "inside the interval",
+        "at 2.5 × robot time",
+        "a warning",
+        "16",
+        "31.0 s",
+        "lab",
+        "single-shot 0.262 ± 0.020 kg",
+        "mujoco",
+        "MoveUntilContact(-z)",
+        data.plan.explanation,
+    ):
         assert str(words) in page.text, words
     assert len(page.all("img")) == 3
     assert page.all("video")[0]["src"].startswith("data:video/mp4;base64,")
@@ -102,21 +131,46 @@ def test_the_policy_names_the_scripts_that_are_there(data: ReportData, tmp_path:
 
 
 def test_hostile_names_are_text(data: ReportData, tmp_path: Path) -> None:
-    gap = Gap(HOSTILE, HOSTILE)
+    parameter = Parameter(HOSTILE, HOSTILE)
     context = Context("still", at=HOSTILE, holding=HOSTILE)
     window = Recording("gripper_forces", 1.0, 2.0, context, HOSTILE)
-    estimate = Estimate(gap, (1.0,), (0.1,), ((0.8, 1.2),), HOSTILE, (window,), components={HOSTILE: (1.0, 0.1)})
+    estimate = Estimate(
+        parameter,
+        (1.0,),
+        (0.1,),
+        ((0.8, 1.2),),
+        HOSTILE,
+        (window,),
+        components={HOSTILE: (1.0, 0.1)},
+    )
     assert data.trace is not None
     leaf = LeafRun("tree.children[0]", HOSTILE, HOSTILE, 0.0, 1.0, "FAILURE", HOSTILE)
     trace = replace(data.trace, leaves=(leaf,), recordings=(window,), conversions=())
-    plan = Plan((gap,), Node("Sequence", (), (Node(HOSTILE, (("pose", HOSTILE),), name=HOSTILE),), name=HOSTILE),
-                HOSTILE, HOSTILE, (HOSTILE,))
+    plan = Plan(
+        (parameter,),
+        Node("Sequence", (), (Node(HOSTILE, (("pose", HOSTILE),), name=HOSTILE),), name=HOSTILE),
+        HOSTILE,
+        HOSTILE,
+        (HOSTILE,),
+    )
     hostile = ReportData(
-        request=HOSTILE, status="aborted", plan=plan, world=HOSTILE, gaps=(GapRow(HOSTILE, HOSTILE, "known", True),),
-        measured=(Measured(estimate, HOSTILE, (1.1,)),), findings=(HOSTILE,), trace=trace, stopped_by=HOSTILE,
-        twin_diff=f"@@ {HOSTILE}\n-{HOSTILE}\n+{HOSTILE}!\n", twin_checks={HOSTILE: HOSTILE}, twin_notes=(HOSTILE,),
-        versions={HOSTILE: HOSTILE}, noise=HOSTILE, files=("javascript:alert(1)", "../up", "good.xml", HOSTILE),
-        warnings=(HOSTILE,))
+        request=HOSTILE,
+        status="aborted",
+        plan=plan,
+        world=HOSTILE,
+        parameters=(ParameterRow(HOSTILE, HOSTILE, "known", True),),
+        measured=(Measured(estimate, HOSTILE, (1.1,)),),
+        findings=(HOSTILE,),
+        trace=trace,
+        stopped_by=HOSTILE,
+        twin_diff=f"@@ {HOSTILE}\n-{HOSTILE}\n+{HOSTILE}!\n",
+        twin_checks={HOSTILE: HOSTILE},
+        twin_notes=(HOSTILE,),
+        versions={HOSTILE: HOSTILE},
+        noise=HOSTILE,
+        files=("javascript:alert(1)", "../up", "good.xml", HOSTILE),
+        warnings=(HOSTILE,),
+    )
     page = page_of(hostile, tmp_path)
     assert len(page.all("script")) == 3
     assert page.all("img") == []
@@ -131,7 +185,9 @@ def test_hostile_names_are_text(data: ReportData, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("status", ["rejected", "aborted", "failed", "complete"])
 def test_a_bare_run_still_has_a_page(status: str, tmp_path: Path) -> None:
-    bare = ReportData(request=None, status=status, plan=Plan((), None, "Heat cannot be felt."), world="nowhere")
+    bare = ReportData(
+        request=None, status=status, plan=Plan((), None, "Heat cannot be felt."), world="nowhere"
+    )
     page = page_of(bare, tmp_path)
     assert "Heat cannot be felt." in page.text
     assert "Everything that the scene leaves open" in page.text
@@ -146,18 +202,39 @@ def test_an_aborted_run_says_why_and_shows_the_stop(data: ReportData, tmp_path: 
     failed = replace(data.trace.leaves[3], status="FAILURE", message="unexpected contact of 21 N")
     stop = LeafRun("stop", "OpenGripper", "OpenGripper()", 8.0, 9.0, "SUCCESS", "open to 80 mm")
     trace = replace(data.trace, leaves=(*done, failed, stop), recordings=(), conversions=())
-    lost = Estimate(Gap("table", "height"), (), (), (), "The run ended before.", (), "not identified")
-    page = page_of(replace(data, status="aborted", stopped_by="MovePose: unexpected contact", trace=trace,
-                           measured=(Measured(lost, "m"),)), tmp_path)
-    for words in ("Stopped safely", "MovePose: unexpected contact", "unexpected contact of 21 N", "Controlled stop",
-                  "not identified"):
+    lost = Estimate(
+        Parameter("table", "height"), (), (), (), "The run ended before.", (), "not identified"
+    )
+    page = page_of(
+        replace(
+            data,
+            status="aborted",
+            stopped_by="MovePose: unexpected contact",
+            trace=trace,
+            measured=(Measured(lost, "m"),),
+        ),
+        tmp_path,
+    )
+    for words in (
+        "Stopped safely",
+        "MovePose: unexpected contact",
+        "unexpected contact of 21 N",
+        "Controlled stop",
+        "not identified",
+    ):
         assert words in page.text, words
-    fates = [attributes["class"].split()[-1] for attributes in page.all("div") if "node" in attributes.get("class", "")]
+    fates = [
+        attributes["class"].split()[-1]
+        for attributes in page.all("div")
+        if "node" in attributes.get("class", "")
+    ]
     assert fates[:6] == ["failure", "success", "success", "success", "failure", "waiting"]
 
 
 def test_a_real_robot_has_no_truth(data: ReportData, tmp_path: Path) -> None:
-    page = page_of(replace(data, measured=tuple(replace(m, truth=None) for m in data.measured)), tmp_path)
+    page = page_of(
+        replace(data, measured=tuple(replace(m, truth=None) for m in data.measured)), tmp_path
+    )
     assert "hidden truth" not in page.text
     assert "0.76503" in page.text
 
@@ -173,13 +250,21 @@ def test_a_diff_is_coloured_within_the_line(data: ReportData, tmp_path: Path) ->
     page = page_of(data, tmp_path)
     kinds = [attributes["class"] for attributes in page.all("pre")]
     assert kinds.count("add") == kinds.count("del") == 2
-    marked = [page.texts[i + 1] for i, text in enumerate(page.texts) if text.endswith('pos="0.58 0 ')]
+    marked = [
+        page.texts[i + 1] for i, text in enumerate(page.texts) if text.endswith('pos="0.58 0 ')
+    ]
     assert marked == ["?", "0.74703"]
 
 
 def test_vectors_have_a_bar_for_each_component(data: ReportData, tmp_path: Path) -> None:
-    com = Estimate(Gap("hammer", "com"), (0.01, -0.002, 0.09), (0.001,) * 3,
-                   ((0.008, 0.012), (-0.004, 0.0), (0.088, 0.092)), "Torques.", ())
+    com = Estimate(
+        Parameter("hammer", "com"),
+        (0.01, -0.002, 0.09),
+        (0.001,) * 3,
+        ((0.008, 0.012), (-0.004, 0.0), (0.088, 0.092)),
+        "Torques.",
+        (),
+    )
     page = page_of(replace(data, measured=(Measured(com, "m", (0.011, -0.002, 0.2)),)), tmp_path)
     assert len(page.all("u")) == 3
     assert [text for text in page.texts if text in ("x", "y", "z")] == ["x", "y", "z"]
@@ -187,9 +272,13 @@ def test_vectors_have_a_bar_for_each_component(data: ReportData, tmp_path: Path)
 
 def test_large_pictures_are_scaled_and_bad_ones_left_out(data: ReportData, tmp_path: Path) -> None:
     noise = np.random.default_rng(0).integers(0, 255, (1200, 1900, 3), dtype=np.uint8)
-    page = page_of(replace(data, workspace=png(noise), before=b"not a picture", after=b"<svg/>"), tmp_path)
+    page = page_of(
+        replace(data, workspace=png(noise), before=b"not a picture", after=b"<svg/>"), tmp_path
+    )
     assert [image["src"][:22] for image in page.all("img")] == ["data:image/jpeg;base64"]
-    with Image.open(io.BytesIO(base64.b64decode(page.all("img")[0]["src"].partition(",")[2]))) as image:
+    with Image.open(
+        io.BytesIO(base64.b64decode(page.all("img")[0]["src"].partition(",")[2]))
+    ) as image:
         assert image.width == 1280
 
 

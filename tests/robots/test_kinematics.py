@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from palpate.pose import Pose
+from palpate.geometry.pose import Pose
 from palpate.robots.kinematics import (
     LIMIT_MARGIN,
     inverse_kinematics,
@@ -36,7 +36,9 @@ def forward(q):
 
 @settings(max_examples=150, deadline=None)
 @given(st.floats(0.35, 0.6), st.floats(-1.5, 1.5), st.floats(0.0, 0.5), st.floats(-1.5, 1.5))
-def test_top_down_poses_in_front_of_the_arm_are_reached_within_tolerance_and_limits(radius, azimuth, z, yaw):
+def test_top_down_poses_in_front_of_the_arm_are_reached_within_tolerance_and_limits(
+    radius, azimuth, z, yaw
+):
     target = Pose.top_down((radius * np.cos(azimuth), radius * np.sin(azimuth), z), azimuth + yaw)
     q = inverse_kinematics(target, BASE)
     assert q is not None
@@ -48,7 +50,9 @@ def test_top_down_poses_in_front_of_the_arm_are_reached_within_tolerance_and_lim
     assert np.degrees(reached.angle_to(target)) < 0.5
 
 
-@pytest.mark.parametrize("position", [(1.2, 0, 0.3), (0.86, 0, 0.1), (0.0, 0.0, 0.4), (0.5, 0, 1.5), (50.0, 0, 0)])
+@pytest.mark.parametrize(
+    "position", [(1.2, 0, 0.3), (0.86, 0, 0.1), (0.0, 0.0, 0.4), (0.5, 0, 1.5), (50.0, 0, 0)]
+)
 def test_out_of_reach_is_none(position):
     assert inverse_kinematics(Pose.top_down(position, 0.0), BASE) is None
     assert not reachable(Pose.top_down(position, 0.0), BASE)

@@ -8,14 +8,25 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from palpate.pose import Pose
+from palpate.geometry.pose import Pose
 from palpate.robots.robot import HOME, Limits, RobotState
 from palpate.robots.safety import FREE_FORCE, Expectation, violation
 
 LIMITS = Limits(
-    q_min=np.full(7, -2.9), q_max=np.full(7, 2.9), dq_max=np.full(7, 2.0), tau_max=np.full(7, 80.0), force_max=40.0,
-    torque_max=15.0, speed_max=0.5, tracking_max=0.04, payload=3.0, opening=0.08,
-    workspace_min=np.array([-0.2, -0.8, -0.3]), workspace_max=np.array([0.9, 0.8, 1.0]), stale_after=0.1)
+    q_min=np.full(7, -2.9),
+    q_max=np.full(7, 2.9),
+    dq_max=np.full(7, 2.0),
+    tau_max=np.full(7, 80.0),
+    force_max=40.0,
+    torque_max=15.0,
+    speed_max=0.5,
+    tracking_max=0.04,
+    payload=3.0,
+    opening=0.08,
+    workspace_min=np.array([-0.2, -0.8, -0.3]),
+    workspace_max=np.array([0.9, 0.8, 1.0]),
+    stale_after=0.1,
+)
 
 POSE = Pose.top_down((0.5, 0.0, 0.3), 0.0)
 FREE = Expectation()
@@ -25,8 +36,21 @@ WEIGHT = LIMITS.payload * 9.81
 
 
 def state(**changes):
-    base = RobotState(10.0, 9.98, np.array(HOME), np.zeros(7), np.zeros(7), POSE, POSE, np.zeros(6), np.zeros(6), 0.03,
-                      True, False, False)
+    base = RobotState(
+        10.0,
+        9.98,
+        np.array(HOME),
+        np.zeros(7),
+        np.zeros(7),
+        POSE,
+        POSE,
+        np.zeros(6),
+        np.zeros(6),
+        0.03,
+        True,
+        False,
+        False,
+    )
     return replace(base, **changes)
 
 
@@ -46,17 +70,26 @@ def test_an_arm_at_rest_is_safe_whatever_is_expected():
         assert violation(state(), LIMITS, expected) is None
 
 
-@pytest.mark.parametrize(("changes", "reason"), [
-    ({"q": np.array(HOME) + vector(7, _3=5.3)}, r"joint 4 is at 2\.944 rad, within 0\.01 rad of its range"),
-    ({"q": np.array([2.895, *HOME[1:]])}, r"joint 1 is at 2\.895 rad"),
-    ({"dq": vector(7, _5=-2.5)}, r"joint 6 moves at -2\.50 rad/s, more than 2\.00 rad/s"),
-    ({"twist": vector(6, _1=0.6)}, r"the TCP moves at 0\.60 m/s, more than 0\.50 m/s"),
-    ({"target_world_tcp": POSE.translated((0, 0, -0.05))}, "the TCP is 50 mm from where it is commanded"),
-    ({"t": 10.5}, "sensor data is 520 ms old, more than 100 ms"),
-    ({"wrench": wrench(np.nan, 0, 0)}, "sensor data is not finite: wrench"),
-    ({"q": np.full(7, np.inf), "dq": np.full(7, -np.inf)}, "sensor data is not finite: q, dq"),
-    ({"width": float("nan")}, "sensor data is not finite: pose or width"),
-])
+@pytest.mark.parametrize(
+    ("changes", "reason"),
+    [
+        (
+            {"q": np.array(HOME) + vector(7, _3=5.3)},
+            r"joint 4 is at 2\.944 rad, within 0\.01 rad of its range",
+        ),
+        ({"q": np.array([2.895, *HOME[1:]])}, r"joint 1 is at 2\.895 rad"),
+        ({"dq": vector(7, _5=-2.5)}, r"joint 6 moves at -2\.50 rad/s, more than 2\.00 rad/s"),
+        ({"twist": vector(6, _1=0.6)}, r"the TCP moves at 0\.60 m/s, more than 0\.50 m/s"),
+        (
+            {"target_world_tcp": POSE.translated((0, 0, -0.05))},
+            "the TCP is 50 mm from where it is commanded",
+        ),
+        ({"t": 10.5}, "sensor data is 520 ms old, more than 100 ms"),
+        ({"wrench": wrench(np.nan, 0, 0)}, "sensor data is not finite: wrench"),
+        ({"q": np.full(7, np.inf), "dq": np.full(7, -np.inf)}, "sensor data is not finite: q, dq"),
+        ({"width": float("nan")}, "sensor data is not finite: pose or width"),
+    ],
+)
 def test_what_is_never_safe_names_its_figures(changes, reason):
     for expected in (FREE, HOLDING, CONTACT):
         with np.errstate(invalid="ignore"):
@@ -79,20 +112,27 @@ def test_the_workspace_box_belongs_to_the_base():
     assert "0.70) m from the base" in str(violation(outside, narrow, FREE, turned))
 
 
-@pytest.mark.parametrize(("expected", "force", "reason"), [
-    (FREE, (20.0, 0, 0), None),
-    (FREE, (26.0, 0, 0), r"unexpected contact: 26.0 N (26.00, 0.00, 0.00) where at most 25 N is explained"),
-    (FREE, (0, 0, 28.0), "unexpected contact"),
-    (HOLDING, (0, 0, WEIGHT), None),
-    (HOLDING, (0, 0, WEIGHT + 13), None),
-    (HOLDING, (0, 0, WEIGHT + 15), "more than the payload of 3 kg"),
-    (HOLDING, (26.0, 0, 10.0), "unexpected contact"),
-    (HOLDING, (0, 0, -26.0), "unexpected contact"),
-    (CONTACT, (0, 0, -39.0), None),
-    (CONTACT, (0, 0, -41.0), "exceeds the limit of 40 N"),
-    (Expectation(contact=True, holding=True), (30.0, 0, WEIGHT), None),
-    (Expectation(contact=True, holding=True), (41.0, 0, WEIGHT), "exceeds the limit"),
-])
+@pytest.mark.parametrize(
+    ("expected", "force", "reason"),
+    [
+        (FREE, (20.0, 0, 0), None),
+        (
+            FREE,
+            (26.0, 0, 0),
+            r"unexpected contact: 26.0 N (26.00, 0.00, 0.00) where at most 25 N is explained",
+        ),
+        (FREE, (0, 0, 28.0), "unexpected contact"),
+        (HOLDING, (0, 0, WEIGHT), None),
+        (HOLDING, (0, 0, WEIGHT + 13), None),
+        (HOLDING, (0, 0, WEIGHT + 15), "more than the payload of 3 kg"),
+        (HOLDING, (26.0, 0, 10.0), "unexpected contact"),
+        (HOLDING, (0, 0, -26.0), "unexpected contact"),
+        (CONTACT, (0, 0, -39.0), None),
+        (CONTACT, (0, 0, -41.0), "exceeds the limit of 40 N"),
+        (Expectation(contact=True, holding=True), (30.0, 0, WEIGHT), None),
+        (Expectation(contact=True, holding=True), (41.0, 0, WEIGHT), "exceeds the limit"),
+    ],
+)
 def test_which_forces_are_part_of_the_job(expected, force, reason):
     found = violation(state(wrench=wrench(*force)), LIMITS, expected)
     assert found is None if reason is None else reason in str(found)
@@ -105,7 +145,10 @@ def test_torque_beyond_the_limit_is_never_part_of_the_job():
 
 def test_a_slip_is_only_looked_for_while_something_must_be_held():
     lost = state(gripping=False, width=0.0)
-    assert violation(lost, LIMITS, HOLDING) == "slip: the fingers closed to 0.0 mm and hold nothing any more"
+    assert (
+        violation(lost, LIMITS, HOLDING)
+        == "slip: the fingers closed to 0.0 mm and hold nothing any more"
+    )
     assert violation(lost, LIMITS, FREE) is None
 
 

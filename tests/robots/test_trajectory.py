@@ -7,9 +7,18 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from palpate.pose import Pose
+from palpate.geometry.pose import Pose
 from palpate.robots import trajectory
-from palpate.robots.trajectory import Motion, PosePath, quintic, rotation_vector, still, stop, straight, turned
+from palpate.robots.trajectory import (
+    Motion,
+    PosePath,
+    quintic,
+    rotation_vector,
+    still,
+    stop,
+    straight,
+    turned,
+)
 
 ZERO = np.zeros(3)
 
@@ -25,7 +34,9 @@ def finely(path: trajectory.Path, step: float = 1e-3) -> tuple[np.ndarray, np.nd
 
 @given(st.floats(0.01, 1.0), st.floats(0.05, 2.0))
 def test_a_straight_motion_arrives_at_rest_below_its_speed(distance: float, speed: float) -> None:
-    path = straight(2.0, rest(0.0, 0.0, 0.0), np.array([distance, 0.0, 0.0]), speed / distance, 1.0 / distance)
+    path = straight(
+        2.0, rest(0.0, 0.0, 0.0), np.array([distance, 0.0, 0.0]), speed / distance, 1.0 / distance
+    )
     _, p = finely(path)
     assert p[0] == pytest.approx(ZERO)
     assert path.at(path.end).p == pytest.approx([distance, 0.0, 0.0])
@@ -74,14 +85,21 @@ def test_replacing_a_motion_under_way_keeps_position_and_speed() -> None:
 
 
 def test_quintic_meets_both_ends() -> None:
-    start, end = Motion(np.array([1.0]), np.array([2.0]), np.array([3.0])), Motion(*np.array([[4.0], [5.0], [6.0]]))
+    start, end = (
+        Motion(np.array([1.0]), np.array([2.0]), np.array([3.0])),
+        Motion(*np.array([[4.0], [5.0], [6.0]])),
+    )
     c = quintic(start, end, 1.5)[:, 0]
     polynomial = np.polynomial.Polynomial(c)
-    assert [polynomial(1.5), polynomial.deriv(1)(1.5), polynomial.deriv(2)(1.5)] == pytest.approx([4, 5, 6])
+    assert [polynomial(1.5), polynomial.deriv(1)(1.5), polynomial.deriv(2)(1.5)] == pytest.approx(
+        [4, 5, 6]
+    )
 
 
 @given(st.tuples(*[st.floats(-1.5, 1.5)] * 3))
-def test_turning_by_the_rotation_vector_between_two_orientations(angles: tuple[float, float, float]) -> None:
+def test_turning_by_the_rotation_vector_between_two_orientations(
+    angles: tuple[float, float, float],
+) -> None:
     start = Pose.top_down([0, 0, 0], 0.4).quaternion
     goal = turned(start, np.array([angles]))[0]
     assert np.linalg.norm(goal) == pytest.approx(1.0)

@@ -1,4 +1,5 @@
-"""How a scenario's run is judged: by its execution trace, the hidden world's truth, and where everything ends."""
+"""How a scenario's run is judged: by its execution trace, the hidden world's truth, and where
+everything ends."""
 
 from __future__ import annotations
 
@@ -8,8 +9,8 @@ import numpy as np
 
 from palpate import pipeline
 from palpate.estimation.estimate import Estimate
+from palpate.parameter import Parameter
 from palpate.pipeline import Outcome
-from palpate.quantities import Gap
 from palpate.scenarios.catalogue import Scenario
 from palpate.studies.judgement import judge
 
@@ -32,8 +33,11 @@ def executed(scenario: Scenario, plan: str | None = None) -> Outcome:
     return pipeline.measure(pipeline.think(job, pipeline.look(job)))
 
 
-def assert_acquired(outcome: Outcome, expected: Collection[Gap], may_touch: Collection[str] = ()) -> None:
-    """From the trace alone: the right sensing on the right objects, nothing redundant, no safety stop."""
+def assert_acquired(
+    outcome: Outcome, expected: Collection[Parameter], may_touch: Collection[str] = ()
+) -> None:
+    """From the trace alone: the right sensing on the right objects, nothing redundant, no safety
+    stop."""
     assert outcome.findings == ()
     assert outcome.execution is not None
     assert outcome.execution.stopped_by is None
@@ -44,14 +48,18 @@ def assert_acquired(outcome: Outcome, expected: Collection[Gap], may_touch: Coll
 def assert_near_truth(outcome: Outcome) -> None:
     """Every estimate is within the tolerance of its quantity; the truth is looked up only now."""
     assert outcome.cell is not None
-    assert {estimate.gap for estimate in outcome.estimates} == set(outcome.plan.parameters)
+    assert {estimate.parameter for estimate in outcome.estimates} == set(outcome.plan.parameters)
     for estimate in outcome.estimates:
-        truth = np.array(outcome.cell.truth(estimate.gap))
+        truth = np.array(outcome.cell.truth(estimate.parameter))
         error = np.abs(np.array(estimate.value) - truth)
-        if estimate.gap.quantity == "com":
+        if estimate.parameter.quantity == "com":
             error = error[:2]
-        assert (error <= _allowed(estimate.gap, truth)).all(), (str(estimate.gap), estimate.value, truth)
-        if estimate.gap.quantity == "friction":
+        assert (error <= _allowed(estimate.parameter, truth)).all(), (
+            str(estimate.parameter),
+            estimate.value,
+            truth,
+        )
+        if estimate.parameter.quantity == "friction":
             _assert_static(estimate, outcome)
 
 
@@ -84,15 +92,15 @@ def between(first: np.ndarray, last: np.ndarray, joint: slice) -> tuple[float, f
     return float(np.linalg.norm(b[:3] - a[:3])), float(turn)
 
 
-def _allowed(gap: Gap, truth: np.ndarray) -> float:
-    if gap.quantity == "mass":
+def _allowed(parameter: Parameter, truth: np.ndarray) -> float:
+    if parameter.quantity == "mass":
         return max(MASS * truth[0], LIGHT)
-    return TOLERANCE[gap.quantity]
+    return TOLERANCE[parameter.quantity]
 
 
 def _assert_static(estimate: Estimate, outcome: Outcome) -> None:
     assert outcome.footage is not None
-    truth = outcome.footage.model.numeric(f"static_friction_{estimate.gap.object}").data[0]
+    truth = outcome.footage.model.numeric(f"static_friction_{estimate.parameter.object}").data[0]
     static, _ = estimate.components["static"]
     assert abs(static - truth) <= STATIC, (static, truth)
     assert static > estimate.value[0]

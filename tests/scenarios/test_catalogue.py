@@ -1,4 +1,5 @@
-"""Every bundled scenario once, with the planner it is meant for, judged from its trace and the hidden world."""
+"""Every bundled scenario once, with the planner it is meant for, judged from its trace and the
+hidden world."""
 
 from __future__ import annotations
 
@@ -34,12 +35,17 @@ def test_unknown_scenario_lists_those_there_are() -> None:
 
 
 def test_a_group_of_scenarios_lists_its_sub_cases() -> None:
-    with pytest.raises(InputError, match="choose one: mishaps/obstacle, mishaps/slip, mishaps/too_heavy"):
+    with pytest.raises(
+        InputError, match="choose one: mishaps/obstacle, mishaps/slip, mishaps/too_heavy"
+    ):
         scenario("mishaps")
 
 
 def test_a_sub_case_shares_the_files_that_it_has_not_got_itself() -> None:
-    photo, rendering = scenario("synthetic_and_real").job(), scenario("synthetic_and_real/rendering").job()
+    photo, rendering = (
+        scenario("synthetic_and_real").job(),
+        scenario("synthetic_and_real/rendering").job(),
+    )
     assert (photo.scene, photo.world) == (rendering.scene, rendering.world)
     assert photo.images != rendering.images
     assert photo.planner != rendering.planner

@@ -1,4 +1,5 @@
-"""Fifteen manipulations at once: refused by the check; forced past it, one motion has the arm and nothing happens."""
+"""Fifteen manipulations at once: refused by the check; forced past it, one motion has the arm and
+nothing happens."""
 
 from __future__ import annotations
 
@@ -6,10 +7,10 @@ import numpy as np
 import pytest
 
 from palpate import pipeline
-from palpate.cell import simulated_cell
-from palpate.planning.replay import load_plan
+from palpate.cells.simulated import simulated_cell
+from palpate.execution.runner import run
+from palpate.planning.recorded import load_plan
 from palpate.scenarios.catalogue import scenario
-from palpate.tree.runner import run
 
 FIFTEEN = scenario("fifteen_objects")
 
@@ -20,7 +21,10 @@ def test_one_parallel_for_fifteen_manipulations_is_refused() -> None:
     assert outcome.status == "rejected"
     assert outcome.execution is None
     owners = [f.message for f in outcome.findings if f.rule == "one-owner"]
-    assert any("leaves would move the arm at once" in message and "Sequence" in message for message in owners)
+    assert any(
+        "leaves would move the arm at once" in message and "Sequence" in message
+        for message in owners
+    )
     assert any("leaves would move the gripper at once" in message for message in owners)
 
 

@@ -1,4 +1,5 @@
-"""Hallucinated or unlucky: every mishap ends in a rejection or a controlled stop that says why; nothing is dropped."""
+"""Hallucinated or unlucky: every mishap ends in a rejection or a controlled stop that says why;
+nothing is dropped."""
 
 from __future__ import annotations
 
@@ -13,10 +14,15 @@ from palpate.scenarios.catalogue import scenario
 
 from .judge import between, executed, joint_of
 
-STOPPED = {"slip": "slip: the fingers closed to 0.0 mm and hold nothing any more",
-           "too_heavy": "more than the payload of 3 kg",
-           "obstacle": "external force"}
-REJECTED = {"unreachable": "out of the arm's reach", "two_bottles": "may be 'blue_bottle' or 'green_bottle'"}
+STOPPED = {
+    "slip": "slip: the fingers closed to 0.0 mm and hold nothing any more",
+    "too_heavy": "more than the payload of 3 kg",
+    "obstacle": "external force",
+}
+REJECTED = {
+    "unreachable": "out of the arm's reach",
+    "two_bottles": "may be 'blue_bottle' or 'green_bottle'",
+}
 
 
 @pytest.mark.parametrize("name", STOPPED)
@@ -54,8 +60,12 @@ def test_a_mishap_in_the_plan_or_the_request_is_a_rejection_and_nothing_moves(na
     assert REJECTED[name] in said
 
 
-@pytest.mark.parametrize(("name", "reason"), [("slip", STOPPED["slip"]), ("unreachable", REJECTED["unreachable"])])
+@pytest.mark.parametrize(
+    ("name", "reason"), [("slip", STOPPED["slip"]), ("unreachable", REJECTED["unreachable"])]
+)
 def test_the_reason_is_in_the_result(name: str, reason: str, tmp_path: Path) -> None:
     folder = tmp_path / "run"
     pipeline.run(scenario(f"mishaps/{name}").job(out=folder))
-    assert reason in json.dumps(json.loads((folder / "result.json").read_text("utf-8")), ensure_ascii=False)
+    assert reason in json.dumps(
+        json.loads((folder / "result.json").read_text("utf-8")), ensure_ascii=False
+    )

@@ -1,4 +1,5 @@
-"""Plans as a model would write them, and the trees of the paper's figures: checked, executed, judged from the trace."""
+"""Plans as a model would write them, and the trees of the paper's figures: checked, executed,
+judged from the trace."""
 
 from __future__ import annotations
 
@@ -6,14 +7,20 @@ import pytest
 
 from palpate import pipeline
 from palpate.planning.plan import Node
-from palpate.planning.replay import load_plan
+from palpate.planning.recorded import load_plan
 from palpate.scenarios.catalogue import names, scenario
 
 from .judge import assert_acquired, assert_near_truth, assert_restored, executed
 from .test_catalogue import IN_THE_WAY
 
-SYMBOLIC = [name for name in names() if (s := scenario(name)).planner == "symbolic" and s.status == "complete"]
-RECORDED = [(name, plan) for name in SYMBOLIC for plan in ("model", "paper") if plan in scenario(name).plans]
+SYMBOLIC = [
+    name
+    for name in names()
+    if (s := scenario(name)).planner == "symbolic" and s.status == "complete"
+]
+RECORDED = [
+    (name, plan) for name in SYMBOLIC for plan in ("model", "paper") if plan in scenario(name).plans
+]
 
 
 @pytest.mark.parametrize(("name", "plan"), RECORDED)
@@ -35,7 +42,9 @@ def test_a_models_plan_is_not_the_planners(name: str) -> None:
     recorded = load_plan(chosen.plans["model"])
     assert planned.tree is not None
     assert recorded.tree is not None
-    assert _leaves(recorded.tree) != _leaves(planned.tree) or recorded.parameters != planned.parameters
+    assert (
+        _leaves(recorded.tree) != _leaves(planned.tree) or recorded.parameters != planned.parameters
+    )
     assert recorded.explanation != planned.explanation
 
 

@@ -9,12 +9,12 @@ import pytest
 from PIL import Image
 
 from palpate import pipeline
-from palpate.job import Job
-from palpate.planning.prompt.compose import Prompt, compose
-from palpate.planning.replay import load_plan
-from palpate.rendering import gl_available
+from palpate.pictures.renderer import gl_available
+from palpate.planning.model.prompt.compose import Prompt, compose
+from palpate.planning.recorded import load_plan
 from palpate.scenarios.catalogue import scenario
-from palpate.vocabulary.primitive import vocabulary
+from palpate.settings import Job
+from palpate.vocabulary.registry import vocabulary
 
 PHOTO, RENDERING = scenario("synthetic_and_real"), scenario("synthetic_and_real/rendering")
 

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from PIL import Image
 
 from palpate.errors import InputError
-from palpate.pose import Pose
+from palpate.geometry.pose import Pose
 from palpate.scene import camera
 from palpate.scene.camera import Camera, load_image
 from palpate.scene.poses import parse_poses
@@ -31,7 +31,9 @@ def test_transparency_and_grey_become_rgb(tmp_path: Path) -> None:
     assert load_image(tmp_path / "a.png").shape == (4, 4, 3)
 
 
-@pytest.mark.parametrize("content", [b"", b"not a picture", b"\x89PNG\r\n\x1a\n truncated", b"GIF89a" + b"\0" * 40])
+@pytest.mark.parametrize(
+    "content", [b"", b"not a picture", b"\x89PNG\r\n\x1a\n truncated", b"GIF89a" + b"\0" * 40]
+)
 def test_what_is_no_picture_is_an_input_error(tmp_path: Path, content: bytes) -> None:
     path = tmp_path / "a.png"
     path.write_bytes(content)
@@ -39,11 +41,15 @@ def test_what_is_no_picture_is_an_input_error(tmp_path: Path, content: bytes) ->
         load_image(path)
 
 
-def test_a_truncated_or_absent_or_huge_picture(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_truncated_or_absent_or_huge_picture(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     path = tmp_path / "a.png"
     with pytest.raises(InputError, match="cannot read the image"):
         load_image(path)
-    Image.fromarray(np.random.default_rng(0).integers(0, 255, (64, 64, 3), dtype=np.uint8)).save(path)
+    Image.fromarray(np.random.default_rng(0).integers(0, 255, (64, 64, 3), dtype=np.uint8)).save(
+        path
+    )
     path.write_bytes(path.read_bytes()[:3000])
     with pytest.raises(InputError, match="cannot read the image"):
         load_image(path)
@@ -80,6 +86,8 @@ def test_directions_in_the_image() -> None:
 
 
 def test_a_camera_from_poses() -> None:
-    entry = parse_poses("camera: {pos: [0, 0, 1], quat: [1, 0, 0, 0], fovy: 90, size: [200, 100]}").camera
+    entry = parse_poses(
+        "camera: {pos: [0, 0, 1], quat: [1, 0, 0, 0], fovy: 90, size: [200, 100]}"
+    ).camera
     assert entry is not None
     assert Camera.of(entry).focal == pytest.approx(50)

@@ -29,22 +29,25 @@ def test_orientations() -> None:
     assert tool.rotation[:, 0] == pytest.approx([np.cos(0.3), np.sin(0.3), 0])
 
 
-@pytest.mark.parametrize(("text", "complaint"), [
-    ("objects: {a: {pos: [1, 2]}}", "objects.a.pos"),
-    ("objects: {a: {pos: [1, 2, .nan]}}", "objects.a.pos"),
-    ("objects: {a: {pos: [1, 2, 1e9]}}", "objects.a.pos"),
-    ("objects: {a: {pos: [1, 2, 3], yaw: 1, quat: [1, 0, 0, 0]}}", "one of yaw"),
-    ("objects: {a: {pos: [1, 2, 3], quat: [0, 0, 0, 0]}}", "quat is all zero"),
-    ("joints: {home: [1, 2, 3]}", "joints.home"),
-    ("things: {}", "things"),
-    ("[1, 2]", "content"),
-    ("objects: {a: [", "not YAML"),
-    ("a: &a [1]\nb: *a", "aliases"),
-    ("!!python/object/apply:os.system ['true']", "not YAML"),
-    ("\x00", "not YAML"),
-    ("[" * 5000, "nested deeper"),
-    ("objects: {a: {pos: [2001-99-99, 0, 0]}}", "not YAML|objects.a.pos"),
-])
+@pytest.mark.parametrize(
+    ("text", "complaint"),
+    [
+        ("objects: {a: {pos: [1, 2]}}", "objects.a.pos"),
+        ("objects: {a: {pos: [1, 2, .nan]}}", "objects.a.pos"),
+        ("objects: {a: {pos: [1, 2, 1e9]}}", "objects.a.pos"),
+        ("objects: {a: {pos: [1, 2, 3], yaw: 1, quat: [1, 0, 0, 0]}}", "one of yaw"),
+        ("objects: {a: {pos: [1, 2, 3], quat: [0, 0, 0, 0]}}", "quat is all zero"),
+        ("joints: {home: [1, 2, 3]}", "joints.home"),
+        ("things: {}", "things"),
+        ("[1, 2]", "content"),
+        ("objects: {a: [", "not YAML"),
+        ("a: &a [1]\nb: *a", "aliases"),
+        ("!!python/object/apply:os.system ['true']", "not YAML"),
+        ("\x00", "not YAML"),
+        ("[" * 5000, "nested deeper"),
+        ("objects: {a: {pos: [2001-99-99, 0, 0]}}", "not YAML|objects.a.pos"),
+    ],
+)
 def test_what_does_not_fit_is_named(text: str, complaint: str) -> None:
     with pytest.raises(InputError, match=complaint):
         parse_poses(text)

@@ -12,9 +12,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from palpate.errors import InputError
-from palpate.pose import Pose
-from palpate.quantities import Gap
-from palpate.scene.scene import Body, Scene, load_scene, parse_scene, scene_from_text
+from palpate.geometry.pose import Pose
+from palpate.mjcf.body import Body
+from palpate.parameter import Parameter
+from palpate.scene.load import load_scene, parse_scene, scene_from_text
+from palpate.scene.scene import Scene
 
 TABLE = '<body name="table" pos="0.5 0 ?"><geom type="box" size="0.3 0.4 0.02"/></body>'
 BOTTLE = '<body name="bottle" pos="0.5 0.1 0.5"><freejoint/><geom type="cylinder" size="0.03 0.1"/></body>'
@@ -32,14 +34,18 @@ def settled(model: mujoco.MjModel, name: str, seconds: float = 1.0) -> float:
 
 def test_the_prior_scene_compiles_and_rests() -> None:
     found = scene(TABLE + BOTTLE)
-    assert found.priors[Gap("table", "height")] == pytest.approx((0.4,))
+    assert found.priors[Parameter("table", "height")] == pytest.approx((0.4,))
     assert settled(found.spec().compile(), "bottle") == pytest.approx(0.5, abs=5e-4)
 
 
 def test_values_go_into_the_model() -> None:
     found = scene(TABLE + BOTTLE)
-    values = {Gap("table", "height"): (0.39,), Gap("bottle", "mass"): (0.254,), Gap("bottle", "friction"): (0.34,),
-              Gap("bottle", "com"): (0.0, 0.0, -0.03)}
+    values = {
+        Parameter("table", "height"): (0.39,),
+        Parameter("bottle", "mass"): (0.254,),
+        Parameter("bottle", "friction"): (0.34,),
+        Parameter("bottle", "com"): (0.0, 0.0, -0.03),
+    }
     model = found.spec(values).compile()
     bottle = model.body("bottle")
     assert bottle.mass[0] == pytest.approx(0.254)
@@ -50,12 +56,14 @@ def test_values_go_into_the_model() -> None:
 
 def test_a_measured_friction_prevails_over_the_supports() -> None:
     tilt = '<option gravity="2.5 0 -9.5"/>'
-    text = f'<mujoco>{tilt}<worldbody>{TABLE}{BOTTLE.replace("0.03 0.1", "0.06 0.02")}</worldbody></mujoco>'
+    text = f"<mujoco>{tilt}<worldbody>{TABLE}{BOTTLE.replace('0.03 0.1', '0.06 0.02')}</worldbody></mujoco>"
     found = parse_scene(text.replace("0.1 0.5", "0.1 0.42"))
     assert found.gravity == pytest.approx(np.hypot(2.5, 9.5))
 
     def slides(friction: float) -> bool:
-        model = found.spec({Gap("bottle", "friction"): (friction,), Gap("bottle", "mass"): (0.3,)}).compile()
+        model = found.spec(
+            {Parameter("bottle", "friction"): (friction,), Parameter("bottle", "mass"): (0.3,)}
+        ).compile()
         model.opt.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
         data = mujoco.MjData(model)
         mujoco.mj_step(model, data, nstep=250)
@@ -66,14 +74,18 @@ def test_a_measured_friction_prevails_over_the_supports() -> None:
 
 
 def test_mass_is_shared_by_volume_and_leaves_stated_geoms_alone() -> None:
-    found = scene('<body name="mug" pos="0.5 0 0.1"><freejoint/><geom name="a" type="box" size=".02 .02 .02"/>'
-                  '<geom name="b" type="box" size=".02 .02 .04" pos="0 0 .06"/></body>')
-    model = found.spec({Gap("mug", "mass"): (0.3,)}).compile()
+    found = scene(
+        '<body name="mug" pos="0.5 0 0.1"><freejoint/><geom name="a" type="box" size=".02 .02 .02"/>'
+        '<geom name="b" type="box" size=".02 .02 .04" pos="0 0 .06"/></body>'
+    )
+    model = found.spec({Parameter("mug", "mass"): (0.3,)}).compile()
     assert model.body("mug").mass[0] == pytest.approx(0.3)
     assert model.body("mug").ipos[2] == pytest.approx(0.04)
-    partly = scene('<body name="mug" pos="0.5 0 0.1"><freejoint/><geom type="box" size=".02 .02 .02" mass="0.1"/>'
-                   '<geom type="box" size=".02 .02 .02" pos="0 0 .04" mass="?"/></body>')
-    model = partly.spec({Gap("mug", "mass"): (0.4,)}).compile()
+    partly = scene(
+        '<body name="mug" pos="0.5 0 0.1"><freejoint/><geom type="box" size=".02 .02 .02" mass="0.1"/>'
+        '<geom type="box" size=".02 .02 .02" pos="0 0 .04" mass="?"/></body>'
+    )
+    model = partly.spec({Parameter("mug", "mass"): (0.4,)}).compile()
     assert model.body("mug").mass[0] == pytest.approx(0.4)
     assert model.body("mug").ipos[2] == pytest.approx(0.03)
 
@@ -82,14 +94,14 @@ def test_an_open_height_of_an_object_follows_its_surface() -> None:
     found = scene(TABLE + BOTTLE.replace("0.5 0.1 0.5", "0.5 0.1 ?"))
     assert found.objects["bottle"].missing == {"mass", "friction"}
     assert found.objects["bottle"].bottom_z() == pytest.approx(0.4)
-    model = found.spec({Gap("table", "height"): (0.6,)}).compile()
+    model = found.spec({Parameter("table", "height"): (0.6,)}).compile()
     assert model.body("bottle").pos[2] == pytest.approx(0.7)
 
 
 def test_poses_overrule_the_file_and_give_heights() -> None:
     found = scene(TABLE + BOTTLE, poses="objects: {bottle: {pos: [0.4, -0.1, 0.85], yaw: 0.5}}")
     assert found.objects["bottle"].pose_world.position == pytest.approx([0.4, -0.1, 0.85])
-    assert found.priors[Gap("table", "height")] == pytest.approx((0.75,))
+    assert found.priors[Parameter("table", "height")] == pytest.approx((0.75,))
     model = found.spec().compile()
     assert model.body("bottle").pos == pytest.approx([0.4, -0.1, 0.85])
     assert model.body("bottle").quat == pytest.approx([np.cos(0.25), 0, 0, np.sin(0.25)])
@@ -98,17 +110,17 @@ def test_poses_overrule_the_file_and_give_heights() -> None:
 def test_poses_give_an_unknown_position_its_prior() -> None:
     unplaced = BOTTLE.replace("0.5 0.1 0.5", "? ? ?")
     found = scene(TABLE + unplaced, poses="objects: {bottle: {pos: [0.4, -0.1, 0.85]}}")
-    assert found.priors[Gap("bottle", "position")] == (0.4, -0.1)
+    assert found.priors[Parameter("bottle", "position")] == (0.4, -0.1)
     assert found.objects["bottle"].pose_world.position == pytest.approx([0.4, -0.1, 0.85])
-    assert found.priors[Gap("table", "height")] == pytest.approx((0.75,))
-    model = found.spec({Gap("bottle", "position"): (0.41, -0.11)}).compile()
+    assert found.priors[Parameter("table", "height")] == pytest.approx((0.75,))
+    model = found.spec({Parameter("bottle", "position"): (0.41, -0.11)}).compile()
     assert model.body("bottle").pos[:2] == pytest.approx([0.41, -0.11])
 
 
 def test_an_empty_surface_is_believed_below_its_approach() -> None:
     found = scene(TABLE, poses="places: {table_approach: {pos: [0.5, 0, 0.9]}}")
-    assert found.priors[Gap("table", "height")] == pytest.approx((0.8,))
-    assert scene(TABLE).priors[Gap("table", "height")] == (0.4,)
+    assert found.priors[Parameter("table", "height")] == pytest.approx((0.8,))
+    assert scene(TABLE).priors[Parameter("table", "height")] == (0.4,)
 
 
 def test_names_that_are_not_there_list_those_that_are() -> None:
@@ -135,12 +147,15 @@ def test_meshes_are_found_in_the_scenes_folder(tmp_path: Path) -> None:
     (tmp_path / "assets").mkdir()
     (tmp_path / "assets" / "wedge.obj").write_text(
         "v 0 0 0\nv .06 0 0\nv 0 .06 0\nv .06 .06 0\nv 0 0 .05\nv .06 0 .05\n"
-        "f 1 3 2\nf 2 3 4\nf 1 2 6\nf 1 6 5\nf 5 6 4\nf 5 4 3\nf 1 5 3\nf 2 4 6\n")
+        "f 1 3 2\nf 2 3 4\nf 1 2 6\nf 1 6 5\nf 5 6 4\nf 5 4 3\nf 1 5 3\nf 2 4 6\n"
+    )
     path = tmp_path / "scene.xml"
-    path.write_text('<mujoco><compiler meshdir="assets"/>'
-                    '<asset><mesh name="wedge" file="wedge.obj"/></asset><worldbody>'
-                    '<body name="wedge" pos="0.5 0 0"><freejoint/><geom type="mesh" mesh="wedge"/></body>'
-                    "</worldbody></mujoco>")
+    path.write_text(
+        '<mujoco><compiler meshdir="assets"/>'
+        '<asset><mesh name="wedge" file="wedge.obj"/></asset><worldbody>'
+        '<body name="wedge" pos="0.5 0 0"><freejoint/><geom type="mesh" mesh="wedge"/></body>'
+        "</worldbody></mujoco>"
+    )
     found = load_scene(path)
     wedge = found.objects["wedge"]
     assert wedge.size == pytest.approx([0.06, 0.06, 0.05], abs=1e-6)
@@ -167,19 +182,29 @@ def test_the_arms_base_is_the_site_or_the_origin() -> None:
 coordinate = st.floats(-1, 1)
 
 
-@given(st.tuples(*[st.floats(-1, 1)] * 4).filter(lambda q: np.linalg.norm(q) > 0.1), st.tuples(*[coordinate] * 3),
-       st.tuples(*[st.floats(0.01, 0.5)] * 3), st.tuples(*[st.floats(-0.49, 0.49)] * 3))
+@given(
+    st.tuples(*[st.floats(-1, 1)] * 4).filter(lambda q: np.linalg.norm(q) > 0.1),
+    st.tuples(*[coordinate] * 3),
+    st.tuples(*[st.floats(0.01, 0.5)] * 3),
+    st.tuples(*[st.floats(-0.49, 0.49)] * 3),
+)
 @settings(max_examples=100, deadline=None)
 def test_a_turned_box_covers_its_own_points_and_spans_its_corners(
-        quaternion: tuple[float, ...], centre: tuple[float, ...], size: tuple[float, ...],
-        share: tuple[float, ...]) -> None:
+    quaternion: tuple[float, ...],
+    centre: tuple[float, ...],
+    size: tuple[float, ...],
+    share: tuple[float, ...],
+) -> None:
     pose = Pose.of((0.3, -0.2, 0.7), quaternion)
     body = Body("b", "object", frozenset(), pose, np.array(centre), np.array(size), {}, frozenset())
     inside = pose.apply(np.array(centre) + np.array(share) * np.array(size))
     assert body.covers(inside[0], inside[1])
     assert body.bottom_z() - 1e-9 <= inside[2] <= body.top_z() + 1e-9
-    corners = [pose.apply(np.array(centre) + np.array(signs) * np.array(size) / 2)
-               for signs in np.ndindex(3, 3, 3) for signs in [np.array(signs) - 1]]
+    corners = [
+        pose.apply(np.array(centre) + np.array(signs) * np.array(size) / 2)
+        for signs in np.ndindex(3, 3, 3)
+        for signs in [np.array(signs) - 1]
+    ]
     assert max(c[2] for c in corners) == pytest.approx(body.top_z())
     assert not body.covers(max(c[0] for c in corners) + 0.01, inside[1])
 
@@ -187,7 +212,9 @@ def test_a_turned_box_covers_its_own_points_and_spans_its_corners(
 def test_fifteen_objects_load_quickly() -> None:
     objects = "".join(
         f'<body name="o{i}" pos="{0.35 + 0.13 * (i % 3)} {-0.4 + 0.2 * (i // 3)} 0.45" euler="0 0 {7 * i}"><freejoint/>'
-        f'<geom type="{("box", "cylinder", "capsule")[i % 3]}" size="0.02 0.05 0.05"/></body>' for i in range(15))
+        f'<geom type="{("box", "cylinder", "capsule")[i % 3]}" size="0.02 0.05 0.05"/></body>'
+        for i in range(15)
+    )
     text = TABLE + objects
     scene(text)
     start = time.perf_counter()

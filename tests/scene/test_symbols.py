@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from palpate.errors import InputError
-from palpate.pose import Pose
+from palpate.geometry.pose import Pose
 from palpate.robots import robot
 from palpate.scene import symbols
 from palpate.scene.symbols import DEFAULT_OFFSETS, Symbols
@@ -21,46 +21,65 @@ def make(names: tuple[str, ...] = ("hammer", "red-box", "box 2")) -> Symbols:
         subjects={f"{n}_pose": n for n in names} | {"table_approach": "table"},
         configurations={"home_config": np.array(symbols.HOME)},
         offsets={n: np.array(v) for n, v in DEFAULT_OFFSETS.items()},
-        own_offsets={"hammer": {"x_offset": np.array([0.04, 0, 0]), "tilt": np.array([0.01, 0.02, 0.03])}})
+        own_offsets={
+            "hammer": {"x_offset": np.array([0.04, 0, 0]), "tilt": np.array([0.01, 0.02, 0.03])}
+        },
+    )
 
 
 TABLE = make()
 
 
-@pytest.mark.parametrize(("written", "canonical"), [
-    ("hammer_pose", "hammer_pose"),
-    ("hammer", "hammer_pose"),
-    ("  hammer_pose+z_offset ", "hammer_pose + z_offset"),
-    ("hammer+ 1*x_offset", "hammer_pose + x_offset"),
-    ("hammer_pose + z_off", "hammer_pose + z_offset"),
-    ("hammer_pose+z", "hammer_pose + z_offset"),
-    ("hammer_pose + 0.50 * z", "hammer_pose + 0.5*z_offset"),
-    ("hammer_pose - 2x_offset", "hammer_pose - 2*x_offset"),
-    ("hammer_pose + -2*x_offset", "hammer_pose - 2*x_offset"),
-    ("hammer_pose - (-1)*x_offset", "hammer_pose + x_offset"),
-    ("hammer_pose − x_offset", "hammer_pose - x_offset"),
-    ("hammer_pose + z_offset - x_offset", "hammer_pose - x_offset + z_offset"),
-    ("hammer_pose + z_offset - z_offset", "hammer_pose"),
-    ("hammer_pose + z + z", "hammer_pose + 2*z_offset"),
-    ("hammer_pose + 1e-1*z", "hammer_pose + 0.1*z_offset"),
-    ("red-box_pose - z_offset", "red-box_pose - z_offset"),
-    ("box 2_pose+z", "box 2_pose + z_offset"),
-    ("table_approach", "table_approach"),
-    ("hammer_pose + tilt", "hammer_pose + tilt"),
-])
+@pytest.mark.parametrize(
+    ("written", "canonical"),
+    [
+        ("hammer_pose", "hammer_pose"),
+        ("hammer", "hammer_pose"),
+        ("  hammer_pose+z_offset ", "hammer_pose + z_offset"),
+        ("hammer+ 1*x_offset", "hammer_pose + x_offset"),
+        ("hammer_pose + z_off", "hammer_pose + z_offset"),
+        ("hammer_pose+z", "hammer_pose + z_offset"),
+        ("hammer_pose + 0.50 * z", "hammer_pose + 0.5*z_offset"),
+        ("hammer_pose - 2x_offset", "hammer_pose - 2*x_offset"),
+        ("hammer_pose + -2*x_offset", "hammer_pose - 2*x_offset"),
+        ("hammer_pose - (-1)*x_offset", "hammer_pose + x_offset"),
+        ("hammer_pose − x_offset", "hammer_pose - x_offset"),
+        ("hammer_pose + z_offset - x_offset", "hammer_pose - x_offset + z_offset"),
+        ("hammer_pose + z_offset - z_offset", "hammer_pose"),
+        ("hammer_pose + z + z", "hammer_pose + 2*z_offset"),
+        ("hammer_pose + 1e-1*z", "hammer_pose + 0.1*z_offset"),
+        ("red-box_pose - z_offset", "red-box_pose - z_offset"),
+        ("box 2_pose+z", "box 2_pose + z_offset"),
+        ("table_approach", "table_approach"),
+        ("hammer_pose + tilt", "hammer_pose + tilt"),
+    ],
+)
 def test_expressions_have_one_canonical_form(written: str, canonical: str) -> None:
     assert str(TABLE.parse(written)) == canonical
     assert TABLE.parse(canonical) == TABLE.parse(written)
 
 
-@pytest.mark.parametrize(("written", "complaint"), [
-    ("", "unknown pose"), ("screwdriver_pose", "valid: .*hammer_pose"), ("hammer_pose + w_offset", "valid: .*x_offset"),
-    ("hammer_pose +", "cannot read"), ("hammer_pose ++ z", "cannot read"), ("hammer_pose + nan*z", "unknown offset"),
-    ("hammer_pose + inf", "unknown offset"), ("hammer_pose + 1e999*z", "not a sensible factor"),
-    ("hammer_pose + 5000*z", "not a sensible factor"), ("hammer_pose * 2", "unknown pose"),
-    ("hammer_pose + (z)", "cannot read"), ("hammer_pose + z; drop", "cannot read"), ("+ z_offset", "unknown pose"),
-    ("hammer_pose" + " + z" * 60, "at most 200"), ("__import__('os')", "unknown pose"), ("table", "unknown pose"),
-])
+@pytest.mark.parametrize(
+    ("written", "complaint"),
+    [
+        ("", "unknown pose"),
+        ("screwdriver_pose", "valid: .*hammer_pose"),
+        ("hammer_pose + w_offset", "valid: .*x_offset"),
+        ("hammer_pose +", "cannot read"),
+        ("hammer_pose ++ z", "cannot read"),
+        ("hammer_pose + nan*z", "unknown offset"),
+        ("hammer_pose + inf", "unknown offset"),
+        ("hammer_pose + 1e999*z", "not a sensible factor"),
+        ("hammer_pose + 5000*z", "not a sensible factor"),
+        ("hammer_pose * 2", "unknown pose"),
+        ("hammer_pose + (z)", "cannot read"),
+        ("hammer_pose + z; drop", "cannot read"),
+        ("+ z_offset", "unknown pose"),
+        ("hammer_pose" + " + z" * 60, "at most 200"),
+        ("__import__('os')", "unknown pose"),
+        ("table", "unknown pose"),
+    ],
+)
 def test_bad_expressions_say_what_is_wrong(written: str, complaint: str) -> None:
     with pytest.raises(InputError, match=complaint):
         TABLE.parse(written)
@@ -76,13 +95,19 @@ def test_any_text_is_read_or_refused(text: str) -> None:
     assert TABLE.parse(str(parsed)) == parsed
 
 
-terms = st.lists(st.tuples(st.sampled_from("+-"), st.floats(0.001, 100), st.sampled_from(["x", "y_off", "z_offset"])),
-                 max_size=5)
+terms = st.lists(
+    st.tuples(
+        st.sampled_from("+-"), st.floats(0.001, 100), st.sampled_from(["x", "y_off", "z_offset"])
+    ),
+    max_size=5,
+)
 
 
 @given(terms)
 @settings(max_examples=100, deadline=None)
-def test_offsets_add_up_along_the_tools_axes_and_world_z(chosen: list[tuple[str, float, str]]) -> None:
+def test_offsets_add_up_along_the_tools_axes_and_world_z(
+    chosen: list[tuple[str, float, str]],
+) -> None:
     text = "red-box_pose" + "".join(f" {sign} {size!r}*{name}" for sign, size, name in chosen)
     if len(text) > symbols.MAX_EXPRESSION:
         return
@@ -90,7 +115,11 @@ def test_offsets_add_up_along_the_tools_axes_and_world_z(chosen: list[tuple[str,
     for sign, size, name in chosen:
         totals[name[0]] += size if sign == "+" else -size
     base = TABLE.poses["red-box_pose"]
-    expected = base.position + base.rotation[:, 0] * totals["x"] * 0.05 + base.rotation[:, 1] * totals["y"] * 0.05
+    expected = (
+        base.position
+        + base.rotation[:, 0] * totals["x"] * 0.05
+        + base.rotation[:, 1] * totals["y"] * 0.05
+    )
     expected = expected + np.array([0, 0, totals["z"] * 0.12])
     assert TABLE.resolve(text).position == pytest.approx(expected, abs=1e-6)
     assert TABLE.resolve(text).angle_to(base) == pytest.approx(0, abs=1e-6)
@@ -98,7 +127,9 @@ def test_offsets_add_up_along_the_tools_axes_and_world_z(chosen: list[tuple[str,
 
 def test_an_objects_own_offsets_come_first() -> None:
     assert TABLE.resolve("hammer + x").position[0] == pytest.approx(0.54)
-    assert TABLE.resolve("red-box_pose + x").distance_to(TABLE.resolve("red-box_pose")) == pytest.approx(0.05)
+    assert TABLE.resolve("red-box_pose + x").distance_to(
+        TABLE.resolve("red-box_pose")
+    ) == pytest.approx(0.05)
     with pytest.raises(InputError, match="unknown offset 'tilt'"):
         TABLE.resolve("red-box_pose + tilt")
 
@@ -124,8 +155,14 @@ def test_places_worked_out_later_are_worked_out_once() -> None:
         return Pose.top_down((0.3, 0.3, 0.3), 0)
 
     table = make()
-    table = Symbols(table.poses, {**table.subjects, "hammer_temporary": "hammer"}, table.configurations, table.offsets,
-                    table.own_offsets, later={"hammer_temporary": find, "nowhere": lambda: None})
+    table = Symbols(
+        table.poses,
+        {**table.subjects, "hammer_temporary": "hammer"},
+        table.configurations,
+        table.offsets,
+        table.own_offsets,
+        later={"hammer_temporary": find, "nowhere": lambda: None},
+    )
     assert table.resolve("hammer_temporary + z").position == pytest.approx([0.3, 0.3, 0.42])
     assert table.resolve("hammer_temporary").position == pytest.approx([0.3, 0.3, 0.3])
     assert len(calls) == 1

@@ -4,26 +4,40 @@ from __future__ import annotations
 
 import pytest
 
-from palpate.scene.scene import parse_scene
+from palpate.scene.load import parse_scene
 from palpate.scene.words import colour_words, name_words
 
 
-@pytest.mark.parametrize(("name", "words"), [
-    ("green_bottle", {"green", "bottle", "green_bottle", "green bottle"}),
-    ("greenBottle2", {"green", "bottle", "greenbottle2", "green bottle"}),
-    ("USBHub", {"usb", "hub", "usbhub", "usb hub"}),
-    ("red-box-3", {"red", "box", "red-box-3", "red box"}),
-    ("hammer", {"hammer"}),
-])
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("green_bottle", {"green", "bottle", "green_bottle", "green bottle"}),
+        ("greenBottle2", {"green", "bottle", "greenbottle2", "green bottle"}),
+        ("USBHub", {"usb", "hub", "usbhub", "usb hub"}),
+        ("red-box-3", {"red", "box", "red-box-3", "red box"}),
+        ("hammer", {"hammer"}),
+    ],
+)
 def test_parts_of_names(name: str, words: set[str]) -> None:
     assert name_words(name) == words
 
 
-@pytest.mark.parametrize(("rgb", "word"), [
-    ((1, 0, 0), "red"), ((0, 0, 1), "blue"), ((0, 1, 0), "green"), ((1, 1, 0), "yellow"), ((1, 1, 1), "white"),
-    ((0, 0, 0), "black"), ((0.5, 0.5, 0.5), "gray"), ((0.6, 0.8, 1), "light blue"), ((0.6, 0.8, 1), "blue"),
-    ((1, 0.5, 0), "orange"), ((0.4, 0.25, 0.1), "brown"),
-])
+@pytest.mark.parametrize(
+    ("rgb", "word"),
+    [
+        ((1, 0, 0), "red"),
+        ((0, 0, 1), "blue"),
+        ((0, 1, 0), "green"),
+        ((1, 1, 0), "yellow"),
+        ((1, 1, 1), "white"),
+        ((0, 0, 0), "black"),
+        ((0.5, 0.5, 0.5), "gray"),
+        ((0.6, 0.8, 1), "light blue"),
+        ((0.6, 0.8, 1), "blue"),
+        ((1, 0.5, 0), "orange"),
+        ((0.4, 0.25, 0.1), "brown"),
+    ],
+)
 def test_colours(rgb: tuple[float, float, float], word: str) -> None:
     assert word in colour_words(rgb)
 

@@ -6,8 +6,8 @@ import pytest
 from loopback import Fails, Loopback, Reply, Request, Says
 
 from palpate.errors import InputError, Unavailable
-from palpate.planning import session as session_module
-from palpate.planning.session import Asking, Budget
+from palpate.planning.model import session as session_module
+from palpate.planning.model.session import Budget, ModelSettings
 from palpate.scenarios.catalogue import scenario
 from palpate.studies.ablation import CONFIGURATIONS, PAPER, ablation, without
 from palpate.studies.attempt import Settings
@@ -27,12 +27,15 @@ def _environment(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def settings(server: Loopback, **changes) -> Settings:
-    asking = Asking(base_url=server.url("openai"), budget=Budget(seconds=20), rounds=changes.pop("rounds", 0))
-    return Settings(**{"noise": "none", "asking": asking} | changes)
+    model_settings = ModelSettings(
+        base_url=server.url("openai"), budget=Budget(seconds=20), rounds=changes.pop("rounds", 0)
+    )
+    return Settings(**{"noise": "none", "model_settings": model_settings} | changes)
 
 
 def model(request: Request) -> Reply:
-    """Depends on the prompt as the paper's models did: no form without examples, no right action without a library."""
+    """Depends on the prompt as the paper's models did: no form without examples, no right action
+    without a library."""
     time.sleep(0.1)
     if "# Output" not in request.system:
         return Says("First lift the green bottle, then weigh it.")
@@ -47,17 +50,28 @@ def model(request: Request) -> Reply:
 
 def test_the_papers_table_is_made_over_http(tmp_path: Path) -> None:
     with Loopback(answer=model) as server:
-        records = ablation(NAME, ["openai:gpt-x"], tmp_path / "r.jsonl", settings(server), trials=2, in_flight=4)
+        records = ablation(
+            NAME, ["openai:gpt-x"], tmp_path / "r.jsonl", settings(server), trials=2, in_flight=4
+        )
         requests = list(server.requests)
     assert server.most_in_flight > 1
     assert len(requests) == len(records) == 2 * len(CONFIGURATIONS)
     rows = {row.configuration: row for row in table(records)}
     assert list(rows) == list(CONFIGURATIONS) == list(PAPER)
     syntax = {name: row.syntax.hits for name, row in rows.items()}
-    assert syntax == dict.fromkeys(CONFIGURATIONS, 2) | {"no actions": 0, "no output": 0, "no system prompt": 0}
+    assert syntax == dict.fromkeys(CONFIGURATIONS, 2) | {
+        "no actions": 0,
+        "no output": 0,
+        "no system prompt": 0,
+    }
     success = {name: row.success.hits if row.success else None for name, row in rows.items()}
     assert success == dict.fromkeys(CONFIGURATIONS, 2) | {
-        "no text": None, "no actions": 0, "no output": 0, "no system prompt": 0, "no rules": 0}
+        "no text": None,
+        "no actions": 0,
+        "no output": 0,
+        "no system prompt": 0,
+        "no rules": 0,
+    }
     assert rows["full"].tokens == 3500
     assert all(bool(request.images) == ("Attached" in request.user) for request in requests)
 
@@ -69,22 +83,38 @@ def test_the_image_is_left_out_only_where_it_should_be(tmp_path: Path) -> None:
     Image.new("RGB", (40, 30)).save(picture)
     with Loopback(answer=model) as server:
         shared = settings(server, images=(picture,))
-        ablation(NAME, ["openai:gpt-x"], tmp_path / "r.jsonl", shared, 1, ["full", "no image"], in_flight=1)
+        ablation(
+            NAME,
+            ["openai:gpt-x"],
+            tmp_path / "r.jsonl",
+            shared,
+            1,
+            ["full", "no image"],
+            in_flight=1,
+        )
     assert [len(request.images) for request in server.requests] == [1, 0]
 
 
-def test_syntax_counts_the_first_answer_and_validity_what_feedback_made_of_it(tmp_path: Path) -> None:
+def test_syntax_counts_the_first_answer_and_validity_what_feedback_made_of_it(
+    tmp_path: Path,
+) -> None:
     with Loopback(Says(GOOD[:-50]), Says(GOOD)) as server:
-        records = repeatability(NAME, ["openai:gpt-x"], tmp_path / "r.jsonl", settings(server, rounds=1), trials=1)
+        records = repeatability(
+            NAME, ["openai:gpt-x"], tmp_path / "r.jsonl", settings(server, rounds=1), trials=1
+        )
     assert (records[0].syntax, records[0].valid, records[0].success) == (False, True, True)
     assert records[0].figures["rounds"] == 2
 
 
 def test_models_are_compared_on_the_same_task(tmp_path: Path) -> None:
     with Loopback(answer=model) as server:
-        records = repeatability(NAME, ["openai:one", "openai:two"], tmp_path / "r.jsonl", settings(server), trials=2)
-    assert [(row.planner, row.syntax.hits, row.success.hits if row.success else -1) for row in table(records)] == [
-        ("openai:one", 2, 2), ("openai:two", 2, 2)]
+        records = repeatability(
+            NAME, ["openai:one", "openai:two"], tmp_path / "r.jsonl", settings(server), trials=2
+        )
+    assert [
+        (row.planner, row.syntax.hits, row.success.hits if row.success else -1)
+        for row in table(records)
+    ] == [("openai:one", 2, 2), ("openai:two", 2, 2)]
     assert {request.body["model"] for request in server.requests} == {"one", "two"}
 
 
@@ -96,7 +126,9 @@ def test_any_planner_can_be_studied(tmp_path: Path) -> None:
 
 
 def test_a_plan_that_measures_too_much_is_no_success(tmp_path: Path) -> None:
-    records = repeatability(NAME, ["exhaustive"], tmp_path / "r.jsonl", Settings(noise="none"), trials=1)
+    records = repeatability(
+        NAME, ["exhaustive"], tmp_path / "r.jsonl", Settings(noise="none"), trials=1
+    )
     assert (records[0].syntax, records[0].success) == (True, False)
 
 

@@ -7,11 +7,11 @@ from pathlib import Path
 
 import pytest
 
-from palpate.job import Job
-from palpate.quantities import Gap
+from palpate.parameter import Parameter
+from palpate.settings import Job
 from palpate.studies.accuracy import Run, Trial, accuracy, run_seed, summarise
 
-MASS = Gap("cup", "mass")
+MASS = Parameter("cup", "mass")
 CELL = """<mujoco><worldbody>
   <site name="robot_base"/>
   <body name="table" pos="0.4 0 -0.02"><geom type="box" size=".5 .6 .02" friction="0.6 0.005 0.0001"/></body>
@@ -35,16 +35,21 @@ def test_seeds_are_independent_runs_of_one_world(job: Job) -> None:
     runs = accuracy(job, [1, 2])
     assert [(run.seed, run.status) for run in runs] == [(1, "complete"), (2, "complete")]
     (first,), (second,) = (run.trials for run in runs)
-    assert first.gap == second.gap == MASS
+    assert first.parameter == second.parameter == MASS
     assert first.truth == second.truth == 0.3
     assert first.value != second.value
-    assert all(abs(t.value - 0.3) < 0.015 and t.std < 0.01 and t.single_shot is not None for t in (first, second))
+    assert all(
+        abs(t.value - 0.3) < 0.015 and t.std < 0.01 and t.single_shot is not None
+        for t in (first, second)
+    )
     assert run_seed(job, 1) == runs[0]
 
 
 def test_a_run_that_identifies_nothing_has_no_trials(job: Job) -> None:
     assert job.world is not None
-    elsewhere = CELL.format(cup='mass="0.3"').replace('name="cup" pos="0.5 0.1', 'name="cup" pos="0.3 0.4')
+    elsewhere = CELL.format(cup='mass="0.3"').replace(
+        'name="cup" pos="0.5 0.1', 'name="cup" pos="0.3 0.4'
+    )
     job.world.write_text(elsewhere, encoding="utf-8")
     run = run_seed(job, 0)
     assert run.status == "aborted"
@@ -59,10 +64,12 @@ def test_a_rejected_plan_moves_nothing(job: Job) -> None:
 
 
 def test_the_summary_is_over_seeds() -> None:
-    runs = [Run(i, "complete", 12, 20.0, (trial(i, value, shot=value + 0.05),))
-            for i, value in enumerate((0.29, 0.31, 0.33))]
+    runs = [
+        Run(i, "complete", 12, 20.0, (trial(i, value, shot=value + 0.05),))
+        for i, value in enumerate((0.29, 0.31, 0.33))
+    ]
     (row,) = summarise(runs)
-    assert (row.gap, row.component, row.runs) == (MASS, 0, 3)
+    assert (row.parameter, row.component, row.runs) == (MASS, 0, 3)
     assert row.truth == pytest.approx(0.3)
     assert row.mean == pytest.approx(0.31)
     assert row.bias == pytest.approx(0.01)
@@ -79,7 +86,10 @@ def test_one_run_has_no_scatter() -> None:
 
 
 def test_components_have_rows_of_their_own() -> None:
-    com = Gap("cup", "com")
-    trials = tuple(replace(trial(0, 0.1 * i), gap=com, component=i, truth=0.1 * i) for i in range(3))
-    assert [(row.component, row.bias) for row in summarise([Run(0, "complete", 1, 1.0, trials)])] == [
-        (0, 0.0), (1, 0.0), (2, 0.0)]
+    com = Parameter("cup", "com")
+    trials = tuple(
+        replace(trial(0, 0.1 * i), parameter=com, component=i, truth=0.1 * i) for i in range(3)
+    )
+    assert [
+        (row.component, row.bias) for row in summarise([Run(0, "complete", 1, 1.0, trials)])
+    ] == [(0, 0.0), (1, 0.0), (2, 0.0)]

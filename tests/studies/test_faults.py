@@ -6,8 +6,8 @@ import mujoco
 import numpy as np
 import pytest
 
-from palpate.cell import Footage
 from palpate.errors import InputError
+from palpate.pictures.footage import Footage
 from palpate.studies.faults import dropped, faults, mishaps, table
 
 BALL = '<mujoco><worldbody><body name="ball"><freejoint/><geom size=".03"/></body></worldbody></mujoco>'

@@ -1,29 +1,53 @@
 import pytest
 
-from palpate.quantities import Gap
+from palpate.parameter import Parameter
 from palpate.studies.judgement import judge
-from palpate.trace import FORCES, POSE, Context, Conversion, Hand, LeafRun, Recording, Samples, Trace
+from palpate.trace.recording import Context, Conversion, Hand, LeafRun, Recording
+from palpate.trace.samples import FORCES, POSE, Samples, Trace
 
 HAND = Hand(0.009, 0.05, 0.15, 0.01, 0.0001)
-MASS, FRICTION, COM = Gap("cup", "mass"), Gap("cup", "friction"), Gap("cup", "com")
+MASS, FRICTION, COM = (
+    Parameter("cup", "mass"),
+    Parameter("cup", "friction"),
+    Parameter("cup", "com"),
+)
 
 
-def recording(start: float, activity: str = "still", holding: str | None = "cup", grasp: str = "cup_pose",
-              buffer: str = FORCES) -> Recording:
-    return Recording(buffer, start, start + 1, Context(activity, holding=holding, grasp=grasp), f"node {start:g}")  # type: ignore[arg-type]
+def recording(
+    start: float,
+    activity: str = "still",
+    holding: str | None = "cup",
+    grasp: str = "cup_pose",
+    buffer: str = FORCES,
+) -> Recording:
+    return Recording(
+        buffer, start, start + 1, Context(activity, holding=holding, grasp=grasp), f"node {start:g}"
+    )  # type: ignore[arg-type]
 
 
 def leaf(status: str = "SUCCESS", holding: str | None = "cup") -> LeafRun:
-    return LeafRun("tree.children[0]", "MovePose", "MovePose(cup_pose)", 0.0, 1.0, status, "too far",  # type: ignore[arg-type]
-                   Context("still", holding=holding))
+    return LeafRun(
+        "tree.children[0]",
+        "MovePose",
+        "MovePose(cup_pose)",
+        0.0,
+        1.0,
+        status,
+        "too far",  # type: ignore[arg-type]
+        Context("still", holding=holding),
+    )
 
 
 def weighed(at: Recording, name: str = "cup") -> Conversion:
     return Conversion("Force2Mass", name, "mass", at, at.end)
 
 
-def trace(recordings: list[Recording], conversions: list[Conversion], leaves: list[LeafRun] | None = None) -> Trace:
-    return Trace(Samples.empty(), tuple(leaves or [leaf()]), tuple(recordings), tuple(conversions), HAND)
+def trace(
+    recordings: list[Recording], conversions: list[Conversion], leaves: list[LeafRun] | None = None
+) -> Trace:
+    return Trace(
+        Samples.empty(), tuple(leaves or [leaf()]), tuple(recordings), tuple(conversions), HAND
+    )
 
 
 ONE = recording(0.0)
@@ -33,16 +57,19 @@ def test_the_right_measurement_of_the_right_object_is_a_success() -> None:
     assert judge(trace([ONE], [weighed(ONE)]), [MASS]).success
 
 
-@pytest.mark.parametrize(("kept", "reason"), [
-    (trace([], []), "not acquired: cup.mass"),
-    (trace([ONE], [weighed(ONE)], [leaf("FAILURE")]), r"MovePose\(cup_pose\) failed: too far"),
-    (trace([ONE], [weighed(ONE)], [leaf("INVALID")]), "failed"),
-    (trace([ONE], [weighed(ONE), weighed(ONE, "jug")]), "not asked for: jug.mass"),
-    (trace([ONE], [weighed(ONE), weighed(ONE)]), "more than once: cup.mass"),
-    (trace([ONE, recording(2.0)], [weighed(ONE)]), "without need at node 2"),
-    (trace([ONE, recording(2.0, buffer=POSE)], [weighed(ONE)]), "without need at node 2"),
-    (trace([ONE], [weighed(ONE)], [leaf(), leaf(holding="jug")]), "touched needlessly: jug"),
-])
+@pytest.mark.parametrize(
+    ("kept", "reason"),
+    [
+        (trace([], []), "not acquired: cup.mass"),
+        (trace([ONE], [weighed(ONE)], [leaf("FAILURE")]), r"MovePose\(cup_pose\) failed: too far"),
+        (trace([ONE], [weighed(ONE)], [leaf("INVALID")]), "failed"),
+        (trace([ONE], [weighed(ONE), weighed(ONE, "jug")]), "not asked for: jug.mass"),
+        (trace([ONE], [weighed(ONE), weighed(ONE)]), "more than once: cup.mass"),
+        (trace([ONE, recording(2.0)], [weighed(ONE)]), "without need at node 2"),
+        (trace([ONE, recording(2.0, buffer=POSE)], [weighed(ONE)]), "without need at node 2"),
+        (trace([ONE], [weighed(ONE)], [leaf(), leaf(holding="jug")]), "touched needlessly: jug"),
+    ],
+)
 def test_anything_missing_redundant_or_failed_is_none(kept: Trace, reason: str) -> None:
     import re
 

@@ -10,13 +10,23 @@ from hypothesis import strategies as st
 from palpate.errors import InputError, Unavailable
 from palpate.studies.trials import Rate, Record, Trial, read_records, run_trials, table
 
-TRIALS = [Trial("cup", planner, configuration, number)
-          for planner in ("a:1", "b:2") for configuration in ("full", "no role") for number in range(3)]
+TRIALS = [
+    Trial("cup", planner, configuration, number)
+    for planner in ("a:1", "b:2")
+    for configuration in ("full", "no role")
+    for number in range(3)
+]
 
 
 def good(trial: Trial) -> Record:
-    return Record(trial, True, True, trial.number != 2, "" if trial.number != 2 else "slipped",
-                  {"input_tokens": 100, "output_tokens": 20, "cost_usd": 0.01})
+    return Record(
+        trial,
+        True,
+        True,
+        trial.number != 2,
+        "" if trial.number != 2 else "slipped",
+        {"input_tokens": 100, "output_tokens": 20, "cost_usd": 0.01},
+    )
 
 
 def test_every_trial_is_made_once_and_kept(tmp_path: Path) -> None:
@@ -100,17 +110,28 @@ def test_another_file_is_not_taken_for_results(tmp_path: Path) -> None:
 
 
 def test_the_table_has_a_row_for_each_configuration_and_planner() -> None:
-    rows = table([good(t) for t in TRIALS] + [Record(Trial("cup", "c:3", "no text", 0), False, False, None)])
+    rows = table(
+        [good(t) for t in TRIALS] + [Record(Trial("cup", "c:3", "no text", 0), False, False, None)]
+    )
     assert [(r.configuration, r.planner) for r in rows] == [
-        ("full", "a:1"), ("no role", "a:1"), ("full", "b:2"), ("no role", "b:2"), ("no text", "c:3")]
+        ("full", "a:1"),
+        ("no role", "a:1"),
+        ("full", "b:2"),
+        ("no role", "b:2"),
+        ("no text", "c:3"),
+    ]
     assert (rows[0].syntax, rows[0].success, rows[0].tokens) == (Rate(3, 3), Rate(2, 3), 120)
     assert rows[0].cost == pytest.approx(0.03)
     assert (rows[4].success, rows[4].cost) == (None, None)
 
 
-@pytest.mark.parametrize(("hits", "trials", "low", "high"), [
-    (10, 10, 0.7225, 1.0), (0, 10, 0.0, 0.2775), (5, 10, 0.2366, 0.7634), (20, 20, 0.8389, 1.0)])
-def test_the_wilson_interval_is_the_textbook_one(hits: int, trials: int, low: float, high: float) -> None:
+@pytest.mark.parametrize(
+    ("hits", "trials", "low", "high"),
+    [(10, 10, 0.7225, 1.0), (0, 10, 0.0, 0.2775), (5, 10, 0.2366, 0.7634), (20, 20, 0.8389, 1.0)],
+)
+def test_the_wilson_interval_is_the_textbook_one(
+    hits: int, trials: int, low: float, high: float
+) -> None:
     assert Rate(hits, trials).interval == pytest.approx((low, high), abs=1e-4)
 
 

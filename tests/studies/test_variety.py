@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from palpate import pipeline
-from palpate.quantities import Gap
-from palpate.scene.scene import load_scene
+from palpate.parameter import Parameter
+from palpate.scene.load import load_scene
 from palpate.studies.accuracy import run_seed
 from palpate.studies.variety import SCENES, Variety, crowd, frustum
 
@@ -22,7 +22,11 @@ def test_scene_and_world_differ_by_the_gaps(variety: Variety, tmp_path: Path) ->
     scene, world = load_scene(job.scene), load_scene(job.world)
     assert set(scene.missing()) == set(variety.missing)
     assert world.missing() == ()
-    assert set(scene.bodies) == set(world.bodies) == {"table", *(thing.name for thing in variety.things)}
+    assert (
+        set(scene.bodies)
+        == set(world.bodies)
+        == {"table", *(thing.name for thing in variety.things)}
+    )
     for thing in variety.things:
         assert world.body(thing.name).known["mass"] == (thing.mass,)
         assert world.body(thing.name).bottom_z() == pytest.approx(variety.height, abs=1e-4)
@@ -51,10 +55,12 @@ def test_a_frustum_is_closed() -> None:
     faces = [list(map(int, line.split()[1:])) for line in lines if line.startswith("f")]
     edges = [(a, b) for face in faces for a, b in zip(face, [*face[1:], face[0]], strict=True)]
     assert len(edges) == len(set(edges))
-    assert {(b, a) for a, b in edges} == set(edges), "every edge has its neighbour, the other way round"
+    assert {(b, a) for a, b in edges} == set(edges), (
+        "every edge has its neighbour, the other way round"
+    )
 
 
 @pytest.mark.parametrize("count", [1, 15])
 def test_a_crowd_is_all_unweighed(tmp_path: Path, count: int) -> None:
     scene = load_scene(crowd(tmp_path, count))
-    assert scene.missing() == tuple(Gap(f"box_{i + 1}", "mass") for i in range(count))
+    assert scene.missing() == tuple(Parameter(f"box_{i + 1}", "mass") for i in range(count))

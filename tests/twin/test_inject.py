@@ -14,8 +14,8 @@ from lxml import etree
 
 from palpate.errors import InputError
 from palpate.estimation.estimate import Estimate
-from palpate.quantities import Gap
-from palpate.scene.scene import load_scene, parse_scene
+from palpate.parameter import Parameter
+from palpate.scene.load import load_scene, parse_scene
 from palpate.twin.inject import complete, inject, unfilled
 
 SCENE = """<?xml version="1.0" encoding="utf-8"?>
@@ -42,14 +42,29 @@ SCENE = """<?xml version="1.0" encoding="utf-8"?>
 """
 
 
-def estimate(name: str, quantity: str, *value: float, std: float = 0.001, method: str = "by touch",
-             **components: tuple[float, float]) -> Estimate:
-    return Estimate(Gap(name, quantity), value, (std,) * len(value), tuple((v - 2 * std, v + 2 * std) for v in value),
-                    method, (), components=components)
+def estimate(
+    name: str,
+    quantity: str,
+    *value: float,
+    std: float = 0.001,
+    method: str = "by touch",
+    **components: tuple[float, float],
+) -> Estimate:
+    return Estimate(
+        Parameter(name, quantity),
+        value,
+        (std,) * len(value),
+        tuple((v - 2 * std, v + 2 * std) for v in value),
+        method,
+        (),
+        components=components,
+    )
 
 
 def changed_lines(before: str, after: str) -> list[str]:
-    return [line for line in difflib.ndiff(before.splitlines(), after.splitlines()) if line[:1] in "+-"]
+    return [
+        line for line in difflib.ndiff(before.splitlines(), after.splitlines()) if line[:1] in "+-"
+    ]
 
 
 def body(text: str, name: str) -> mujoco.MjsBody:
@@ -57,7 +72,9 @@ def body(text: str, name: str) -> mujoco.MjsBody:
 
 
 def test_only_the_answered_numbers_change() -> None:
-    text = inject(SCENE, {Gap("table", "height"): (0.18,), Gap("bottle", "mass"): (0.254,)})
+    text = inject(
+        SCENE, {Parameter("table", "height"): (0.18,), Parameter("bottle", "mass"): (0.254,)}
+    )
     assert changed_lines(SCENE, text) == [
         "-     <body name='table' pos = '0.50  0   ?' >",
         "+     <body name='table' pos = '0.50  0   0.16' >",
@@ -68,123 +85,197 @@ def test_only_the_answered_numbers_change() -> None:
 
 
 def test_records_go_into_custom() -> None:
-    records = [estimate("bottle", "mass", 0.25412, std=0.0008, method='weighed "twice" <well> & cleanly'),
-               estimate("bottle", "friction", 0.34, static=(0.41, 0.02))]
-    text = inject(SCENE, {r.gap: r.value for r in records} | {Gap("table", "height"): (0.18,)}, records)
+    records = [
+        estimate("bottle", "mass", 0.25412, std=0.0008, method='weighed "twice" <well> & cleanly'),
+        estimate("bottle", "friction", 0.34, static=(0.41, 0.02)),
+    ]
+    text = inject(
+        SCENE,
+        {r.parameter: r.value for r in records} | {Parameter("table", "height"): (0.18,)},
+        records,
+    )
     model = mujoco.MjModel.from_xml_string(text)
-    assert model.numeric("palpate_bottle_mass").data == pytest.approx([0.25412, 0.0008, 0.25252, 0.25572])
+    assert model.numeric("palpate_bottle_mass").data == pytest.approx(
+        [0.25412, 0.0008, 0.25252, 0.25572]
+    )
     assert model.numeric("palpate_bottle_friction_static").data == pytest.approx([0.41, 0.02])
-    assert 'weighed "twice" <well> & cleanly' in "".join(etree.fromstring(text.encode()).xpath("//custom/text/@data"))
+    assert 'weighed "twice" <well> & cleanly' in "".join(
+        etree.fromstring(text.encode()).xpath("//custom/text/@data")
+    )
     assert 'mass="0.25412"' in text
     assert text.endswith("<!-- end -->\n")
 
 
 def test_numbers_have_the_digits_their_deviation_deserves() -> None:
     records = [estimate("bottle", "mass", 0.2541234567, std=0.02)]
-    assert 'mass="0.254"' in inject(SCENE, {records[0].gap: records[0].value}, records)
+    assert 'mass="0.254"' in inject(SCENE, {records[0].parameter: records[0].value}, records)
     exact = [estimate("bottle", "mass", 0.2541234567, std=0.0)]
-    assert 'mass="0.2541235"' in inject(SCENE, {exact[0].gap: exact[0].value}, exact)
+    assert 'mass="0.2541235"' in inject(SCENE, {exact[0].parameter: exact[0].value}, exact)
 
 
 def test_measuring_again_updates_the_record_in_place() -> None:
-    first = inject(SCENE, {Gap("bottle", "mass"): (0.25,)}, [estimate("bottle", "mass", 0.25)])
-    second = inject(first, {Gap("bottle", "mass"): (0.26,)}, [estimate("bottle", "mass", 0.26)])
+    first = inject(
+        SCENE, {Parameter("bottle", "mass"): (0.25,)}, [estimate("bottle", "mass", 0.25)]
+    )
+    second = inject(
+        first, {Parameter("bottle", "mass"): (0.26,)}, [estimate("bottle", "mass", 0.26)]
+    )
     assert second.count("palpate_bottle_mass_method") == 1
     assert len(changed_lines(first, second)) == 4, changed_lines(first, second)
     assert 'mass="0.2600"' in second
 
 
 def test_an_existing_custom_is_continued() -> None:
-    text = SCENE.replace("</mujoco>", '  <custom>\n    <numeric name="mine" data="1"/>\n  </custom>\n</mujoco>')
-    after = inject(text, {Gap("bottle", "mass"): (0.25,)}, [estimate("bottle", "mass", 0.25)])
+    text = SCENE.replace(
+        "</mujoco>", '  <custom>\n    <numeric name="mine" data="1"/>\n  </custom>\n</mujoco>'
+    )
+    after = inject(text, {Parameter("bottle", "mass"): (0.25,)}, [estimate("bottle", "mass", 0.25)])
     assert [e.get("name") for e in etree.fromstring(after.encode()).find("custom")] == [
-        "mine", "palpate_bottle_mass", "palpate_bottle_mass_method"]
+        "mine",
+        "palpate_bottle_mass",
+        "palpate_bottle_mass_method",
+    ]
     empty = SCENE.replace("</mujoco>", "<custom/></mujoco>")
-    after = inject(empty, {Gap("bottle", "mass"): (0.25,)}, [estimate("bottle", "mass", 0.25)])
+    after = inject(
+        empty, {Parameter("bottle", "mass"): (0.25,)}, [estimate("bottle", "mass", 0.25)]
+    )
     assert len(etree.fromstring(after.encode()).find("custom")) == 2
 
 
 def test_com_makes_an_inertial_that_moves_the_balance() -> None:
     records = [estimate("bottle", "com", 0.001, 0.0, -0.03), estimate("bottle", "mass", 0.2)]
-    values = {r.gap: r.value for r in records} | {Gap("table", "height"): (0.18,)}
+    values = {r.parameter: r.value for r in records} | {Parameter("table", "height"): (0.18,)}
     text = inject(SCENE, values, records)
     bottle = body(text, "bottle")
     assert bottle.ipos == pytest.approx([0.001, 0, -0.03])
     assert bottle.mass[0] == pytest.approx(0.2)
     about_middle = 0.2 * (3 * 0.03**2 + 0.2**2) / 12
     assert max(bottle.inertia) == pytest.approx(about_middle + 0.2 * (0.001**2 + 0.03**2), rel=1e-3)
-    assert '<geom name="glass" rgba="0 0 1 1" type="cylinder"\n            size="0.03 0.10" />' in text
+    assert (
+        '<geom name="glass" rgba="0 0 1 1" type="cylinder"\n            size="0.03 0.10" />' in text
+    )
     with pytest.raises(InputError, match="without its mass"):
-        inject(SCENE, {Gap("bottle", "com"): (0, 0, 0)})
+        inject(SCENE, {Parameter("bottle", "com"): (0, 0, 0)})
 
 
-@pytest.mark.parametrize(("thing", "values", "expected"), [
-    ('<geom type="box" size=".02 .02 .02" mass="?" friction="? 0.01 0.002"/>',
-     {"mass": (0.3,), "friction": (0.35,)}, 'mass="0.3" friction="0.35 0.01 0.002" priority="1"'),
-    ('<geom type="box" size=".02 .02 .02" mass="1" friction=" ? "/>', {"friction": (0.35,)}, 'friction=" 0.35 "'),
-    ('<geom type="box" size=".02 .02 .02" density="?" friction="1"/>', {"mass": (0.064,)}, 'density="1000"'),
-    ('<inertial pos="? 0.001 ?" mass="?" diaginertia="1e-4 1e-4 1e-4"/><geom size=".02" friction="1"/>',
-     {"mass": (0.3,), "com": (0.01, 0.02, 0.03)}, 'pos="0.01 0.001 0.03" mass="0.3" diaginertia="1e-4 1e-4 1e-4"'),
-    ('<inertial pos="?" mass="?" diaginertia="?"/><geom size=".02" friction="1"/>',
-     {"mass": (0.3,), "com": (0, 0, 0), "inertia": (4e-5, 4e-5, 4e-5, 0, 0, 0)},
-     'pos="0 0 0" mass="0.3" diaginertia="4e-05 4e-05 4e-05"'),
-    ('<geom size=".02" mass="?" friction="0.4 ? 0.001"/>', {"mass": (0.3,)}, 'mass="0.3" friction="0.4 0.005 0.001"'),
-    ('<geom size=".02" mass="1" friction="1" priority="3"/>', {"friction": (0.35,)}, 'friction="0.35" priority="3"'),
-])
-def test_each_place_of_a_number(thing: str, values: dict[str, tuple[float, ...]], expected: str) -> None:
-    text = (f'<mujoco><worldbody><body name="a" pos="0.5 0 0.02"><freejoint/>{thing}</body></worldbody></mujoco>')
-    after = inject(text, {Gap("a", quantity): value for quantity, value in values.items()})
+@pytest.mark.parametrize(
+    ("thing", "values", "expected"),
+    [
+        (
+            '<geom type="box" size=".02 .02 .02" mass="?" friction="? 0.01 0.002"/>',
+            {"mass": (0.3,), "friction": (0.35,)},
+            'mass="0.3" friction="0.35 0.01 0.002" priority="1"',
+        ),
+        (
+            '<geom type="box" size=".02 .02 .02" mass="1" friction=" ? "/>',
+            {"friction": (0.35,)},
+            'friction=" 0.35 "',
+        ),
+        (
+            '<geom type="box" size=".02 .02 .02" density="?" friction="1"/>',
+            {"mass": (0.064,)},
+            'density="1000"',
+        ),
+        (
+            '<inertial pos="? 0.001 ?" mass="?" diaginertia="1e-4 1e-4 1e-4"/><geom size=".02" friction="1"/>',
+            {"mass": (0.3,), "com": (0.01, 0.02, 0.03)},
+            'pos="0.01 0.001 0.03" mass="0.3" diaginertia="1e-4 1e-4 1e-4"',
+        ),
+        (
+            '<inertial pos="?" mass="?" diaginertia="?"/><geom size=".02" friction="1"/>',
+            {"mass": (0.3,), "com": (0, 0, 0), "inertia": (4e-5, 4e-5, 4e-5, 0, 0, 0)},
+            'pos="0 0 0" mass="0.3" diaginertia="4e-05 4e-05 4e-05"',
+        ),
+        (
+            '<geom size=".02" mass="?" friction="0.4 ? 0.001"/>',
+            {"mass": (0.3,)},
+            'mass="0.3" friction="0.4 0.005 0.001"',
+        ),
+        (
+            '<geom size=".02" mass="1" friction="1" priority="3"/>',
+            {"friction": (0.35,)},
+            'friction="0.35" priority="3"',
+        ),
+    ],
+)
+def test_each_place_of_a_number(
+    thing: str, values: dict[str, tuple[float, ...]], expected: str
+) -> None:
+    text = f'<mujoco><worldbody><body name="a" pos="0.5 0 0.02"><freejoint/>{thing}</body></worldbody></mujoco>'
+    after = inject(text, {Parameter("a", quantity): value for quantity, value in values.items()})
     assert expected in after
     mujoco.MjModel.from_xml_string(after)
 
 
-@pytest.mark.parametrize(("surface", "expected"), [
-    ('<body name="t" pos="0 0 0.1"><geom type="box" size="1 1 .1" pos="0 0 ?"/></body>', 'pos="0 0 0.55"'),
-    ('<body name="t" pos="0 0 0.1"><geom type="box" size="1 1 ?"/></body>', 'size="1 1 0.65"'),
-    ('<body name="t" pos="0 0 0.15"><geom type="box" size="1 1 ?" pos="0 0 ?"/></body>',
-     'size="1 1 0.3" pos="0 0 0.3"'),
-    ('<body name="t" pos="0 0 ?"><geom type="box" size="1 1 ?"/></body>',
-     'pos="0 0 0.375"><geom type="box" size="1 1 0.375"'),
-    ('<geom name="t" type="cylinder" size="1 ?" pos="0 0 0.25"/>', 'size="1 0.5"'),
-    ('<geom name="t" type="plane" size="1 1 1" pos="0 0 ?"/>', 'pos="0 0 0.75"'),
-    ('<body name="t" pos="0 0 ?"><geom type="box" size="1 1 .1"/><geom type="box" size=".1 .1 .1" pos="0 0 -.3"/>'
-     "</body>", 'pos="0 0 0.65"'),
-])
+@pytest.mark.parametrize(
+    ("surface", "expected"),
+    [
+        (
+            '<body name="t" pos="0 0 0.1"><geom type="box" size="1 1 .1" pos="0 0 ?"/></body>',
+            'pos="0 0 0.55"',
+        ),
+        ('<body name="t" pos="0 0 0.1"><geom type="box" size="1 1 ?"/></body>', 'size="1 1 0.65"'),
+        (
+            '<body name="t" pos="0 0 0.15"><geom type="box" size="1 1 ?" pos="0 0 ?"/></body>',
+            'size="1 1 0.3" pos="0 0 0.3"',
+        ),
+        (
+            '<body name="t" pos="0 0 ?"><geom type="box" size="1 1 ?"/></body>',
+            'pos="0 0 0.375"><geom type="box" size="1 1 0.375"',
+        ),
+        ('<geom name="t" type="cylinder" size="1 ?" pos="0 0 0.25"/>', 'size="1 0.5"'),
+        ('<geom name="t" type="plane" size="1 1 1" pos="0 0 ?"/>', 'pos="0 0 0.75"'),
+        (
+            '<body name="t" pos="0 0 ?"><geom type="box" size="1 1 .1"/>'
+            '<geom type="box" size=".1 .1 .1" pos="0 0 -.3"/>'
+            "</body>",
+            'pos="0 0 0.65"',
+        ),
+    ],
+)
 def test_a_height_solves_for_the_number_that_is_open(surface: str, expected: str) -> None:
     text = f"<mujoco><worldbody>{surface}</worldbody></mujoco>"
-    after = inject(text, {Gap("t", "height"): (0.75,)})
+    after = inject(text, {Parameter("t", "height"): (0.75,)})
     assert expected in after
     scene = parse_scene(after)
     assert scene.surfaces["t"].known["height"] == pytest.approx((0.75,))
 
 
 def test_position_and_an_open_height_of_an_object() -> None:
-    text = ('<mujoco><worldbody><geom name="t" type="box" size="1 1 .1" pos="0 0 ?"/>'
-            '<body name="a" pos="? 0.2 ?"><freejoint/><geom size=".02" mass="1" friction="1"/></body></worldbody>'
-            "</mujoco>")
-    after = inject(text, {Gap("t", "height"): (0.5,), Gap("a", "position"): (0.43, 0.99)})
+    text = (
+        '<mujoco><worldbody><geom name="t" type="box" size="1 1 .1" pos="0 0 ?"/>'
+        '<body name="a" pos="? 0.2 ?"><freejoint/><geom size=".02" mass="1" friction="1"/></body></worldbody>'
+        "</mujoco>"
+    )
+    after = inject(
+        text, {Parameter("t", "height"): (0.5,), Parameter("a", "position"): (0.43, 0.99)}
+    )
     assert 'pos="0.43 0.2 0.52"' in after, "y is known and stays"
 
 
 def test_an_unknown_in_a_defaults_class_is_answered_on_each_geom() -> None:
-    text = ('<mujoco><default><default class="w"><geom mass="?" friction="? 0.01 0.001"/></default></default>'
-            "<worldbody>"
-            '<body name="a" pos="0.5 0 0.02"><freejoint/><geom class="w" size=".02"/></body>'
-            '<body name="b" pos="0.4 0 0.02"><freejoint/><geom class="w" size=".02"/></body></worldbody></mujoco>')
-    half = {Gap("a", "mass"): (0.1,), Gap("a", "friction"): (0.2,)}
+    text = (
+        '<mujoco><default><default class="w"><geom mass="?" friction="? 0.01 0.001"/></default></default>'
+        "<worldbody>"
+        '<body name="a" pos="0.5 0 0.02"><freejoint/><geom class="w" size=".02"/></body>'
+        '<body name="b" pos="0.4 0 0.02"><freejoint/><geom class="w" size=".02"/></body></worldbody></mujoco>'
+    )
+    half = {Parameter("a", "mass"): (0.1,), Parameter("a", "friction"): (0.2,)}
     after = inject(text, half)
     assert '<geom mass="?" friction="? 0.01 0.001"/>' in after
-    assert unfilled(after) == [Gap("b", "friction"), Gap("b", "mass")]
-    after = inject(after, {Gap("b", "mass"): (0.3,), Gap("b", "friction"): (0.4,)})
+    assert unfilled(after) == [Parameter("b", "friction"), Parameter("b", "mass")]
+    after = inject(after, {Parameter("b", "mass"): (0.3,), Parameter("b", "friction"): (0.4,)})
     model = mujoco.MjModel.from_xml_string(after)
     assert [model.body(n).mass[0] for n in "ab"] == pytest.approx([0.1, 0.3])
     assert model.geom_friction[:, 0] == pytest.approx([0.2, 0.4])
 
 
 def test_several_geoms_share_the_mass() -> None:
-    text = ('<mujoco><worldbody><body name="a" pos="0.5 0 0.02"><freejoint/><geom type="box" size=".02 .02 .02"/>'
-            '<geom type="box" size=".02 .02 .06" pos="0 0 .08"/></body></worldbody></mujoco>')
-    after = inject(text, {Gap("a", "mass"): (0.4,)})
+    text = (
+        '<mujoco><worldbody><body name="a" pos="0.5 0 0.02"><freejoint/><geom type="box" size=".02 .02 .02"/>'
+        '<geom type="box" size=".02 .02 .06" pos="0 0 .08"/></body></worldbody></mujoco>'
+    )
+    after = inject(text, {Parameter("a", "mass"): (0.4,)})
     assert re.findall(r' mass="([^"]*)"', after) == ["0.1", "0.3"]
 
 
@@ -192,12 +283,15 @@ def test_a_value_in_an_included_file_brings_its_content_in(tmp_path: Path) -> No
     (tmp_path / "parts").mkdir()
     (tmp_path / "parts" / "cup.xml").write_text(
         '<?xml version="1.0"?><mujoco>\n  <!-- the cup -->\n  <body name="cup" pos="0.5 0 0.02"><freejoint/>'
-        '<geom size=".02"/></body></mujoco>')
-    text = ('<mujoco><worldbody>\n<include file="parts/cup.xml"/>\n<body name="pot" pos="0.4 0 0.02"><freejoint/>'
-            '<geom size=".02"/></body></worldbody></mujoco>')
-    kept = inject(text, {Gap("pot", "mass"): (0.3,)}, folder=tmp_path)
+        '<geom size=".02"/></body></mujoco>'
+    )
+    text = (
+        '<mujoco><worldbody>\n<include file="parts/cup.xml"/>\n<body name="pot" pos="0.4 0 0.02"><freejoint/>'
+        '<geom size=".02"/></body></worldbody></mujoco>'
+    )
+    kept = inject(text, {Parameter("pot", "mass"): (0.3,)}, folder=tmp_path)
     assert '<include file="parts/cup.xml"/>' in kept
-    merged = inject(text, {Gap("cup", "mass"): (0.2,)}, folder=tmp_path)
+    merged = inject(text, {Parameter("cup", "mass"): (0.2,)}, folder=tmp_path)
     assert "<!-- the cup -->" in merged
     assert "include" not in merged
     assert body(merged, "cup").mass[0] == pytest.approx(0.2)
@@ -217,17 +311,23 @@ def test_completing_a_scene_answers_every_mark_and_says_what_was_assumed(tmp_pat
 
 
 def test_an_assumed_inertia_goes_with_the_measured_mass_and_centre() -> None:
-    text = ('<mujoco><worldbody><body name="a" pos="0.5 0 0.03"><freejoint/>'
-            '<inertial pos="?" mass="?" diaginertia="?"/>'
-            '<geom type="box" size=".1 .02 .03" friction="1"/></body></worldbody></mujoco>')
-    twin, notes = complete(parse_scene(text), [estimate("a", "mass", 0.6), estimate("a", "com", 0.04, 0.0, 0.0)])
+    text = (
+        '<mujoco><worldbody><body name="a" pos="0.5 0 0.03"><freejoint/>'
+        '<inertial pos="?" mass="?" diaginertia="?"/>'
+        '<geom type="box" size=".1 .02 .03" friction="1"/></body></worldbody></mujoco>'
+    )
+    twin, notes = complete(
+        parse_scene(text), [estimate("a", "mass", 0.6), estimate("a", "com", 0.04, 0.0, 0.0)]
+    )
     assert [n.split(" was")[0] for n in notes] == ["a.inertia"]
     about_middle = 0.6 / 12 * (0.2**2 + 0.06**2)
     assert max(body(twin, "a").inertia) == pytest.approx(about_middle + 0.6 * 0.04**2, rel=1e-5)
 
 
 def test_a_value_that_makes_no_sense_stays_out_with_a_note() -> None:
-    text, notes = complete(parse_scene(SCENE), [estimate("bottle", "mass", -0.002), estimate("table", "height", 0.18)])
+    text, notes = complete(
+        parse_scene(SCENE), [estimate("bottle", "mass", -0.002), estimate("table", "height", 0.18)]
+    )
     assert [n for n in notes if n.startswith("bottle.mass is not in the twin")]
     assert body(text, "bottle").mass[0] > 0
     assert "palpate_bottle" not in text
@@ -235,33 +335,43 @@ def test_a_value_that_makes_no_sense_stays_out_with_a_note() -> None:
 
 def test_unknown_things_are_refused() -> None:
     with pytest.raises(InputError, match="no object or surface 'cup'"):
-        inject(SCENE, {Gap("cup", "mass"): (1,)})
+        inject(SCENE, {Parameter("cup", "mass"): (1,)})
 
 
 def test_character_references_and_line_breaks_between_numbers() -> None:
     text = SCENE.replace("0.50  0   ?", "0.50&#32;0 ?")
-    assert body(inject(text, {Gap("table", "height"): (0.18,)}), "table").pos == pytest.approx([0.5, 0, 0.16])
+    assert body(
+        inject(text, {Parameter("table", "height"): (0.18,)}), "table"
+    ).pos == pytest.approx([0.5, 0, 0.16])
     text = SCENE.replace("0.50  0   ?", "0.50\n\t0\r\n ?")
-    assert "0.50\n\t0\r\n 0.16" in inject(text, {Gap("table", "height"): (0.18,)})
+    assert "0.50\n\t0\r\n 0.16" in inject(text, {Parameter("table", "height"): (0.18,)})
 
 
-space = st.sampled_from(["", " ", "\n", "\n\n    ", "\t", "\r\n  ", " <!-- ? mass='?' <geom/> -->", "<!--é\n-->\n"])
-gap = st.sampled_from([" ", "  ", "\n      ", "\t"])
+space = st.sampled_from(
+    ["", " ", "\n", "\n\n    ", "\t", "\r\n  ", " <!-- ? mass='?' <geom/> -->", "<!--é\n-->\n"]
+)
+parameter = st.sampled_from([" ", "  ", "\n      ", "\t"])
 quote = st.sampled_from("'\"")
-names = st.text(st.characters(categories=["L", "N"], include_characters=" _-.&<'\"/"), min_size=1, max_size=8).filter(
-    lambda n: n.strip() == n and n not in ("table", "world"))
+names = st.text(
+    st.characters(categories=["L", "N"], include_characters=" _-.&<'\"/"), min_size=1, max_size=8
+).filter(lambda n: n.strip() == n and n not in ("table", "world"))
 
 
 @st.composite
 def scenes(draw: st.DrawFn) -> tuple[str, str, set[str]]:
-    """An MJCF text in some hand's style, the object's name, and which of its attributes are open."""
+    """An MJCF text in some hand's style, the object's name, and which of its attributes are
+    open."""
     name = draw(names)
 
     def attribute(key: str, value: str) -> str:
         mark = draw(quote)
-        value = value.replace("&", "&amp;").replace("<", "&lt;").replace(mark, "&quot;" if mark == '"' else "&apos;")
+        value = (
+            value.replace("&", "&amp;")
+            .replace("<", "&lt;")
+            .replace(mark, "&quot;" if mark == '"' else "&apos;")
+        )
         equals = draw(st.sampled_from(["=", " = "]))
-        return f"{draw(gap)}{key}{equals}{mark}{value}{mark}"
+        return f"{draw(parameter)}{key}{equals}{mark}{value}{mark}"
 
     z = draw(st.sampled_from(["?", "0.3"]))
     mass = draw(st.sampled_from(["", "?", "0.2"]))
@@ -272,11 +382,13 @@ def scenes(draw: st.DrawFn) -> tuple[str, str, set[str]]:
     geom = draw(st.permutations(geom))
     s = [draw(space) for _ in range(8)]
     end = draw(st.sampled_from(["/>", " />", "></geom>"]))
-    text = (f"{'' if draw(st.booleans()) else '<!-- head -->'}<mujoco>{s[0]}<worldbody>{s[1]}"
-            f"<geom{attribute('name', 'table')}{attribute('type', 'box')}{attribute('pos', f'0.5 0{draw(gap)}{z}')}"
-            f"{attribute('size', '0.4 0.4 0.1')}/>{s[2]}<body{attribute('name', name)}{attribute('pos', '0.5 0 0.45')}>"
-            f"{s[3]}<freejoint/>{s[4]}<geom{''.join(attribute(k, v) for k, v in geom)}{end}{s[5]}</body>{s[6]}"
-            f"</worldbody>{s[7]}</mujoco>")
+    text = (
+        f"{'' if draw(st.booleans()) else '<!-- head -->'}<mujoco>{s[0]}<worldbody>{s[1]}"
+        f"<geom{attribute('name', 'table')}{attribute('type', 'box')}{attribute('pos', f'0.5 0{draw(parameter)}{z}')}"
+        f"{attribute('size', '0.4 0.4 0.1')}/>{s[2]}<body{attribute('name', name)}{attribute('pos', '0.5 0 0.45')}>"
+        f"{s[3]}<freejoint/>{s[4]}<geom{''.join(attribute(k, v) for k, v in geom)}{end}{s[5]}</body>{s[6]}"
+        f"</worldbody>{s[7]}</mujoco>"
+    )
     missing = ({"height"} if z == "?" else set()) | ({"mass"} if mass in ("", "?") else set())
     missing |= {"friction"} if friction.split()[:1] in ([], ["?"]) else set()
     return text, name, missing
@@ -297,16 +409,22 @@ def test_any_style_of_text_survives(case: tuple[str, str, set[str]]) -> None:
     assert {g.quantity for g in scene.missing()} == missing
     known = {"height": ("table", (0.41,)), "mass": (name, (0.254,)), "friction": (name, (0.33,))}
     records = [estimate(known[q][0], q, *known[q][1]) for q in sorted(missing)]
-    after = inject(text, {r.gap: r.value for r in records}, records)
+    after = inject(text, {r.parameter: r.value for r in records}, records)
     model = mujoco.MjModel.from_xml_string(after)
     before, now = strip(text), strip(after)
     assert [tag for tag, _ in before] == [tag for tag, _ in now]
     allowed = {"mass", "friction", "priority", "pos"}
-    changes = {key for (_, a), (_, b) in zip(before, now, strict=True) for key in a.keys() | b.keys()
-               if a.get(key) != b.get(key)}
+    changes = {
+        key
+        for (_, a), (_, b) in zip(before, now, strict=True)
+        for key in a.keys() | b.keys()
+        if a.get(key) != b.get(key)
+    }
     assert changes <= allowed
     assert re.findall(r"<!--.*?-->", text, re.S) == re.findall(r"<!--.*?-->", after, re.S)
-    assert subsequence(re.sub(r"\?", "", text), after), "every other character is still there, in order"
+    assert subsequence(re.sub(r"\?", "", text), after), (
+        "every other character is still there, in order"
+    )
     if "mass" in missing:
         assert model.body(name).mass[0] == pytest.approx(0.254)
     if "friction" in missing:

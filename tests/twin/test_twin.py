@@ -5,9 +5,11 @@ from __future__ import annotations
 import pytest
 
 from palpate.estimation.estimate import Estimate, not_identified
-from palpate.quantities import Gap
-from palpate.scene.scene import Scene, parse_scene
-from palpate.trace import Hand, Samples, Trace
+from palpate.parameter import Parameter
+from palpate.scene.load import parse_scene
+from palpate.scene.scene import Scene
+from palpate.trace.recording import Hand
+from palpate.trace.samples import Samples, Trace
 from palpate.twin.twin import Twin, build_twin
 
 NOTHING = Trace(Samples.empty(), (), (), (), Hand(0.009, 0.05, 0.15, 0.01, 1e-4))
@@ -26,15 +28,22 @@ def scene(pos: str = "0.5 0 0.05", poses: str | None = None) -> Scene:
     return parse_scene(SCENE.format(pos=pos), poses=poses)
 
 
-def estimate(gap: Gap, *value: float) -> Estimate:
-    return Estimate(gap, value, (1e-3,) * len(value), tuple((v - 2e-3, v + 2e-3) for v in value), "measured", ())
+def estimate(parameter: Parameter, *value: float) -> Estimate:
+    return Estimate(
+        parameter,
+        value,
+        (1e-3,) * len(value),
+        tuple((v - 2e-3, v + 2e-3) for v in value),
+        "measured",
+        (),
+    )
 
 
 def build(scene: Scene, *estimates: Estimate) -> Twin:
     return build_twin(scene, estimates, NOTHING, lambda spec: NOTHING)
 
 
-MASS = estimate(Gap("cup", "mass"), 0.2541)
+MASS = estimate(Parameter("cup", "mass"), 0.2541)
 
 
 def test_only_the_gap_is_closed() -> None:
@@ -50,7 +59,7 @@ def test_only_the_gap_is_closed() -> None:
 
 
 def test_what_is_not_identified_stays_open() -> None:
-    twin = build(scene(), not_identified(Gap("cup", "mass"), "It slipped."))
+    twin = build(scene(), not_identified(Parameter("cup", "mass"), "It slipped."))
     assert twin.text == SCENE.format(pos="0.5 0 0.05")
     assert twin.diff == ""
 
@@ -63,14 +72,18 @@ def test_the_poses_that_came_with_the_scene_hold_for_the_twin() -> None:
 
 
 def test_a_measured_position_overrules_the_poses_that_came_with_the_scene() -> None:
-    twin = build(scene(pos="? ? 0.05", poses=POSES), MASS, estimate(Gap("cup", "position"), 0.461, 0.093))
+    twin = build(
+        scene(pos="? ? 0.05", poses=POSES),
+        MASS,
+        estimate(Parameter("cup", "position"), 0.461, 0.093),
+    )
     assert twin.scene is not None
     for read in (twin.scene, parse_scene(twin.text)):
         assert read.body("cup").pose_world.position == pytest.approx([0.461, 0.093, 0.05])
 
 
 def test_a_quantity_of_the_gripper_is_noted_and_not_written() -> None:
-    twin = build(scene(), MASS, estimate(Gap("gripper", "velocity"), 0.1, 0.0, 0.2))
+    twin = build(scene(), MASS, estimate(Parameter("gripper", "velocity"), 0.1, 0.0, 0.2))
     (note,) = twin.notes
     assert note.startswith("gripper.velocity is not in the twin")
     assert "velocity" not in twin.text

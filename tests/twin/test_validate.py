@@ -6,14 +6,18 @@ import numpy as np
 import pytest
 
 from palpate.errors import ExecutionAborted
-from palpate.scene.scene import Scene, parse_scene
-from palpate.trace import FORCES, POSE, Context, Hand, LeafRun, Recording, Samples, Trace
+from palpate.scene.load import parse_scene
+from palpate.scene.scene import Scene
+from palpate.trace.recording import Context, Hand, LeafRun, Recording
+from palpate.trace.samples import FORCES, POSE, Samples, Trace
 from palpate.twin.validate import FINEST_STEP, SETTLE_TIME, Residual, compare, settle, validate
 
 HAND = Hand(0.009, 0.05, 0.15, 0.01, 1e-4)
 TABLE = '<body name="table" pos="0.5 0 -0.02"><geom type="box" size=".3 .3 .02" friction="0.6 0.005 0.0001"/></body>'
-CUP = ('<body name="cup" pos="0.5 0 {z}"><freejoint/>'
-       '<geom type="box" size=".03 .02 .05" mass="0.2" friction="0.5"/></body>')
+CUP = (
+    '<body name="cup" pos="0.5 0 {z}"><freejoint/>'
+    '<geom type="box" size=".03 .02 .05" mass="0.2" friction="0.5"/></body>'
+)
 DOOR = '<body pos="0.5 1 0.5"><joint type="hinge" axis="1 0 0"/><geom size=".05" pos="0 0.1 0"/></body>'
 
 
@@ -27,10 +31,30 @@ def trace(force: float, z: float, bias: float = 0.0, empty: bool = True) -> Trac
     wrench, pose = np.zeros((300, 6)), np.tile([0.5, 0, z, 0, 1, 0, 0], (300, 1)).astype(float)
     wrench[:, 2] = bias + np.where((t >= 1) & (t < 2), force, 0.0)
     signals = {name: np.zeros((300, 7)) for name in ("q", "dq", "tau_ext", "target_world_tcp")}
-    samples = Samples(t=t, wrench=wrench, pose_world_tcp=pose, twist=np.zeros((300, 6)), width=np.zeros(300), **signals)
-    leaves = (LeafRun("tree.children[0]", "MovePose", "", 0.0, 0.99, "SUCCESS", "", Context("still", at="here")),)
-    recordings = (Recording(FORCES, 1.0, 1.99, Context("still", at="here", holding="cup")),
-                  Recording(POSE, 2.0, 2.99, Context("contact", at="there", support="table")))
+    samples = Samples(
+        t=t,
+        wrench=wrench,
+        pose_world_tcp=pose,
+        twist=np.zeros((300, 6)),
+        width=np.zeros(300),
+        **signals,
+    )
+    leaves = (
+        LeafRun(
+            "tree.children[0]",
+            "MovePose",
+            "",
+            0.0,
+            0.99,
+            "SUCCESS",
+            "",
+            Context("still", at="here"),
+        ),
+    )
+    recordings = (
+        Recording(FORCES, 1.0, 1.99, Context("still", at="here", holding="cup")),
+        Recording(POSE, 2.0, 2.99, Context("contact", at="there", support="table")),
+    )
     return Trace(samples, leaves if empty else (), recordings, (), HAND)
 
 
@@ -63,7 +87,9 @@ def test_the_arms_own_bias_is_no_residual() -> None:
     found = compare(trace(force=2.0, z=0.1, bias=0.7), trace(force=2.0, z=0.1))
     assert found.force == pytest.approx(0.0, abs=1e-12)
     assert found.position == pytest.approx(0.0, abs=1e-12)
-    without_rest = compare(trace(force=2.0, z=0.1, bias=0.7, empty=False), trace(force=2.0, z=0.1, empty=False))
+    without_rest = compare(
+        trace(force=2.0, z=0.1, bias=0.7, empty=False), trace(force=2.0, z=0.1, empty=False)
+    )
     assert without_rest.force == pytest.approx(0.7)
 
 
@@ -100,7 +126,11 @@ def test_a_replay_that_stops_says_why() -> None:
         raise ExecutionAborted("the simulated world became unstable")
 
     assert validate(twin, twin, trace(1.0, 0.1), unstable).twin == Residual(
-        None, None, "the simulated world became unstable")
+        None, None, "the simulated world became unstable"
+    )
     half = trace(1.0, 0.1)
     short = Trace(half.samples, half.leaves, half.recordings[:1], (), HAND)
-    assert validate(twin, twin, half, lambda spec: short).twin.note == "the replay stopped after 1 of 2 recordings"
+    assert (
+        validate(twin, twin, half, lambda spec: short).twin.note
+        == "the replay stopped after 1 of 2 recordings"
+    )

@@ -6,18 +6,28 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from performing import CUP, MASS, cell
 
-from palpate.quantities import Gap
-from palpate.trace import FORCES, POSE, Context
-from palpate.vocabulary.core import Force2Mass, Force2Momentum, Force2Velocity, Pose2Height, Pose2Plan
-
-from .conftest import CUP, MASS, cell
+from palpate.parameter import Parameter
+from palpate.trace.recording import Context
+from palpate.trace.samples import FORCES, POSE
+from palpate.vocabulary.core import (
+    Force2Mass,
+    Force2Momentum,
+    Force2Velocity,
+    Pose2Height,
+    Pose2Plan,
+)
 
 LIFT, AT = ("MovePose", "cup_pose + z_offset"), ("MovePose", "cup_pose")
 STILL = Context("still", holding="cup")
 CONTEXTS = (
-    Context("still"), STILL, Context("moving"), Context("moving", holding="cup"),
-    Context("sliding", holding="cup", support="table"), Context("contact", support="table"),
+    Context("still"),
+    STILL,
+    Context("moving"),
+    Context("moving", holding="cup"),
+    Context("sliding", holding="cup", support="table"),
+    Context("contact", support="table"),
     Context("contact", holding="cup"),
 )
 ABOUT = {
@@ -36,13 +46,17 @@ def test_a_buffer_is_about_what_its_context_says(start, cls) -> None:
         state = replace(start, buffers={made.reads: context})
         assert made.subject(state) == about, context
         assert bool(made.requires(state)) == (about is None)
-        assert made.effects(state).converted == ({Gap(about, made.measures.id)} if about else set())
+        assert made.effects(state).converted == (
+            {Parameter(about, made.measures.id)} if about else set()
+        )
 
 
 @pytest.mark.parametrize("cls", ABOUT, ids=lambda cls: cls.__name__)
 def test_an_empty_or_foreign_buffer_is_refused_with_the_remedy(start, cls) -> None:
     writer = "MeasureForces" if cls.reads == FORCES else "MeasureGripperPose"
-    assert cls().requires(start) == [f"`{cls.reads}` is empty; {writer} must come before {cls.__name__}"]
+    assert cls().requires(start) == [
+        f"`{cls.reads}` is empty; {writer} must come before {cls.__name__}"
+    ]
     other = replace(start, buffers={POSE if cls.reads == FORCES else FORCES: STILL})
     assert cls().requires(other) == cls().requires(start)
     idle = replace(start, buffers={cls.reads: Context("still")})
@@ -51,12 +65,26 @@ def test_an_empty_or_foreign_buffer_is_refused_with_the_remedy(start, cls) -> No
 
 @pytest.fixture(scope="module")
 def carried(perform):
-    """The cup's mass, momentum and place, and the hand's velocity; the cup is not quite where it was thought to be."""
+    """The cup's mass, momentum and place, and the hand's velocity; the cup is not quite where it
+    was thought to be."""
     place = (CUP[0] + 0.004, CUP[1] - 0.006, CUP[2])
     done = perform(
-        "OpenGripper", [LIFT, "MeasureForces"], "Force2Velocity", AT, "CloseGripper",
-        "MeasureGripperPose", "Pose2Plan", [LIFT, "MeasureForces"], "Force2Momentum", "MeasureForces", "Force2Mass",
-        AT, "OpenGripper", LIFT, world=cell(cup=place, mass=f'mass="{MASS}"'))
+        "OpenGripper",
+        [LIFT, "MeasureForces"],
+        "Force2Velocity",
+        AT,
+        "CloseGripper",
+        "MeasureGripperPose",
+        "Pose2Plan",
+        [LIFT, "MeasureForces"],
+        "Force2Momentum",
+        "MeasureForces",
+        "Force2Mass",
+        AT,
+        "OpenGripper",
+        LIFT,
+        world=cell(cup=place, mass=f'mass="{MASS}"'),
+    )
     assert done.execution.stopped_by is None
     trace = done.execution.trace
     made = {c.primitive: c for c in trace.conversions}
@@ -66,17 +94,19 @@ def carried(perform):
 
 def test_mass_is_the_worlds(carried) -> None:
     _, _, found = carried
-    assert found["Force2Mass"].gap == Gap("cup", "mass")
+    assert found["Force2Mass"].parameter == Parameter("cup", "mass")
     assert found["Force2Mass"].value[0] == pytest.approx(MASS, abs=1e-3)
 
 
 def test_velocity_is_the_mean_of_the_true_hands(carried) -> None:
     done, made, found = carried
     recording = made["Force2Velocity"].recording
-    assert found["Force2Velocity"].gap == Gap("gripper", "velocity")
+    assert found["Force2Velocity"].parameter == Parameter("gripper", "velocity")
     truth = done.true_velocity(recording)
     assert np.linalg.norm(truth) > 0.05
-    frames = 2 * 0.001 / (recording.end - recording.start)  # m: the camera's frames are up to 17 ms beside its ends
+    frames = (
+        2 * 0.001 / (recording.end - recording.start)
+    )  # m: the camera's frames are up to 17 ms beside its ends
     assert found["Force2Velocity"].value == pytest.approx(truth, abs=frames)
     assert found["Force2Velocity"].components["peak speed"][0] == pytest.approx(0.25, abs=0.03)
 
@@ -84,7 +114,7 @@ def test_velocity_is_the_mean_of_the_true_hands(carried) -> None:
 def test_momentum_is_mass_times_the_true_velocity(carried) -> None:
     done, made, found = carried
     truth = MASS * done.true_velocity(made["Force2Momentum"].recording)
-    assert found["Force2Momentum"].gap == Gap("cup", "momentum")
+    assert found["Force2Momentum"].parameter == Parameter("cup", "momentum")
     assert truth[2] > 0.01
     assert found["Force2Momentum"].value == pytest.approx(truth, abs=2e-3)
     assert found["Force2Momentum"].components["mass"][0] == pytest.approx(MASS, abs=1e-3)
@@ -93,7 +123,7 @@ def test_momentum_is_mass_times_the_true_velocity(carried) -> None:
 def test_plan_position_is_where_the_fingers_found_the_object(carried, scene) -> None:
     """Along the closing direction, world y here, the fingers bring the object to their middle."""
     done, _, found = carried
-    assert found["Pose2Plan"].gap == Gap("cup", "position")
+    assert found["Pose2Plan"].parameter == Parameter("cup", "position")
     x, y = found["Pose2Plan"].value
     tcp = scene.symbols.resolve("cup_pose").position
     assert x == pytest.approx(tcp[0], abs=1e-4)
@@ -103,8 +133,18 @@ def test_plan_position_is_where_the_fingers_found_the_object(carried, scene) -> 
 def test_what_is_not_identified_fails_the_leaf(perform, monkeypatch) -> None:
     from palpate.estimation.estimate import not_identified
 
-    monkeypatch.setattr(Pose2Plan, "estimate", classmethod(
-        lambda cls, trace, conversion: not_identified(Gap("cup", "position"), "The fingers felt nothing.")))
+    monkeypatch.setattr(
+        Pose2Plan,
+        "estimate",
+        classmethod(
+            lambda cls, trace, conversion: not_identified(
+                Parameter("cup", "position"), "The fingers felt nothing."
+            )
+        ),
+    )
     done = perform("OpenGripper", LIFT, AT, "CloseGripper", "MeasureGripperPose", "Pose2Plan")
-    assert "Pose2Plan(): cup.position is not identified: The fingers felt nothing." in done.execution.stopped_by
+    assert (
+        "Pose2Plan(): cup.position is not identified: The fingers felt nothing."
+        in done.execution.stopped_by
+    )
     assert done.execution.trace.conversions == ()

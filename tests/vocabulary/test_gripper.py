@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from palpate.scene.scene import parse_scene
+from palpate.scene.load import parse_scene
 from palpate.vocabulary.state import SymbolicState
 
 LIFT, AT = ("MovePose", "cup_pose + z_offset"), ("MovePose", "cup_pose")
@@ -14,18 +14,28 @@ def test_fingers_close_only_when_open_and_on_something(start, make, after, reach
     close = make("CloseGripper")
     assert "must be open before it closes" in close.requires(start)[0]
     assert "not at a grasp pose" in close.requires(after(start, "OpenGripper"))[0]
-    assert "nothing is between the fingers at 'cup_pose + z_offset'" in close.requires(after(start, *reached[:2]))[0]
+    assert (
+        "nothing is between the fingers at 'cup_pose + z_offset'"
+        in close.requires(after(start, *reached[:2]))[0]
+    )
     assert close.requires(after(start, *reached)) == []
 
 
 def test_what_is_too_wide_is_refused_with_the_reason(start, make, after) -> None:
-    (reason,) = make("CloseGripper").requires(after(start, "OpenGripper", ("MovePose", "crate_pose")))
+    (reason,) = make("CloseGripper").requires(
+        after(start, "OpenGripper", ("MovePose", "crate_pose"))
+    )
     assert reason.startswith("'crate' cannot be grasped: ")
 
 
 def test_closing_makes_the_object_part_of_the_hand(start, after, reached) -> None:
     state = after(start, *reached, "CloseGripper")
-    assert (state.gripper, state.holding, state.grasp, state.lifted) == ("closed", "cup", "cup_pose", False)
+    assert (state.gripper, state.holding, state.grasp, state.lifted) == (
+        "closed",
+        "cup",
+        "cup_pose",
+        False,
+    )
     grasp = state.pose_world_tcp @ state.pose_tcp_object
     assert grasp.distance_to(state.pose_of("cup")) == pytest.approx(0.0, abs=1e-12)
     assert grasp.angle_to(state.pose_of("cup")) == pytest.approx(0.0, abs=1e-7)
@@ -38,10 +48,17 @@ def test_closing_on_nothing_only_closes(start, make) -> None:
 
 def test_opening_does_not_drop(start, make, after, reached) -> None:
     up = after(start, *reached, "CloseGripper", LIFT)
-    assert "'cup' is lifted and would fall; MovePose it onto its support first, e.g. to 'cup_pose'" \
+    assert (
+        "'cup' is lifted and would fall; MovePose it onto its support first, e.g. to 'cup_pose'"
         in make("OpenGripper").requires(up)[0]
+    )
     let_go = after(up, AT, "OpenGripper")
-    assert (let_go.gripper, let_go.holding, let_go.grasp, let_go.pose_tcp_object) == ("open", None, None, None)
+    assert (let_go.gripper, let_go.holding, let_go.grasp, let_go.pose_tcp_object) == (
+        "open",
+        None,
+        None,
+        None,
+    )
     assert let_go.activity == "still"
 
 
@@ -53,7 +70,11 @@ def test_opening_on_a_surface_keeps_the_contact(start, after) -> None:
 def test_the_hand_grasps_the_cup_at_its_width_and_opens_again(perform, scene) -> None:
     done = perform("OpenGripper", LIFT, AT, "CloseGripper", LIFT, AT, "OpenGripper")
     assert done.execution.status == "complete"
-    assert done.message("CloseGripper") in ("grasped at 39.9 mm", "grasped at 40.0 mm", "grasped at 40.1 mm")
+    assert done.message("CloseGripper") in (
+        "grasped at 39.9 mm",
+        "grasped at 40.0 mm",
+        "grasped at 40.1 mm",
+    )
     assert done.message("OpenGripper") == "open to 80 mm"
     assert done.robot.world.true_pose("cup").distance_to(scene.body("cup").pose_world) < 1e-3
 
@@ -61,6 +82,9 @@ def test_the_hand_grasps_the_cup_at_its_width_and_opens_again(perform, scene) ->
 def test_closing_on_nothing_fails_and_says_so(perform, scene) -> None:
     text = scene.text.replace('name="cup" pos="0.5 0.1', 'name="cup" pos="0.3 0.4')
     done = perform("OpenGripper", LIFT, AT, "CloseGripper", world=parse_scene(text))
-    assert done.execution.stopped_by == "CloseGripper(): the fingers met no resistance: nothing is between them"
+    assert (
+        done.execution.stopped_by
+        == "CloseGripper(): the fingers met no resistance: nothing is between them"
+    )
     state: SymbolicState = done.execution.final_state
     assert state.holding is None

@@ -8,7 +8,12 @@ import numpy as np
 import pytest
 
 from palpate.robots.robot import HOME
-from palpate.vocabulary.motion import CONTACT_FORCE, POSITION_TOLERANCE, PROBE_TRAVEL, clear_of_support
+from palpate.vocabulary.motion import (
+    CONTACT_FORCE,
+    POSITION_TOLERANCE,
+    PROBE_TRAVEL,
+    clear_of_support,
+)
 
 LIFT, AT = ("MovePose", "cup_pose + z_offset"), ("MovePose", "cup_pose")
 TO_TABLE = ("MovePose", "table_approach")
@@ -33,10 +38,14 @@ def test_lifting_carries_the_object_and_setting_down_restores_it(start, after, r
     held = after(start, *reached, "CloseGripper")
     assert not held.lifted
     up = after(held, LIFT)
-    height = start.scene.symbols.resolve("cup_pose + z_offset").position[2] - \
-        start.scene.symbols.resolve("cup_pose").position[2]
+    height = (
+        start.scene.symbols.resolve("cup_pose + z_offset").position[2]
+        - start.scene.symbols.resolve("cup_pose").position[2]
+    )
     assert up.lifted
-    assert up.pose_of("cup").position == pytest.approx(start.pose_of("cup").position + np.array([0, 0, height]))
+    assert up.pose_of("cup").position == pytest.approx(
+        start.pose_of("cup").position + np.array([0, 0, height])
+    )
     assert up.activity == "still"
     down = after(up, AT)
     assert not down.lifted
@@ -44,7 +53,9 @@ def test_lifting_carries_the_object_and_setting_down_restores_it(start, after, r
     assert down.not_restored() == {}
 
 
-def test_sideways_on_the_support_is_a_slide_and_in_the_air_is_not(start, make, after, reached) -> None:
+def test_sideways_on_the_support_is_a_slide_and_in_the_air_is_not(
+    start, make, after, reached
+) -> None:
     held = after(start, *reached, "CloseGripper")
     side = make("MovePose", pose="cup_pose + x_offset")
     assert side.slides(held)
@@ -62,11 +73,14 @@ def test_clear_of_support_takes_five_millimetres(start) -> None:
     assert clear_of_support(held, "cup", at.translated((0, 0, 0.006)))
 
 
-@pytest.mark.parametrize(("joints", "problem"), [
-    ("elsewhere", "unknown joint configuration 'elsewhere'"),
-    ([0.0, 1.0], "needs 7 angles, not 2"),
-    ([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0], "beyond the arm's limits"),
-])
+@pytest.mark.parametrize(
+    ("joints", "problem"),
+    [
+        ("elsewhere", "unknown joint configuration 'elsewhere'"),
+        ([0.0, 1.0], "needs 7 angles, not 2"),
+        ([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0], "beyond the arm's limits"),
+    ],
+)
 def test_move_joints_refuses(start, make, joints, problem: str) -> None:
     assert problem in make("MoveJoints", joints=joints).requires(start)[0]
 
@@ -74,7 +88,12 @@ def test_move_joints_refuses(start, make, joints, problem: str) -> None:
 def test_move_joints_leaves_no_pose_and_no_contact(start, make, after) -> None:
     touching = after(start, TO_TABLE, ("MoveUntilContact", "-z"))
     state = after(touching, ("MoveJoints", "home_config"))
-    assert (state.at, state.pose_world_tcp, state.contact, state.activity) == ("home_config", None, None, "still")
+    assert (state.at, state.pose_world_tcp, state.contact, state.activity) == (
+        "home_config",
+        None,
+        None,
+        "still",
+    )
     assert make("MoveJoints", joints=list(HOME)).effects(touching).at is None
     assert make("MoveJoints", joints=list(HOME)).during(touching).contact is None
 
@@ -88,10 +107,16 @@ def test_move_joints_does_not_drag(start, make, after, reached) -> None:
 def test_a_probe_needs_a_place_a_surface_and_empty_fingers(start, make, after, reached) -> None:
     down = make("MoveUntilContact", axis="-z")
     assert "not at a known pose" in down.requires(start)[0]
-    beside = replace(start, at="nowhere", pose_world_tcp=start.scene.symbols.resolve("cup_pose").translated((2, 0, 0)))
+    beside = replace(
+        start,
+        at="nowhere",
+        pose_world_tcp=start.scene.symbols.resolve("cup_pose").translated((2, 0, 0)),
+    )
     assert "nothing is below 'nowhere'" in down.requires(beside)[0]
     assert make("MoveUntilContact", axis="+x").requires(beside) == []
-    assert "'cup' is in the gripper" in down.requires(after(start, *reached, "CloseGripper", LIFT))[0]
+    assert (
+        "'cup' is in the gripper" in down.requires(after(start, *reached, "CloseGripper", LIFT))[0]
+    )
     touching = after(start, TO_TABLE, ("MoveUntilContact", "-z"))
     assert touching.context().support == "table"
     assert "already in contact with 'table'" in down.requires(touching)[0]
@@ -128,4 +153,6 @@ def test_a_probe_stops_at_its_threshold_on_the_surface(perform) -> None:
 def test_a_probe_that_meets_nothing_fails_at_its_travel_limit(perform) -> None:
     from_above = perform(TO_TABLE, ("MoveUntilContact", "+z"))
     assert from_above.execution.status == "stopped"
-    assert f"nothing touched within {PROBE_TRAVEL:.2f} m along +z" in from_above.execution.stopped_by
+    assert (
+        f"nothing touched within {PROBE_TRAVEL:.2f} m along +z" in from_above.execution.stopped_by
+    )

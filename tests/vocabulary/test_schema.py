@@ -1,4 +1,5 @@
-"""The JSON schema accepts what `parse_plan` and the check's grammar accept, and refuses what they refuse."""
+"""The JSON schema accepts what `parse_plan` and the check's grammar accept, and refuses what they
+refuse."""
 
 from __future__ import annotations
 
@@ -9,39 +10,73 @@ from typing import Any
 import pytest
 
 from palpate.errors import InputError
-from palpate.planning.check import check
+from palpate.planning.check.check import check
 from palpate.planning.plan import parse_plan
-from palpate.vocabulary.primitive import vocabulary
+from palpate.vocabulary.registry import vocabulary
 from palpate.vocabulary.schema import leaf_schema, plan_schema
 
 SCHEMA = plan_schema(vocabulary())
-KINDS: dict[str, Any] = {"object": dict, "array": list, "string": str, "number": (int, float), "null": type(None)}
+KINDS: dict[str, Any] = {
+    "object": dict,
+    "array": list,
+    "string": str,
+    "number": (int, float),
+    "null": type(None),
+}
 
 
 def fits(value: Any, schema: dict[str, Any]) -> bool:
     """JSON schema, as much of it as a plan's schema uses."""
     schema = SCHEMA["$defs"][schema["$ref"].rpartition("/")[2]] if "$ref" in schema else schema
-    known = {"type", "const", "enum", "anyOf", "oneOf", "properties", "required", "additionalProperties", "items",
-             "minItems", "minLength", "maxLength", "title", "description", "$schema", "$defs", "default"}
+    known = {
+        "type",
+        "const",
+        "enum",
+        "anyOf",
+        "oneOf",
+        "properties",
+        "required",
+        "additionalProperties",
+        "items",
+        "minItems",
+        "minLength",
+        "maxLength",
+        "title",
+        "description",
+        "$schema",
+        "$defs",
+        "default",
+    }
     assert set(schema) <= known, f"this validator does not know {set(schema) - known}"
     choices = [fits(value, option) for option in schema.get("oneOf", [])]
-    return all((
-        "type" not in schema or (isinstance(value, KINDS[schema["type"]]) and not isinstance(value, bool)),
-        "const" not in schema or value == schema["const"],
-        "enum" not in schema or value in schema["enum"],
-        "anyOf" not in schema or any(fits(value, option) for option in schema["anyOf"]),
-        not choices or choices.count(True) == 1,
-        not isinstance(value, str) or schema.get("minLength", 0) <= len(value) <= schema.get("maxLength", 10**9),
-        not isinstance(value, list) or (len(value) >= schema.get("minItems", 0)
-                                        and all(fits(item, schema.get("items", {})) for item in value)),
-        not isinstance(value, dict) or _fields_fit(value, schema)))
+    return all(
+        (
+            "type" not in schema
+            or (isinstance(value, KINDS[schema["type"]]) and not isinstance(value, bool)),
+            "const" not in schema or value == schema["const"],
+            "enum" not in schema or value in schema["enum"],
+            "anyOf" not in schema or any(fits(value, option) for option in schema["anyOf"]),
+            not choices or choices.count(True) == 1,
+            not isinstance(value, str)
+            or schema.get("minLength", 0) <= len(value) <= schema.get("maxLength", 10**9),
+            not isinstance(value, list)
+            or (
+                len(value) >= schema.get("minItems", 0)
+                and all(fits(item, schema.get("items", {})) for item in value)
+            ),
+            not isinstance(value, dict) or _fields_fit(value, schema),
+        )
+    )
 
 
 def _fields_fit(value: dict[str, Any], schema: dict[str, Any]) -> bool:
     properties = schema.get("properties", {})
     closed = schema.get("additionalProperties", True) is False
-    return (set(schema.get("required", [])) <= set(value) and not (closed and set(value) - set(properties))
-            and all(fits(v, properties[k]) for k, v in value.items() if k in properties))
+    return (
+        set(schema.get("required", [])) <= set(value)
+        and not (closed and set(value) - set(properties))
+        and all(fits(v, properties[k]) for k, v in value.items() if k in properties)
+    )
 
 
 def is_accepted(tree: Any) -> bool:
@@ -55,7 +90,11 @@ def is_accepted(tree: Any) -> bool:
 
 
 def document(tree: Any) -> dict[str, Any]:
-    return {"parameters": [{"object": "cup", "quantity": "mass"}], "explanation": "why", "tree": tree}
+    return {
+        "parameters": [{"object": "cup", "quantity": "mass"}],
+        "explanation": "why",
+        "tree": tree,
+    }
 
 
 OPEN = {"type": "OpenGripper"}
@@ -68,10 +107,26 @@ GOOD = [
     {"type": "MoveJoints", "joints": "home_config"},
     {"type": "MoveJoints", "joints": [0, -0.785, 0, -2.356, 0, 1.571, 0.785]},
     *({"type": "MoveUntilContact", "axis": sign + axis} for sign in "+-" for axis in "xyz"),
-    *({"type": name} for name in ("CloseGripper", "MeasureForces", "MeasureGripperPose", "Force2Mass", "Pose2Plan")),
+    *(
+        {"type": name}
+        for name in (
+            "CloseGripper",
+            "MeasureForces",
+            "MeasureGripperPose",
+            "Force2Mass",
+            "Pose2Plan",
+        )
+    ),
     {"type": "Sequence", "children": [OPEN]},
-    {"type": "Parallel", "name": "both", "children": [{"type": "MeasureForces"}, {"type": "MovePose", "pose": "a"}]},
-    {"type": "Sequence", "children": [{"type": "Parallel", "children": [{"type": "Sequence", "children": [OPEN]}]}]},
+    {
+        "type": "Parallel",
+        "name": "both",
+        "children": [{"type": "MeasureForces"}, {"type": "MovePose", "pose": "a"}],
+    },
+    {
+        "type": "Sequence",
+        "children": [{"type": "Parallel", "children": [{"type": "Sequence", "children": [OPEN]}]}],
+    },
 ]
 BAD = [
     [],

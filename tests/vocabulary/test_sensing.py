@@ -7,14 +7,17 @@ from dataclasses import replace
 import pytest
 
 from palpate.robots.safety import Expectation
-from palpate.trace import FORCES, POSE, Context
+from palpate.trace.recording import Context
+from palpate.trace.samples import FORCES, POSE
 from palpate.vocabulary.motion import DWELL
 from palpate.vocabulary.sensing import FORCE_WINDOW, POSE_WINDOW
 
 LIFT, AT = ("MovePose", "cup_pose + z_offset"), ("MovePose", "cup_pose")
 
 
-@pytest.mark.parametrize(("kind", "buffer"), [("MeasureForces", FORCES), ("MeasureGripperPose", POSE)])
+@pytest.mark.parametrize(
+    ("kind", "buffer"), [("MeasureForces", FORCES), ("MeasureGripperPose", POSE)]
+)
 def test_a_buffer_is_written_in_the_present_context(start, make, kind: str, buffer: str) -> None:
     primitive = make(kind)
     state = primitive.effects(replace(start, at="cup_pose", activity="sliding"))
@@ -31,8 +34,14 @@ def test_contact_belongs_to_the_job_only_where_something_is_touched(start, make)
 
 
 def test_windows_alone_and_beside_a_motion(perform) -> None:
-    done = perform("OpenGripper", LIFT, "MeasureForces", "MeasureGripperPose", [AT, "MeasureForces"],
-                   ["MeasureGripperPose", LIFT])
+    done = perform(
+        "OpenGripper",
+        LIFT,
+        "MeasureForces",
+        "MeasureGripperPose",
+        [AT, "MeasureForces"],
+        ["MeasureGripperPose", LIFT],
+    )
     trace = done.execution.trace
     assert done.execution.status == "complete"
     still, pose, down, up = trace.recordings
@@ -40,7 +49,11 @@ def test_windows_alone_and_beside_a_motion(perform) -> None:
     assert pose.end - pose.start == pytest.approx(POSE_WINDOW, abs=0.03)
     assert [r.context.activity for r in trace.recordings] == ["still", "still", "moving", "moving"]
     assert [r.node for r in trace.recordings] == [
-        "tree.children[2]", "tree.children[3]", "tree.children[4].children[1]", "tree.children[5].children[0]"]
+        "tree.children[2]",
+        "tree.children[3]",
+        "tree.children[4].children[1]",
+        "tree.children[5].children[0]",
+    ]
     for recording, motion in zip((down, up), trace.leaf_runs("MovePose")[1:], strict=True):
         assert (recording.start, recording.end) == (motion.start, motion.end)
         assert recording.end - recording.start > 2 * DWELL

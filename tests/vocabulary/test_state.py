@@ -6,9 +6,10 @@ from dataclasses import replace
 
 import pytest
 
-from palpate.pose import Pose
-from palpate.quantities import Gap
-from palpate.trace import FORCES, Context
+from palpate.geometry.pose import Pose
+from palpate.parameter import Parameter
+from palpate.trace.recording import Context
+from palpate.trace.samples import FORCES
 from palpate.vocabulary.state import GRASP_REACH, RESTORED_POSITION, SymbolicState
 
 
@@ -19,12 +20,16 @@ def test_the_context_is_the_present_state(start: SymbolicState) -> None:
 
 def test_a_slide_is_on_what_is_below_the_hand(start: SymbolicState) -> None:
     at = start.scene.symbols.resolve("cup_pose")
-    sliding = replace(start, activity="sliding", pose_world_tcp=at, holding="cup", grasp="cup_pose", at="cup_pose")
+    sliding = replace(
+        start, activity="sliding", pose_world_tcp=at, holding="cup", grasp="cup_pose", at="cup_pose"
+    )
     assert sliding.context().support == "table"
     assert replace(sliding, activity="moving").context().support is None
 
 
-@pytest.mark.parametrize(("outside", "found"), [(0.0, "cup"), (GRASP_REACH - 1e-4, "cup"), (GRASP_REACH + 1e-4, None)])
+@pytest.mark.parametrize(
+    ("outside", "found"), [(0.0, "cup"), (GRASP_REACH - 1e-4, "cup"), (GRASP_REACH + 1e-4, None)]
+)
 def test_fingers_close_on_the_object_whose_box_holds_the_tcp(
     start: SymbolicState, outside: float, found: str | None
 ) -> None:
@@ -42,7 +47,9 @@ def test_an_object_is_looked_for_where_it_was_put(start: SymbolicState) -> None:
     assert body.name == "cup"
 
 
-def test_a_descent_meets_the_highest_thing_below_that_is_not_in_the_hand(start: SymbolicState) -> None:
+def test_a_descent_meets_the_highest_thing_below_that_is_not_in_the_hand(
+    start: SymbolicState,
+) -> None:
     above = Pose.top_down((0.5, 0.1, 0.3), 0.0)
 
     def below(state: SymbolicState, pose: Pose = above) -> str | None:
@@ -55,8 +62,12 @@ def test_a_descent_meets_the_highest_thing_below_that_is_not_in_the_hand(start: 
     assert below(start, Pose.top_down((0.3, 0.1, -0.2), 0.0)) is None
 
 
-@pytest.mark.parametrize(("by", "restored"), [(RESTORED_POSITION * 0.9, True), (RESTORED_POSITION * 1.1, False)])
-def test_an_object_near_its_place_counts_as_restored(start: SymbolicState, by: float, restored: bool) -> None:
+@pytest.mark.parametrize(
+    ("by", "restored"), [(RESTORED_POSITION * 0.9, True), (RESTORED_POSITION * 1.1, False)]
+)
+def test_an_object_near_its_place_counts_as_restored(
+    start: SymbolicState, by: float, restored: bool
+) -> None:
     moved = start.pose_of("cup").translated((by, 0.0, 0.0))
     assert (replace(start, moved={"cup": moved}).not_restored() == {}) == restored
 
@@ -66,4 +77,4 @@ def test_a_buffer_keeps_the_latest_context_and_the_log_all_of_them(start: Symbol
     second = replace(first, at="b").wrote(FORCES)
     assert second.buffers == {FORCES: Context("still", at="b")}
     assert [context.at for _, context in second.logged] == ["a", "b"]
-    assert (start.buffers, start.logged, start.converted) == ({}, (), frozenset[Gap]())
+    assert (start.buffers, start.logged, start.converted) == ({}, (), frozenset[Parameter]())

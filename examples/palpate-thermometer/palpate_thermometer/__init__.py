@@ -1,7 +1,7 @@
 """A third party's primitive: one class is all it takes.
 
-The thermometer is a digital one that appends its readings, in °C, one a line, to a file, as serial loggers do.
-The environment variable `PALPATE_THERMOMETER` names that file.
+The thermometer is a digital one that appends its readings, in °C, one a line, to a file, as serial
+loggers do. The environment variable `PALPATE_THERMOMETER` names that file.
 """
 
 from __future__ import annotations
@@ -14,9 +14,11 @@ from statistics import fmean, stdev
 from typing import ClassVar
 
 from palpate.estimation.estimate import Estimate, not_identified
-from palpate.quantities import Gap, Quantity
-from palpate.trace import Conversion, Recording, Trace
-from palpate.vocabulary.primitive import Cell, ConversionPrimitive, LeafFailure, Steps
+from palpate.parameter import Parameter
+from palpate.quantities.quantity import Quantity
+from palpate.trace.recording import Conversion, Recording
+from palpate.trace.samples import Trace
+from palpate.vocabulary.base import Blackboard, ConversionPrimitive, LeafFailure, Steps
 from palpate.vocabulary.state import SymbolicState
 
 __all__ = ["MeasureTemperature"]
@@ -31,14 +33,19 @@ TAIL = 5
 """Latest readings that are averaged."""
 
 TEMPERATURE = Quantity(
-    id="temperature", unit="°C", label="temperature", synonyms=("temperature", "warm", "cold", "hot"), size=1,
-    subject="object", how="hold the thermometer over the object, then MeasureTemperature",
+    id="temperature",
+    unit="°C",
+    label="temperature",
+    synonyms=("temperature", "warm", "cold", "hot"),
+    size=1,
+    subject="object",
+    how="hold the thermometer over the object, then MeasureTemperature",
 )
 
 
 class MeasureTemperature(ConversionPrimitive):
-    """Read the thermometer while it is held still over an object: fetch it, MovePose to the object's probe pose,
-    then measure; one reading is the temperature of the object below."""
+    """Read the thermometer while it is held still over an object: fetch it, MovePose to the
+    object's probe pose, then measure; one reading is the temperature of the object below."""
 
     writes: ClassVar[str | None] = "temperature_readings"
     measures: ClassVar[Quantity | None] = TEMPERATURE
@@ -58,30 +65,51 @@ class MeasureTemperature(ConversionPrimitive):
 
     def effects(self, state: SymbolicState) -> SymbolicState:
         subject = self.subject(state)
-        return replace(state, converted=state.converted | {Gap(subject, TEMPERATURE.id)}) if subject else state
+        return (
+            replace(state, converted=state.converted | {Parameter(subject, TEMPERATURE.id)})
+            if subject
+            else state
+        )
 
-    def run(self, cell: Cell) -> Steps:
-        subject, start = self.subject(cell.state), cell.robot.state.t
+    def run(self, blackboard: Blackboard) -> Steps:
+        subject, start = self.subject(blackboard.state), blackboard.robot.state.t
         assert subject is not None
-        while cell.robot.state.t - start < SOAK:
+        while blackboard.robot.state.t - start < SOAK:
             yield
-        recording = Recording("temperature_readings", start, cell.robot.state.t, cell.state.context(),
-                              reading=_latest_readings())
-        cell.recorder.recordings.append(recording)
-        cell.recorder.conversions.append(
-            Conversion(type(self).__name__, subject, TEMPERATURE.id, recording, cell.robot.state.t))
+        recording = Recording(
+            "temperature_readings",
+            start,
+            blackboard.robot.state.t,
+            blackboard.state.context(),
+            reading=_latest_readings(),
+        )
+        blackboard.recorder.recordings.append(recording)
+        blackboard.recorder.conversions.append(
+            Conversion(
+                type(self).__name__, subject, TEMPERATURE.id, recording, blackboard.robot.state.t
+            )
+        )
         return f"{subject} {fmean(recording.reading):.1f} °C"
 
     @classmethod
     def estimate(cls, trace: Trace, conversion: Conversion) -> Estimate:
-        gap, readings = Gap(conversion.object, TEMPERATURE.id), conversion.recording.reading
+        parameter, readings = (
+            Parameter(conversion.object, TEMPERATURE.id),
+            conversion.recording.reading,
+        )
         if not readings:
-            return not_identified(gap, "The thermometer gave no reading.")
+            return not_identified(parameter, "The thermometer gave no reading.")
         value = fmean(readings)
         scatter = stdev(readings) / math.sqrt(len(readings)) if len(readings) > 1 else 0.0
         std = math.hypot(ACCURACY, scatter)
-        return Estimate(gap, (value,), (std,), ((value - 1.96 * std, value + 1.96 * std),),
-                        f"Mean of {len(readings)} thermometer readings.", (conversion.recording,))
+        return Estimate(
+            parameter,
+            (value,),
+            (std,),
+            ((value - 1.96 * std, value + 1.96 * std),),
+            f"Mean of {len(readings)} thermometer readings.",
+            (conversion.recording,),
+        )
 
 
 def _latest_readings() -> tuple[float, ...]:

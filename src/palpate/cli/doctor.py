@@ -13,7 +13,17 @@ from rich.table import Table
 from palpate import __version__
 from palpate.cli.show import out
 
-CORE = ("mujoco", "mink", "py_trees", "pydantic", "lxml", "scipy", "plotly", "mcap", "imageio-ffmpeg")
+CORE = (
+    "mujoco",
+    "mink",
+    "py_trees",
+    "pydantic",
+    "lxml",
+    "scipy",
+    "plotly",
+    "mcap",
+    "imageio-ffmpeg",
+)
 PROVIDERS = {
     "openai": ("openai", "OPENAI_API_KEY"),
     "google": ("google-genai", "GOOGLE_API_KEY"),
@@ -55,7 +65,7 @@ def _installed(name: str) -> str | None:
 
 
 def _pictures() -> Line:
-    from palpate.rendering import gl_available
+    from palpate.pictures.renderer import gl_available
 
     good, detail = gl_available()
     return good, "pictures (OpenGL)", detail

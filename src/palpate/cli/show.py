@@ -14,12 +14,13 @@ from rich.table import Table
 from rich.text import Text
 
 if TYPE_CHECKING:
-    from palpate.job import Job
+    from palpate.execution.runner import Observer
+    from palpate.mjcf.body import Body
     from palpate.pipeline import Outcome
-    from palpate.planning.check import Finding
+    from palpate.planning.check.check import Finding
     from palpate.planning.plan import Node, Plan
-    from palpate.scene.scene import Body, Scene
-    from palpate.tree.runner import Observer
+    from palpate.scene.scene import Scene
+    from palpate.settings import Job
 
 out = Console(highlight=False)
 err = Console(stderr=True, highlight=False)
@@ -33,7 +34,7 @@ def print_json(content: Any) -> None:
 @contextmanager
 def live_view() -> Generator[tuple[Observer, Callable[[str], None]]]:
     """The live view on stderr and a way to name the present stage."""
-    from palpate.tree.live import LiveView
+    from palpate.live.terminal import LiveView
 
     with LiveView(err) as view:
         yield view, view.say
@@ -41,8 +42,8 @@ def live_view() -> Generator[tuple[Observer, Callable[[str], None]]]:
 
 def show_outcome(outcome: Outcome, as_json: bool) -> None:
     """The result: values with error bars, and where the files are."""
-    from palpate.rendering import gl_available
-    from palpate.report.result import result_json
+    from palpate.pictures.renderer import gl_available
+    from palpate.runs.result import result_json
 
     if as_json:
         print_json(result_json(outcome, outcome.folder))
@@ -77,7 +78,7 @@ def _show_rejection(outcome: Outcome) -> None:
 
 
 def _show_estimates(outcome: Outcome) -> None:
-    from palpate.quantities import quantity
+    from palpate.quantities.quantity import quantity
 
     table = Table(box=None, header_style="dim", pad_edge=False)
     for heading in ("object", "quantity", "value", "± std", "95 % interval", "verdict"):
@@ -85,12 +86,18 @@ def _show_estimates(outcome: Outcome) -> None:
     if outcome.cell:
         table.add_column("truth", style="dim", no_wrap=True)
     for estimate in outcome.estimates:
-        unit = quantity(estimate.gap.quantity).unit.removesuffix("1")
+        unit = quantity(estimate.parameter.quantity).unit.removesuffix("1")
         value = f"[bold]{_numbers(estimate.value)}[/] {unit}" if estimate.value else "–"
-        row = [escape(estimate.gap.object), estimate.gap.quantity, value, _numbers(estimate.std, 2),
-               "\n".join(f"{low:.5g} … {high:.5g}" for low, high in estimate.ci95), estimate.verdict]
+        row = [
+            escape(estimate.parameter.object),
+            estimate.parameter.quantity,
+            value,
+            _numbers(estimate.std, 2),
+            "\n".join(f"{low:.5g} … {high:.5g}" for low, high in estimate.ci95),
+            estimate.verdict,
+        ]
         if outcome.cell:
-            truth = outcome.cell.truth(estimate.gap)
+            truth = outcome.cell.truth(estimate.parameter)
             row.append(_numbers(truth) if truth else "–")
         table.add_row(*row)
     out.print(table)
@@ -111,15 +118,27 @@ def show_scenarios(as_json: bool) -> None:
 
     found = [scenario(name) for name in names()]
     if as_json:
-        print_json([{"name": s.name, "title": s.title, "request": s.request, "planner": s.planner.split("/")[0],
-                     "expects": [str(g) for g in s.expects]} for s in found])
+        print_json(
+            [
+                {
+                    "name": s.name,
+                    "title": s.title,
+                    "request": s.request,
+                    "planner": s.planner.split("/")[0],
+                    "expects": [str(g) for g in s.expects],
+                }
+                for s in found
+            ]
+        )
         return
     table = Table(box=None, header_style="dim", pad_edge=False)
     table.add_column("scenario", style="bold")
     table.add_column("what it shows")
     table.add_column("request")
     for s in found:
-        table.add_row(s.name, s.title, Text(s.request or "– (whatever the scene lacks)", style="italic"))
+        table.add_row(
+            s.name, s.title, Text(s.request or "– (whatever the scene lacks)", style="italic")
+        )
     out.print(table)
     out.print("\nRun one with [bold]palpate demo NAME[/].")
 
@@ -127,32 +146,51 @@ def show_scenarios(as_json: bool) -> None:
 def show_gap(scene: Scene, as_json: bool) -> None:
     """What is known and what is missing, body by body."""
     if as_json:
-        print_json({"missing": [{"object": g.object, "quantity": g.quantity} for g in scene.missing()],
-                    "bodies": [_body_json(b) for b in scene.bodies.values()]})
+        print_json(
+            {
+                "missing": [{"object": g.object, "quantity": g.quantity} for g in scene.missing()],
+                "bodies": [_body_json(b) for b in scene.bodies.values()],
+            }
+        )
         return
     table = Table(box=None, header_style="dim", pad_edge=False)
     for heading in ("name", "role", "missing", "known", "assumed"):
         table.add_column(heading)
     for body in scene.bodies.values():
         known = ", ".join(f"{k} {' '.join(f'{x:.4g}' for x in v)}" for k, v in body.known.items())
-        table.add_row(escape(body.name), body.role, f"[bold red]{', '.join(sorted(body.missing))}[/]" if body.missing
-                      else "[green]nothing[/]", f"[dim]{known}[/]", f"[dim]{', '.join(sorted(body.assumed))}[/]")
+        table.add_row(
+            escape(body.name),
+            body.role,
+            f"[bold red]{', '.join(sorted(body.missing))}[/]"
+            if body.missing
+            else "[green]nothing[/]",
+            f"[dim]{known}[/]",
+            f"[dim]{', '.join(sorted(body.assumed))}[/]",
+        )
     out.print(table)
 
 
 def _body_json(body: Body) -> dict[str, Any]:
-    return {"name": body.name, "role": body.role, "missing": sorted(body.missing), "assumed": sorted(body.assumed),
-            "known": {k: list(v) for k, v in body.known.items()}}
+    return {
+        "name": body.name,
+        "role": body.role,
+        "missing": sorted(body.missing),
+        "assumed": sorted(body.assumed),
+        "known": {k: list(v) for k, v in body.known.items()},
+    }
 
 
 def show_plan(outcome: Outcome, as_json: bool, file: Path | None) -> None:
     """A plan: parameters, tree in the paper's notation, explanation, findings."""
-    from palpate.report.result import plan_text
+    from palpate.runs.result import plan_text
 
     if file:
         file.write_text(plan_text(outcome), encoding="utf-8")
     if as_json:
-        print_json(json.loads(plan_text(outcome)) | {"findings": [finding_json(f) for f in outcome.findings]})
+        print_json(
+            json.loads(plan_text(outcome))
+            | {"findings": [finding_json(f) for f in outcome.findings]}
+        )
         return
     _print_plan(outcome.plan, out)
     for finding in outcome.findings:
@@ -162,21 +200,27 @@ def show_plan(outcome: Outcome, as_json: bool, file: Path | None) -> None:
 def show_prompt(job: Job, as_json: bool) -> None:
     """System prompt, user message and images, as they would be sent."""
     from palpate.pipeline import look
-    from palpate.planning.prompt.compose import compose
-    from palpate.scene.from_picture import Template
+    from palpate.planning.model.prompt.compose import compose
+    from palpate.scene.from_picture import SceneBuilder
     from palpate.scene.poses import Poses, read_poses
-    from palpate.vocabulary.primitive import vocabulary
+    from palpate.vocabulary.registry import vocabulary
 
     scene = look(job)
     poses = read_poses(job.poses) if job.poses else Poses()
-    symbols = Template(poses).symbols if scene is None else None
-    prompt = compose(vocabulary(), job.request or "", scene, job.images, symbols, job.asking.without)
+    symbols = SceneBuilder(poses).symbols if scene is None else None
+    prompt = compose(
+        vocabulary(), job.request or "", scene, job.images, symbols, job.model_settings.without
+    )
     images = [str(path) for path in prompt.images]
     if as_json:
         print_json({"system": prompt.system, "user": prompt.user, "images": images})
         return
     attached = "\n".join(["", "Attach:", *images]) if images else ""
-    sys.stdout.write("\n\n".join(part for part in (prompt.system.rstrip(), prompt.user) if part) + attached + "\n")
+    sys.stdout.write(
+        "\n\n".join(part for part in (prompt.system.rstrip(), prompt.user) if part)
+        + attached
+        + "\n"
+    )
 
 
 def confirm_plan(outcome: Outcome) -> bool:
@@ -192,7 +236,9 @@ def confirm_plan(outcome: Outcome) -> bool:
 
 
 def _print_plan(plan: Plan, console: Console) -> None:
-    console.print("measures  ", ", ".join(str(g) for g in plan.parameters) or "nothing", markup=False)
+    console.print(
+        "measures  ", ", ".join(str(g) for g in plan.parameters) or "nothing", markup=False
+    )
     if plan.tree:
         console.print(*tree_lines(plan.tree), sep="\n", markup=False)
     console.print(f"\n{plan.explanation}", markup=False)
@@ -211,23 +257,25 @@ def tree_lines(node: Node, depth: int = 0) -> Iterator[str]:
 
     symbol = COMPOSITES[node.type].symbol if node.type in COMPOSITES else "→"
     args = ", ".join(str(v) for _, v in node.args)
-    yield f"{'    ' * depth}{symbol} {node.type}" + (f"({args})" if node.type not in COMPOSITES else "")
+    yield f"{'    ' * depth}{symbol} {node.type}" + (
+        f"({args})" if node.type not in COMPOSITES else ""
+    )
     for child in node.children:
         yield from tree_lines(child, depth + 1)
 
 
 def check_plan_file(path: Path, scene: Path | None, poses: Path | None, as_json: bool) -> int:
     """Check a plan file; the exit status is 0 when valid and 3 when not."""
-    from palpate.planning.check import check
-    from palpate.planning.replay import load_proposal
-    from palpate.scene.from_picture import Seen, Template
+    from palpate.planning.check.check import check
+    from palpate.planning.recorded import load_proposal
+    from palpate.scene.from_picture import DetectedScene, SceneBuilder
+    from palpate.scene.load import load_scene
     from palpate.scene.poses import read_poses
-    from palpate.scene.scene import load_scene
 
     proposal = load_proposal(path)
     known = load_scene(scene, poses) if scene else None
     if known is None and poses and proposal.scene:
-        known = Seen(Template(read_poses(poses)), proposal.scene).scene()
+        known = DetectedScene(SceneBuilder(read_poses(poses)), proposal.scene).scene()
     findings = check(proposal.plan, known)
     if as_json:
         print_json({"valid": not findings, "findings": [finding_json(f) for f in findings]})
@@ -240,8 +288,8 @@ def check_plan_file(path: Path, scene: Path | None, poses: Path | None, as_json:
 
 def show_vocabulary(as_json: bool, btcpp: bool) -> None:
     """The vocabulary for people, as JSON schema, or as BT.CPP TreeNodesModel."""
-    from palpate.tree.btcpp import tree_nodes_model
-    from palpate.vocabulary.primitive import vocabulary
+    from palpate.execution.btcpp import tree_nodes_model
+    from palpate.vocabulary.registry import vocabulary
     from palpate.vocabulary.schema import plan_schema
 
     words = vocabulary()
@@ -253,7 +301,14 @@ def show_vocabulary(as_json: bool, btcpp: bool) -> None:
         return
     for name, cls in words.primitives.items():
         fields = ", ".join(cls.model_fields)
-        buffers = "".join([f" reads {cls.reads}" if cls.reads else "", f" writes {cls.writes}" if cls.writes else ""])
+        buffers = "".join(
+            [
+                f" reads {cls.reads}" if cls.reads else "",
+                f" writes {cls.writes}" if cls.writes else "",
+            ]
+        )
         out.print(f"→ [bold]{name}[/]({fields})[dim]{buffers}[/]\n  {escape(cls.summary())}")
     for composite in words.composites.values():
-        out.print(f"{escape(composite.symbol)} [bold]{composite.name}[/]\n  {escape(composite.summary)}")
+        out.print(
+            f"{escape(composite.symbol)} [bold]{composite.name}[/]\n  {escape(composite.summary)}"
+        )

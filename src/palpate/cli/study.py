@@ -21,29 +21,50 @@ if TYPE_CHECKING:
     from palpate.studies.efficiency import Comparison
     from palpate.studies.trials import Rate, Record, Row
 
-app = typer.Typer(no_args_is_help=True,
-                  help="Run a study: accuracy, variety, efficiency, ablation, repeatability, faults.")
+app = typer.Typer(
+    no_args_is_help=True,
+    help="Run a study: accuracy, variety, efficiency, ablation, repeatability, faults.",
+)
 
 CORES = os.cpu_count() or 1
 TABLE_WIDTH = 130
-"""Characters of the models' tables, whatever the terminal has: rates with intervals are not broken."""
+"""Characters of the models' tables, whatever the terminal has: rates with intervals are not
+broken."""
 Noise = Annotated[str, typer.Option("--noise", help="Sensor world: none, lab or datasheet.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")]
 Workers = Annotated[int, typer.Option("--workers", help="Processes.", min=1)]
-Planners = Annotated[list[str], typer.Option("--planner", help="Planner to study, e.g. openai:MODEL; may be repeated.")]
+Planners = Annotated[
+    list[str],
+    typer.Option("--planner", help="Planner to study, e.g. openai:MODEL; may be repeated."),
+]
 InFlight = Annotated[int, typer.Option("--workers", help="Requests in flight.", min=1, max=64)]
-Results = Annotated[Path, typer.Option("--out", help="File the results are appended to; run again to go on.")]
-Images = Annotated[list[Path] | None, typer.Option("--image", help="Picture (default: rendered from the world).")]
+Results = Annotated[
+    Path, typer.Option("--out", help="File the results are appended to; run again to go on.")
+]
+Images = Annotated[
+    list[Path] | None, typer.Option("--image", help="Picture (default: rendered from the world).")
+]
 BaseUrl = Annotated[str | None, typer.Option("--base-url", help="Address of the model's server.")]
-Feedback = Annotated[int, typer.Option("--feedback", min=0, max=10, help="Rounds of feedback; the paper has none.")]
-Dollars = Annotated[float, typer.Option("--budget-dollars", min=0, help="Most that one plan may cost, by list prices.")]
+Feedback = Annotated[
+    int, typer.Option("--feedback", min=0, max=10, help="Rounds of feedback; the paper has none.")
+]
+Dollars = Annotated[
+    float,
+    typer.Option("--budget-dollars", min=0, help="Most that one plan may cost, by list prices."),
+]
 
 
 @app.command()
-def accuracy(names: Annotated[list[str] | None, typer.Argument(metavar="[SCENARIO]...")] = None, noise: Noise = "lab",
-             seeds: Annotated[int, typer.Option("--seeds", min=1)] = 20, workers: Workers = CORES,
-             every: Annotated[bool, typer.Option("--all", help="Every scenario that the planner completes.")] = False,
-             as_json: AsJson = False) -> None:
+def accuracy(
+    names: Annotated[list[str] | None, typer.Argument(metavar="[SCENARIO]...")] = None,
+    noise: Noise = "lab",
+    seeds: Annotated[int, typer.Option("--seeds", min=1)] = 20,
+    workers: Workers = CORES,
+    every: Annotated[
+        bool, typer.Option("--all", help="Every scenario that the planner completes.")
+    ] = False,
+    as_json: AsJson = False,
+) -> None:
     """Repeat scenarios over many seeds, against the hidden truth."""
     from palpate.scenarios.catalogue import scenario as find
     from palpate.studies.accuracy import accuracy as run_accuracy
@@ -56,19 +77,30 @@ def accuracy(names: Annotated[list[str] | None, typer.Argument(metavar="[SCENARI
 
 
 @app.command()
-def variety(noise: Noise = "lab", seed: Annotated[int, typer.Option("--seed", min=0)] = 0,
-            workers: Workers = CORES, as_json: AsJson = False) -> None:
+def variety(
+    noise: Noise = "lab",
+    seed: Annotated[int, typer.Option("--seed", min=0)] = 0,
+    workers: Workers = CORES,
+    as_json: AsJson = False,
+) -> None:
     """Ten scenes of other objects, heights and gaps, one run each."""
     from palpate.studies.variety import run_all
 
-    _show_runs({name: [run] for name, run in run_all(noise, seed, workers).items()}, f"--noise {noise}", as_json)
+    _show_runs(
+        {name: [run] for name, run in run_all(noise, seed, workers).items()},
+        f"--noise {noise}",
+        as_json,
+    )
 
 
 @app.command()
-def efficiency(names: Annotated[list[str] | None, typer.Argument(metavar="[SCENARIO]...")] = None, noise: Noise = "lab",
-               seed: Annotated[int, typer.Option("--seed", min=0)] = 0,
-               plot: Annotated[Path | None, typer.Option("--plot", help="HTML file for the plot.")] = None,
-               as_json: AsJson = False) -> None:
+def efficiency(
+    names: Annotated[list[str] | None, typer.Argument(metavar="[SCENARIO]...")] = None,
+    noise: Noise = "lab",
+    seed: Annotated[int, typer.Option("--seed", min=0)] = 0,
+    plot: Annotated[Path | None, typer.Option("--plot", help="HTML file for the plot.")] = None,
+    as_json: AsJson = False,
+) -> None:
     """Actions and robot time of the symbolic planner against the exhaustive one."""
     from palpate.studies.efficiency import PAPER, comparable
     from palpate.studies.efficiency import efficiency as run_efficiency
@@ -85,26 +117,51 @@ def efficiency(names: Annotated[list[str] | None, typer.Argument(metavar="[SCENA
 
 
 @app.command()
-def ablation(out: Results, planner: Planners, scenario: Annotated[str, typer.Argument()] = "bottle_and_table",
-             trials: Annotated[int, typer.Option("--trials", min=1)] = 10, workers: InFlight = 4,
-             configuration: Annotated[list[str] | None, typer.Option("--configuration", help="Default: all.")] = None,
-             image: Images = None, noise: Noise = "lab", base_url: BaseUrl = None, feedback: Feedback = 0,
-             budget_dollars: Dollars = 2, as_json: AsJson = False) -> None:
+def ablation(
+    out: Results,
+    planner: Planners,
+    scenario: Annotated[str, typer.Argument()] = "bottle_and_table",
+    trials: Annotated[int, typer.Option("--trials", min=1)] = 10,
+    workers: InFlight = 4,
+    configuration: Annotated[
+        list[str] | None, typer.Option("--configuration", help="Default: all.")
+    ] = None,
+    image: Images = None,
+    noise: Noise = "lab",
+    base_url: BaseUrl = None,
+    feedback: Feedback = 0,
+    budget_dollars: Dollars = 2,
+    as_json: AsJson = False,
+) -> None:
     """The paper's table II: what each part of the prompt is worth."""
     from palpate.studies.ablation import CONFIGURATIONS, PAPER
     from palpate.studies.ablation import ablation as run_ablation
 
     settings = _settings(image, noise, base_url, feedback, budget_dollars)
-    records = run_ablation(scenario, planner, out, settings, trials, configuration or CONFIGURATIONS, workers, _say)
-    _show_trials(records, {name: f"{a}/10, {'–' if b is None else f'{b}/10'}" for name, (a, b) in PAPER.items()},
-                 as_json)
+    records = run_ablation(
+        scenario, planner, out, settings, trials, configuration or CONFIGURATIONS, workers, _say
+    )
+    _show_trials(
+        records,
+        {name: f"{a}/10, {'–' if b is None else f'{b}/10'}" for name, (a, b) in PAPER.items()},
+        as_json,
+    )
 
 
 @app.command()
-def repeatability(out: Results, planner: Planners, scenario: Annotated[str, typer.Argument()] = "bottle_and_table",
-                  trials: Annotated[int, typer.Option("--trials", min=1)] = 20, workers: InFlight = 4,
-                  image: Images = None, noise: Noise = "lab", base_url: BaseUrl = None, feedback: Feedback = 0,
-                  budget_dollars: Dollars = 2, as_json: AsJson = False) -> None:
+def repeatability(
+    out: Results,
+    planner: Planners,
+    scenario: Annotated[str, typer.Argument()] = "bottle_and_table",
+    trials: Annotated[int, typer.Option("--trials", min=1)] = 20,
+    workers: InFlight = 4,
+    image: Images = None,
+    noise: Noise = "lab",
+    base_url: BaseUrl = None,
+    feedback: Feedback = 0,
+    budget_dollars: Dollars = 2,
+    as_json: AsJson = False,
+) -> None:
     """The paper's table III: the same task over and over."""
     from palpate.studies.repeatability import PAPER
     from palpate.studies.repeatability import repeatability as run_repeatability
@@ -116,9 +173,13 @@ def repeatability(out: Results, planner: Planners, scenario: Annotated[str, type
 
 
 @app.command()
-def faults(names: Annotated[list[str] | None, typer.Argument(metavar="[SCENARIO]...")] = None, noise: Noise = "lab",
-           seeds: Annotated[int, typer.Option("--seeds", min=1)] = 5, workers: Workers = CORES,
-           as_json: AsJson = False) -> None:
+def faults(
+    names: Annotated[list[str] | None, typer.Argument(metavar="[SCENARIO]...")] = None,
+    noise: Noise = "lab",
+    seeds: Annotated[int, typer.Option("--seeds", min=1)] = 5,
+    workers: Workers = CORES,
+    as_json: AsJson = False,
+) -> None:
     """What goes wrong on purpose: how each mishap ends, and whether anything is dropped."""
     from palpate.cli.show import out, print_json
     from palpate.studies.faults import faults as run_faults
@@ -132,15 +193,19 @@ def faults(names: Annotated[list[str] | None, typer.Argument(metavar="[SCENARIO]
     for r in table(endings):
         ended = ", ".join(f"{status} {count}" for status, count in r.endings.items())
         grid.add_row(r.scenario, ended, f"{r.as_expected}/{r.runs}", str(r.dropped), str(r.holding))
-    out.print(grid, *(Text(f"{r.scenario}: {r.reason[:200]}", "dim") for r in table(endings)), sep="\n")
+    out.print(
+        grid, *(Text(f"{r.scenario}: {r.reason[:200]}", "dim") for r in table(endings)), sep="\n"
+    )
 
 
-def _settings(images: list[Path] | None, noise: str, base_url: str | None, rounds: int, dollars: float) -> Settings:
-    from palpate.planning.session import Asking, Budget
+def _settings(
+    images: list[Path] | None, noise: str, base_url: str | None, rounds: int, dollars: float
+) -> Settings:
+    from palpate.planning.model.session import Budget, ModelSettings
     from palpate.studies.attempt import Settings
 
-    asking = Asking(base_url=base_url, rounds=rounds, budget=Budget(dollars=dollars))
-    return Settings(tuple(images or ()), noise, asking)
+    model_settings = ModelSettings(base_url=base_url, rounds=rounds, budget=Budget(dollars=dollars))
+    return Settings(tuple(images or ()), noise, model_settings)
 
 
 def _say(line: str) -> None:
@@ -156,14 +221,37 @@ def _show_trials(records: list[Record], paper: dict[str, str], as_json: bool) ->
 
     rows = table(records)
     if as_json:
-        print_json({"rows": [asdict(r) | {"intervals": {k: rate.interval for k, rate in _rates(r).items()}}
-                             for r in rows]})
+        print_json(
+            {
+                "rows": [
+                    asdict(r) | {"intervals": {k: rate.interval for k, rate in _rates(r).items()}}
+                    for r in rows
+                ]
+            }
+        )
         return
-    grid = _grid("configuration", "planner", "syntax", "valid", "success", "tokens", "US $", "paper: syntax, success")
+    grid = _grid(
+        "configuration",
+        "planner",
+        "syntax",
+        "valid",
+        "success",
+        "tokens",
+        "US $",
+        "paper: syntax, success",
+    )
     for r in rows:
         cost = "–" if r.cost is None else f"{r.cost:.3f}"
-        grid.add_row(r.configuration, Text(r.planner), str(r.syntax), str(r.valid), str(r.success or "–"),
-                     f"{r.tokens:.0f}", cost, paper.get(r.configuration, "–"))
+        grid.add_row(
+            r.configuration,
+            Text(r.planner),
+            str(r.syntax),
+            str(r.valid),
+            str(r.success or "–"),
+            f"{r.tokens:.0f}",
+            cost,
+            paper.get(r.configuration, "–"),
+        )
     Console(highlight=False, width=max(out.width, TABLE_WIDTH)).print(grid)
 
 
@@ -184,11 +272,15 @@ def _show_runs(runs: dict[str, list[Run]], title: str, as_json: bool) -> None:
     from palpate.studies.accuracy import summarise
 
     if as_json:
-        print_json({"title": title, "scenarios": [_runs_json(name, found) for name, found in runs.items()]})
+        print_json(
+            {"title": title, "scenarios": [_runs_json(name, found) for name, found in runs.items()]}
+        )
         return
     table = Table(title=title, title_justify="left", box=None, header_style="dim", pad_edge=False)
     for heading in ("parameter", "truth", "mean", "bias", "SD", "stated", "in 95 %", "1-shot SD"):
-        table.add_column(heading, justify="left" if heading == "parameter" else "right", no_wrap=True)
+        table.add_column(
+            heading, justify="left" if heading == "parameter" else "right", no_wrap=True
+        )
     for name, found in runs.items():
         table.add_row(f"[bold]{name}[/]")
         for row in summarise(found):
@@ -198,10 +290,18 @@ def _show_runs(runs: dict[str, list[Run]], title: str, as_json: bool) -> None:
 
 
 def _summary_cells(row: Summary) -> list[str]:
-    name = f"  {row.gap}" + (f"[{row.component}]" if row.component else "")
+    name = f"  {row.parameter}" + (f"[{row.component}]" if row.component else "")
     shot = f"{row.single_shot_sd:.3g}" if row.single_shot_sd is not None else "–"
-    return [escape(name), f"{row.truth:.4g}", f"{row.mean:.4g}", f"{row.bias:+.2g}", f"{row.sd:.2g}",
-            f"{row.claimed:.2g}", f"{row.covered}/{row.runs}", shot]
+    return [
+        escape(name),
+        f"{row.truth:.4g}",
+        f"{row.mean:.4g}",
+        f"{row.bias:+.2g}",
+        f"{row.sd:.2g}",
+        f"{row.claimed:.2g}",
+        f"{row.covered}/{row.runs}",
+        shot,
+    ]
 
 
 def _endings(runs: list[Run]) -> str:
@@ -214,16 +314,31 @@ def _endings(runs: list[Run]) -> str:
 def _runs_json(name: str, runs: list[Run]) -> dict[str, Any]:
     from palpate.studies.accuracy import summarise
 
-    return {"scenario": name, "statuses": dict(Counter(run.status for run in runs)), "actions": runs[0].actions,
-            "robot_seconds": fmean(r.robot_seconds for r in runs), "rows": [asdict(r) for r in summarise(runs)]}
+    return {
+        "scenario": name,
+        "statuses": dict(Counter(run.status for run in runs)),
+        "actions": runs[0].actions,
+        "robot_seconds": fmean(r.robot_seconds for r in runs),
+        "rows": [asdict(r) for r in summarise(runs)],
+    }
 
 
-def _plot_comparisons(file: Path, rows: list[Comparison], paper: tuple[int, float, int, float]) -> None:
+def _plot_comparisons(
+    file: Path, rows: list[Comparison], paper: tuple[int, float, int, float]
+) -> None:
     from palpate.report.efficiency import Effort, efficiency_page
 
-    efforts = [Effort(c.scenario, (c.exhaustive.actions, c.intent.actions),
-                      (c.exhaustive.robot_seconds, c.intent.robot_seconds)) for c in rows]
-    page = efficiency_page(efforts, Effort("the paper's pair", (paper[0], paper[2]), (paper[1], paper[3])))
+    efforts = [
+        Effort(
+            c.scenario,
+            (c.exhaustive.actions, c.intent.actions),
+            (c.exhaustive.robot_seconds, c.intent.robot_seconds),
+        )
+        for c in rows
+    ]
+    page = efficiency_page(
+        efforts, Effort("the paper's pair", (paper[0], paper[2]), (paper[1], paper[3]))
+    )
     file.write_text(page, encoding="utf-8")
 
 
@@ -231,11 +346,30 @@ def _show_comparisons(rows: list[Comparison], paper: tuple[int, float, int, floa
     from palpate.cli.show import out
 
     table = Table(box=None, header_style="dim", pad_edge=False)
-    for heading in ("scenario", "exhaustive actions", "robot s", "intent-driven actions", "robot s", "time saved"):
+    for heading in (
+        "scenario",
+        "exhaustive actions",
+        "robot s",
+        "intent-driven actions",
+        "robot s",
+        "time saved",
+    ):
         table.add_column(heading, justify="left" if heading == "scenario" else "right")
     for c in rows:
-        table.add_row(c.scenario, str(c.exhaustive.actions), f"{c.exhaustive.robot_seconds:.1f}", str(c.intent.actions),
-                      f"{c.intent.robot_seconds:.1f}",
-                      f"{c.time_saved:.0%}" if c.time_saved is not None else "not completed")
-    table.add_row("[dim]the paper's pair[/]", f"{paper[0]}", f"{paper[1]:.0f}", f"{paper[2]}", f"{paper[3]:.0f}", "47%")
+        table.add_row(
+            c.scenario,
+            str(c.exhaustive.actions),
+            f"{c.exhaustive.robot_seconds:.1f}",
+            str(c.intent.actions),
+            f"{c.intent.robot_seconds:.1f}",
+            f"{c.time_saved:.0%}" if c.time_saved is not None else "not completed",
+        )
+    table.add_row(
+        "[dim]the paper's pair[/]",
+        f"{paper[0]}",
+        f"{paper[1]:.0f}",
+        f"{paper[2]}",
+        f"{paper[3]:.0f}",
+        "47%",
+    )
     out.print(table)

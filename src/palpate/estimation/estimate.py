@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
-from palpate.quantities import Gap
-from palpate.trace import Recording
+from palpate.parameter import Parameter
+from palpate.trace.recording import Recording
 
 Verdict = Literal["identified", "prior-dominated", "not identified"]
 
@@ -25,16 +25,20 @@ class Estimate:
             as (value, std), or `{"single-shot": (0.262, 0.02)}` for comparison.
     """
 
-    gap: Gap
+    parameter: Parameter
     value: tuple[float, ...]
     std: tuple[float, ...]
     ci95: tuple[tuple[float, float], ...]
     method: str
     evidence: tuple[Recording, ...]
     verdict: Verdict = "identified"
-    components: Mapping[str, tuple[float, float]] = field(default_factory=dict[str, tuple[float, float]])
+    components: Mapping[str, tuple[float, float]] = field(
+        default_factory=dict[str, tuple[float, float]]
+    )
 
 
-def not_identified(gap: Gap, method: str, evidence: tuple[Recording, ...] = ()) -> Estimate:
+def not_identified(
+    parameter: Parameter, method: str, evidence: tuple[Recording, ...] = ()
+) -> Estimate:
     """The honest absence of an estimate: no value at all, and the reason in words."""
-    return Estimate(gap, (), (), (), method, evidence, "not identified")
+    return Estimate(parameter, (), (), (), method, evidence, "not identified")

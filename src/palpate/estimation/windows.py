@@ -1,4 +1,5 @@
-"""Cutting a trace into rests and passes: when the object hung on the hand, and when the arm was where."""
+"""Cutting a trace into rests and passes: when the object hung on the hand, and when the arm was
+where."""
 
 from __future__ import annotations
 
@@ -8,8 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.pose import Array, Pose
-from palpate.trace import Recording, Samples, Trace
+from palpate.geometry.pose import Array, Pose
+from palpate.trace.recording import Recording
+from palpate.trace.samples import Samples, Trace
 
 Mask = NDArray[np.bool_]
 
@@ -23,7 +25,8 @@ STILL_SPEED = 0.001
 """m/s: below this the TCP counts as at rest."""
 
 NEAR = 0.012
-"""m off the measured pose that a rest may be and still count as the same pose (a loaded arm sags by m g / k)."""
+"""m off the measured pose that a rest may be and still count as the same pose (a loaded arm sags by
+m g / k)."""
 
 NEAR_ANGLE = 0.06
 """rad, likewise."""
@@ -37,7 +40,8 @@ CLEARANCE = 0.015
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Load:
-    """Which rows of a trace had the object in the hand; rows while the fingers moved belong to neither.
+    """Which rows of a trace had the object in the hand; rows while the fingers moved belong to
+    neither.
 
     `grasps` are the times at which the hand's content changed to or from the object.
     """
@@ -75,7 +79,9 @@ def mean_pose(samples: Samples) -> Pose:
         raise ValueError("no samples to average a pose over")
     quaternions = samples.pose_world_tcp[:, 3:]
     signs = np.where(quaternions @ quaternions[0] < 0, -1.0, 1.0)
-    return Pose.of(samples.pose_world_tcp[:, :3].mean(axis=0), (quaternions * signs[:, None]).mean(axis=0))
+    return Pose.of(
+        samples.pose_world_tcp[:, :3].mean(axis=0), (quaternions * signs[:, None]).mean(axis=0)
+    )
 
 
 def runs(mask: Mask) -> Iterator[slice]:
@@ -137,12 +143,15 @@ class Path:
 
 
 def lift_path(trace: Trace, recording: Recording, load: Load) -> Path | None:
-    """The path of the lift before `recording`; None when the grasp is not in the trace or not elsewhere."""
+    """The path of the lift before `recording`; None when the grasp is not in the trace or not
+    elsewhere."""
     before = [time for time in load.grasps if time <= recording.start]
     window = trace.of(recording)
     if not before or not len(window):
         return None
-    origin = mean_pose(trace.samples.where(slice(_row(trace.samples, before[-1]), None)).where(slice(0, 1)))
+    origin = mean_pose(
+        trace.samples.where(slice(_row(trace.samples, before[-1]), None)).where(slice(0, 1))
+    )
     measured = mean_pose(window)
     line = measured.position - origin.position
     length = float(np.linalg.norm(line))

@@ -1,4 +1,5 @@
-"""The paper's baseline: probe every surface, weigh and slide every object, whatever is asked or known."""
+"""The paper's baseline: probe every surface, weigh and slide every object, whatever is asked or
+known."""
 
 from __future__ import annotations
 
@@ -6,14 +7,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from palpate.parameter import Parameter
 from palpate.planning.plan import Plan
 from palpate.planning.planner import needs_scene
-from palpate.planning.symbolic import assemble
-from palpate.quantities import Gap
+from palpate.planning.symbolic.planner import assemble
 from palpate.scene.scene import Scene
 
 SUITE = {"surface": ("height",), "object": ("mass", "friction")}
-"""What is measured of everything, by role: the paper's "probe heights, weigh, and test friction"."""
+"""What is measured of everything, by role: the paper's "probe heights, weigh, and test
+friction"."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,7 +33,15 @@ class ExhaustivePlanner:
         if scene is None:
             raise needs_scene(self.name)
         bodies = [*scene.surfaces.values(), *scene.objects.values()]
-        gaps = [Gap(body.name, quantity) for body in bodies for quantity in SUITE[body.role]]
-        made = assemble(scene, gaps)
-        return Plan(made.measured, made.tree, "Every surface is probed, every object weighed and slid, whether or not "
-                                              "it is known or asked for.", self.name, tuple(made.failed))
+        parameters = [
+            Parameter(body.name, quantity) for body in bodies for quantity in SUITE[body.role]
+        ]
+        made = assemble(scene, parameters)
+        return Plan(
+            made.measured,
+            made.tree,
+            "Every surface is probed, every object weighed and slid, whether or not "
+            "it is known or asked for.",
+            self.name,
+            tuple(made.failed),
+        )

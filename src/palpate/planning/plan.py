@@ -1,7 +1,7 @@
 """The plan as a file and as a type: parameters, explanation, tree.
 
-A plan's text comes from a file or from a model and is not trusted: its size, nesting and number of nodes are
-bounded before anything is built from it.
+A plan's text comes from a file or from a model and is not trusted: its size, nesting and number of
+nodes are bounded before anything is built from it.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from typing import Any, NoReturn, cast
 
 from palpate.errors import InputError
-from palpate.quantities import Gap
+from palpate.parameter import Parameter
 
 MAX_BYTES = 1_000_000
 MAX_NESTING = 64
@@ -29,7 +29,8 @@ _NODE_FIELDS = ("type", "name", "children")
 class Node:
     """One node of a plan's tree: its type, its arguments and its children, in order.
 
-    `args` are the primitive's own (`{"pose": "bottle_pose + z_offset"}`); composites have `children`.
+    `args` are the primitive's own (`{"pose": "bottle_pose + z_offset"}`); composites have
+    `children`.
     """
 
     type: str
@@ -46,9 +47,10 @@ class Node:
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """What a planner returns. `tree` is None when the request cannot be measured; the explanation says why."""
+    """What a planner returns. `tree` is None when the request cannot be measured; the explanation
+    says why."""
 
-    parameters: tuple[Gap, ...]
+    parameters: tuple[Parameter, ...]
     tree: Node | None
     explanation: str
     planner: str = ""
@@ -86,19 +88,27 @@ def plan_from(document: object) -> Plan:
             _fail("a plan", f"needs the field '{required}'; it has {_listed(fields)}")
     tree = fields["tree"]
     return Plan(
-        parameters=tuple(_gap(item, f"parameters[{i}]")
-                         for i, item in enumerate(_array(fields["parameters"], "parameters"))),
+        parameters=tuple(
+            _parameter(item, f"parameters[{i}]")
+            for i, item in enumerate(_array(fields["parameters"], "parameters"))
+        ),
         tree=None if tree is None else _node(tree, "tree", depth=0, budget=[MAX_NODES]),
         explanation=_text(fields.get("explanation", ""), "explanation"),
         planner=_text(fields.get("planner", ""), "planner"),
-        notes=tuple(_text(note, f"notes[{i}]") for i, note in enumerate(_array(fields.get("notes", []), "notes"))),
+        notes=tuple(
+            _text(note, f"notes[{i}]")
+            for i, note in enumerate(_array(fields.get("notes", []), "notes"))
+        ),
     )
 
 
 def plan_json(plan: Plan) -> dict[str, Any]:
     """The plan as plain JSON values; `plan_from` reads it back unchanged."""
     document: dict[str, Any] = {
-        "parameters": [{"object": gap.object, "quantity": gap.quantity} for gap in plan.parameters],
+        "parameters": [
+            {"object": parameter.object, "quantity": parameter.quantity}
+            for parameter in plan.parameters
+        ],
         "explanation": plan.explanation,
         "tree": None if plan.tree is None else _node_document(plan.tree),
     }
@@ -110,8 +120,12 @@ def plan_json(plan: Plan) -> dict[str, Any]:
 
 
 def dump_plan(plan: Plan, extra: Mapping[str, Any] | None = None) -> str:
-    """The plan as JSON text, the same for the same plan; `extra` fields (a provider's figures) come last."""
-    document = {**plan_json(plan), **{k: v for k, v in (extra or {}).items() if k not in Plan.__slots__}}
+    """The plan as JSON text, the same for the same plan; `extra` fields (a provider's figures) come
+    last."""
+    document = {
+        **plan_json(plan),
+        **{k: v for k, v in (extra or {}).items() if k not in Plan.__slots__},
+    }
     return json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
 
 
@@ -131,12 +145,17 @@ def _load(text: str) -> object:
     for bracket in re.findall(r"[\[\]{}]", _STRING.sub("", text)):
         depth += 1 if bracket in "[{" else -1
         if depth > MAX_NESTING:
-            raise InputError(f"the plan is nested deeper than {MAX_NESTING} brackets; flatten its tree")
+            raise InputError(
+                f"the plan is nested deeper than {MAX_NESTING} brackets; flatten its tree"
+            )
     try:
-        return json.loads(text, object_pairs_hook=_unique, parse_constant=_no_constant, parse_float=_finite)
+        return json.loads(
+            text, object_pairs_hook=_unique, parse_constant=_no_constant, parse_float=_finite
+        )
     except json.JSONDecodeError as error:
-        raise InputError(f"the plan is not JSON: {error.msg} at line {error.lineno}, "
-                         f"column {error.colno}") from None
+        raise InputError(
+            f"the plan is not JSON: {error.msg} at line {error.lineno}, column {error.colno}"
+        ) from None
     except (ValueError, RecursionError) as error:
         raise InputError(f"the plan is not usable JSON: {error}") from None
 
@@ -173,27 +192,39 @@ def _node(value: object, path: str, depth: int, budget: list[int]) -> Node:
     children = _array(fields.get("children", []), f"{path}.children")
     return Node(
         type=_text(fields["type"], f"{path}.type"),
-        args=tuple((_text(k, path), _frozen(v, f"{path}.{k}")) for k, v in fields.items() if k not in _NODE_FIELDS),
-        children=tuple(_node(c, f"{path}.children[{i}]", depth + 1, budget) for i, c in enumerate(children)),
+        args=tuple(
+            (_text(k, path), _frozen(v, f"{path}.{k}"))
+            for k, v in fields.items()
+            if k not in _NODE_FIELDS
+        ),
+        children=tuple(
+            _node(c, f"{path}.children[{i}]", depth + 1, budget) for i, c in enumerate(children)
+        ),
         name=_text(fields.get("name", ""), f"{path}.name"),
     )
 
 
-def _gap(value: object, path: str) -> Gap:
+def _parameter(value: object, path: str) -> Parameter:
     fields = _mapping(value, path)
     if set(fields) != {"object", "quantity"}:
         _fail(path, f"needs exactly 'object' and 'quantity'; it has {_listed(fields)}")
-    return Gap(_text(fields["object"], f"{path}.object"), _text(fields["quantity"], f"{path}.quantity"))
+    return Parameter(
+        _text(fields["object"], f"{path}.object"), _text(fields["quantity"], f"{path}.quantity")
+    )
 
 
 def _frozen(value: object, path: str) -> object:
-    """The JSON value with its arrays as tuples, so that nodes compare and do not share mutable parts."""
+    """The JSON value with its arrays as tuples, so that nodes compare and do not share mutable
+    parts."""
     if isinstance(value, list):
         return tuple(_frozen(item, path) for item in cast("list[object]", value))
     if isinstance(value, str):
         return _text(value, path)
     if isinstance(value, dict):
-        _fail(path, "is an object; arguments are texts, numbers or lists of them, written beside 'type'")
+        _fail(
+            path,
+            "is an object; arguments are texts, numbers or lists of them, written beside 'type'",
+        )
     return value
 
 
@@ -228,8 +259,14 @@ def _text(value: object, path: str) -> str:
 
 
 def _kind(value: object) -> str:
-    names: dict[type, str] = {dict: "an object", list: "a list", str: "text", bool: "true/false", int: "a number",
-                              float: "a number"}
+    names: dict[type, str] = {
+        dict: "an object",
+        list: "a list",
+        str: "text",
+        bool: "true/false",
+        int: "a number",
+        float: "a number",
+    }
     return names.get(type(value), "null")
 
 

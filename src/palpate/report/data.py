@@ -8,12 +8,13 @@ from typing import Literal
 
 from palpate.estimation.estimate import Estimate
 from palpate.planning.plan import Plan
-from palpate.trace import Trace
+from palpate.trace.samples import Trace
 
 
 @dataclass(frozen=True, slots=True)
-class GapRow:
-    """One quantity of one object: what the scene says about it, and whether the request names it."""
+class ParameterRow:
+    """One quantity of one object: what the scene says about it, and whether the request names
+    it."""
 
     object: str
     quantity: str
@@ -60,7 +61,7 @@ class ReportData:
     status: Literal["complete", "rejected", "aborted", "failed"]
     plan: Plan
     world: str
-    gaps: tuple[GapRow, ...] = ()
+    parameters: tuple[ParameterRow, ...] = ()
     measured: tuple[Measured, ...] = ()
     findings: tuple[str, ...] = ()
     trace: Trace | None = None

@@ -1,4 +1,5 @@
-"""What intent saves, as a page of bars: actions and robot time of the exhaustive and the intent-driven planner."""
+"""What intent saves, as a page of bars: actions and robot time of the exhaustive and the
+intent-driven planner."""
 
 from __future__ import annotations
 
@@ -21,11 +22,15 @@ class Effort:
 
 
 def efficiency_page(rows: Sequence[Effort], paper: Effort) -> str:
-    """A self-contained HTML page: the measured `rows`, and beside them, paler, what the paper reports."""
+    """A self-contained HTML page: the measured `rows`, and beside them, paler, what the paper
+    reports."""
     from plotly.io import to_html
 
-    return to_html(efficiency_figure(rows, paper), config={"displaylogo": False, "responsive": True},
-                   div_id="efficiency")
+    return to_html(
+        efficiency_figure(rows, paper),
+        config={"displaylogo": False, "responsive": True},
+        div_id="efficiency",
+    )
 
 
 def efficiency_figure(rows: Sequence[Effort], paper: Effort) -> Figure:
@@ -37,21 +42,43 @@ def efficiency_figure(rows: Sequence[Effort], paper: Effort) -> Figure:
     return {
         "data": [*actions, *seconds],
         "layout": {
-            "title": {"text": "Intent-driven against exhaustive"}, "barmode": "group", "bargap": 0.3,
-            "plot_bgcolor": "#fff", "font": {"family": "system-ui, sans-serif"},
+            "title": {"text": "Intent-driven against exhaustive"},
+            "barmode": "group",
+            "bargap": 0.3,
+            "plot_bgcolor": "#fff",
+            "font": {"family": "system-ui, sans-serif"},
             "legend": {"orientation": "h", "x": 0, "y": 1.02, "yanchor": "bottom"},
             "xaxis": {"domain": [0.0, 0.47], "automargin": True},
             "yaxis": {"title": {"text": "actions"}, "gridcolor": GRID, "rangemode": "tozero"},
             "xaxis2": {"domain": [0.53, 1.0], "automargin": True, "anchor": "y2"},
-            "yaxis2": {"title": {"text": "robot time (s)"}, "gridcolor": GRID, "rangemode": "tozero", "anchor": "x2"},
+            "yaxis2": {
+                "title": {"text": "robot time (s)"},
+                "gridcolor": GRID,
+                "rangemode": "tozero",
+                "anchor": "x2",
+            },
         },
     }
 
 
-def _bars(shown: Sequence[Effort], planner: int, values: Sequence[float], axis: str,
-          opacity: Sequence[float]) -> Figure:
-    return {"type": "bar", "name": ("exhaustive", "intent-driven")[planner], "legendgroup": str(planner),
-            "showlegend": not axis, "xaxis": f"x{axis}", "yaxis": f"y{axis}",
-            "x": [escape(e.scenario) for e in shown], "y": list(values), "texttemplate": "%{y:.3~r}",
-            "textposition": "outside", "cliponaxis": False,
-            "marker": {"color": (NORM, MARK)[planner], "opacity": list(opacity)}}
+def _bars(
+    shown: Sequence[Effort],
+    planner: int,
+    values: Sequence[float],
+    axis: str,
+    opacity: Sequence[float],
+) -> Figure:
+    return {
+        "type": "bar",
+        "name": ("exhaustive", "intent-driven")[planner],
+        "legendgroup": str(planner),
+        "showlegend": not axis,
+        "xaxis": f"x{axis}",
+        "yaxis": f"y{axis}",
+        "x": [escape(e.scenario) for e in shown],
+        "y": list(values),
+        "texttemplate": "%{y:.3~r}",
+        "textposition": "outside",
+        "cliponaxis": False,
+        "marker": {"color": (NORM, MARK)[planner], "opacity": list(opacity)},
+    }

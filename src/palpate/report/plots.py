@@ -1,7 +1,8 @@
 """Plotly figures of a trace, as the plain dictionaries that plotly.js draws.
 
-Names come from the user's files: they are escaped here, because plotly renders a subset of HTML in every label.
-Colours of paper, grid and text are left to the page, which knows whether it is light or dark.
+Names come from the user's files: they are escaped here, because plotly renders a subset of HTML in
+every label. Colours of paper, grid and text are left to the page, which knows whether it is light
+or dark.
 """
 
 from __future__ import annotations
@@ -15,8 +16,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.pose import Array
-from palpate.trace import Hand, LeafRun, Recording, Samples, Trace
+from palpate.geometry.pose import Array
+from palpate.trace.recording import Hand, LeafRun, Recording
+from palpate.trace.samples import Samples, Trace
 
 Figure = dict[str, Any]
 
@@ -24,7 +26,8 @@ MAX_POINTS = 1500
 """Per series: about the pixels of a wide screen."""
 
 X, Y, Z, NORM, FAINT, MARK = "#e5484d", "#30a46c", "#3b82f6", "#8b8d98", "#a1a5b0", "#0d9488"
-"""Axes in the colours every robot viewer gives them; MARK is the page's accent, for what was measured."""
+"""Axes in the colours every robot viewer gives them; MARK is the page's accent, for what was
+measured."""
 
 GROUPS = {"motion": "#8293a7", "gripper": "#d9a13b", "sensing": "#0d9488", "conversion": "#8b5cf6"}
 FAILED, STOPPED = "#e5484d", "#b0b4bd"
@@ -40,17 +43,39 @@ def timeline(trace: Trace, windows: Mapping[Recording, str], groups: Mapping[str
     """
     start, end = _span(trace)
     return {
-        "data": [*_forces(trace.samples), *_heights(trace), *_contacts(trace), _leaf_bars(trace.leaves, groups)],
+        "data": [
+            *_forces(trace.samples),
+            *_heights(trace),
+            *_contacts(trace),
+            _leaf_bars(trace.leaves, groups),
+        ],
         "layout": {
-            "height": 680, "margin": {"l": 58, "r": 14, "t": 84, "b": 44}, "hovermode": "x unified",
+            "height": 680,
+            "margin": {"l": 58, "r": 14, "t": 84, "b": 44},
+            "hovermode": "x unified",
             "legend": {"orientation": "h", "x": 0, "y": 1.02, "yanchor": "bottom"},
-            "uniformtext": {"mode": "hide", "minsize": 9}, "bargap": 0.1, "dragmode": "zoom",
-            "xaxis": {"range": [start, end], "anchor": "y3", "title": {"text": "robot time (s)"}, "ticks": "outside",
-                      "showspikes": True, "spikemode": "across", "spikethickness": 1, "spikedash": "dot",
-                      "hoverformat": ".2f"},
+            "uniformtext": {"mode": "hide", "minsize": 9},
+            "bargap": 0.1,
+            "dragmode": "zoom",
+            "xaxis": {
+                "range": [start, end],
+                "anchor": "y3",
+                "title": {"text": "robot time (s)"},
+                "ticks": "outside",
+                "showspikes": True,
+                "spikemode": "across",
+                "spikethickness": 1,
+                "spikedash": "dot",
+                "hoverformat": ".2f",
+            },
             "yaxis": {"domain": _FORCE, "title": {"text": "force (N)"}, "hoverformat": ".3f"},
             "yaxis2": {"domain": _HEIGHT, "title": {"text": "height (m)"}, "hoverformat": ".4f"},
-            "yaxis3": {"domain": _LEAVES, "visible": False, "fixedrange": True, "autorange": "reversed"},
+            "yaxis3": {
+                "domain": _LEAVES,
+                "visible": False,
+                "fixedrange": True,
+                "autorange": "reversed",
+            },
             "shapes": [*_boundaries(trace.leaves), *_shades(windows)],
             "annotations": _names(windows, end - start),
         },
@@ -58,12 +83,14 @@ def timeline(trace: Trace, windows: Mapping[Recording, str], groups: Mapping[str
 
 
 def decimate(t: Array, y: Array, limit: int = MAX_POINTS) -> tuple[Array, Array]:
-    """At most `limit` points with every peak kept: the least and the largest of each of `limit` / 2 blocks."""
+    """At most `limit` points with every peak kept: the least and the largest of each of `limit` / 2
+    blocks."""
     if len(t) <= limit:
         return t, y
     edges = np.linspace(0, len(t), limit // 2 + 1).astype(int)
-    kept = [start + f(y[start:stop]) for start, stop in pairwise(edges)
-            for f in (np.argmin, np.argmax)]
+    kept = [
+        start + f(y[start:stop]) for start, stop in pairwise(edges) for f in (np.argmin, np.argmax)
+    ]
     rows = np.unique(np.array(kept, dtype=int))
     return t[rows], y[rows]
 
@@ -83,8 +110,16 @@ def _span(trace: Trace) -> tuple[float, float]:
 
 def _line(name: str, t: Array, y: Array, colour: str, axis: str = "y", **more: Any) -> Figure:
     x, y = decimate(t, y)
-    return {"type": "scatter", "mode": "lines", "name": name, "x": _packed(x), "y": _packed(y), "yaxis": axis,
-            "line": {"color": colour, "width": 1.4}, **more}
+    return {
+        "type": "scatter",
+        "mode": "lines",
+        "name": name,
+        "x": _packed(x),
+        "y": _packed(y),
+        "yaxis": axis,
+        "line": {"color": colour, "width": 1.4},
+        **more,
+    }
 
 
 def _packed(values: NDArray[Any]) -> dict[str, str]:
@@ -122,20 +157,42 @@ def _contacts(trace: Trace) -> list[Figure]:
         return []
     times = np.array([leaf.end for leaf in touches])
     heights = np.interp(times, trace.samples.t, tip_height(trace.samples, trace.hand))
-    return [{"type": "scatter", "mode": "markers", "name": "contact", "x": _packed(times), "y": _packed(heights),
-             "yaxis": "y2", "marker": {"symbol": "circle-open", "size": 13, "color": MARK, "line": {"width": 2.5}}}]
+    return [
+        {
+            "type": "scatter",
+            "mode": "markers",
+            "name": "contact",
+            "x": _packed(times),
+            "y": _packed(heights),
+            "yaxis": "y2",
+            "marker": {"symbol": "circle-open", "size": 13, "color": MARK, "line": {"width": 2.5}},
+        }
+    ]
 
 
 def _leaf_bars(leaves: Sequence[LeafRun], groups: Mapping[str, str]) -> Figure:
     colours = [_leaf_colour(leaf, groups) for leaf in leaves]
-    return {"type": "bar", "orientation": "h", "name": "leaf", "yaxis": "y3", "showlegend": False,
-            "base": [leaf.start for leaf in leaves], "x": [max(leaf.end - leaf.start, 0.05) for leaf in leaves],
-            "y": _lanes(leaves), "text": [escape(leaf.primitive) for leaf in leaves], "textposition": "inside",
-            "insidetextanchor": "middle", "textangle": 0, "insidetextfont": {"color": "#fff"},
-            "marker": {"color": colours, "line": {"width": 1, "color": "rgba(255,255,255,0.7)"}},
-            "customdata": [[escape(leaf.label), leaf.status.lower(), round(leaf.end - leaf.start, 2)]
-                           for leaf in leaves],
-            "hovertemplate": "%{customdata[0]}: %{customdata[1]}, %{customdata[2]} s<extra></extra>"}
+    return {
+        "type": "bar",
+        "orientation": "h",
+        "name": "leaf",
+        "yaxis": "y3",
+        "showlegend": False,
+        "base": [leaf.start for leaf in leaves],
+        "x": [max(leaf.end - leaf.start, 0.05) for leaf in leaves],
+        "y": _lanes(leaves),
+        "text": [escape(leaf.primitive) for leaf in leaves],
+        "textposition": "inside",
+        "insidetextanchor": "middle",
+        "textangle": 0,
+        "insidetextfont": {"color": "#fff"},
+        "marker": {"color": colours, "line": {"width": 1, "color": "rgba(255,255,255,0.7)"}},
+        "customdata": [
+            [escape(leaf.label), leaf.status.lower(), round(leaf.end - leaf.start, 2)]
+            for leaf in leaves
+        ],
+        "hovertemplate": "%{customdata[0]}: %{customdata[1]}, %{customdata[2]} s<extra></extra>",
+    }
 
 
 def _leaf_colour(leaf: LeafRun, groups: Mapping[str, str]) -> str:
@@ -149,22 +206,48 @@ def _lanes(leaves: Sequence[LeafRun]) -> list[int]:
     busy_until: list[float] = []
     lanes: list[int] = []
     for leaf in leaves:
-        lane = next((i for i, end in enumerate(busy_until) if end <= leaf.start + 1e-6), len(busy_until))
-        busy_until[lane:lane + 1] = [leaf.end]
+        lane = next(
+            (i for i, end in enumerate(busy_until) if end <= leaf.start + 1e-6), len(busy_until)
+        )
+        busy_until[lane : lane + 1] = [leaf.end]
         lanes.append(lane)
     return lanes
 
 
 def _boundaries(leaves: Sequence[LeafRun]) -> list[Figure]:
-    return [{"type": "line", "xref": "x", "yref": "paper", "x0": t, "x1": t, "y0": _LEAVES[1], "y1": 1,
-             "layer": "below", "line": {"color": FAINT, "width": 0.6, "dash": "dot"}}
-            for t in sorted({leaf.start for leaf in leaves})]
+    return [
+        {
+            "type": "line",
+            "xref": "x",
+            "yref": "paper",
+            "x0": t,
+            "x1": t,
+            "y0": _LEAVES[1],
+            "y1": 1,
+            "layer": "below",
+            "line": {"color": FAINT, "width": 0.6, "dash": "dot"},
+        }
+        for t in sorted({leaf.start for leaf in leaves})
+    ]
 
 
 def _shades(windows: Mapping[Recording, str]) -> list[Figure]:
-    return [{"type": "rect", "xref": "x", "yref": "paper", "x0": r.start, "x1": r.end, "y0": _HEIGHT[0], "y1": 1,
-             "layer": "below", "fillcolor": MARK, "opacity": 0.16, "line": {"color": MARK, "width": 1}}
-            for r in windows]
+    return [
+        {
+            "type": "rect",
+            "xref": "x",
+            "yref": "paper",
+            "x0": r.start,
+            "x1": r.end,
+            "y0": _HEIGHT[0],
+            "y1": 1,
+            "layer": "below",
+            "fillcolor": MARK,
+            "opacity": 0.16,
+            "line": {"color": MARK, "width": 1},
+        }
+        for r in windows
+    ]
 
 
 def _names(windows: Mapping[Recording, str], span: float) -> list[Figure]:
@@ -174,7 +257,18 @@ def _names(windows: Mapping[Recording, str], span: float) -> list[Figure]:
     for recording, name in sorted(windows.items(), key=lambda item: item[0].start):
         level = next((i for i, end in enumerate(ends) if recording.start >= end), len(ends) - 1)
         ends[level] = recording.start + span * 0.008 * (len(name) + 2)
-        out.append({"xref": "x", "yref": "paper", "x": recording.start, "y": 1, "yshift": -15 * level,
-                    "text": escape(name), "showarrow": False, "xanchor": "left", "yanchor": "top",
-                    "font": {"size": 11, "color": MARK}})
+        out.append(
+            {
+                "xref": "x",
+                "yref": "paper",
+                "x": recording.start,
+                "y": 1,
+                "yshift": -15 * level,
+                "text": escape(name),
+                "showarrow": False,
+                "xanchor": "left",
+                "yanchor": "top",
+                "font": {"size": 11, "color": MARK},
+            }
+        )
     return out

@@ -12,22 +12,35 @@ from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from palpate.report.data import GapRow, Measured, ReportData
+from palpate.report.data import Measured, ParameterRow, ReportData
 from palpate.report.diff import diff_lines
 from palpate.report.plots import FAILED, GROUPS, timeline
-from palpate.report.view import aftermath, branches, cards, gap_groups, in_words, primitive_groups, windows
+from palpate.report.view import (
+    aftermath,
+    branches,
+    cards,
+    in_words,
+    parameter_groups,
+    primitive_groups,
+    windows,
+)
 
 if TYPE_CHECKING:
     from jinja2 import Template
     from markupsafe import Markup
 
-__all__ = ["GapRow", "Measured", "ReportData", "write_report"]
+__all__ = ["Measured", "ParameterRow", "ReportData", "write_report"]
 
 MAX_IMAGE = 400_000
 """Bytes: larger pictures are scaled down to `IMAGE_WIDTH` and stored as JPEG."""
 IMAGE_WIDTH = 1280
 
-VERDICTS = {"complete": "Complete", "rejected": "Not measured", "aborted": "Stopped safely", "failed": "Incomplete"}
+VERDICTS = {
+    "complete": "Complete",
+    "rejected": "Not measured",
+    "aborted": "Stopped safely",
+    "failed": "Incomplete",
+}
 
 
 def write_report(path: Path, data: ReportData) -> None:
@@ -42,15 +55,31 @@ def render_report(data: ReportData) -> str:
     groups = primitive_groups()
     figure = timeline(data.trace, named, groups) if data.trace and len(data.trace.samples) else None
     return _template().render(
-        data=data, verdict=VERDICTS[data.status], verdict_line=_verdict_line(data),
+        data=data,
+        verdict=VERDICTS[data.status],
+        verdict_line=_verdict_line(data),
         cards=cards(data.measured, data.trace),
-        captions=in_words(data.measured), gaps=gap_groups(data.gaps, data.measured),
-        tree=branches(data.plan, data.trace), aftermath=aftermath(data.plan, data.trace), figure=figure,
-        group_colours=GROUPS, failed=FAILED, actions=_actions(data), diff=diff_lines(data.twin_diff), script=_script(),
-        plotly=_plotly()[0] if figure else "", policy=_policy(),
-        pictures={name: _data_uri(getattr(data, name)) for name in ("workspace", "before", "after")},
+        captions=in_words(data.measured),
+        parameters=parameter_groups(data.parameters, data.measured),
+        tree=branches(data.plan, data.trace),
+        aftermath=aftermath(data.plan, data.trace),
+        figure=figure,
+        group_colours=GROUPS,
+        failed=FAILED,
+        actions=_actions(data),
+        diff=diff_lines(data.twin_diff),
+        script=_script(),
+        plotly=_plotly()[0] if figure else "",
+        policy=_policy(),
+        pictures={
+            name: _data_uri(getattr(data, name)) for name in ("workspace", "before", "after")
+        },
         video=_uri("video/mp4", data.video) if data.video else None,
-        files=[name for name in data.files if re.fullmatch(r"[\w.-]+(/[\w.-]+)*", name) and ".." not in name],
+        files=[
+            name
+            for name in data.files
+            if re.fullmatch(r"[\w.-]+(/[\w.-]+)*", name) and ".." not in name
+        ],
     )
 
 
@@ -75,15 +104,22 @@ def _actions(data: ReportData) -> int:
 def _template() -> Template:
     from jinja2 import Environment, PackageLoader, StrictUndefined, select_autoescape
 
-    environment = Environment(loader=PackageLoader("palpate.report", "."), autoescape=select_autoescape(),
-                              undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    environment = Environment(
+        loader=PackageLoader("palpate.report", "."),
+        autoescape=select_autoescape(),
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
     return environment.get_template("template.html")
 
 
 @cache
 def _plotly() -> tuple[Markup, str]:
-    """plotly.js, gzipped and in base64 (a third of its size), and the hash of its text for the page's policy."""
+    """plotly.js, gzipped and in base64 (a third of its size), and the hash of its text for the
+    page's policy."""
     from markupsafe import Markup
+
     source = (files("plotly") / "package_data" / "plotly.min.js").read_bytes()
     packed = base64.b64encode(gzip.compress(source, 9, mtime=0)).decode()
     return Markup(packed), _sha256(source)

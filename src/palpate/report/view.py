@@ -1,4 +1,5 @@
-"""From the run's types to what the template prints: numbers with sensible digits, bars in per cent, rows."""
+"""From the run's types to what the template prints: numbers with sensible digits, bars in per cent,
+rows."""
 
 from __future__ import annotations
 
@@ -10,23 +11,27 @@ from itertools import groupby
 import numpy as np
 
 from palpate.estimation.estimate import Estimate
+from palpate.geometry.pose import Array
+from palpate.parameter import Parameter
 from palpate.planning.plan import Node, Plan
-from palpate.pose import Array
-from palpate.quantities import QUANTITIES, Gap
-from palpate.report.data import GapRow, Measured
+from palpate.quantities.quantity import QUANTITIES
+from palpate.report.data import Measured, ParameterRow
 from palpate.report.plots import tip_height
-from palpate.trace import FORCES, LeafRun, Recording, Trace
+from palpate.trace.recording import LeafRun, Recording
+from palpate.trace.samples import FORCES, Trace
 from palpate.vocabulary.composites import COMPOSITES
-from palpate.vocabulary.primitive import vocabulary
+from palpate.vocabulary.registry import vocabulary
 
 AXES = {2: ("x", "y"), 3: ("x", "y", "z"), 6: ("xx", "yy", "zz", "xy", "xz", "yz")}
-"""Names of the components of a vector, and of a symmetric tensor in MuJoCo's `fullinertia` order."""
+"""Names of the components of a vector, and of a symmetric tensor in MuJoCo's `fullinertia`
+order."""
 
 SMALL = {"kg": ("g", 1e3), "m": ("mm", 1e3)}
 """Units in which errors are easier to read."""
 
 OFF_SCALE = 5.0
-"""A truth farther than so many interval half widths is drawn at the edge, lest the interval vanish."""
+"""A truth farther than so many interval half widths is drawn at the edge, lest the interval
+vanish."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,7 +54,8 @@ class Interval:
 
 @dataclass(frozen=True, slots=True)
 class Evidence:
-    """A measured window: when, what was so, what was read, and its signal as an SVG polyline in 100 x 24."""
+    """A measured window: when, what was so, what was read, and its signal as an SVG polyline in 100
+    x 24."""
 
     name: str
     what: str
@@ -89,7 +95,8 @@ class Branch:
 
 
 def rounded(value: float, std: float) -> tuple[str, str]:
-    """Value and standard deviation, to one digit of the latter, or two where it begins with 1 or 2."""
+    """Value and standard deviation, to one digit of the latter, or two where it begins with 1 or
+    2."""
     if not (math.isfinite(value) and math.isfinite(std) and std > 0):
         return f"{value:.6g}", f"{std:.2g}"
     exponent = math.floor(math.log10(std))
@@ -115,16 +122,34 @@ def cards(measured: Sequence[Measured], trace: Trace | None) -> list[Card]:
 def _card(measured: Measured, trace: Trace | None) -> Card:
     e = measured.estimate
     axes = AXES.get(len(e.value), ("",) * len(e.value))
-    truths = measured.truth if measured.truth and len(measured.truth) == len(e.value) else (None,) * len(e.value)
-    intervals = tuple(_interval(*row, measured.unit) for row in zip(axes, e.value, e.std, e.ci95, truths, strict=True))
-    further = tuple((name, _further(value, std, measured.unit)) for name, (value, std) in e.components.items())
-    evidence = tuple(_evidence(r, trace, e.gap) for r in e.evidence) if trace else ()
-    return Card(e.gap.object, quantity_label(e.gap.quantity), "" if measured.unit == "1" else measured.unit, e.verdict,
-                e.method, intervals, further, evidence)
+    truths = (
+        measured.truth
+        if measured.truth and len(measured.truth) == len(e.value)
+        else (None,) * len(e.value)
+    )
+    intervals = tuple(
+        _interval(*row, measured.unit)
+        for row in zip(axes, e.value, e.std, e.ci95, truths, strict=True)
+    )
+    further = tuple(
+        (name, _further(value, std, measured.unit)) for name, (value, std) in e.components.items()
+    )
+    evidence = tuple(_evidence(r, trace, e.parameter) for r in e.evidence) if trace else ()
+    return Card(
+        e.parameter.object,
+        quantity_label(e.parameter.quantity),
+        "" if measured.unit == "1" else measured.unit,
+        e.verdict,
+        e.method,
+        intervals,
+        further,
+        evidence,
+    )
 
 
-def _interval(axis: str, value: float, std: float, ci: tuple[float, float], truth: float | None,
-              unit: str) -> Interval:
+def _interval(
+    axis: str, value: float, std: float, ci: tuple[float, float], truth: float | None, unit: str
+) -> Interval:
     shown, spread = rounded(value, std)
     low, high = (rounded(bound, std)[0] for bound in ci)
     half = max((ci[1] - ci[0]) / 2, 1e-12)
@@ -139,8 +164,13 @@ def _interval(axis: str, value: float, std: float, ci: tuple[float, float], trut
     plain = Interval(axis, shown, spread, low, high, left, round(percent(ci[1]) - left, 2), 50.0)
     if truth is None:
         return plain
-    return replace(plain, truth=f"{truth:.6g}", truth_at=percent(truth), covered=ci[0] <= truth <= ci[1],
-                   error=_error(value, truth, unit, relative=not axis))
+    return replace(
+        plain,
+        truth=f"{truth:.6g}",
+        truth_at=percent(truth),
+        covered=ci[0] <= truth <= ci[1],
+        error=_error(value, truth, unit, relative=not axis),
+    )
 
 
 def _further(value: float, std: float, unit: str) -> str:
@@ -159,34 +189,49 @@ def in_words(measured: Sequence[Measured]) -> tuple[str, str]:
     """What was unknown, and what it is: two captions."""
     found = [card for card in cards(measured, None) if card.intervals]
     unknown = [f"{card.object} {card.quantity} ?" for card in found]
-    known = [f"{c.object} {c.quantity} {' '.join(i.value for i in c.intervals)} {c.unit}".rstrip() for c in found]
+    known = [
+        f"{c.object} {c.quantity} {' '.join(i.value for i in c.intervals)} {c.unit}".rstrip()
+        for c in found
+    ]
     return ", ".join(unknown), ", ".join(known)
 
 
 def windows(trace: Trace, estimates: Sequence[Estimate]) -> dict[Recording, str]:
     """Every recording with the name of what it is evidence of."""
     of: dict[Recording, list[str]] = {recording: [] for recording in trace.recordings}
-    claims = [(r, e.gap) for e in estimates for r in e.evidence]
-    claims += [(c.recording, Gap(c.object, c.quantity)) for c in trace.conversions]
-    for recording, gap in claims:
-        name = f"{gap.object} {quantity_label(gap.quantity)}"
+    claims = [(r, e.parameter) for e in estimates for r in e.evidence]
+    claims += [(c.recording, Parameter(c.object, c.quantity)) for c in trace.conversions]
+    for recording, parameter in claims:
+        name = f"{parameter.object} {quantity_label(parameter.quantity)}"
         if recording in of and name not in of[recording]:
             of[recording].append(name)
-    return {r: ", ".join(names) or f"{r.context.activity} {r.context.holding or r.context.support or ''}".strip()
-            for r, names in of.items()}
+    return {
+        r: ", ".join(names)
+        or f"{r.context.activity} {r.context.holding or r.context.support or ''}".strip()
+        for r, names in of.items()
+    }
 
 
-def _evidence(recording: Recording, trace: Trace, gap: Gap) -> Evidence:
+def _evidence(recording: Recording, trace: Trace, parameter: Parameter) -> Evidence:
     c = recording.context
-    about = [c.activity, f"holding {c.holding}" if c.holding else "", f"on {c.support}" if c.support else "",
-             f"at {c.at}" if c.at else ""]
+    about = [
+        c.activity,
+        f"holding {c.holding}" if c.holding else "",
+        f"on {c.support}" if c.support else "",
+        f"at {c.at}" if c.at else "",
+    ]
     name, unit, signal = _signal(recording, trace)
     reading = "no samples"
     if len(signal):
         spread = " ± ".join(rounded(float(signal.mean()), float(signal.std())))
         reading = f"{name} = {spread}{unit}, {len(signal)} sample{'s' if len(signal) > 1 else ''}"
-    return Evidence(f"{gap.object} {quantity_label(gap.quantity)}", ", ".join(filter(None, about)),
-                    f"{recording.start:.2f}–{recording.end:.2f} s", reading, _polyline(signal))
+    return Evidence(
+        f"{parameter.object} {quantity_label(parameter.quantity)}",
+        ", ".join(filter(None, about)),
+        f"{recording.start:.2f}–{recording.end:.2f} s",
+        reading,
+        _polyline(signal),
+    )
 
 
 def _signal(recording: Recording, trace: Trace) -> tuple[str, str, Array]:
@@ -209,15 +254,19 @@ def _polyline(signal: Array, points: int = 80) -> str:
     return " ".join(f"{a:.1f},{b:.1f}" for a, b in zip(x, y, strict=True))
 
 
-def gap_groups(rows: Sequence[GapRow], measured: Sequence[Measured]) -> list[tuple[str, list[tuple[GapRow, str, str]]]]:
+def parameter_groups(
+    rows: Sequence[ParameterRow], measured: Sequence[Measured]
+) -> list[tuple[str, list[tuple[ParameterRow, str, str]]]]:
     """Rows by object, each with its quantity in words and its value as text."""
-    found = {m.estimate.gap: m for m in measured if m.estimate.verdict != "not identified"}
-    return [(name, [(row, quantity_label(row.quantity), _value(row, found)) for row in group])
-            for name, group in groupby(rows, key=lambda row: row.object)]
+    found = {m.estimate.parameter: m for m in measured if m.estimate.verdict != "not identified"}
+    return [
+        (name, [(row, quantity_label(row.quantity), _value(row, found)) for row in group])
+        for name, group in groupby(rows, key=lambda row: row.object)
+    ]
 
 
-def _value(row: GapRow, found: Mapping[Gap, Measured]) -> str:
-    now = found.get(Gap(row.object, row.quantity))
+def _value(row: ParameterRow, found: Mapping[Parameter, Measured]) -> str:
+    now = found.get(Parameter(row.object, row.quantity))
     unstated = {"known": "–", "missing": "?", "assumed": "as of uniform density"}[row.state]
     before = " ".join(f"{v:.6g}" for v in row.value) if row.value else unstated
     if now is None:
@@ -243,7 +292,9 @@ def aftermath(plan: Plan, trace: Trace | None) -> list[Branch]:
     """What ran beside the plan: the actions of a controlled stop."""
     planned = {path for path, _ in plan.tree.walk()} if plan.tree else set[str]()
     runs = trace.leaves if trace else ()
-    return [_leaf(run.primitive, run.label, run, _end(trace)) for run in runs if run.node not in planned]
+    return [
+        _leaf(run.primitive, run.label, run, _end(trace)) for run in runs if run.node not in planned
+    ]
 
 
 def _end(trace: Trace | None) -> float:
@@ -262,17 +313,40 @@ def _leaf(primitive: str, label: str, run: LeafRun | None, end: float) -> Branch
     group, summary = (cls.group, cls.summary()) if cls else ("", "")
     if run is None:
         return Branch("→", label[:160], group, "waiting", "", 0, 0, "", summary, ())
-    return Branch("→", label[:160], group, _STATUS[run.status], f"{run.end - run.start:.1f} s",
-                  *_place(run.start, run.end, end), run.message, summary, ())
+    return Branch(
+        "→",
+        label[:160],
+        group,
+        _STATUS[run.status],
+        f"{run.end - run.start:.1f} s",
+        *_place(run.start, run.end, end),
+        run.message,
+        summary,
+        (),
+    )
 
 
 def _composite(node: Node, path: str, runs: Mapping[str, LeafRun], end: float) -> Branch:
     composite = COMPOSITES[node.type]
-    children = tuple(_branch(child, f"{path}.children[{i}]", runs, end) for i, child in enumerate(node.children))
+    children = tuple(
+        _branch(child, f"{path}.children[{i}]", runs, end) for i, child in enumerate(node.children)
+    )
     under = [leaf for at, leaf in runs.items() if at.startswith(f"{path}.")]
-    start, stop = min((x.start for x in under), default=0.0), max((x.end for x in under), default=0.0)
-    return Branch(composite.symbol, node.name or node.type, "composite", _fate([c.status for c in children]),
-                  f"{stop - start:.1f} s" if under else "", *_place(start, stop, end), "", composite.summary, children)
+    start, stop = (
+        min((x.start for x in under), default=0.0),
+        max((x.end for x in under), default=0.0),
+    )
+    return Branch(
+        composite.symbol,
+        node.name or node.type,
+        "composite",
+        _fate([c.status for c in children]),
+        f"{stop - start:.1f} s" if under else "",
+        *_place(start, stop, end),
+        "",
+        composite.summary,
+        children,
+    )
 
 
 _STATUS = {"SUCCESS": "success", "FAILURE": "failure", "INVALID": "stopped"}

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import mujoco
 import numpy as np
 
-from palpate.pose import Array, Pose
+from palpate.geometry.pose import Array, Pose
 from palpate.robots.robot import HOME
 from palpate.robots.safety import JOINT_MARGIN
 
@@ -23,13 +23,15 @@ POSITION_TOLERANCE = 0.001
 """m."""
 ANGLE_TOLERANCE = np.radians(0.5)
 LIMIT_MARGIN = 0.05
-"""rad: room at the end stops, for the impedance controller's deviations; the safety predicate stops at less."""
+"""rad: room at the end stops, for the impedance controller's deviations; the safety predicate stops
+at less."""
 
 MAX_ITERATIONS = 30
 STALLED = 1e-4
 """rad: a Gauss-Newton step below this, away from the target, is a local minimum."""
 POSTURE_COST = 1e-3
-"""Weight of staying near the posture against 1 rad or 1 m of error: it only chooses among the solutions."""
+"""Weight of staying near the posture against 1 rad or 1 m of error: it only chooses among the
+solutions."""
 CACHED_POSES = 4096
 
 FR3 = Path(__file__).with_name("fr3.xml")
@@ -42,15 +44,18 @@ TURNS: tuple[tuple[float, ...], ...] = (
     (0.8, 0, -0.8, 0, 0, 0, 0),
     (0, 1.0, 0, 0.8, 0, 0.5, 0),
 )
-"""rad: where the search starts when the ready posture with the hand turned as a top-down pose wants it fails,
+"""rad: where the search starts when the ready posture with the hand turned as a top-down pose wants
+it fails,
 relative to the ready posture: the hand turned otherwise, the elbow swung, the arm low."""
 
 
-def inverse_kinematics(pose_world_tcp: Pose, pose_world_base: Pose, seed_q: Array | None = None) -> Array | None:
+def inverse_kinematics(
+    pose_world_tcp: Pose, pose_world_base: Pose, seed_q: Array | None = None
+) -> Array | None:
     """Joint angles (7,) in rad that put the TCP at a pose, or None when none are found.
 
-    Within 1 mm, 0.5° and the joint range less a margin. Deterministic; of the many solutions the one near
-    `seed_q`, by default near the ready posture turned towards the target, elbow up.
+    Within 1 mm, 0.5° and the joint range less a margin. Deterministic; of the many solutions the
+    one near `seed_q`, by default near the ready posture turned towards the target, elbow up.
     """
     pose = pose_world_base.inverse() @ pose_world_tcp
     sign = 1.0 if pose.quaternion[np.argmax(np.abs(pose.quaternion))] > 0 else -1.0
@@ -78,7 +83,8 @@ def joint_range() -> tuple[Array, Array]:
 
 @cache
 def nominal_arm() -> mujoco.MjModel:
-    """The nominal arm and hand without fingers: seven joints, the base at the origin, site `tcp`."""
+    """The nominal arm and hand without fingers: seven joints, the base at the origin, site
+    `tcp`."""
     spec = mujoco.MjSpec.from_file(str(FR3))
     for finger in ("left_finger", "right_finger"):
         spec.delete(spec.body(finger))
@@ -110,7 +116,8 @@ class _Solver:
             if self._arrived():
                 return self.configuration.q.copy()
             step = mink.solve_ik(  # pyright: ignore[reportUnknownMemberType] (mink leaves its **kwargs untyped)
-                self.configuration, [self.reach, self.posture], 1.0, "daqp", limits=[self.limit])
+                self.configuration, [self.reach, self.posture], 1.0, "daqp", limits=[self.limit]
+            )
             self.configuration.update(np.clip(self.configuration.q + step, self.low, self.high))
             if np.abs(step).max() < STALLED:
                 break
@@ -118,8 +125,10 @@ class _Solver:
 
     def _arrived(self) -> bool:
         error = self.reach.compute_error(self.configuration)
-        return bool(np.linalg.norm(error[:3]) < POSITION_TOLERANCE / 2
-                    and np.linalg.norm(error[3:]) < ANGLE_TOLERANCE / 2)
+        return bool(
+            np.linalg.norm(error[:3]) < POSITION_TOLERANCE / 2
+            and np.linalg.norm(error[3:]) < ANGLE_TOLERANCE / 2
+        )
 
 
 @cache
@@ -129,10 +138,14 @@ def _solver() -> _Solver:
     arm = nominal_arm()
     low, high = joint_range()
     return _Solver(
-        mink.Configuration(arm), mink.FrameTask("tcp", "site", position_cost=1.0, orientation_cost=0.3,
-                                                lm_damping=1e-6),
-        mink.PostureTask(arm, cost=POSTURE_COST), mink.ConfigurationLimit(arm, min_distance_from_limits=LIMIT_MARGIN),
-        low + LIMIT_MARGIN, high - LIMIT_MARGIN, Lock())
+        mink.Configuration(arm),
+        mink.FrameTask("tcp", "site", position_cost=1.0, orientation_cost=0.3, lm_damping=1e-6),
+        mink.PostureTask(arm, cost=POSTURE_COST),
+        mink.ConfigurationLimit(arm, min_distance_from_limits=LIMIT_MARGIN),
+        low + LIMIT_MARGIN,
+        high - LIMIT_MARGIN,
+        Lock(),
+    )
 
 
 @lru_cache(CACHED_POSES)
@@ -162,10 +175,11 @@ def _seeds(pose_base_tcp: Pose, seed: tuple[float, ...] | None) -> Iterator[Arra
 
 
 def _too_far(pose_base_tcp: Pose) -> bool:
-    """Whether the wrist would be farther from the shoulder than all links between them, stretched."""
+    """Whether the wrist would be farther from the shoulder than all links between them,
+    stretched."""
     arm = nominal_arm()
     shoulder, forearm = arm.body("fr3_link2").id, arm.body("fr3_link7").id
-    stretched = np.linalg.norm(arm.body_pos[shoulder + 1:forearm + 1], axis=1).sum()
+    stretched = np.linalg.norm(arm.body_pos[shoulder + 1 : forearm + 1], axis=1).sum()
     flange = arm.body("hand").pos[2] + arm.site("tcp").pos[2]
     wrist = pose_base_tcp.apply((0.0, 0.0, -flange))
     return bool(np.linalg.norm(wrist - arm.body("fr3_link1").pos) > stretched)

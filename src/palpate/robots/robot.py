@@ -1,7 +1,7 @@
 """The one narrow protocol every robot speaks, simulated or real.
 
-State is cached and reading it never blocks; motions are started, never awaited; the behavior tree polls
-`state.moving`. Time is the robot's own.
+State is cached and reading it never blocks; motions are started, never awaited; the behavior tree
+polls `state.moving`. Time is the robot's own.
 """
 
 from __future__ import annotations
@@ -12,8 +12,9 @@ from typing import Protocol
 
 import numpy as np
 
-from palpate.pose import Array, Pose
-from palpate.trace import Hand, Samples
+from palpate.geometry.pose import Array, Pose
+from palpate.trace.recording import Hand
+from palpate.trace.samples import Samples
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -88,24 +89,28 @@ class Robot(Protocol):
     def gravity(self) -> float:
         """m/s^2, magnitude, along world -z."""
         ...
+
     @property
     def state(self) -> RobotState:
         """The latest cached state; never blocks."""
         ...
 
     def move_joints(self, q: Array, speed: float = 1.0) -> None:
-        """Start a smooth (bounded jerk) motion to joint positions `q` (7,). Replaces any motion under way.
+        """Start a smooth (bounded jerk) motion to joint positions `q` (7,). Replaces any motion
+        under way.
 
         `speed` scales the default speed, in (0, 1].
         """
         ...
 
     def move_pose(self, target: Pose, speed: float) -> None:
-        """Start a smooth straight motion of the commanded TCP pose to `target` (world) at most `speed` m/s."""
+        """Start a smooth straight motion of the commanded TCP pose to `target` (world) at most
+        `speed` m/s."""
         ...
 
     def move_axis(self, direction: Array, speed: float, travel: float) -> None:
-        """Start a straight motion along unit `direction` (3,) (world) at `speed` m/s for `travel` m."""
+        """Start a straight motion along unit `direction` (3,) (world) at `speed` m/s for `travel`
+        m."""
         ...
 
     def open_gripper(self) -> None:
@@ -113,7 +118,8 @@ class Robot(Protocol):
         ...
 
     def close_gripper(self) -> None:
-        """Start closing the fingers with the default grasp force until they meet resistance or each other."""
+        """Start closing the fingers with the default grasp force until they meet resistance or each
+        other."""
         ...
 
     def hold(self) -> None:

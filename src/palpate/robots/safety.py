@@ -7,19 +7,21 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from palpate.pose import Array, Pose
+from palpate.geometry.pose import Array, Pose
 from palpate.robots.robot import Limits, RobotState
-from palpate.trace import STANDARD_GRAVITY
+from palpate.trace.samples import STANDARD_GRAVITY
 
 JOINT_MARGIN = 0.01
 """rad: a joint this near to its end stop is a violation."""
 
 FREE_FORCE = 25.0
-"""N: more than this in free air is a collision. The inertia of a moving arm, which no sensor here compensates, reads
-up to 16 N at 0.25 m/s and 1 m/s^2; ISO/TS 15066 allows 65 N on the most sensitive part of the body, the face."""
+"""N: more than this in free air is a collision. The inertia of a moving arm, which no sensor here
+compensates, reads up to 16 N at 0.25 m/s and 1 m/s^2; ISO/TS 15066 allows 65 N on the most
+sensitive part of the body, the face."""
 
 OVERLOAD = 14.0
-"""N above the payload's weight, for the inertia of load and arm: taking up 2.8 kg at 0.25 m/s reads up to 13 N."""
+"""N above the payload's weight, for the inertia of load and arm: taking up 2.8 kg at 0.25 m/s reads
+up to 13 N."""
 
 ORIGIN = Pose.of((0.0, 0.0, 0.0))
 
@@ -66,12 +68,23 @@ def unexplained_force(state: RobotState, limits: Limits, holding: bool) -> Array
 
 
 def _not_finite(state: RobotState) -> str | None:
-    total = (state.q.sum() + state.dq.sum() + state.tau_ext.sum() + state.wrench.sum() + state.twist.sum()
-             + state.pose_world_tcp.position.sum() + state.pose_world_tcp.quaternion.sum() + state.width)
+    total = (
+        state.q.sum()
+        + state.dq.sum()
+        + state.tau_ext.sum()
+        + state.wrench.sum()
+        + state.twist.sum()
+        + state.pose_world_tcp.position.sum()
+        + state.pose_world_tcp.quaternion.sum()
+        + state.width
+    )
     if np.isfinite(total):
         return None
-    bad = [name for name in ("q", "dq", "tau_ext", "wrench", "twist")
-           if not np.isfinite(getattr(state, name)).all()]
+    bad = [
+        name
+        for name in ("q", "dq", "tau_ext", "wrench", "twist")
+        if not np.isfinite(getattr(state, name)).all()
+    ]
     return f"sensor data is not finite: {', '.join(bad) or 'pose or width'}"
 
 
@@ -86,8 +99,10 @@ def _joints(state: RobotState, limits: Limits) -> str | None:
     room = np.minimum(state.q - limits.q_min, limits.q_max - state.q)
     if room.min() < JOINT_MARGIN:
         i = int(room.argmin())
-        return (f"joint {i + 1} is at {state.q[i]:.3f} rad, within {JOINT_MARGIN:g} rad of its range "
-                f"[{limits.q_min[i]:.3f}, {limits.q_max[i]:.3f}]")
+        return (
+            f"joint {i + 1} is at {state.q[i]:.3f} rad, within {JOINT_MARGIN:g} rad of its range "
+            f"[{limits.q_min[i]:.3f}, {limits.q_max[i]:.3f}]"
+        )
     excess = np.abs(state.dq) - limits.dq_max
     if excess.max() > 0:
         i = int(excess.argmax())
@@ -101,8 +116,10 @@ def _workspace(state: RobotState, limits: Limits, pose_world_base: Pose) -> str 
     low, high = limits.workspace_min, limits.workspace_max
     if low[0] <= x <= high[0] and low[1] <= y <= high[1] and low[2] <= z <= high[2]:
         return None
-    return (f"the TCP is at {_vector(np.array([x, y, z]))} m from the base, outside the workspace "
-            f"{_vector(low)} to {_vector(high)} m")
+    return (
+        f"the TCP is at {_vector(np.array([x, y, z]))} m from the base, outside the workspace "
+        f"{_vector(low)} to {_vector(high)} m"
+    )
 
 
 def _tracking(state: RobotState, limits: Limits) -> str | None:
@@ -111,22 +128,28 @@ def _tracking(state: RobotState, limits: Limits) -> str | None:
         return f"the TCP moves at {speed:.2f} m/s, more than {limits.speed_max:.2f} m/s"
     error = state.pose_world_tcp.distance_to(state.target_world_tcp)
     if error > limits.tracking_max:
-        return (f"the TCP is {1e3 * error:.0f} mm from where it is commanded, more than "
-                f"{1e3 * limits.tracking_max:.0f} mm: something holds it back")
+        return (
+            f"the TCP is {1e3 * error:.0f} mm from where it is commanded, more than "
+            f"{1e3 * limits.tracking_max:.0f} mm: something holds it back"
+        )
     return None
 
 
 def _forces(state: RobotState, limits: Limits, expected: Expectation) -> str | None:
     weight = limits.payload * STANDARD_GRAVITY
     if expected.holding and state.wrench[2] > weight + OVERLOAD:
-        return (f"the held object pulls with {state.wrench[2]:.1f} N, more than the payload of {limits.payload:g} kg "
-                f"({weight:.1f} N)")
+        return (
+            f"the held object pulls with {state.wrench[2]:.1f} N, more than the payload of {limits.payload:g} kg "
+            f"({weight:.1f} N)"
+        )
     force = unexplained_force(state, limits, expected.holding)
     size, twisting = _norm(force), _norm(state.wrench[3:])
     if size > limits.force_max:
         return f"external force {size:.1f} N exceeds the limit of {limits.force_max:.0f} N"
     if twisting > limits.torque_max:
-        return f"external torque {twisting:.1f} N m exceeds the limit of {limits.torque_max:.0f} N m"
+        return (
+            f"external torque {twisting:.1f} N m exceeds the limit of {limits.torque_max:.0f} N m"
+        )
     if size > FREE_FORCE and not expected.contact:
         return f"unexpected contact: {size:.1f} N {_vector(force)} where at most {FREE_FORCE:g} N is explained"
     return None

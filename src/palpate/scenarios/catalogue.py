@@ -9,12 +9,13 @@ from typing import Any
 import yaml
 
 from palpate.errors import InputError, unknown_name
-from palpate.job import Job
-from palpate.quantities import Gap
+from palpate.parameter import Parameter
+from palpate.settings import Job
 
 ROOT = Path(__file__).parent
 FILES = {"scene": "scene.xml", "poses": "poses.yaml", "world": "world.xml"}
-"""What a scenario's folder may hold, by field of the `Job`. A sub-case shares what only its parent's folder holds."""
+"""What a scenario's folder may hold, by field of the `Job`. A sub-case shares what only its
+parent's folder holds."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,14 +27,15 @@ class Scenario:
         expects: the gaps a right plan measures.
         planner: the planner it is meant for.
         status: how a run of it ends.
-        images: the pictures that a model is shown; without any, one is taken of the simulated world.
+        images: the pictures that a model is shown; without any, one is taken of the simulated
+            world.
     """
 
     name: str
     title: str
     story: str
     request: str | None
-    expects: tuple[Gap, ...]
+    expects: tuple[Parameter, ...]
     planner: str
     status: str
     images: tuple[Path, ...] = ()
@@ -44,7 +46,8 @@ class Scenario:
 
     @property
     def plans(self) -> dict[str, Path]:
-        """Recorded plans by name: `paper` is a figure's tree, `model` is in the style of a model's answer."""
+        """Recorded plans by name: `paper` is a figure's tree, `model` is in the style of a model's
+        answer."""
         return {file.stem: file for file in sorted(self.folder.glob("plans/*"))}
 
     def job(self, **changes: Any) -> Job:
@@ -78,14 +81,19 @@ def scenario(name: str) -> Scenario:
         if cases := [other for other in names() if other.startswith(f"{name}/")]:
             raise InputError(f"'{name}' is a group of scenarios; choose one: {', '.join(cases)}")
         raise unknown_name("scenario", name, names())
-    text: dict[str, Any] = yaml.safe_load((ROOT / name / "scenario.yaml").read_text(encoding="utf-8"))
+    text: dict[str, Any] = yaml.safe_load(
+        (ROOT / name / "scenario.yaml").read_text(encoding="utf-8")
+    )
     planner = text.get("planner", "symbolic")
     if planner.startswith("replay:"):
         planner = f"replay:{_file(name, planner.removeprefix('replay:'))}"
     return Scenario(
-        name=name, title=text["title"], story=text["story"].strip(),
+        name=name,
+        title=text["title"],
+        story=text["story"].strip(),
         request=(text.get("request") or "").strip() or None,
-        expects=tuple(Gap(*e.rsplit(".", 1)) for e in text.get("expects", [])), planner=planner,
+        expects=tuple(Parameter(*e.rsplit(".", 1)) for e in text.get("expects", [])),
+        planner=planner,
         status=text.get("status", "complete"),
         images=tuple(_file(name, image) for image in text.get("images", [])),
     )

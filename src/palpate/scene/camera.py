@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from palpate.errors import InputError
-from palpate.pose import Array, Pose
+from palpate.geometry.pose import Array, Pose
 from palpate.scene.poses import CameraEntry
 
 MAX_PIXELS = 64_000_000
@@ -26,7 +26,8 @@ class Camera:
     """A pinhole camera.
 
     Attributes:
-        pose_world_camera: it looks along its own -z, its x points right in the image and its y up, as in MuJoCo.
+        pose_world_camera: it looks along its own -z, its x points right in the image and its y up,
+            as in MuJoCo.
         fovy: vertical field of view, rad.
         width, height: pixels.
     """
@@ -52,7 +53,8 @@ class Camera:
         return self.pose_world_camera.rotation @ (local / np.linalg.norm(local))
 
     def on_plane(self, u: float, v: float, z: float) -> Array | None:
-        """(3,) where the ray through a pixel meets the level plane at world `z`; None when it does not."""
+        """(3,) where the ray through a pixel meets the level plane at world `z`; None when it does
+        not."""
         ray, eye = self.ray(u, v), self.pose_world_camera.position
         distance = (z - eye[2]) / ray[2] if abs(ray[2]) > 1e-9 else -1.0
         return eye + distance * ray if distance > 0 else None
@@ -66,7 +68,8 @@ class Camera:
 
 
 def load_image(path: Path, max_side: int = MAX_SIDE) -> NDArray[np.uint8]:
-    """A PNG or JPEG as RGB pixels (height, width, 3), downscaled to at most `max_side` on its longer side.
+    """A PNG or JPEG as RGB pixels (height, width, 3), downscaled to at most `max_side` on its
+    longer side.
 
     Raises:
         InputError: not readable, not such a picture, or too large.
@@ -76,9 +79,19 @@ def load_image(path: Path, max_side: int = MAX_SIDE) -> NDArray[np.uint8]:
             warnings.simplefilter("error", Image.DecompressionBombWarning)
             with Image.open(path, formats=("PNG", "JPEG")) as file:
                 if file.width * file.height > MAX_PIXELS:
-                    raise InputError(f"the image {path} has {file.width} × {file.height} pixels; at most "
-                                     f"{MAX_PIXELS // 1_000_000} million are read")
+                    raise InputError(
+                        f"the image {path} has {file.width} × {file.height} pixels; at most "
+                        f"{MAX_PIXELS // 1_000_000} million are read"
+                    )
                 file.thumbnail((max_side, max_side))
                 return np.asarray(file.convert("RGB"), dtype=np.uint8)
-    except (OSError, ValueError, SyntaxError, Image.DecompressionBombError, Image.DecompressionBombWarning) as error:
-        raise InputError(f"cannot read the image {path}: {error}; give a PNG or JPEG file") from None
+    except (
+        OSError,
+        ValueError,
+        SyntaxError,
+        Image.DecompressionBombError,
+        Image.DecompressionBombWarning,
+    ) as error:
+        raise InputError(
+            f"cannot read the image {path}: {error}; give a PNG or JPEG file"
+        ) from None

@@ -1,16 +1,17 @@
 """From values of quantities to changes of MJCF attributes.
 
-One set of rules serves the model that is simulated (changes made to a parsed copy) and the twin (the same
-changes made to the user's text), so both mean the same:
+One set of rules serves the model that is simulated (changes made to a parsed copy) and the twin
+(the same changes made to the user's text), so both mean the same:
 
-- mass: `<inertial mass>` where there is one, else `mass` of the geoms that lack it, shared by volume; in the
-  new `<inertial>` alone when a centre of mass is written too.
-- friction: the first number of `friction` on the geoms that lack it, with `priority="1"`, without which MuJoCo
-  would take the larger of the object's and its support's coefficient.
-- height: the number that is unknown. When half height and place both are, a geom stands on its body's origin,
-  and a body on the ground.
+- mass: `<inertial mass>` where there is one, else `mass` of the geoms that lack it, shared by
+  volume; in the new `<inertial>` alone when a centre of mass is written too.
+- friction: the first number of `friction` on the geoms that lack it, with `priority="1"`, without
+  which MuJoCo would take the larger of the object's and its support's coefficient.
+- height: the number that is unknown. When half height and place both are, a geom stands on its
+  body's origin, and a body on the ground.
 - com: `<inertial>`, made when absent, with the inertia of the geoms taken about the new centre.
-- position: x and y of the body's frame. An unknown z follows: the object stands on the surface below it.
+- position: x and y of the body's frame. An unknown z follows: the object stands on the surface
+  below it.
 """
 
 from __future__ import annotations
@@ -21,23 +22,24 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from palpate.errors import InputError
-from palpate.pose import Array
-from palpate.quantities import Gap
-from palpate.scene.edits import Edit, Insert, number
-from palpate.scene.gap import Inventory, ObjectEntry, SurfaceEntry, half_height_index
-from palpate.scene.inertia import components, inertia_attributes, rotation, tensor_of
-from palpate.scene.mjcf import UNKNOWN, Element, has_unknown, label, tokens
-from palpate.scene.model import MUJOCO_FRICTION
-from palpate.scene.shapes import Shapes
+from palpate.geometry.inertia import components, inertia_attributes, rotation, tensor_of
+from palpate.geometry.pose import Array
+from palpate.mjcf.compile import MUJOCO_FRICTION
+from palpate.mjcf.document import UNKNOWN, Element, has_unknown, label, tokens
+from palpate.mjcf.edits import Edit, Insert, number
+from palpate.mjcf.roles import Inventory, ObjectEntry, SurfaceEntry, half_height_index
+from palpate.mjcf.shapes import Shapes
+from palpate.parameter import Parameter
 
 PLACEHOLDER = 0.01
 """m: stands for an unknown half height while the scene's shapes are compiled."""
 
-Values = Mapping[Gap, tuple[float, ...]]
+Values = Mapping[Parameter, tuple[float, ...]]
 
 
 def placeholders(found: Inventory) -> list[Edit]:
-    """Changes that let a scene compile before anything is known: positions 0, half heights `PLACEHOLDER`."""
+    """Changes that let a scene compile before anything is known: positions 0, half heights
+    `PLACEHOLDER`."""
     edits: list[Edit] = []
     for thing in found.objects.values():
         edits += _for_unknown(thing.element, "pos", "0")
@@ -45,14 +47,22 @@ def placeholders(found: Inventory) -> list[Edit]:
             edits += [*_for_unknown(geom, "mass", "1"), *_for_unknown(geom, "density", "1000")]
             edits += _for_unknown(geom, "friction", "1")
         if thing.inertial is not None:
-            edits += [*_for_unknown(thing.inertial, "pos", "0"), *_for_unknown(thing.inertial, "mass", "1")]
+            edits += [
+                *_for_unknown(thing.inertial, "pos", "0"),
+                *_for_unknown(thing.inertial, "mass", "1"),
+            ]
             edits += _for_unknown(thing.inertial, "diaginertia", "0.001")
-            edits += [Edit(thing.inertial, "fullinertia", dict(enumerate(["1", "1", "1", "0", "0", "0"])))
-                      for _ in _for_unknown(thing.inertial, "fullinertia", "1")]
+            edits += [
+                Edit(thing.inertial, "fullinertia", dict(enumerate(["1", "1", "1", "0", "0", "0"])))
+                for _ in _for_unknown(thing.inertial, "fullinertia", "1")
+            ]
     for surface in found.surfaces.values():
         edits += _for_unknown(surface.element, "pos", "0")
         for geom in surface.geoms:
-            edits += [*_for_unknown(geom, "pos", "0"), *_for_unknown(geom, "size", str(PLACEHOLDER))]
+            edits += [
+                *_for_unknown(geom, "pos", "0"),
+                *_for_unknown(geom, "size", str(PLACEHOLDER)),
+            ]
     return list({(id(e.element), e.attribute): e for e in edits}.values())
 
 
@@ -73,28 +83,36 @@ class Filler:
 
     found: Inventory
     shapes: Shapes
-    std: Mapping[Gap, float] = field(default_factory=dict[Gap, float])
+    std: Mapping[Parameter, float] = field(default_factory=dict[Parameter, float])
     given_z: Mapping[str, float] = field(default_factory=dict[str, float])
 
     def edits(self, values: Values, known: Values) -> list[Edit | Insert]:
-        """The changes that state `values`; `known` holds what they rest on but leave alone (masses, heights).
+        """The changes that state `values`; `known` holds what they rest on but leave alone (masses,
+        heights).
 
         Raises:
             InputError: a value for what the scene does not have, or for what has no place in MJCF.
         """
         made: list[Edit | Insert] = []
-        for name in dict.fromkeys(gap.object for gap in values):
-            mine = {gap.quantity: value for gap, value in values.items() if gap.object == name}
+        for name in dict.fromkeys(parameter.object for parameter in values):
+            mine = {
+                parameter.quantity: value
+                for parameter, value in values.items()
+                if parameter.object == name
+            }
             if name in self.found.objects:
                 made += self._object(self.found.objects[name], mine, known)
             elif name in self.found.surfaces and "height" in mine:
                 made += self._height(self.found.surfaces[name], mine["height"][0])
             else:
-                raise InputError(f"no object or surface '{name}' of the scene has a {' or '.join(mine)}")
+                raise InputError(
+                    f"no object or surface '{name}' of the scene has a {' or '.join(mine)}"
+                )
         return [*made, *self._standing({**known, **values})]
 
-    def _object(self, thing: ObjectEntry, mine: Mapping[str, tuple[float, ...]],
-                known: Values) -> Iterator[Edit | Insert]:
+    def _object(
+        self, thing: ObjectEntry, mine: Mapping[str, tuple[float, ...]], known: Values
+    ) -> Iterator[Edit | Insert]:
         if "com" in mine or "inertia" in mine:
             yield from self._inertial(thing, mine, known)
         elif "mass" in mine:
@@ -105,11 +123,13 @@ class Filler:
             yield self._position(thing, mine["position"])
 
     def _text(self, name: str, quantity: str, value: float) -> str:
-        return number(value, self.std.get(Gap(name, quantity)))
+        return number(value, self.std.get(Parameter(name, quantity)))
 
     def _mass(self, thing: ObjectEntry, mass: float) -> Iterator[Edit]:
         if mass <= 0:
-            raise InputError(f"a mass of {mass:.6g} kg for '{thing.name}' cannot be written; it must be above zero")
+            raise InputError(
+                f"a mass of {mass:.6g} kg for '{thing.name}' cannot be written; it must be above zero"
+            )
         if thing.inertial is not None:
             yield Edit(thing.inertial, "mass", {0: self._text(thing.name, "mass", mass)})
             return
@@ -136,9 +156,11 @@ class Filler:
 
     def _friction(self, thing: ObjectEntry, friction: float) -> Iterator[Edit]:
         text = self._text(thing.name, "friction", friction)
-        for geom in thing.frictionless or thing.colliding:
+        for geom in thing.missing_friction or thing.colliding:
             base = self.found.defaults.attribute(geom, "friction") or " ".join(MUJOCO_FRICTION)
-            others = {i: MUJOCO_FRICTION[i] for i, part in enumerate(tokens(base)[:3]) if part == UNKNOWN}
+            others = {
+                i: MUJOCO_FRICTION[i] for i, part in enumerate(tokens(base)[:3]) if part == UNKNOWN
+            }
             yield Edit(geom, "friction", {**others, 0: text}, base)
             if not self.found.defaults.attribute(geom, "priority"):
                 yield Edit(geom, "priority", {0: "1"})
@@ -167,7 +189,7 @@ class Filler:
         cloud = self.shapes.cloud(thing.colliding)
         middle = (cloud.max(axis=0) + cloud.min(axis=0)) / 2
         below = [s for s in self.found.surfaces.values() if self.covers(s, middle)]
-        heights = {s.name: values.get(Gap(s.name, "height")) for s in below}
+        heights = {s.name: values.get(Parameter(s.name, "height")) for s in below}
         if any(s.missing and heights[s.name] is None for s in below):
             return None
         return max(((heights[s.name] or (self.top_z(s),))[0] for s in below), default=0.0)
@@ -175,7 +197,10 @@ class Filler:
     def covers(self, surface: SurfaceEntry, point: Array) -> bool:
         """Whether a point's x-y is within the box around the surface's top."""
         cloud = self.shapes.points(self.carrier(surface))
-        return bool(np.all(point[:2] >= cloud.min(axis=0)[:2]) and np.all(point[:2] <= cloud.max(axis=0)[:2]))
+        return bool(
+            np.all(point[:2] >= cloud.min(axis=0)[:2])
+            and np.all(point[:2] <= cloud.max(axis=0)[:2])
+        )
 
     def carrier(self, surface: SurfaceEntry) -> Element:
         """The geom whose top carries: the one with the largest level face."""
@@ -187,12 +212,16 @@ class Filler:
 
     def _height(self, surface: SurfaceEntry, height: float) -> Iterator[Edit]:
         geom = self.carrier(surface)
-        unknown = surface.unknown or frozenset({"body" if surface.element.tag == "body" else "geom"})
+        unknown = surface.unknown or frozenset(
+            {"body" if surface.element.tag == "body" else "geom"}
+        )
         rise = height - self.top_z(surface)
         if "size" in unknown:
             rise, half = self._half_height(unknown, rise)
             if half <= 0:
-                raise InputError(f"a height of {height:.4g} m leaves '{surface.name}' no thickness ({label(geom)})")
+                raise InputError(
+                    f"a height of {height:.4g} m leaves '{surface.name}' no thickness ({label(geom)})"
+                )
             index = half_height_index(geom, self.found.defaults)
             assert index is not None
             yield Edit(geom, "size", {index: self._text(surface.name, "height", half)})
@@ -215,22 +244,33 @@ class Filler:
         z = rise + (0.0 if part == UNKNOWN else float(part))
         return Edit(element, "pos", {2: self._text(surface.name, "height", z)}, "0 0 0")
 
-    def _inertial(self, thing: ObjectEntry, mine: Mapping[str, tuple[float, ...]],
-                  known: Values) -> Iterator[Edit | Insert]:
+    def _inertial(
+        self, thing: ObjectEntry, mine: Mapping[str, tuple[float, ...]], known: Values
+    ) -> Iterator[Edit | Insert]:
         if any(e.tag == "body" for e in thing.element.iterdescendants()):
-            raise InputError(f"'{thing.name}' is made of several bodies; MJCF has no one place for its centre of mass")
-        given = mine.get("mass") or known.get(Gap(thing.name, "mass"))
+            raise InputError(
+                f"'{thing.name}' is made of several bodies; MJCF has no one place for its centre of mass"
+            )
+        given = mine.get("mass") or known.get(Parameter(thing.name, "mass"))
         if given is None and "mass" in thing.missing:
-            raise InputError(f"the centre of mass of '{thing.name}' cannot be written without its mass")
+            raise InputError(
+                f"the centre of mass of '{thing.name}' cannot be written without its mass"
+            )
         mass = given[0] if given else self.mass(thing)
-        com = np.array(mine.get("com") or known.get(Gap(thing.name, "com")) or self.com(thing))
+        com = np.array(
+            mine.get("com") or known.get(Parameter(thing.name, "com")) or self.com(thing)
+        )
         tensor = tensor_of(mine["inertia"]) if "inertia" in mine else self.inertia(thing, mass, com)
         pos = {i: self._text(thing.name, "com", float(v)) for i, v in enumerate(com)}
         if thing.inertial is None:
             stated = {"pos": " ".join(pos.values()), "mass": self._text(thing.name, "mass", mass)}
             yield Insert(thing.element, "inertial", {**stated, **inertia_attributes(tensor)})
-            yield from (Edit(g, a, {0: number(mass / len(thing.unweighed))}) for g in thing.unweighed
-                        for a in ("mass", "density") if UNKNOWN in tokens(g.get(a)))
+            yield from (
+                Edit(g, a, {0: number(mass / len(thing.unweighed))})
+                for g in thing.unweighed
+                for a in ("mass", "density")
+                if UNKNOWN in tokens(g.get(a))
+            )
             return
         if "com" in mine:
             yield Edit(thing.inertial, "pos", _unknown_only(thing.inertial, "pos", pos), "? ? ?")
@@ -239,14 +279,15 @@ class Filler:
         if "inertia" in thing.missing or "inertia" in mine:
             yield from _stated_inertia(thing.inertial, tensor)
 
-    def completed(self, priors: Values, values: Values) -> dict[Gap, tuple[float, ...]]:
-        """`values`, and `priors` for the rest; an assumed inertia is the one that goes with the mass and centre."""
+    def completed(self, priors: Values, values: Values) -> dict[Parameter, tuple[float, ...]]:
+        """`values`, and `priors` for the rest; an assumed inertia is the one that goes with the
+        mass and centre."""
         merged = {**priors, **values}
-        for gap in [g for g in merged if g.quantity == "inertia" and g not in values]:
-            thing = self.found.objects[gap.object]
-            mass = merged.get(Gap(gap.object, "mass"), (self.mass(thing),))[0]
-            com = merged.get(Gap(gap.object, "com"), self.com(thing))
-            merged[gap] = self.inertia_values(thing, mass, np.array(com))
+        for parameter in [g for g in merged if g.quantity == "inertia" and g not in values]:
+            thing = self.found.objects[parameter.object]
+            mass = merged.get(Parameter(parameter.object, "mass"), (self.mass(thing),))[0]
+            com = merged.get(Parameter(parameter.object, "com"), self.com(thing))
+            merged[parameter] = self.inertia_values(thing, mass, np.array(com))
         return merged
 
     def mass(self, thing: ObjectEntry) -> float:
@@ -260,7 +301,8 @@ class Filler:
         return tuple(float(v) for v in self.shapes.model.body(thing.name).ipos)
 
     def inertia(self, thing: ObjectEntry, mass: float, com: Array) -> Array:
-        """(3, 3) inertia about `com` in body axes, kg m²: the geoms' own, or their box's, scaled to `mass`."""
+        """(3, 3) inertia about `com` in body axes, kg m²: the geoms' own, or their box's, scaled to
+        `mass`."""
         if thing.inertial is None:
             tensor, centre = self._compiled_inertia(thing, mass)
         else:
@@ -282,15 +324,19 @@ class Filler:
         to_body = self.shapes.body_pose(thing.name).inverse()
         cloud = np.array([to_body.apply(point) for point in self.shapes.cloud(thing.geoms)])
         squares = (cloud.max(axis=0) - cloud.min(axis=0)) ** 2
-        return np.diag(mass / 12 * (squares.sum() - squares)), (cloud.max(axis=0) + cloud.min(axis=0)) / 2
+        return np.diag(mass / 12 * (squares.sum() - squares)), (
+            cloud.max(axis=0) + cloud.min(axis=0)
+        ) / 2
 
 
 def carrier(shapes: Shapes, surface: SurfaceEntry) -> Element:
     """The geom of a surface with the largest footprint (the higher of equals)."""
+
     def footprint(geom: Element) -> tuple[float, float]:
         cloud = shapes.points(geom)
         x, y, _ = cloud.max(axis=0) - cloud.min(axis=0)
         return round(float(x * y), 6), float(cloud[:, 2].max())
+
     return max(surface.geoms, key=footprint)
 
 
@@ -304,8 +350,10 @@ def _unknown_only(element: Element, attribute: str, texts: Mapping[int, str]) ->
 def _refuse_frame(element: Element) -> None:
     parent = element.getparent()
     if parent is not None and parent.tag == "frame" and set(parent.attrib) - {"childclass", "name"}:
-        raise InputError(f"{label(element)} is inside a <frame> that moves it; write its pos in the world to have it "
-                         "measured")
+        raise InputError(
+            f"{label(element)} is inside a <frame> that moves it; write its pos in the world to have it "
+            "measured"
+        )
 
 
 def _stated_inertia(inertial: Element, tensor: Array) -> Iterator[Edit]:
@@ -314,4 +362,6 @@ def _stated_inertia(inertial: Element, tensor: Array) -> Iterator[Edit]:
         yield Edit(inertial, "fullinertia", _unknown_only(inertial, "fullinertia", texts))
     else:
         diagonal = {i: text for i, text in texts.items() if i < 3}
-        yield Edit(inertial, "diaginertia", _unknown_only(inertial, "diaginertia", diagonal), "? ? ?")
+        yield Edit(
+            inertial, "diaginertia", _unknown_only(inertial, "diaginertia", diagonal), "? ? ?"
+        )

@@ -1,9 +1,11 @@
-"""A scene of what a model saw in a picture: boxes in the image become metric shapes that stand on a plane.
+"""A scene of what a model saw in a picture: boxes in the image become metric shapes that stand on a
+plane.
 
-A box has four sides, and an upright cylinder, a ball or a square block on a plane of known height has at most four
-numbers: where it stands, how wide and how high it is. They are chosen such that the shape, seen through the pinhole
-camera, fills the box. How high the plane is comes from `poses.yaml`, else from the model, else it is level with the
-arm's foot; contact tells better, and the shapes are then fitted anew, while the arm is at work.
+A box has four sides, and an upright cylinder, a ball or a square block on a plane of known height
+has at most four numbers: where it stands, how wide and how high it is. They are chosen such that
+the shape, seen through the pinhole camera, fills the box. How high the plane is comes from
+`poses.yaml`, else from the model, else it is level with the arm's foot; contact tells better, and
+the shapes are then fitted anew, while the arm is at work.
 """
 
 from __future__ import annotations
@@ -15,12 +17,13 @@ from typing import Literal
 import numpy as np
 
 from palpate.errors import InputError
-from palpate.pose import Array, Pose
+from palpate.geometry.pose import Array, Pose
+from palpate.mjcf.edits import number
 from palpate.scene.camera import Camera
-from palpate.scene.edits import number
+from palpate.scene.load import parse_scene
 from palpate.scene.poses import PoseEntry, Poses
 from palpate.scene.priors import APPROACH
-from palpate.scene.scene import Scene, parse_scene
+from palpate.scene.scene import Scene
 from palpate.scene.symbols import DEFAULT_OFFSETS, HOME, Symbols, vectors
 
 Shape = Literal["box", "cylinder", "sphere", "plane"]
@@ -50,7 +53,8 @@ class SceneObject:
         name: as in its pose name.
         shape: primitive shape; `plane` is what the things stand on.
         bbox: (left, top, right, bottom) in the image, as fractions of its width and height.
-        height: of a plane, world z of its top in m as the model believes; None when it does not say.
+        height: of a plane, world z of its top in m as the model believes; None when it does not
+            say.
     """
 
     name: str
@@ -61,7 +65,8 @@ class SceneObject:
 
 @dataclass(frozen=True, slots=True)
 class Fitted:
-    """A shape in the world: `x`, `y` of its middle, `width` and `depth` across, `height` above its foot; m."""
+    """A shape in the world: `x`, `y` of its middle, `width` and `depth` across, `height` above its
+    foot; m."""
 
     thing: SceneObject
     x: float
@@ -73,8 +78,9 @@ class Fitted:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Template:
-    """Where the camera is and what else `poses.yaml` says: enough to build scenes of what a model saw."""
+class SceneBuilder:
+    """Where the camera is and what else `poses.yaml` says: enough to build scenes of what a model
+    saw."""
 
     poses: Poses
 
@@ -86,46 +92,64 @@ class Template:
             InputError: the poses have none.
         """
         if self.poses.camera is None:
-            raise InputError("a request without a scene needs the camera that took the picture: give its pos, quat, "
-                             "fovy and size under 'camera' in --poses poses.yaml, or describe the scene with --scene")
+            raise InputError(
+                "a request without a scene needs the camera that took the picture: give its pos, quat, "
+                "fovy and size under 'camera' in --poses poses.yaml, or describe the scene with --scene"
+            )
         return Camera.of(self.poses.camera)
 
     @property
     def symbols(self) -> Symbols:
         """The names that `poses.yaml` gives, before anything was seen."""
-        poses = {f"{name}_pose": Pose.top_down(entry.pos, entry.yaw or 0.0)
-                 for name, entry in self.poses.objects.items()}
+        poses = {
+            f"{name}_pose": Pose.top_down(entry.pos, entry.yaw or 0.0)
+            for name, entry in self.poses.objects.items()
+        }
         common = {name: v for name, v in self.poses.offsets.items() if not isinstance(v, dict)}
         own = {name: vectors(v) for name, v in self.poses.offsets.items() if isinstance(v, dict)}
         return Symbols(
             poses=poses | {name: entry.tool_pose() for name, entry in self.poses.places.items()},
-            subjects={f"{name}_pose": name for name in self.poses.objects}, own_offsets=own,
-            configurations={"home_config": np.array(HOME)} | {n: np.array(q) for n, q in self.poses.joints.items()},
-            offsets={name: np.array(v) for name, v in DEFAULT_OFFSETS.items()} | vectors(common))
+            subjects={f"{name}_pose": name for name in self.poses.objects},
+            own_offsets=own,
+            configurations={"home_config": np.array(HOME)}
+            | {n: np.array(q) for n, q in self.poses.joints.items()},
+            offsets={name: np.array(v) for name, v in DEFAULT_OFFSETS.items()} | vectors(common),
+        )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Seen:
+class DetectedScene:
     """What a model saw, and the template that makes a scene of it."""
 
-    template: Template
+    template: SceneBuilder
     objects: tuple[SceneObject, ...]
 
     def scene(self, heights: Mapping[str, float] | None = None) -> Scene:
-        """The scene; `heights` are the tops of planes (m) that contact has told since. It refits itself to others.
+        """The scene; `heights` are the tops of planes (m) that contact has told since. It refits
+        itself to others.
 
         Raises:
-            InputError: nothing to stand on, or a box that no such shape fills; worded for the model.
+            InputError: nothing to stand on, or a box that no such shape fills; worded for the
+                model.
         """
         felt = dict(heights or {})
         planes, things = _sorted(self.objects)
         levels = {p.name: felt.get(p.name, self._level(p)) for p in planes}
         camera = self.template.camera
-        fitted = [fit(camera, thing, levels[support.name], self.template.poses.objects.get(thing.name))
-                  for thing, support in ((t, _support(t, planes)) for t in things)]
-        slabs = [_widened(fit(camera, p, levels[p.name]), [f for f in fitted if _support(f.thing, planes) is p])
-                 for p in planes]
-        scene = parse_scene(_mjcf(slabs, fitted, self.template.poses), poses=self._poses(slabs, levels))
+        fitted = [
+            fit(camera, thing, levels[support.name], self.template.poses.objects.get(thing.name))
+            for thing, support in ((t, _support(t, planes)) for t in things)
+        ]
+        slabs = [
+            _widened(
+                fit(camera, p, levels[p.name]),
+                [f for f in fitted if _support(f.thing, planes) is p],
+            )
+            for p in planes
+        ]
+        scene = parse_scene(
+            _mjcf(slabs, fitted, self.template.poses), poses=self._poses(slabs, levels)
+        )
 
         def refit(name: str, height: float) -> Scene:
             return self.scene({**felt, name: height})
@@ -147,12 +171,20 @@ class Seen:
         given = self.template.poses
         tops = {s.thing.name: PoseEntry(pos=(s.x, s.y, levels[s.thing.name])) for s in slabs}
         offsets = {n: v for n, v in given.offsets.items() if not isinstance(v, dict) or n in names}
-        return given.model_copy(update={"objects": tops, "offsets": offsets,
-                                        "grasps": {n: g for n, g in given.grasps.items() if n in names}})
+        return given.model_copy(
+            update={
+                "objects": tops,
+                "offsets": offsets,
+                "grasps": {n: g for n, g in given.grasps.items() if n in names},
+            }
+        )
 
 
-def fit(camera: Camera, thing: SceneObject, level: float, placed: PoseEntry | None = None) -> Fitted:
-    """The shape on the level plane at world z `level` that fills its box in the image; where it is, if `placed`.
+def fit(
+    camera: Camera, thing: SceneObject, level: float, placed: PoseEntry | None = None
+) -> Fitted:
+    """The shape on the level plane at world z `level` that fills its box in the image; where it is,
+    if `placed`.
 
     Raises:
         InputError: no such shape does; worded for the model.
@@ -160,7 +192,9 @@ def fit(camera: Camera, thing: SceneObject, level: float, placed: PoseEntry | No
     from scipy.optimize import least_squares
 
     left, top, right, bottom = thing.bbox
-    wanted = np.array([left * camera.width, top * camera.height, right * camera.width, bottom * camera.height])
+    wanted = np.array(
+        [left * camera.width, top * camera.height, right * camera.width, bottom * camera.height]
+    )
     yaw = (placed.yaw or 0.0) if placed else 0.0
     start = _start(camera, thing, wanted, level, placed)
     free = slice(2, None) if placed else slice(0, None)
@@ -171,33 +205,46 @@ def fit(camera: Camera, thing: SceneObject, level: float, placed: PoseEntry | No
         seen = projected(camera, _OUTLINES[thing.shape](values, level, yaw))
         return np.concatenate([seen.min(axis=0), seen.max(axis=0)]) - wanted
 
-    low = np.array([-np.inf, -np.inf, 0.002, 0.002])[:len(start)][free]
-    found = least_squares(residual, np.maximum(start[free], low * 1.01), bounds=(low, np.inf), x_scale=0.1)
+    low = np.array([-np.inf, -np.inf, 0.002, 0.002])[: len(start)][free]
+    found = least_squares(
+        residual, np.maximum(start[free], low * 1.01), bounds=(low, np.inf), x_scale=0.1
+    )
     start[free] = found.x
     foot = camera.pose_world_camera.position[:2]
     misfit = float(np.abs(found.fun).max()) if not placed else 0.0
     if misfit > MISFIT * camera.height or np.hypot(*(start[:2] - foot)) > FAR:
-        raise InputError(f"scene: no {thing.shape} standing at z = {level:.3f} m fills the bbox of '{thing.name}' "
-                         f"within {FAR:g} m of the camera; correct its shape, its bbox or the plane's height")
+        raise InputError(
+            f"scene: no {thing.shape} standing at z = {level:.3f} m fills the bbox of '{thing.name}' "
+            f"within {FAR:g} m of the camera; correct its shape, its bbox or the plane's height"
+        )
     return _FITTED[thing.shape](thing, start, yaw)
 
 
 def projected(camera: Camera, points: Array) -> Array:
-    """(n, 2) pixels of (n, 3) world points; what is behind the camera is pushed far out of the image."""
+    """(n, 2) pixels of (n, 3) world points; what is behind the camera is pushed far out of the
+    image."""
     local = (points - camera.pose_world_camera.position) @ camera.pose_world_camera.rotation
     depth = np.maximum(-local[:, 2], 1e-2)
-    return np.column_stack([camera.width / 2 + camera.focal * local[:, 0] / depth,
-                            camera.height / 2 - camera.focal * local[:, 1] / depth])
+    return np.column_stack(
+        [
+            camera.width / 2 + camera.focal * local[:, 0] / depth,
+            camera.height / 2 - camera.focal * local[:, 1] / depth,
+        ]
+    )
 
 
-def _start(camera: Camera, thing: SceneObject, box: Array, level: float, placed: PoseEntry | None) -> Array:
+def _start(
+    camera: Camera, thing: SceneObject, box: Array, level: float, placed: PoseEntry | None
+) -> Array:
     """Where the fit begins: x, y and half extents, m."""
     middle, foot = (box[0] + box[2]) / 2, box[3]
     if thing.shape == "plane":
         foot = (box[1] + box[3]) / 2
     at = camera.on_plane(float(middle), float(foot), level)
     if at is None:
-        raise InputError(f"scene: the bbox of '{thing.name}' is above the horizon of a plane at z = {level:.3f} m")
+        raise InputError(
+            f"scene: the bbox of '{thing.name}' is above the horizon of a plane at z = {level:.3f} m"
+        )
     distance = float(np.linalg.norm(at - camera.pose_world_camera.position))
     half = np.clip(distance * (box[2:] - box[:2]) / camera.focal / 2, 0.005, 1.0)
     x, y = placed.pos[:2] if placed else at[:2]
@@ -220,8 +267,15 @@ def _block(values: Array, level: float, yaw: float) -> Array:
 def _ball(values: Array, level: float, _: float) -> Array:
     x, y, radius = values
     tilts = np.linspace(-np.pi / 2, np.pi / 2, 17)
-    return np.concatenate([_raised(np.array([x, y]) + radius * np.cos(tilt) * _RING,
-                                   level + radius * (1 + np.sin(tilt))) for tilt in tilts])
+    return np.concatenate(
+        [
+            _raised(
+                np.array([x, y]) + radius * np.cos(tilt) * _RING,
+                level + radius * (1 + np.sin(tilt)),
+            )
+            for tilt in tilts
+        ]
+    )
 
 
 def _slab(values: Array, level: float, _: float) -> Array:
@@ -233,13 +287,18 @@ def _raised(outline: Array, z: float) -> Array:
 
 
 _OUTLINES: Mapping[Shape, Callable[[Array, float, float], Array]] = {
-    "cylinder": _cylinder, "box": _block, "sphere": _ball, "plane": _slab}
+    "cylinder": _cylinder,
+    "box": _block,
+    "sphere": _ball,
+    "plane": _slab,
+}
 
 _FITTED: Mapping[Shape, Callable[[SceneObject, Array, float], Fitted]] = {
     "cylinder": lambda t, v, _: Fitted(t, v[0], v[1], 2 * v[2], 2 * v[2], 2 * v[3]),
     "box": lambda t, v, yaw: Fitted(t, v[0], v[1], 2 * v[2], 2 * v[2], 2 * v[3], yaw),
     "sphere": lambda t, v, _: Fitted(t, v[0], v[1], 2 * v[2], 2 * v[2], 2 * v[2]),
-    "plane": lambda t, v, _: Fitted(t, v[0], v[1], 2 * v[2], 2 * v[3], 0.0)}
+    "plane": lambda t, v, _: Fitted(t, v[0], v[1], 2 * v[2], 2 * v[3], 0.0),
+}
 
 
 def _sorted(objects: Sequence[SceneObject]) -> tuple[list[SceneObject], list[SceneObject]]:
@@ -253,7 +312,9 @@ def _sorted(objects: Sequence[SceneObject]) -> tuple[list[SceneObject], list[Sce
         raise InputError(f"scene: '{twice[0]}' is listed twice; give every thing a name of its own")
     planes = [thing for thing in objects if thing.shape == "plane"]
     if not planes:
-        raise InputError("scene: nothing is listed that the things stand on; list it with the shape 'plane'")
+        raise InputError(
+            "scene: nothing is listed that the things stand on; list it with the shape 'plane'"
+        )
     return planes, [thing for thing in objects if thing.shape != "plane"]
 
 
@@ -271,34 +332,54 @@ def _area(thing: SceneObject) -> float:
 
 def _widened(slab: Fitted, standing: Sequence[Fitted]) -> Fitted:
     """The slab, large enough for what stands on it."""
-    spans = [(slab.x, slab.y, slab.width / 2, slab.depth / 2),
-             *((f.x, f.y, f.width / 2 + RIM, f.depth / 2 + RIM) for f in standing)]
+    spans = [
+        (slab.x, slab.y, slab.width / 2, slab.depth / 2),
+        *((f.x, f.y, f.width / 2 + RIM, f.depth / 2 + RIM) for f in standing),
+    ]
     low = [min(s[i] - s[i + 2] for s in spans) for i in (0, 1)]
     high = [max(s[i] + s[i + 2] for s in spans) for i in (0, 1)]
-    return Fitted(slab.thing, (low[0] + high[0]) / 2, (low[1] + high[1]) / 2, high[0] - low[0], high[1] - low[1], 0.0)
+    return Fitted(
+        slab.thing,
+        (low[0] + high[0]) / 2,
+        (low[1] + high[1]) / 2,
+        high[0] - low[0],
+        high[1] - low[1],
+        0.0,
+    )
 
 
 def _mjcf(slabs: Sequence[Fitted], things: Sequence[Fitted], poses: Poses) -> str:
-    """The template: shapes as fitted, heights `?`, masses and frictions left out. Names are checked where read."""
+    """The template: shapes as fitted, heights `?`, masses and frictions left out. Names are checked
+    where read."""
     camera = poses.camera
     assert camera is not None
-    lines = ["<!-- Built from a picture: the shapes fill the boxes that a model saw in it. -->",
-             '<mujoco model="from picture">', "  <worldbody>", '    <site name="robot_base"/>',
-             f'    <camera name="workspace" pos="{_numbers(camera.pos)}" quat="{_numbers(camera.quat)}" '
-             f'fovy="{number(camera.fovy)}"/>', *(_slab_line(s) for s in slabs),
-             *(line for f in things for line in _thing_lines(f)), "  </worldbody>", "</mujoco>"]
+    lines = [
+        "<!-- Built from a picture: the shapes fill the boxes that a model saw in it. -->",
+        '<mujoco model="from picture">',
+        "  <worldbody>",
+        '    <site name="robot_base"/>',
+        f'    <camera name="workspace" pos="{_numbers(camera.pos)}" quat="{_numbers(camera.quat)}" '
+        f'fovy="{number(camera.fovy)}"/>',
+        *(_slab_line(s) for s in slabs),
+        *(line for f in things for line in _thing_lines(f)),
+        "  </worldbody>",
+        "</mujoco>",
+    ]
     return "\n".join(lines) + "\n"
 
 
 def _slab_line(slab: Fitted) -> str:
-    return (f'    <body name="{slab.thing.name}" pos="{_metres(slab.x, slab.y)} ?">\n'
-            f'      <geom type="box" size="{_metres(slab.width / 2, slab.depth / 2, THICKNESS / 2)}" '
-            f'pos="0 0 {-THICKNESS / 2:g}"/>\n    </body>')
+    return (
+        f'    <body name="{slab.thing.name}" pos="{_metres(slab.x, slab.y)} ?">\n'
+        f'      <geom type="box" size="{_metres(slab.width / 2, slab.depth / 2, THICKNESS / 2)}" '
+        f'pos="0 0 {-THICKNESS / 2:g}"/>\n    </body>'
+    )
 
 
 def _thing_lines(f: Fitted) -> Iterator[str]:
     size = {"cylinder": (f.width / 2, f.height / 2), "sphere": (f.width / 2,)}.get(
-        f.thing.shape, (f.width / 2, f.depth / 2, f.height / 2))
+        f.thing.shape, (f.width / 2, f.depth / 2, f.height / 2)
+    )
     turned = f' euler="0 0 {np.degrees(f.yaw):.2f}"' if f.yaw else ""
     yield f'    <body name="{f.thing.name}" pos="{_metres(f.x, f.y)} ?"{turned}>'
     yield "      <freejoint/>"

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.pose import Array, Pose
-from palpate.scene.grasp import HAND
-from palpate.scene.outline import Obstacle, above, clearance, rectangle
+from palpate.geometry.outline import Obstacle, above, clearance, rectangle
+from palpate.geometry.pose import Array, Pose
+from palpate.robots.grasp import HAND
 
 MARGINS = (0.06, 0.04, 0.02, 0.005)
 """m between the hand and the nearest object; the largest that leaves a spot is used."""
@@ -40,7 +40,8 @@ TOUCHING = 0.012
 
 
 def reachable(spots: Array, z: float, base: Pose) -> NDArray[np.bool_]:
-    """(n,) bool: whether the TCP, tool down, gets to each of `spots` (n, 2) at height `z`; a quick estimate."""
+    """(n,) bool: whether the TCP, tool down, gets to each of `spots` (n, 2) at height `z`; a quick
+    estimate."""
     local = (np.column_stack([spots, np.full(len(spots), z)]) - base.position) @ base.rotation
     flat = np.hypot(local[:, 0], local[:, 1])
     azimuth = np.abs(np.arctan2(local[:, 1], local[:, 0]))
@@ -48,12 +49,21 @@ def reachable(spots: Array, z: float, base: Pose) -> NDArray[np.bool_]:
     return (flat >= REACH[0]) & (flat <= REACH[1]) & (azimuth <= np.deg2rad(100)) & (wrist <= ARM)
 
 
-def free_spot(shape: Array, footing: Array, top: Array, obstacles: Sequence[Array], near: Array, z: float,
-              base: Pose) -> tuple[Array, float] | None:
-    """The (2,) spot where `shape` is clear of the obstacles and `footing` is on the surface, and its margin, m.
+def free_spot(
+    shape: Array,
+    footing: Array,
+    top: Array,
+    obstacles: Sequence[Array],
+    near: Array,
+    z: float,
+    base: Pose,
+) -> tuple[Array, float] | None:
+    """The (2,) spot where `shape` is clear of the obstacles and `footing` is on the surface, and
+    its margin, m.
 
-    `shape` and `footing` are (k, 2) about the spot, `top` (n, 3) the points of the surface. The spot is the one
-    nearest to `near`, to the arm's sweet spot and away from the edge; None when there is none in reach.
+    `shape` and `footing` are (k, 2) about the spot, `top` (n, 3) the points of the surface. The
+    spot is the one nearest to `near`, to the arm's sweet spot and away from the edge; None when
+    there is none in reach.
     """
     spots = _grid(footing, top, near)
     spots = spots[reachable(spots, z, base)]
@@ -68,7 +78,8 @@ def free_spot(shape: Array, footing: Array, top: Array, obstacles: Sequence[Arra
 
 
 def _grid(footing: Array, top: Array, near: Array) -> Array:
-    """(n, 2) spots of a grid through `near` at which `footing` stays within the box around `top`."""
+    """(n, 2) spots of a grid through `near` at which `footing` stays within the box around
+    `top`."""
     low = np.maximum(top.min(axis=0)[:2] - footing.min(axis=0), near - SEARCH)
     high = np.minimum(top.max(axis=0)[:2] - footing.max(axis=0), near + SEARCH)
     first, last = np.ceil((low - near) / STEP), np.floor((high - near) / STEP)
@@ -76,9 +87,11 @@ def _grid(footing: Array, top: Array, near: Array) -> Array:
     return np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2) + near
 
 
-def approach_pose(top: Array, others: Sequence[Obstacle], objects: Sequence[Array], clear: float,
-                  base: Pose) -> Pose | None:
-    """TCP pose `clear` m above a free spot of the surface with points `top`, near its `objects` ((n, 3) each).
+def approach_pose(
+    top: Array, others: Sequence[Obstacle], objects: Sequence[Array], clear: float, base: Pose
+) -> Pose | None:
+    """TCP pose `clear` m above a free spot of the surface with points `top`, near its `objects`
+    ((n, 3) each).
 
     `others` are what the hand must keep clear of. Both ways of turning the hand are tried.
     """
@@ -98,7 +111,8 @@ def approach_pose(top: Array, others: Sequence[Obstacle], objects: Sequence[Arra
 
 
 def _middle(top: Array, objects: Sequence[Array], base: Pose) -> Array:
-    """Where to look first: amid the objects on the surface, else its middle or what of it is in front of the arm."""
+    """Where to look first: amid the objects on the surface, else its middle or what of it is in
+    front of the arm."""
     if objects:
         return np.mean([(o.max(axis=0) + o.min(axis=0))[:2] / 2 for o in objects], axis=0)
     ahead = base.position[:2] + SWEET * base.rotation[:2, 0]

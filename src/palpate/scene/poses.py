@@ -1,11 +1,14 @@
-"""`poses.yaml`: what a pose estimator, or a person, says about where things are. Angles in rad, lengths in m.
+"""`poses.yaml`: what a pose estimator, or a person, says about where things are. Angles in rad,
+lengths in m.
 
-    objects: {bottle: {pos: [0.5, 0.1, 0.8], yaw: 0.3}}       # pose of the body frame in the world
-    places: {shelf_approach: {pos: [0.4, 0.2, 0.6]}}          # pose of the TCP; top-down unless quat is given
-    joints: {home_config: [0, -0.785, 0, -2.356, 0, 1.571, 0.785]}
-    offsets: {z_offset: 0.12, hammer: {x_offset: 0.04}}        # metres, or [x, y, z] along the grasp's axes
-    grasps: {hammer: {pos: [0.02, 0, 0.01], yaw: 0}}           # pose of the TCP in the object's frame
-    camera: {pos: [...], quat: [...], fovy: 45, size: [640, 480]}
+objects: {bottle: {pos: [0.5, 0.1, 0.8], yaw: 0.3}}       # pose of the body frame in the world
+places: {shelf_approach: {pos: [0.4, 0.2, 0.6]}}          # pose of the TCP; top-down unless quat is
+    given
+joints: {home_config: [0, -0.785, 0, -2.356, 0, 1.571, 0.785]}
+offsets: {z_offset: 0.12, hammer: {x_offset: 0.04}}        # metres, or [x, y, z] along the grasp's
+    axes
+grasps: {hammer: {pos: [0.02, 0, 0.01], yaw: 0}}           # pose of the TCP in the object's frame
+camera: {pos: [...], quat: [...], fovy: 45, size: [640, 480]}
 """
 
 from __future__ import annotations
@@ -17,7 +20,7 @@ import yaml
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from palpate.errors import InputError
-from palpate.pose import Pose
+from palpate.geometry.pose import Pose
 
 MAX_BYTES = 200_000
 """Largest poses file."""
@@ -25,8 +28,12 @@ MAX_BYTES = 200_000
 MAX_DEPTH = 10
 """Deepest nesting of lists and mappings."""
 
-_OPENING = (yaml.BlockMappingStartToken, yaml.BlockSequenceStartToken, yaml.FlowMappingStartToken,
-            yaml.FlowSequenceStartToken)
+_OPENING = (
+    yaml.BlockMappingStartToken,
+    yaml.BlockSequenceStartToken,
+    yaml.FlowMappingStartToken,
+    yaml.FlowSequenceStartToken,
+)
 _CLOSING = (yaml.BlockEndToken, yaml.FlowMappingEndToken, yaml.FlowSequenceEndToken)
 
 Number = Annotated[float, Field(allow_inf_nan=False, ge=-100.0, le=100.0)]
@@ -40,7 +47,8 @@ class _Strict(BaseModel):
 
 
 class PoseEntry(_Strict):
-    """A pose: position, and at most one of yaw (rad about world z), euler (rad, fixed x-y-z) and quat (wxyz)."""
+    """A pose: position, and at most one of yaw (rad about world z), euler (rad, fixed x-y-z) and
+    quat (wxyz)."""
 
     pos: Vector
     yaw: Number | None = None
@@ -124,25 +132,34 @@ def parse_poses(text: str, where: str = "poses") -> Poses:
     except yaml.YAMLError as error:
         mark = getattr(error, "problem_mark", None)
         at = f", line {mark.line + 1}, column {mark.column + 1}" if mark is not None else ""
-        raise InputError(f"{where}{at}: not YAML: {getattr(error, 'problem', None) or error}") from None
+        raise InputError(
+            f"{where}{at}: not YAML: {getattr(error, 'problem', None) or error}"
+        ) from None
     except ValueError as error:
         raise InputError(f"{where}: not YAML: {error}") from None
     try:
         return Poses.model_validate(content or {})
     except ValidationError as error:
         first = error.errors()[0]
-        raise InputError(f"{where}: {'.'.join(str(p) for p in first['loc']) or 'content'}: {first['msg']}") from None
+        raise InputError(
+            f"{where}: {'.'.join(str(p) for p in first['loc']) or 'content'}: {first['msg']}"
+        ) from None
 
 
 def _load(text: str) -> Any:
-    """YAML without aliases, whose expansion is unbounded, and without deep nesting, which takes forever to read."""
+    """YAML without aliases, whose expansion is unbounded, and without deep nesting, which takes
+    forever to read."""
     depth = 0
     for token in yaml.scan(text, Loader=yaml.SafeLoader):
         if isinstance(token, yaml.AliasToken):
-            raise yaml.MarkedYAMLError(problem="aliases are not accepted", problem_mark=token.start_mark)
+            raise yaml.MarkedYAMLError(
+                problem="aliases are not accepted", problem_mark=token.start_mark
+            )
         depth += isinstance(token, _OPENING) - isinstance(token, _CLOSING)
         if depth > MAX_DEPTH:
-            raise yaml.MarkedYAMLError(problem=f"nested deeper than {MAX_DEPTH}", problem_mark=token.start_mark)
+            raise yaml.MarkedYAMLError(
+                problem=f"nested deeper than {MAX_DEPTH}", problem_mark=token.start_mark
+            )
     return yaml.safe_load(text)
 
 

@@ -1,13 +1,15 @@
-"""The names a plan may use for poses, joint configurations and offsets, and the grammar of pose expressions.
+"""The names a plan may use for poses, joint configurations and offsets, and the grammar of pose
+expressions.
 
 Names come from the scene and `poses.yaml`; what is absent there is derived from the geometry:
 
-- `<object>_pose`: TCP pose of a top-down grasp; `<object>_temporary`: TCP pose at which the held object, grasped
-  there, stands on a free spot of its surface.
+- `<object>_pose`: TCP pose of a top-down grasp; `<object>_temporary`: TCP pose at which the held
+  object, grasped there, stands on a free spot of its surface.
 - `<surface>_approach`: TCP pose above a free spot of the surface.
 - `home_config`: joint configuration.
-- `x_offset`, `y_offset`: along the tool's x and y at the base pose, horizontal, scaled to the object so that twice the
-  offset is still on it where it can be; `z_offset`: along world z, high enough that the object clears its neighbours.
+- `x_offset`, `y_offset`: along the tool's x and y at the base pose, horizontal, scaled to the
+  object so that twice the offset is still on it where it can be; `z_offset`: along world z, high
+  enough that the object clears its neighbours.
 """
 
 from __future__ import annotations
@@ -21,7 +23,7 @@ from functools import cached_property
 import numpy as np
 
 from palpate.errors import InputError, unknown_name
-from palpate.pose import Array, Pose
+from palpate.geometry.pose import Array, Pose
 
 MAX_EXPRESSION = 200
 """Characters of a pose expression."""
@@ -30,7 +32,10 @@ HOME = (0.0, -np.pi / 4, 0.0, -3 * np.pi / 4, 0.0, np.pi / 2, np.pi / 4)
 """rad: `home_config` unless poses.yaml names another; the manufacturer's ready configuration."""
 
 DEFAULT_OFFSETS: Mapping[str, tuple[float, float, float]] = {
-    "x_offset": (0.05, 0.0, 0.0), "y_offset": (0.0, 0.05, 0.0), "z_offset": (0.0, 0.0, 0.12)}
+    "x_offset": (0.05, 0.0, 0.0),
+    "y_offset": (0.0, 0.05, 0.0),
+    "z_offset": (0.0, 0.0, 0.12),
+}
 """m: for places that belong to no object."""
 
 _FACTOR = r"\(?([-−]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\)?"
@@ -39,13 +44,16 @@ _TERM = re.compile(rf"\s*([+\-−])\s*(?:{_FACTOR}\s*\*?\s*)?([^\W\d][\w.]*)")
 
 @dataclass(frozen=True, slots=True)
 class PoseExpression:
-    """`NAME (± [α *] OFFSET)*`, like terms merged and in alphabetical order, so that equal means the same text."""
+    """`NAME (± [α *] OFFSET)*`, like terms merged and in alphabetical order, so that equal means
+    the same text."""
 
     name: str
     terms: tuple[tuple[float, str], ...] = ()
 
     def __str__(self) -> str:
-        return self.name + "".join(_term_text(coefficient, offset) for coefficient, offset in self.terms)
+        return self.name + "".join(
+            _term_text(coefficient, offset) for coefficient, offset in self.terms
+        )
 
 
 def _term_text(coefficient: float, offset: str) -> str:
@@ -73,8 +81,12 @@ class Symbols:
     offsets: Mapping[str, Array]
     own_offsets: Mapping[str, Mapping[str, Array]]
     ungraspable: Mapping[str, str] = field(default_factory=dict[str, str])
-    later: Mapping[str, Callable[[], Pose | None]] = field(default_factory=dict[str, "Callable[[], Pose | None]"])
-    _found: dict[str, Pose | None] = field(default_factory=dict[str, "Pose | None"], init=False, repr=False)
+    later: Mapping[str, Callable[[], Pose | None]] = field(
+        default_factory=dict[str, "Callable[[], Pose | None]"]
+    )
+    _found: dict[str, Pose | None] = field(
+        default_factory=dict[str, "Pose | None"], init=False, repr=False
+    )
 
     @cached_property
     def names(self) -> tuple[str, ...]:
@@ -94,7 +106,9 @@ class Symbols:
             InputError: not of the grammar, or unknown names; the message lists the valid ones.
         """
         if len(expression) > MAX_EXPRESSION:
-            raise InputError(f"pose expression of {len(expression)} characters; at most {MAX_EXPRESSION}")
+            raise InputError(
+                f"pose expression of {len(expression)} characters; at most {MAX_EXPRESSION}"
+            )
         text = expression.strip()
         name, rest = self._leading_name(text)
         terms: dict[str, float] = {}
@@ -102,12 +116,16 @@ class Symbols:
         while position < len(rest):
             match = _TERM.match(rest, position)
             if match is None:
-                raise InputError(f"cannot read '{rest[position:].strip()}' in pose expression '{text}'; "
-                                 "write NAME + 0.5*x_offset - z_offset")
+                raise InputError(
+                    f"cannot read '{rest[position:].strip()}' in pose expression '{text}'; "
+                    "write NAME + 0.5*x_offset - z_offset"
+                )
             offset = self._offset_name(match[3])
             terms[offset] = terms.get(offset, 0.0) + _coefficient(match, text)
             position = match.end()
-        return PoseExpression(name, tuple((c, o) for o, c in sorted(terms.items()) if abs(c) > 1e-12))
+        return PoseExpression(
+            name, tuple((c, o) for o, c in sorted(terms.items()) if abs(c) > 1e-12)
+        )
 
     def resolve(self, expression: str | PoseExpression) -> Pose:
         """The TCP pose in the world that an expression stands for.
@@ -134,11 +152,14 @@ class Symbols:
             self._found[name] = self.later[name]()
         found = self._found[name]
         if found is None:
-            raise InputError(f"there is no free place within reach for '{name}'; give one in poses.yaml")
+            raise InputError(
+                f"there is no free place within reach for '{name}'; give one in poses.yaml"
+            )
         return found
 
     def offset(self, name: str, pose: str) -> Array:
-        """The vector (3,) m that an offset is at a named pose: along tool x, along tool y, along world z."""
+        """The vector (3,) m that an offset is at a named pose: along tool x, along tool y, along
+        world z."""
         own = self.own_offsets.get(self.subjects.get(pose, ""), {})
         if name in own:
             return own[name]
@@ -163,7 +184,7 @@ class Symbols:
 
     def _leading_name(self, text: str) -> tuple[str, str]:
         for name in (*self.names, *sorted(self._aliases, key=len, reverse=True)):
-            rest = text[len(name):]
+            rest = text[len(name) :]
             if text.startswith(name) and (not rest.strip() or rest.lstrip()[0] in "+-−"):
                 return self._aliases.get(name, name), rest
         shown = re.split(r"[+\-−*]", text)[0].strip() or text
@@ -172,12 +193,19 @@ class Symbols:
     @cached_property
     def _aliases(self) -> dict[str, str]:
         """`hammer` for `hammer_pose`, where nothing else is called so."""
-        return {subject: f"{subject}_pose" for subject in self.subjects.values()
-                if f"{subject}_pose" in self.poses and subject not in self.poses}
+        return {
+            subject: f"{subject}_pose"
+            for subject in self.subjects.values()
+            if f"{subject}_pose" in self.poses and subject not in self.poses
+        }
 
     def _offset_name(self, written: str) -> str:
-        candidates = (written, f"{written}_offset", f"{written.removesuffix('_off')}_offset",
-                      f"{written.removesuffix('off')}_offset")
+        candidates = (
+            written,
+            f"{written}_offset",
+            f"{written.removesuffix('_off')}_offset",
+            f"{written.removesuffix('off')}_offset",
+        )
         found = next((c for c in candidates if c in self.offset_names), None)
         if found is None:
             raise unknown_name("offset", written, self.offset_names)
@@ -194,7 +222,9 @@ def _coefficient(match: re.Match[str], text: str) -> float:
 def _in_world(base: Pose, shift: Array) -> Array:
     """A shift along tool x, tool y (both laid level) and world z, in world axes."""
     x, y, z = shift
-    return _level(base.rotation[:, 0]) * x + _level(base.rotation[:, 1]) * y + np.array([0.0, 0.0, z])
+    return (
+        _level(base.rotation[:, 0]) * x + _level(base.rotation[:, 1]) * y + np.array([0.0, 0.0, z])
+    )
 
 
 def _level(axis: Array) -> Array:
@@ -204,14 +234,17 @@ def _level(axis: Array) -> Array:
 
 
 def vectors(entries: Mapping[str, float | Iterable[float]]) -> dict[str, Array]:
-    """Offsets as poses.yaml writes them: a vector, or a length along the axis that the name begins with."""
+    """Offsets as poses.yaml writes them: a vector, or a length along the axis that the name begins
+    with."""
     made: dict[str, Array] = {}
     for name, value in entries.items():
         if isinstance(value, int | float):
             axis = "xyz".find(name[0])
             if axis < 0 or not name.endswith("_offset"):
-                raise InputError(f"offset '{name}' is one number; only x_offset, y_offset, z_offset may be, "
-                                 "others are [x, y, z]")
+                raise InputError(
+                    f"offset '{name}' is one number; only x_offset, y_offset, z_offset may be, "
+                    "others are [x, y, z]"
+                )
             made[name] = float(value) * np.eye(3)[axis]
         else:
             made[name] = np.array(list(value), dtype=float)

@@ -6,20 +6,37 @@ import re
 
 import numpy as np
 
-from palpate.scene.defaults import Defaults
-from palpate.scene.mjcf import Element, tokens
+from palpate.mjcf.defaults import Defaults
+from palpate.mjcf.document import Element, tokens
 
 _COLOURS = {
-    "red": (0.85, 0.1, 0.1), "green": (0.1, 0.65, 0.15), "blue": (0.1, 0.2, 0.8), "yellow": (0.95, 0.85, 0.1),
-    "orange": (0.95, 0.5, 0.05), "purple": (0.5, 0.1, 0.6), "pink": (1.0, 0.55, 0.7), "brown": (0.45, 0.28, 0.12),
-    "black": (0.05, 0.05, 0.05), "white": (0.97, 0.97, 0.97), "grey": (0.5, 0.5, 0.5),
-    "light blue": (0.55, 0.78, 0.95), "light green": (0.6, 0.9, 0.6), "dark blue": (0.05, 0.08, 0.4),
-    "dark green": (0.03, 0.3, 0.08), "dark red": (0.45, 0.03, 0.05), "cyan": (0.1, 0.8, 0.85),
+    "red": (0.85, 0.1, 0.1),
+    "green": (0.1, 0.65, 0.15),
+    "blue": (0.1, 0.2, 0.8),
+    "yellow": (0.95, 0.85, 0.1),
+    "orange": (0.95, 0.5, 0.05),
+    "purple": (0.5, 0.1, 0.6),
+    "pink": (1.0, 0.55, 0.7),
+    "brown": (0.45, 0.28, 0.12),
+    "black": (0.05, 0.05, 0.05),
+    "white": (0.97, 0.97, 0.97),
+    "grey": (0.5, 0.5, 0.5),
+    "light blue": (0.55, 0.78, 0.95),
+    "light green": (0.6, 0.9, 0.6),
+    "dark blue": (0.05, 0.08, 0.4),
+    "dark green": (0.03, 0.3, 0.08),
+    "dark red": (0.45, 0.03, 0.05),
+    "cyan": (0.1, 0.8, 0.85),
     "beige": (0.9, 0.82, 0.65),
 }
 _SPELLINGS = {"grey": "gray", "purple": "violet"}
-_SHAPES = {"box": ("box", "block", "cube"), "cylinder": ("cylinder", "can"), "sphere": ("ball", "sphere"),
-           "ellipsoid": ("ellipsoid",), "capsule": ("capsule",)}
+_SHAPES = {
+    "box": ("box", "block", "cube"),
+    "cylinder": ("cylinder", "can"),
+    "sphere": ("ball", "sphere"),
+    "ellipsoid": ("ellipsoid",),
+    "capsule": ("capsule",),
+}
 
 
 def name_words(name: str) -> set[str]:
@@ -29,8 +46,9 @@ def name_words(name: str) -> set[str]:
     return words | {name.lower(), " ".join(part.lower() for part in parts)} - {""}
 
 
-def thing_words(name: str, geoms: tuple[Element, ...], defaults: Defaults, root: Element,
-                shapes: bool = True) -> frozenset[str]:
+def thing_words(
+    name: str, geoms: tuple[Element, ...], defaults: Defaults, root: Element, shapes: bool = True
+) -> frozenset[str]:
     """Words for a body or geom of that name made of `geoms`; `shapes` adds `box`, `ball`, …"""
     words = name_words(name)
     for geom in geoms:
@@ -44,8 +62,10 @@ def thing_words(name: str, geoms: tuple[Element, ...], defaults: Defaults, root:
 
 def colour_words(rgb: tuple[float, float, float]) -> set[str]:
     """The nearest basic colour, and for `light blue` also `blue`."""
+
     def distance(name: str) -> float:
         return float(np.linalg.norm(np.array(_COLOURS[name]) - np.array(rgb)))
+
     nearest = min(_COLOURS, key=distance)
     words = {nearest, nearest.split()[-1]}
     return words | {_SPELLINGS[w] for w in words if w in _SPELLINGS}
@@ -55,7 +75,9 @@ def _rgba(geom: Element, defaults: Defaults, root: Element) -> tuple[float, floa
     stated = defaults.attribute(geom, "rgba")
     material = defaults.attribute(geom, "material")
     if stated is None and material is not None:
-        found = next((m for m in root.iterfind("asset/material") if m.get("name") == material), None)
+        found = next(
+            (m for m in root.iterfind("asset/material") if m.get("name") == material), None
+        )
         stated = None if found is None else defaults.attribute(found, "rgba")
     try:
         r, g, b = (float(part) for part in tokens(stated)[:3])

@@ -22,27 +22,51 @@ CONFIGURATIONS: dict[str, frozenset[str]] = {
 """The rows of the paper's table, with what each leaves out."""
 
 PAPER: dict[str, tuple[int, int | None]] = {
-    "full": (10, 10), "no image": (10, 5), "no text": (10, None), "no role": (10, 10), "no actions": (10, 0),
-    "no composites": (10, 8), "no rules": (10, 3), "no output": (0, 0), "no system prompt": (0, 0),
+    "full": (10, 10),
+    "no image": (10, 5),
+    "no text": (10, None),
+    "no role": (10, 10),
+    "no actions": (10, 0),
+    "no composites": (10, 8),
+    "no rules": (10, 3),
+    "no output": (0, 0),
+    "no system prompt": (0, 0),
 }
 """Valid syntax and task success of 10 with Gemini 1.5 Pro: table II of the paper."""
 
 TRIALS = 10
 
 
-def ablation(scenario: str, planners: Sequence[str], file: Path, settings: Settings, trials: int = TRIALS,
-             configurations: Iterable[str] = CONFIGURATIONS, in_flight: int = 4,
-             say: Callable[[str], None] = lambda _: None) -> list[Record]:
+def ablation(
+    scenario: str,
+    planners: Sequence[str],
+    file: Path,
+    settings: Settings,
+    trials: int = TRIALS,
+    configurations: Iterable[str] = CONFIGURATIONS,
+    in_flight: int = 4,
+    say: Callable[[str], None] = lambda _: None,
+) -> list[Record]:
     """Every configuration with every planner, `trials` times each; results are appended to `file`.
 
     Raises:
-        InputError: unknown scenario, planner or configuration. Unavailable: the provider was; what is done is kept.
+        InputError: unknown scenario, planner or configuration. Unavailable: the provider was; what
+            is done is kept.
     """
     settings = with_image(scenario, settings, file)
-    wanted = [Trial(scenario, planner, configuration, number)
-              for planner in planners for configuration in configurations for number in range(trials)]
-    return run_trials(wanted, lambda trial: attempt(trial, without(trial.configuration), settings), file, in_flight,
-                      say)
+    wanted = [
+        Trial(scenario, planner, configuration, number)
+        for planner in planners
+        for configuration in configurations
+        for number in range(trials)
+    ]
+    return run_trials(
+        wanted,
+        lambda trial: attempt(trial, without(trial.configuration), settings),
+        file,
+        in_flight,
+        say,
+    )
 
 
 def without(configuration: str) -> frozenset[str]:

@@ -9,15 +9,16 @@ from functools import partial
 from statistics import fmean, stdev
 
 from palpate import pipeline
-from palpate.job import Job
-from palpate.quantities import Gap
+from palpate.parameter import Parameter
+from palpate.settings import Job
 
 
 @dataclass(frozen=True, slots=True)
 class Trial:
-    """One estimate of one seed. `single_shot` is the naive mean of F_z/g from the same recording, for masses."""
+    """One estimate of one seed. `single_shot` is the naive mean of F_z/g from the same recording,
+    for masses."""
 
-    gap: Gap
+    parameter: Parameter
     component: int
     seed: int
     value: float
@@ -46,9 +47,10 @@ class Run:
 
 @dataclass(frozen=True, slots=True)
 class Summary:
-    """A gap over all seeds, in its SI unit. `claimed` is the mean of the stated standard deviations."""
+    """A gap over all seeds, in its SI unit. `claimed` is the mean of the stated standard
+    deviations."""
 
-    gap: Gap
+    parameter: Parameter
     component: int
     runs: int
     truth: float
@@ -65,21 +67,35 @@ def run_seed(job: Job, seed: int) -> Run:
     job = replace(job, seed=seed)
     outcome = pipeline.measure(pipeline.think(job, pipeline.look(job)))
     done = outcome.execution
-    return Run(seed, outcome.status, done.actions if done else 0, done.robot_seconds if done else 0.0,
-               tuple(_trials(outcome, seed)))
+    return Run(
+        seed,
+        outcome.status,
+        done.actions if done else 0,
+        done.robot_seconds if done else 0.0,
+        tuple(_trials(outcome, seed)),
+    )
 
 
 def _trials(outcome: pipeline.Outcome, seed: int) -> Iterable[Trial]:
     for estimate in outcome.estimates:
-        truth = outcome.cell.truth(estimate.gap) if outcome.cell and estimate.value else None
+        truth = outcome.cell.truth(estimate.parameter) if outcome.cell and estimate.value else None
         shot = estimate.components.get("single-shot")
         for i, true_value in enumerate(truth or ()):
-            yield Trial(estimate.gap, i, seed, estimate.value[i], estimate.std[i], *estimate.ci95[i], true_value,
-                        shot[0] if shot else None)
+            yield Trial(
+                estimate.parameter,
+                i,
+                seed,
+                estimate.value[i],
+                estimate.std[i],
+                *estimate.ci95[i],
+                true_value,
+                shot[0] if shot else None,
+            )
 
 
 def accuracy(job: Job, seeds: Sequence[int], workers: int = 1) -> list[Run]:
-    """The job over all seeds, in order; each seed is deterministic whatever the number of workers."""
+    """The job over all seeds, in order; each seed is deterministic whatever the number of
+    workers."""
     if workers == 1:
         return [run_seed(job, seed) for seed in seeds]
     with ProcessPoolExecutor(workers) as pool:
@@ -88,19 +104,26 @@ def accuracy(job: Job, seeds: Sequence[int], workers: int = 1) -> list[Run]:
 
 def summarise(runs: Sequence[Run]) -> list[Summary]:
     """One row a gap and component, in order of first appearance."""
-    groups: dict[tuple[Gap, int], list[Trial]] = {}
+    groups: dict[tuple[Parameter, int], list[Trial]] = {}
     for trial in (t for run in runs for t in run.trials):
-        groups.setdefault((trial.gap, trial.component), []).append(trial)
+        groups.setdefault((trial.parameter, trial.component), []).append(trial)
     return [_summary(*key, trials) for key, trials in groups.items()]
 
 
-def _summary(gap: Gap, component: int, trials: list[Trial]) -> Summary:
+def _summary(parameter: Parameter, component: int, trials: list[Trial]) -> Summary:
     errors = [t.value - t.truth for t in trials]
     shots = [t.single_shot - t.truth for t in trials if t.single_shot is not None]
     return Summary(
-        gap=gap, component=component, runs=len(trials), truth=fmean(t.truth for t in trials),
-        mean=fmean(t.value for t in trials), bias=fmean(errors), sd=_sd(errors), claimed=fmean(t.std for t in trials),
-        covered=sum(t.covered for t in trials), single_shot_sd=_sd(shots) if shots else None,
+        parameter=parameter,
+        component=component,
+        runs=len(trials),
+        truth=fmean(t.truth for t in trials),
+        mean=fmean(t.value for t in trials),
+        bias=fmean(errors),
+        sd=_sd(errors),
+        claimed=fmean(t.std for t in trials),
+        covered=sum(t.covered for t in trials),
+        single_shot_sd=_sd(shots) if shots else None,
     )
 
 

@@ -13,8 +13,8 @@ from pathlib import Path
 import mujoco
 
 from palpate import pipeline
-from palpate.cell import simulated_cell
-from palpate.pose import Array
+from palpate.cells.simulated import simulated_cell
+from palpate.geometry.pose import Array
 from palpate.scenarios.catalogue import scenario
 from palpate.studies.variety import crowd
 
@@ -27,13 +27,21 @@ def main() -> None:
     _line("palpate --help", f"{_median(lambda: _palpate('--help')):.2f} s", "≤ 0.4 s")
     with tempfile.TemporaryDirectory() as folder:
         scene = crowd(Path(folder), 15)
-        _line("palpate plan, 15 objects, cold", f"{_median(lambda: _palpate('plan', '--scene', str(scene))):.2f} s",
-              "≤ 1.5 s")
-        _line("  of which planning and checking", f"{1e3 * planning_seconds(scene):.0f} ms", "≤ 100 ms")
+        _line(
+            "palpate plan, 15 objects, cold",
+            f"{_median(lambda: _palpate('plan', '--scene', str(scene))):.2f} s",
+            "≤ 1.5 s",
+        )
+        _line(
+            "  of which planning and checking",
+            f"{1e3 * planning_seconds(scene):.0f} ms",
+            "≤ 100 ms",
+        )
 
 
 def closed_loop_ratio() -> float:
-    """Wall time of the whole loop (control, sensing, ticks, logging) over as many bare `mj_step`s, alternated."""
+    """Wall time of the whole loop (control, sensing, ticks, logging) over as many bare `mj_step`s,
+    alternated."""
     ratios: list[float] = []
     for seed in range(ROUNDS):
         job = scenario("bottle_and_table").job(noise="lab", seed=seed)
@@ -49,7 +57,8 @@ def closed_loop_ratio() -> float:
 
 
 def _bare(model: mujoco.MjModel, frames: list[tuple[float, Array]], steps: int) -> float:
-    """Seconds for `steps` bare steps through the same states: restarted at each stored frame of the run."""
+    """Seconds for `steps` bare steps through the same states: restarted at each stored frame of the
+    run."""
     data = mujoco.MjData(model)
     chunk = steps // len(frames)
     start = time.perf_counter()
@@ -62,19 +71,25 @@ def _bare(model: mujoco.MjModel, frames: list[tuple[float, Array]], steps: int) 
 
 def planning_seconds(scene_file: Path) -> float:
     """Planning and checking alone, warm imports, cold caches."""
-    from palpate.job import Job
+    from palpate.settings import Job
 
     job = Job(scene=scene_file)
     scene = pipeline.look(job)
-    pipeline.think(scenario("one_missing_mass").job(), pipeline.look(scenario("one_missing_mass").job()))
+    pipeline.think(
+        scenario("one_missing_mass").job(), pipeline.look(scenario("one_missing_mass").job())
+    )
     start = time.perf_counter()
     pipeline.think(job, scene)
     return time.perf_counter() - start
 
 
 def _palpate(*args: str) -> None:
-    subprocess.run([sys.executable, "-m", "palpate.cli.main", *args], check=True, stdout=subprocess.DEVNULL,
-                   stderr=subprocess.DEVNULL)
+    subprocess.run(
+        [sys.executable, "-m", "palpate.cli.main", *args],
+        check=True,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+    )
 
 
 def _median(run: Callable[[], None]) -> float:

@@ -22,7 +22,8 @@ class Comparison:
 
     @property
     def time_saved(self) -> float | None:
-        """Fraction of robot time that intent saves; None unless both planners' runs were completed."""
+        """Fraction of robot time that intent saves; None unless both planners' runs were
+        completed."""
         if self.exhaustive.status != "complete" or self.intent.status != "complete":
             return None
         return 1.0 - self.intent.robot_seconds / self.exhaustive.robot_seconds

@@ -1,4 +1,5 @@
-"""Things that go wrong on purpose: how each mishap ends over many seeds, and whether anything was dropped."""
+"""Things that go wrong on purpose: how each mishap ends over many seeds, and whether anything was
+dropped."""
 
 from __future__ import annotations
 
@@ -11,8 +12,8 @@ from itertools import product
 import numpy as np
 
 from palpate import pipeline
-from palpate.cell import Footage
-from palpate.pose import Array
+from palpate.geometry.pose import Array
+from palpate.pictures.footage import Footage
 from palpate.scenarios.catalogue import names, scenario
 
 FALL = 0.5
@@ -27,7 +28,8 @@ class Ending:
     """How one run of a mishap ended.
 
     Attributes:
-        status: as in `result.json`; `expected`: as the scenario says. reason: why it stopped or was rejected.
+        status: as in `result.json`; `expected`: as the scenario says. reason: why it stopped or was
+            rejected.
         dropped: objects that fell or tipped over. holding: what the hand still holds.
     """
 
@@ -42,7 +44,8 @@ class Ending:
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """A mishap over all seeds: how often it ended how, how often as it should, and what was dropped."""
+    """A mishap over all seeds: how often it ended how, how often as it should, and what was
+    dropped."""
 
     scenario: str
     runs: int
@@ -58,7 +61,9 @@ def mishaps() -> list[str]:
     return [name for name in names() if name.startswith("mishaps/")]
 
 
-def faults(chosen: Sequence[str], noise: str, seeds: Sequence[int], workers: int = 1) -> list[Ending]:
+def faults(
+    chosen: Sequence[str], noise: str, seeds: Sequence[int], workers: int = 1
+) -> list[Ending]:
     """Every chosen mishap with every seed.
 
     Raises:
@@ -81,15 +86,25 @@ def ending(name: str, noise: str, seed: int) -> Ending:
         reason = "; ".join(f.message for f in outcome.findings) or outcome.plan.explanation
         return Ending(name, seed, outcome.status, task.status, reason, (), None)
     fallen = dropped(outcome.footage, tuple(outcome.scene.objects)) if outcome.footage else ()
-    return Ending(name, seed, outcome.status, task.status, done.stopped_by or "", fallen, done.final_state.holding)
+    return Ending(
+        name,
+        seed,
+        outcome.status,
+        task.status,
+        done.stopped_by or "",
+        fallen,
+        done.final_state.holding,
+    )
 
 
 def dropped(footage: Footage, objects: Sequence[str]) -> tuple[str, ...]:
     """The objects that fell or tipped over while the camera looked, by the hidden world."""
     t = np.array([time for time, _ in footage.frames])
     qpos = np.array([q for _, q in footage.frames])
-    starts = {name: int(footage.model.jnt_qposadr[footage.model.body(name).jntadr[0]]) for name in objects}
-    return tuple(name for name, at in starts.items() if _fell(t, qpos[:, at:at + 7]))
+    starts = {
+        name: int(footage.model.jnt_qposadr[footage.model.body(name).jntadr[0]]) for name in objects
+    }
+    return tuple(name for name, at in starts.items() if _fell(t, qpos[:, at : at + 7]))
 
 
 def _fell(t: Array, poses: Array) -> bool:
@@ -104,12 +119,20 @@ def _fell(t: Array, poses: Array) -> bool:
 
 def table(endings: Sequence[Ending]) -> list[Row]:
     """One row for each mishap, in order of first appearance."""
-    return [_row(name, [e for e in endings if e.scenario == name])
-            for name in dict.fromkeys(e.scenario for e in endings)]
+    return [
+        _row(name, [e for e in endings if e.scenario == name])
+        for name in dict.fromkeys(e.scenario for e in endings)
+    ]
 
 
 def _row(name: str, runs: Sequence[Ending]) -> Row:
     reasons = Counter(e.reason for e in runs)
-    return Row(name, len(runs), dict(Counter(e.status for e in runs)), sum(e.status == e.expected for e in runs),
-               sum(bool(e.dropped) for e in runs), sum(e.holding is not None for e in runs),
-               reasons.most_common(1)[0][0])
+    return Row(
+        name,
+        len(runs),
+        dict(Counter(e.status for e in runs)),
+        sum(e.status == e.expected for e in runs),
+        sum(bool(e.dropped) for e in runs),
+        sum(e.holding is not None for e in runs),
+        reasons.most_common(1)[0][0],
+    )

@@ -1,13 +1,14 @@
-"""Did the run acquire exactly what it should? Answered from the execution trace alone, as in the paper."""
+"""Did the run acquire exactly what it should? Answered from the execution trace alone, as in the
+paper."""
 
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 
-from palpate.planning.evidence import DERIVED, NEEDED, piece, supports
-from palpate.quantities import Gap
-from palpate.trace import Trace
+from palpate.parameter import Parameter
+from palpate.quantities.evidence import DERIVED, NEEDED, piece, supports
+from palpate.trace.samples import Trace
 
 
 @dataclass(frozen=True, slots=True)
@@ -18,45 +19,61 @@ class Judgement:
     reason: str = ""
 
 
-def judge(trace: Trace, expected: Collection[Gap], may_touch: Collection[str] = ()) -> Judgement:
-    """Success: the right sensing on the right objects, nothing failed or stopped, nothing redundant.
+def judge(
+    trace: Trace, expected: Collection[Parameter], may_touch: Collection[str] = ()
+) -> Judgement:
+    """Success: the right sensing on the right objects, nothing failed or stopped, nothing
+    redundant.
 
     `may_touch` names objects that may be carried out of the way besides those of `expected`.
     """
     failed = [leaf for leaf in trace.leaves if leaf.status != "SUCCESS"]
     if failed:
         return Judgement(False, f"{failed[0].label} failed: {failed[0].message}"[:300])
-    acquired = [*(Gap(c.object, c.quantity) for c in trace.conversions), *_derived(trace, expected)]
+    acquired = [
+        *(Parameter(c.object, c.quantity) for c in trace.conversions),
+        *_derived(trace, expected),
+    ]
     if missed := sorted(set(expected) - set(acquired)):
         return Judgement(False, f"not acquired: {_listed(missed)}")
     if needless := sorted(set(acquired) - set(expected)):
         return Judgement(False, f"not asked for: {_listed(needless)}")
-    if twice := sorted({gap for gap in acquired if acquired.count(gap) > 1}):
+    if twice := sorted({parameter for parameter in acquired if acquired.count(parameter) > 1}):
         return Judgement(False, f"acquired more than once: {_listed(twice)}")
     if unused := _unused(trace, expected):
         return Judgement(False, f"measured without need at {unused[0]}")
-    strangers = sorted(_grasped(trace) - {gap.object for gap in expected} - set(may_touch))
-    return Judgement(False, f"touched needlessly: {', '.join(strangers)}") if strangers else Judgement(True)
+    strangers = sorted(
+        _grasped(trace) - {parameter.object for parameter in expected} - set(may_touch)
+    )
+    return (
+        Judgement(False, f"touched needlessly: {', '.join(strangers)}")
+        if strangers
+        else Judgement(True)
+    )
 
 
-def _derived(trace: Trace, expected: Collection[Gap]) -> Iterable[Gap]:
+def _derived(trace: Trace, expected: Collection[Parameter]) -> Iterable[Parameter]:
     """The expected derived quantities for which the raw forces were logged."""
-    for gap in expected:
-        pieces = {piece(gap, r.buffer, r.context) for r in trace.recordings} - {None}
-        if gap.quantity in DERIVED and len(pieces) >= NEEDED[gap.quantity]:
-            yield gap
+    for parameter in expected:
+        pieces = {piece(parameter, r.buffer, r.context) for r in trace.recordings} - {None}
+        if parameter.quantity in DERIVED and len(pieces) >= NEEDED[parameter.quantity]:
+            yield parameter
 
 
-def _unused(trace: Trace, expected: Collection[Gap]) -> list[str]:
+def _unused(trace: Trace, expected: Collection[Parameter]) -> list[str]:
     """Nodes of recordings that neither a conversion nor an expected derived quantity rests on."""
     converted = {(c.recording.buffer, c.recording.start) for c in trace.conversions}
-    return [r.node for r in trace.recordings if (r.buffer, r.start) not in converted
-            and not any(supports(gap, r.buffer, r.context) for gap in expected)]
+    return [
+        r.node
+        for r in trace.recordings
+        if (r.buffer, r.start) not in converted
+        and not any(supports(parameter, r.buffer, r.context) for parameter in expected)
+    ]
 
 
 def _grasped(trace: Trace) -> set[str]:
     return {leaf.context.holding for leaf in trace.leaves if leaf.context and leaf.context.holding}
 
 
-def _listed(gaps: Iterable[Gap]) -> str:
-    return ", ".join(str(gap) for gap in gaps)
+def _listed(parameters: Iterable[Parameter]) -> str:
+    return ", ".join(str(parameter) for parameter in parameters)

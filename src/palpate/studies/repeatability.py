@@ -14,13 +14,25 @@ PAPER: dict[str, tuple[int, int]] = {"GPT-4": (20, 20), "Gemini 1.5 Pro": (20, 2
 TRIALS = 20
 
 
-def repeatability(scenario: str, planners: Sequence[str], file: Path, settings: Settings, trials: int = TRIALS,
-                  in_flight: int = 4, say: Callable[[str], None] = lambda _: None) -> list[Record]:
+def repeatability(
+    scenario: str,
+    planners: Sequence[str],
+    file: Path,
+    settings: Settings,
+    trials: int = TRIALS,
+    in_flight: int = 4,
+    say: Callable[[str], None] = lambda _: None,
+) -> list[Record]:
     """The full prompt with every planner, `trials` times each; results are appended to `file`.
 
     Raises:
-        InputError: unknown scenario or planner. Unavailable: the provider was; what is done is kept.
+        InputError: unknown scenario or planner. Unavailable: the provider was; what is done is
+            kept.
     """
     settings = with_image(scenario, settings, file)
-    wanted = [Trial(scenario, planner, "full", number) for planner in planners for number in range(trials)]
-    return run_trials(wanted, lambda trial: attempt(trial, frozenset(), settings), file, in_flight, say)
+    wanted = [
+        Trial(scenario, planner, "full", number) for planner in planners for number in range(trials)
+    ]
+    return run_trials(
+        wanted, lambda trial: attempt(trial, frozenset(), settings), file, in_flight, say
+    )

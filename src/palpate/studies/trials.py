@@ -29,7 +29,8 @@ class Trial:
     """One independent attempt of a planner at a scenario's task.
 
     Attributes:
-        scenario: its name. planner: planner string. configuration: what was left out of the prompt, `full` if nothing.
+        scenario: its name. planner: planner string. configuration: what was left out of the prompt,
+            `full` if nothing.
         number: from 0; also the seed of the simulated world's sensors.
     """
 
@@ -44,9 +45,12 @@ class Record:
     """What came of a trial; one line of the results file.
 
     Attributes:
-        syntax: the first answer is a plan that compiles to a behavior tree. valid: a plan passed the check.
-        success: the executed tree acquired exactly what it should; None where the task defines no success.
-        reason: why not. figures: tokens, cost, latency, the model's name as the provider reports it.
+        syntax: the first answer is a plan that compiles to a behavior tree. valid: a plan passed
+            the check.
+        success: the executed tree acquired exactly what it should; None where the task defines no
+            success.
+        reason: why not. figures: tokens, cost, latency, the model's name as the provider reports
+            it.
     """
 
     trial: Trial
@@ -93,12 +97,19 @@ class Row:
     """US dollars of all trials together; None where an answer has no known price."""
 
 
-def run_trials(trials: Sequence[Trial], attempt: Callable[[Trial], Record], file: Path, in_flight: int = 4,
-               say: Callable[[str], None] = lambda _: None) -> list[Record]:
-    """All trials' records, in order: those in `file` as they are, the others by `attempt`, appended to it.
+def run_trials(
+    trials: Sequence[Trial],
+    attempt: Callable[[Trial], Record],
+    file: Path,
+    in_flight: int = 4,
+    say: Callable[[str], None] = lambda _: None,
+) -> list[Record]:
+    """All trials' records, in order: those in `file` as they are, the others by `attempt`, appended
+    to it.
 
     Raises:
-        InputError: `file` is not a results file. Unavailable: the provider was; what is done is kept.
+        InputError: `file` is not a results file. Unavailable: the provider was; what is done is
+            kept.
     """
     kept = {record.trial: record for record in read_records(file)}
     todo = [trial for trial in trials if trial not in kept]
@@ -114,7 +125,8 @@ def run_trials(trials: Sequence[Trial], attempt: Callable[[Trial], Record], file
 
 
 def read_records(file: Path) -> list[Record]:
-    """The records in a results file, none when there is no file. A last line that a kill cut short is removed.
+    """The records in a results file, none when there is no file. A last line that a kill cut short
+    is removed.
 
     Raises:
         InputError: another line is not a record.
@@ -122,13 +134,15 @@ def read_records(file: Path) -> list[Record]:
     if not file.exists():
         return []
     content = file.read_bytes()
-    whole = content[:content.rfind(b"\n") + 1]
+    whole = content[: content.rfind(b"\n") + 1]
     if whole != content:
         os.truncate(file, len(whole))
     try:
         return [TypeAdapter(Record).validate_json(line) for line in whole.splitlines()]
     except ValidationError:
-        raise InputError(f"'{file.name}' is not a results file of a study; choose another with --results") from None
+        raise InputError(
+            f"'{file.name}' is not a results file of a study; choose another with --results"
+        ) from None
 
 
 def table(records: Iterable[Record]) -> list[Row]:
@@ -143,14 +157,22 @@ def _row(configuration: str, planner: str, records: Sequence[Record]) -> Row:
     judged = [r.success for r in records if r.success is not None]
     costs = [r.figures.get("cost_usd") for r in records]
     tokens = [r.figures.get("input_tokens", 0) + r.figures.get("output_tokens", 0) for r in records]
-    return Row(configuration, planner, Rate(sum(r.syntax for r in records), len(records)),
-               Rate(sum(r.valid for r in records), len(records)),
-               Rate(sum(judged), len(judged)) if judged else None, sum(tokens) / len(tokens),
-               None if None in costs else sum(c for c in costs if c is not None))
+    return Row(
+        configuration,
+        planner,
+        Rate(sum(r.syntax for r in records), len(records)),
+        Rate(sum(r.valid for r in records), len(records)),
+        Rate(sum(judged), len(judged)) if judged else None,
+        sum(tokens) / len(tokens),
+        None if None in costs else sum(c for c in costs if c is not None),
+    )
 
 
-def _attempted(trials: Sequence[Trial], attempt: Callable[[Trial], Record], in_flight: int) -> Iterable[Record]:
-    """Records as they come, at most `in_flight` trials at a time; ends early when the provider stays out."""
+def _attempted(
+    trials: Sequence[Trial], attempt: Callable[[Trial], Record], in_flight: int
+) -> Iterable[Record]:
+    """Records as they come, at most `in_flight` trials at a time; ends early when the provider
+    stays out."""
     waiting = iter(trials)
     outage: Unavailable | None = None
     in_a_row = 0
@@ -172,6 +194,10 @@ def _attempted(trials: Sequence[Trial], attempt: Callable[[Trial], Record], in_f
 
 def _told(record: Record) -> str:
     trial = record.trial
-    outcome = {True: "success", False: f"no success ({record.reason})", None: "not judged"}[record.success]
-    return (f"{trial.configuration}, {trial.planner}, trial {trial.number}: "
-            f"{'syntax valid' if record.syntax else 'syntax not valid'}, {outcome}")
+    outcome = {True: "success", False: f"no success ({record.reason})", None: "not judged"}[
+        record.success
+    ]
+    return (
+        f"{trial.configuration}, {trial.planner}, trial {trial.number}: "
+        f"{'syntax valid' if record.syntax else 'syntax not valid'}, {outcome}"
+    )

@@ -8,9 +8,10 @@ from dataclasses import dataclass
 
 from palpate.errors import PalpateError
 from palpate.estimation.estimate import Estimate
-from palpate.pose import Pose
-from palpate.scene.scene import Scene, rearranged, scene_from_text
-from palpate.trace import Trace
+from palpate.geometry.pose import Pose
+from palpate.scene.load import rearranged, scene_from_text
+from palpate.scene.scene import Scene
+from palpate.trace.samples import Trace
 from palpate.twin.inject import complete
 from palpate.twin.validate import Replay, Validation, validate
 
@@ -37,8 +38,14 @@ def build_twin(scene: Scene, estimates: Sequence[Estimate], trace: Trace, replay
     """Inject what was identified, then check that the result behaves as recorded."""
     identified = [e for e in estimates if e.verdict != "not identified"]
     text, notes = complete(scene, identified)
-    diff = "".join(difflib.unified_diff(scene.text.splitlines(keepends=True), text.splitlines(keepends=True),
-                                        "scene.xml", "twin.xml"))
+    diff = "".join(
+        difflib.unified_diff(
+            scene.text.splitlines(keepends=True),
+            text.splitlines(keepends=True),
+            "scene.xml",
+            "twin.xml",
+        )
+    )
     try:
         twin = scene_from_text(text, _with_measured_positions(scene, identified))
         marks = validate(twin, scene, trace, replay)
@@ -49,8 +56,11 @@ def build_twin(scene: Scene, estimates: Sequence[Estimate], trace: Trace, replay
 
 def _with_measured_positions(scene: Scene, estimates: Sequence[Estimate]) -> Scene:
     """The scene whose poses, which overrule the MJCF's, do not overrule what was measured."""
-    placed = {e.gap.object: _placed(scene.body(e.gap.object).pose_world, e.value)
-              for e in estimates if e.gap.quantity == "position"}
+    placed = {
+        e.parameter.object: _placed(scene.body(e.parameter.object).pose_world, e.value)
+        for e in estimates
+        if e.parameter.quantity == "position"
+    }
     return rearranged(scene, placed) if placed else scene
 
 

@@ -1,4 +1,5 @@
-"""Does the twin behave as the robot felt? It must compile, come to rest, and give back the recorded touch."""
+"""Does the twin behave as the robot felt? It must compile, come to rest, and give back the recorded
+touch."""
 
 from __future__ import annotations
 
@@ -9,12 +10,14 @@ import mujoco
 import numpy as np
 
 from palpate.errors import PalpateError
-from palpate.pose import Array
+from palpate.geometry.pose import Array
 from palpate.scene.scene import Scene
-from palpate.trace import FORCES, Recording, Trace
+from palpate.trace.recording import Recording
+from palpate.trace.samples import FORCES, Trace
 
 Replay = Callable[[mujoco.MjSpec], Trace]
-"""Executes the plan again in a world made of the given model, and returns what the robot felt there."""
+"""Executes the plan again in a world made of the given model, and returns what the robot felt
+there."""
 
 SETTLE_TIME = 2.0
 """s of free simulation before the twin's objects must rest."""
@@ -31,7 +34,8 @@ class Residual:
     """How far a replay is from the recording.
 
     Attributes:
-        force: N, root mean square over the force recordings of the difference of mean wrench forces.
+        force: N, root mean square over the force recordings of the difference of mean wrench
+            forces.
         position: m, the same for the TCP positions of the pose recordings.
         note: why there are no figures, or empty.
     """
@@ -48,7 +52,8 @@ class Validation:
     Attributes:
         settled: every object rests after `SETTLE_TIME`.
         drift: m, largest way an object moved while settling.
-        twin, template: residuals of the twin and of the untouched template (unknowns at their priors).
+        twin, template: residuals of the twin and of the untouched template (unknowns at their
+            priors).
     """
 
     settled: bool
@@ -60,8 +65,12 @@ class Validation:
 def validate(twin: Scene, template: Scene, recorded: Trace, replay: Replay) -> Validation:
     """All marks of a twin scene against what was recorded."""
     settled, drift = settle(twin)
-    return Validation(settled, drift, _residual(twin.spec(), recorded, replay),
-                      _residual(template.spec(), recorded, replay))
+    return Validation(
+        settled,
+        drift,
+        _residual(twin.spec(), recorded, replay),
+        _residual(template.spec(), recorded, replay),
+    )
 
 
 def settle(scene: Scene) -> tuple[bool, float]:
@@ -74,7 +83,7 @@ def settle(scene: Scene) -> tuple[bool, float]:
     start = data.xpos[bodies].copy()
     mujoco.mj_step(model, data, nstep=round(SETTLE_TIME / model.opt.timestep))
     drift = float(np.linalg.norm(data.xpos[bodies] - start, axis=1).max(initial=0.0))
-    moving = [data.qvel[first:first + 6] for first in model.body_dofadr[bodies]]
+    moving = [data.qvel[first : first + 6] for first in model.body_dofadr[bodies]]
     speed = float(np.abs(moving).max(initial=0.0))
     return bool(np.isfinite(speed) and speed < REST_SPEED), drift
 
@@ -85,24 +94,37 @@ def _residual(spec: mujoco.MjSpec, recorded: Trace, replay: Replay) -> Residual:
     except PalpateError as error:
         return Residual(None, None, str(error))
     if len(replayed.recordings) < len(recorded.recordings):
-        return Residual(None, None, f"the replay stopped after {len(replayed.recordings)} of "
-                                    f"{len(recorded.recordings)} recordings")
+        return Residual(
+            None,
+            None,
+            f"the replay stopped after {len(replayed.recordings)} of "
+            f"{len(recorded.recordings)} recordings",
+        )
     return compare(recorded, replayed)
 
 
 def compare(recorded: Trace, replayed: Trace) -> Residual:
     """The residual between two traces of the same plan, recording by recording."""
     pairs = list(zip(recorded.recordings, replayed.recordings, strict=False))
-    force = [_mean_force(recorded, a) - _mean_force(replayed, b) for a, b in pairs if a.buffer == FORCES]
-    position = [_mean_position(recorded, a) - _mean_position(replayed, b) for a, b in pairs if a.buffer != FORCES]
+    force = [
+        _mean_force(recorded, a) - _mean_force(replayed, b) for a, b in pairs if a.buffer == FORCES
+    ]
+    position = [
+        _mean_position(recorded, a) - _mean_position(replayed, b)
+        for a, b in pairs
+        if a.buffer != FORCES
+    ]
     return Residual(_rms(force), _rms(position))
 
 
 def _mean_force(trace: Trace, recording: Recording) -> Array:
-    """The recording's mean force less what the empty hand felt at rest at the same pose: the arm's own bias."""
-    empty = [trace.samples.between(leaf.end - REST, leaf.end).wrench[:, :3].mean(axis=0)
-             for leaf in trace.leaf_runs("MovePose")
-             if leaf.context and leaf.context.at == recording.context.at and leaf.context.holding is None]
+    """The recording's mean force less what the empty hand felt at rest at the same pose: the arm's
+    own bias."""
+    empty = [
+        trace.samples.between(leaf.end - REST, leaf.end).wrench[:, :3].mean(axis=0)
+        for leaf in trace.leaf_runs("MovePose")
+        if leaf.context and leaf.context.at == recording.context.at and leaf.context.holding is None
+    ]
     force: Array = trace.of(recording).wrench[:, :3].mean(axis=0)
     return force - np.mean(empty, axis=0) if empty else force
 

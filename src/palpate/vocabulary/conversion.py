@@ -5,11 +5,15 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import ClassVar
 
-from palpate.estimation import kinematic, mass, surface
 from palpate.estimation.estimate import Estimate
-from palpate.quantities import QUANTITIES, Gap, Quantity
-from palpate.trace import FORCES, POSE, Context, Conversion, Trace
-from palpate.vocabulary.primitive import Cell, ConversionPrimitive, LeafFailure, Steps
+from palpate.parameter import Parameter
+from palpate.quantities import height as surface
+from palpate.quantities import mass
+from palpate.quantities import motion as kinematic
+from palpate.quantities.quantity import QUANTITIES, Quantity
+from palpate.trace.recording import Context, Conversion
+from palpate.trace.samples import FORCES, POSE, Trace
+from palpate.vocabulary.base import Blackboard, ConversionPrimitive, LeafFailure, Steps
 from palpate.vocabulary.state import SymbolicState
 
 GRIPPER = "gripper"
@@ -34,34 +38,42 @@ class _Conversion(ConversionPrimitive):
             writer = "MeasureForces" if self.reads == FORCES else "MeasureGripperPose"
             return [f"`{self.reads}` is empty; {writer} must come before {type(self).__name__}"]
         if self.subject(state) is None:
-            return [f"`{self.reads}` was not logged {self.needs}, so {type(self).__name__} has nothing to convert"]
+            return [
+                f"`{self.reads}` was not logged {self.needs}, so {type(self).__name__} has nothing to convert"
+            ]
         return []
 
     def effects(self, state: SymbolicState) -> SymbolicState:
         subject, quantity = self.subject(state), self.measures
         if subject is None or quantity is None:
             return state
-        return replace(state, converted=state.converted | {Gap(subject, quantity.id)})
+        return replace(state, converted=state.converted | {Parameter(subject, quantity.id)})
 
-    def run(self, cell: Cell) -> Steps:
-        subject, quantity = self.subject(cell.state), self.measures
+    def run(self, blackboard: Blackboard) -> Steps:
+        subject, quantity = self.subject(blackboard.state), self.measures
         assert subject is not None
         assert quantity is not None
         yield
-        recording = next(r for r in reversed(cell.recorder.recordings) if r.buffer == self.reads)
-        conversion = Conversion(type(self).__name__, subject, quantity.id, recording, cell.robot.state.t)
-        found = self.estimate(cell.recorder.snapshot(), conversion)
+        recording = next(
+            r for r in reversed(blackboard.recorder.recordings) if r.buffer == self.reads
+        )
+        conversion = Conversion(
+            type(self).__name__, subject, quantity.id, recording, blackboard.robot.state.t
+        )
+        found = self.estimate(blackboard.recorder.snapshot(), conversion)
         if found.verdict == "not identified":
-            raise LeafFailure(f"{found.gap} is not identified: {found.method}")
-        cell.recorder.conversions.append(conversion)
-        cell.state = replace(cell.state, scene=cell.scene.learned(found.gap, found.value))
+            raise LeafFailure(f"{found.parameter} is not identified: {found.method}")
+        blackboard.recorder.conversions.append(conversion)
+        blackboard.state = replace(
+            blackboard.state, scene=blackboard.scene.learned(found.parameter, found.value)
+        )
         shown = ", ".join(f"{v:.4g} ± {s:.2g}" for v, s in zip(found.value, found.std, strict=True))
         return f"{subject} {quantity.label} {shown} {quantity.unit}"
 
 
 class Force2Mass(_Conversion):
-    """Convert `gripper_forces` into the mass of the held object. Only for a log made while the object was held
-    still, lifted and balanced; not when it hangs tilted off its centre."""
+    """Convert `gripper_forces` into the mass of the held object. Only for a log made while the
+    object was held still, lifted and balanced; not when it hangs tilted off its centre."""
 
     reads: ClassVar[str | None] = FORCES
     measures: ClassVar[Quantity | None] = QUANTITIES["mass"]
@@ -76,8 +88,8 @@ class Force2Mass(_Conversion):
 
 
 class Force2Velocity(_Conversion):
-    """Convert `gripper_forces` logged beside a motion into the velocity of the gripper. Irrelevant for anything
-    static."""
+    """Convert `gripper_forces` logged beside a motion into the velocity of the gripper. Irrelevant
+    for anything static."""
 
     reads: ClassVar[str | None] = FORCES
     measures: ClassVar[Quantity | None] = QUANTITIES["velocity"]
@@ -92,8 +104,8 @@ class Force2Velocity(_Conversion):
 
 
 class Force2Momentum(_Conversion):
-    """Convert `gripper_forces` logged beside a motion into the momentum of the held object. Irrelevant for
-    anything static."""
+    """Convert `gripper_forces` logged beside a motion into the momentum of the held object.
+    Irrelevant for anything static."""
 
     reads: ClassVar[str | None] = FORCES
     measures: ClassVar[Quantity | None] = QUANTITIES["momentum"]
@@ -108,8 +120,8 @@ class Force2Momentum(_Conversion):
 
 
 class Pose2Height(_Conversion):
-    """Convert `gripper_pose` logged in contact with a surface into the height of that surface above the world's
-    origin."""
+    """Convert `gripper_pose` logged in contact with a surface into the height of that surface above
+    the world's origin."""
 
     reads: ClassVar[str | None] = POSE
     measures: ClassVar[Quantity | None] = QUANTITIES["height"]

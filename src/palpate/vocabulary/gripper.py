@@ -6,24 +6,24 @@ from dataclasses import replace
 from typing import ClassVar
 
 from palpate.robots.safety import Expectation
-from palpate.vocabulary.primitive import Cell, LeafFailure, Primitive, Resource, Steps
+from palpate.vocabulary.base import Blackboard, LeafFailure, Primitive, Resource, Steps
 from palpate.vocabulary.state import SymbolicState
 
 GRIP_SETTLE = 0.2
 """s: fingers at rest on an object before the grasp counts."""
 
 
-def finish_fingers(cell: Cell) -> Steps:
+def finish_fingers(blackboard: Blackboard) -> Steps:
     """Wait until the fingers' commanded motion has ended."""
     yield
-    while cell.robot.state.gripper_moving:
+    while blackboard.robot.state.gripper_moving:
         yield
     return "stopped"
 
 
 class OpenGripper(Primitive):
-    """Open the fingers fully. A held object must stand on a support: bring it back to the pose where it was
-    grasped before opening, or it would fall."""
+    """Open the fingers fully. A held object must stand on a support: bring it back to the pose
+    where it was grasped before opening, or it would fall."""
 
     claims: ClassVar[frozenset[Resource]] = frozenset({"gripper"})
     group: ClassVar = "gripper"
@@ -31,27 +31,38 @@ class OpenGripper(Primitive):
 
     def requires(self, state: SymbolicState) -> list[str]:
         if state.holding and state.lifted:
-            return [f"'{state.holding}' is lifted and would fall; MovePose it onto its support first, "
-                    f"e.g. to '{state.grasp}'"]
+            return [
+                f"'{state.holding}' is lifted and would fall; MovePose it onto its support first, "
+                f"e.g. to '{state.grasp}'"
+            ]
         return []
 
     def effects(self, state: SymbolicState) -> SymbolicState:
-        activity = "still" if state.activity == "contact" and state.contact is None else state.activity
-        return replace(state, gripper="open", holding=None, grasp=None, pose_tcp_object=None, lifted=False,
-                       activity=activity)
+        activity = (
+            "still" if state.activity == "contact" and state.contact is None else state.activity
+        )
+        return replace(
+            state,
+            gripper="open",
+            holding=None,
+            grasp=None,
+            pose_tcp_object=None,
+            lifted=False,
+            activity=activity,
+        )
 
     def expectation(self, state: SymbolicState) -> Expectation:
         return Expectation(holding=state.holding is not None, contact=True)
 
-    def run(self, cell: Cell) -> Steps:
-        cell.robot.open_gripper()
-        yield from finish_fingers(cell)
-        return f"open to {1e3 * cell.robot.state.width:.0f} mm"
+    def run(self, blackboard: Blackboard) -> Steps:
+        blackboard.robot.open_gripper()
+        yield from finish_fingers(blackboard)
+        return f"open to {1e3 * blackboard.robot.state.width:.0f} mm"
 
 
 class CloseGripper(Primitive):
-    """Close the fingers until they meet a physical resistance; fails when nothing is between them. Use it at an
-    object's grasp pose with the gripper open."""
+    """Close the fingers until they meet a physical resistance; fails when nothing is between them.
+    Use it at an object's grasp pose with the gripper open."""
 
     claims: ClassVar[frozenset[Resource]] = frozenset({"gripper"})
     group: ClassVar = "gripper"
@@ -64,7 +75,9 @@ class CloseGripper(Primitive):
             return ["the gripper is not at a grasp pose; MovePose to `<object>_pose` first"]
         body = state.object_at(state.pose_world_tcp)
         if body is None:
-            return [f"nothing is between the fingers at '{state.at}'; MovePose to `<object>_pose` first"]
+            return [
+                f"nothing is between the fingers at '{state.at}'; MovePose to `<object>_pose` first"
+            ]
         reason = state.scene.symbols.ungraspable.get(body.name)
         return [f"'{body.name}' cannot be grasped: {reason}"] if reason else []
 
@@ -73,18 +86,26 @@ class CloseGripper(Primitive):
         if body is None or state.pose_world_tcp is None:
             return replace(state, gripper="closed")
         pose_tcp_object = state.pose_world_tcp.inverse() @ state.pose_of(body.name)
-        return replace(state, gripper="closed", holding=body.name, grasp=state.at, lifted=False,
-                       pose_tcp_object=pose_tcp_object, activity="contact", contact=None)
+        return replace(
+            state,
+            gripper="closed",
+            holding=body.name,
+            grasp=state.at,
+            lifted=False,
+            pose_tcp_object=pose_tcp_object,
+            activity="contact",
+            contact=None,
+        )
 
     def expectation(self, state: SymbolicState) -> Expectation:
         return Expectation(contact=True)
 
-    def run(self, cell: Cell) -> Steps:
-        cell.robot.close_gripper()
-        yield from finish_fingers(cell)
-        start = cell.robot.state.t
-        while cell.robot.state.t - start < GRIP_SETTLE:
+    def run(self, blackboard: Blackboard) -> Steps:
+        blackboard.robot.close_gripper()
+        yield from finish_fingers(blackboard)
+        start = blackboard.robot.state.t
+        while blackboard.robot.state.t - start < GRIP_SETTLE:
             yield
-        if not cell.robot.state.gripping:
+        if not blackboard.robot.state.gripping:
             raise LeafFailure("the fingers met no resistance: nothing is between them")
-        return f"grasped at {1e3 * cell.robot.state.width:.1f} mm"
+        return f"grasped at {1e3 * blackboard.robot.state.width:.1f} mm"

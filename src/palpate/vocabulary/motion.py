@@ -10,94 +10,113 @@ import numpy as np
 from pydantic import Field
 
 from palpate.errors import InputError
-from palpate.pose import Array, Pose
+from palpate.geometry.pose import Array, Pose
 from palpate.robots.kinematics import reachable, within_joint_limits
 from palpate.robots.safety import Expectation
-from palpate.vocabulary.primitive import Cell, LeafFailure, Primitive, Resource, Steps
+from palpate.vocabulary.base import Blackboard, LeafFailure, Primitive, Resource, Steps
 from palpate.vocabulary.state import SymbolicState
 
 FREE_SPEED = 0.25
 """m/s, in free air."""
 CARRY_SPEED = FREE_SPEED
-"""m/s, with an object between the fingers: as without one, because weighing compares equal passes over one path."""
+"""m/s, with an object between the fingers: as without one, because weighing compares equal passes
+over one path."""
 CONTACT_SPEED = 0.02
 """m/s, whenever something is or may be touched."""
 PROBE_SPEED = 0.015
-"""m/s, guarded motions: slow enough that one tick of 20 ms adds less than 1 N on a rigid surface."""
+"""m/s, guarded motions: slow enough that one tick of 20 ms adds less than 1 N on a rigid
+surface."""
 POSITION_TOLERANCE = 0.010
 """m: an impedance-controlled arm with 1.5 kg on it sags by several millimetres."""
 ANGLE_TOLERANCE = np.radians(3.0)
 SETTLED_SPEED = 0.003
 """m/s."""
 DWELL = 0.4
-"""s: how long the arm stands still before a motion counts as settled; still windows feed the estimators."""
+"""s: how long the arm stands still before a motion counts as settled; still windows feed the
+estimators."""
 SETTLE_LIMIT = 3.0
 """s."""
 CONTACT_FORCE = 8.0
-"""N: the threshold tau_c of the paper, against the force felt in free air at the start of the motion."""
+"""N: the threshold tau_c of the paper, against the force felt in free air at the start of the
+motion."""
 CONTACT_TORQUE = 3.0
 """N m, likewise."""
 PROBE_TRAVEL = 0.30
 """m."""
 PRESS_DEPTHS = (0.005, 0.001)
-"""m: how far the equilibrium is lowered while sliding, at its beginning and its end: a normal force that the torque
-sensors resolve, and that varies, so that what the arm's own friction adds to the sliding force can be told apart."""
+"""m: how far the equilibrium is lowered while sliding, at its beginning and its end: a normal force
+that the torque sensors resolve, and that varies, so that what the arm's own friction adds to the
+sliding force can be told apart."""
 LIFTED = 0.005
 """m: a held object whose bottom is this far above its support is clear of it."""
 
 AXES: dict[str, tuple[float, float, float]] = {
-    "+x": (1, 0, 0), "-x": (-1, 0, 0), "+y": (0, 1, 0), "-y": (0, -1, 0), "+z": (0, 0, 1), "-z": (0, 0, -1),
+    "+x": (1, 0, 0),
+    "-x": (-1, 0, 0),
+    "+y": (0, 1, 0),
+    "-y": (0, -1, 0),
+    "+z": (0, 0, 1),
+    "-z": (0, 0, -1),
 }
 
 
-def settle(cell: Cell, dwell: float = DWELL) -> Steps:
+def settle(blackboard: Blackboard, dwell: float = DWELL) -> Steps:
     """Wait until the arm has stood still for `dwell` s.
 
     Raises:
         LeafFailure: it does not come to rest.
     """
-    start = since = cell.robot.state.t
-    while cell.robot.state.t - since < dwell:
-        if np.linalg.norm(cell.robot.state.twist[:3]) > SETTLED_SPEED:
-            since = cell.robot.state.t
-        if cell.robot.state.t - start > SETTLE_LIMIT + dwell:
+    start = since = blackboard.robot.state.t
+    while blackboard.robot.state.t - since < dwell:
+        if np.linalg.norm(blackboard.robot.state.twist[:3]) > SETTLED_SPEED:
+            since = blackboard.robot.state.t
+        if blackboard.robot.state.t - start > SETTLE_LIMIT + dwell:
             raise LeafFailure(f"the arm does not settle within {SETTLE_LIMIT:g} s")
         yield
     return "settled"
 
 
-def finish(cell: Cell) -> Steps:
+def finish(blackboard: Blackboard) -> Steps:
     """Wait until the arm's commanded motion has ended."""
     yield
-    while cell.robot.state.moving:
+    while blackboard.robot.state.moving:
         yield
     return "arrived"
 
 
-def guard(cell: Cell, touching: Callable[[], bool], otherwise: str) -> Steps:
+def guard(blackboard: Blackboard, touching: Callable[[], bool], otherwise: str) -> Steps:
     """Wait until the arm's motion touches something, and hold it there.
 
     Raises:
         LeafFailure: the motion ended first; `otherwise` is the reason given.
     """
     while not touching():
-        if not cell.robot.state.moving:
+        if not blackboard.robot.state.moving:
             raise LeafFailure(otherwise)
         yield
-    cell.robot.hold()
+    blackboard.robot.hold()
     return "touched"
 
 
 class MovePose(Primitive):
-    """Move the gripper in a straight line to a Cartesian equilibrium pose and settle there. Reach an object from
-    above: first `<object>_pose + z_offset`, then `<object>_pose`. While an object is held on its support, moving
-    sideways at the same height slides it with light pressure; lift it first to carry it."""
+    """Move the gripper in a straight line to a Cartesian equilibrium pose and settle there. Reach
+    an object from above: first `<object>_pose + z_offset`, then `<object>_pose`. While an object is
+    held on its support, moving sideways at the same height slides it with light pressure; lift it
+    first to carry it."""
 
     claims: ClassVar[frozenset[Resource]] = frozenset({"arm"})
     group: ClassVar = "motion"
 
-    pose: Annotated[str, Field(min_length=1, max_length=200, description=(
-        "pose expression NAME (± [factor *] OFFSET)*, e.g. `bottle_pose + z_offset`, `hammer_pose - 2*x_offset`"))]
+    pose: Annotated[
+        str,
+        Field(
+            min_length=1,
+            max_length=200,
+            description=(
+                "pose expression NAME (± [factor *] OFFSET)*, e.g. `bottle_pose + z_offset`, `hammer_pose - 2*x_offset`"
+            ),
+        ),
+    ]
 
     def target(self, state: SymbolicState) -> Pose:
         """The TCP pose in the world that the expression stands for."""
@@ -110,8 +129,10 @@ class MovePose(Primitive):
             return [str(error)]
         if not reachable(target, state.scene.pose_world_base):
             x, y, z = target.position
-            return [f"'{self.pose}' at ({x:.3f}, {y:.3f}, {z:.3f}) m is out of the arm's reach; choose a named pose "
-                    "nearer to the base or a smaller offset"]
+            return [
+                f"'{self.pose}' at ({x:.3f}, {y:.3f}, {z:.3f}) m is out of the arm's reach; choose a named pose "
+                "nearer to the base or a smaller offset"
+            ]
         return []
 
     def slides(self, state: SymbolicState) -> bool:
@@ -119,51 +140,68 @@ class MovePose(Primitive):
         if state.holding is None or state.lifted or state.pose_world_tcp is None:
             return False
         after = self.effects(state)
-        return (not after.lifted and after.pose_world_tcp is not None
-                and state.pose_world_tcp.distance_to(after.pose_world_tcp) > LIFTED)
+        return (
+            not after.lifted
+            and after.pose_world_tcp is not None
+            and state.pose_world_tcp.distance_to(after.pose_world_tcp) > LIFTED
+        )
 
     def during(self, state: SymbolicState) -> SymbolicState:
         return replace(state, activity="sliding" if self.slides(state) else "moving", contact=None)
 
     def effects(self, state: SymbolicState) -> SymbolicState:
         target = self.target(state)
-        arrived = replace(state, at=self.pose, pose_world_tcp=target, contact=None, activity="still")
+        arrived = replace(
+            state, at=self.pose, pose_world_tcp=target, contact=None, activity="still"
+        )
         if state.holding is None or state.pose_tcp_object is None:
             return arrived
         pose_world_object = target @ state.pose_tcp_object
         lifted = clear_of_support(state, state.holding, pose_world_object)
-        return replace(arrived, lifted=lifted, activity="still" if lifted else "contact",
-                       moved={**state.moved, state.holding: pose_world_object})
+        return replace(
+            arrived,
+            lifted=lifted,
+            activity="still" if lifted else "contact",
+            moved={**state.moved, state.holding: pose_world_object},
+        )
 
     def expectation(self, state: SymbolicState) -> Expectation:
         held = state.holding is not None
         return Expectation(holding=held, grasped=held, contact=held and not state.lifted)
 
-    def run(self, cell: Cell) -> Steps:
-        target = self.target(cell.state)
-        if cell.state.activity == "sliding":
-            yield from self._slide(cell, target)
+    def run(self, blackboard: Blackboard) -> Steps:
+        target = self.target(blackboard.state)
+        if blackboard.state.activity == "sliding":
+            yield from self._slide(blackboard, target)
         else:
-            cell.robot.move_pose(target, CARRY_SPEED if cell.state.holding else FREE_SPEED)
-            yield from finish(cell)
-            yield from settle(cell)
-        return self._arrived(cell, target)
+            blackboard.robot.move_pose(
+                target, CARRY_SPEED if blackboard.state.holding else FREE_SPEED
+            )
+            yield from finish(blackboard)
+            yield from settle(blackboard)
+        return self._arrived(blackboard, target)
 
-    def _slide(self, cell: Cell, target: Pose) -> Steps:
+    def _slide(self, blackboard: Blackboard, target: Pose) -> Steps:
         first, last = (np.array([0.0, 0.0, -depth]) for depth in PRESS_DEPTHS)
-        for waypoint in (cell.robot.state.target_world_tcp.translated(first), target.translated(last), target):
-            cell.robot.move_pose(waypoint, CONTACT_SPEED)
-            yield from finish(cell)
-            yield from settle(cell)
+        for waypoint in (
+            blackboard.robot.state.target_world_tcp.translated(first),
+            target.translated(last),
+            target,
+        ):
+            blackboard.robot.move_pose(waypoint, CONTACT_SPEED)
+            yield from finish(blackboard)
+            yield from settle(blackboard)
         return "slid"
 
-    def _arrived(self, cell: Cell, target: Pose) -> str:
-        measured = cell.robot.state.pose_world_tcp
+    def _arrived(self, blackboard: Blackboard, target: Pose) -> str:
+        measured = blackboard.robot.state.pose_world_tcp
         distance, angle = measured.distance_to(target), measured.angle_to(target)
         if distance > POSITION_TOLERANCE or angle > ANGLE_TOLERANCE:
-            raise LeafFailure(f"stopped {1e3 * distance:.1f} mm and {np.degrees(angle):.1f}° from '{self.pose}', "
-                              f"more than {1e3 * POSITION_TOLERANCE:.0f} mm or {np.degrees(ANGLE_TOLERANCE):.0f}°: "
-                              "something is in the way, or the pose is at the edge of the arm's reach")
+            raise LeafFailure(
+                f"stopped {1e3 * distance:.1f} mm and {np.degrees(angle):.1f}° from '{self.pose}', "
+                f"more than {1e3 * POSITION_TOLERANCE:.0f} mm or {np.degrees(ANGLE_TOLERANCE):.0f}°: "
+                "something is in the way, or the pose is at the edge of the arm's reach"
+            )
         return f"within {1e3 * distance:.1f} mm"
 
 
@@ -176,14 +214,21 @@ def clear_of_support(state: SymbolicState, name: str, pose_world_object: Pose) -
 
 
 class MoveJoints(Primitive):
-    """Move all joints to a named configuration or to seven angles. Start and end every plan at `home_config`, from
-    where every pose is reached safely; never call it with an object in the gripper that stands on a surface."""
+    """Move all joints to a named configuration or to seven angles. Start and end every plan at
+    `home_config`, from where every pose is reached safely; never call it with an object in the
+    gripper that stands on a surface."""
 
     claims: ClassVar[frozenset[Resource]] = frozenset({"arm"})
     group: ClassVar = "motion"
 
-    joints: Annotated[str | list[float], Field(description=(
-        "named configuration, e.g. `home_config`, or a list of 7 joint angles in rad"))]
+    joints: Annotated[
+        str | list[float],
+        Field(
+            description=(
+                "named configuration, e.g. `home_config`, or a list of 7 joint angles in rad"
+            )
+        ),
+    ]
 
     def target(self, state: SymbolicState) -> Array:
         """Joint angles (7,), rad.
@@ -194,7 +239,9 @@ class MoveJoints(Primitive):
         if isinstance(self.joints, str):
             return state.scene.symbols.joints(self.joints)
         if len(self.joints) != 7:
-            raise InputError(f"MoveJoints needs 7 angles, not {len(self.joints)}; or use 'home_config'")
+            raise InputError(
+                f"MoveJoints needs 7 angles, not {len(self.joints)}; or use 'home_config'"
+            )
         return np.array(self.joints)
 
     def requires(self, state: SymbolicState) -> list[str]:
@@ -203,10 +250,14 @@ class MoveJoints(Primitive):
         except InputError as error:
             return [str(error)]
         if not within_joint_limits(target):
-            return [f"joint angles {np.round(target, 3).tolist()} rad are beyond the arm's limits; "
-                    "use 'home_config'"]
+            return [
+                f"joint angles {np.round(target, 3).tolist()} rad are beyond the arm's limits; "
+                "use 'home_config'"
+            ]
         if state.holding and not state.lifted:
-            return [f"'{state.holding}' stands on its support in the gripper; lift it or open the gripper first"]
+            return [
+                f"'{state.holding}' stands on its support in the gripper; lift it or open the gripper first"
+            ]
         return []
 
     def during(self, state: SymbolicState) -> SymbolicState:
@@ -219,23 +270,27 @@ class MoveJoints(Primitive):
     def expectation(self, state: SymbolicState) -> Expectation:
         return Expectation(holding=state.holding is not None, grasped=state.holding is not None)
 
-    def run(self, cell: Cell) -> Steps:
-        cell.robot.move_joints(self.target(cell.state))
-        yield from finish(cell)
-        yield from settle(cell)
+    def run(self, blackboard: Blackboard) -> Steps:
+        blackboard.robot.move_joints(self.target(blackboard.state))
+        yield from finish(blackboard)
+        yield from settle(blackboard)
         return "reached"
 
 
 class MoveUntilContact(Primitive):
-    """Move slowly and compliantly along one axis of the world until something rigid is touched; the arm then stays
-    in contact. Probe a surface's height with `-z` from its approach pose with empty fingers: a picture is never
-    trusted for heights, and a soft cover is pressed through to what is rigid beneath."""
+    """Move slowly and compliantly along one axis of the world until something rigid is touched; the
+    arm then stays in contact. Probe a surface's height with `-z` from its approach pose with empty
+    fingers: a picture is never trusted for heights, and a soft cover is pressed through to what is
+        rigid beneath."""
 
     claims: ClassVar[frozenset[Resource]] = frozenset({"arm"})
     group: ClassVar = "motion"
     timeout: ClassVar[float] = 40.0
 
-    axis: Annotated[Literal["+x", "-x", "+y", "-y", "+z", "-z"], Field(description="direction of motion, world axes")]
+    axis: Annotated[
+        Literal["+x", "-x", "+y", "-y", "+z", "-z"],
+        Field(description="direction of motion, world axes"),
+    ]
 
     def requires(self, state: SymbolicState) -> list[str]:
         if state.pose_world_tcp is None:
@@ -243,9 +298,13 @@ class MoveUntilContact(Primitive):
         if state.contact:
             return [f"already in contact with '{state.contact}'; MovePose away first"]
         if self.axis == "-z" and state.surface_below(state.pose_world_tcp) is None:
-            return [f"nothing is below '{state.at}'; go to the approach pose of the surface to probe"]
+            return [
+                f"nothing is below '{state.at}'; go to the approach pose of the surface to probe"
+            ]
         if state.holding:
-            return [f"'{state.holding}' is in the gripper; put it down before probing with the fingertips"]
+            return [
+                f"'{state.holding}' is in the gripper; put it down before probing with the fingertips"
+            ]
         return []
 
     def during(self, state: SymbolicState) -> SymbolicState:
@@ -261,19 +320,24 @@ class MoveUntilContact(Primitive):
     def expectation(self, state: SymbolicState) -> Expectation:
         return Expectation(contact=True, holding=state.holding is not None)
 
-    def run(self, cell: Cell) -> Steps:
+    def run(self, blackboard: Blackboard) -> Steps:
         direction = np.array(AXES[self.axis], dtype=float)
-        start = cell.robot.state.pose_world_tcp
-        cell.robot.move_axis(direction, PROBE_SPEED, PROBE_TRAVEL)
+        start = blackboard.robot.state.pose_world_tcp
+        blackboard.robot.move_axis(direction, PROBE_SPEED, PROBE_TRAVEL)
         yield
-        free = cell.robot.state.wrench
-        yield from guard(cell, lambda: self._touching(cell, direction, free),
-                         f"nothing touched within {PROBE_TRAVEL:.2f} m along {self.axis}; "
-                         "start nearer, or probe another direction")
-        yield from settle(cell)
-        travelled = cell.robot.state.pose_world_tcp.distance_to(start)
+        free = blackboard.robot.state.wrench
+        yield from guard(
+            blackboard,
+            lambda: self._touching(blackboard, direction, free),
+            f"nothing touched within {PROBE_TRAVEL:.2f} m along {self.axis}; "
+            "start nearer, or probe another direction",
+        )
+        yield from settle(blackboard)
+        travelled = blackboard.robot.state.pose_world_tcp.distance_to(start)
         return f"contact after {1e3 * travelled:.0f} mm"
 
-    def _touching(self, cell: Cell, direction: Array, free: Array) -> bool:
-        change = cell.robot.state.wrench - free
-        return bool(change[:3] @ direction > CONTACT_FORCE or np.linalg.norm(change[3:]) > CONTACT_TORQUE)
+    def _touching(self, blackboard: Blackboard, direction: Array, free: Array) -> bool:
+        change = blackboard.robot.state.wrench - free
+        return bool(
+            change[:3] @ direction > CONTACT_FORCE or np.linalg.norm(change[3:]) > CONTACT_TORQUE
+        )

@@ -4,34 +4,60 @@ from __future__ import annotations
 
 from typing import Any
 
-from palpate.vocabulary.primitive import Primitive, Vocabulary
+from palpate.vocabulary.base import Primitive
+from palpate.vocabulary.registry import Vocabulary
 
 
 def leaf_schema(cls: type[Primitive]) -> dict[str, Any]:
     """Schema of one primitive's node."""
     schema = cls.model_json_schema()
-    properties = {"type": {"const": cls.__name__}, "name": {"type": "string"}, **schema.get("properties", {})}
-    return {"type": "object", "description": cls.summary(), "properties": properties,
-            "required": ["type", *schema.get("required", [])], "additionalProperties": False}
+    properties = {
+        "type": {"const": cls.__name__},
+        "name": {"type": "string"},
+        **schema.get("properties", {}),
+    }
+    return {
+        "type": "object",
+        "description": cls.summary(),
+        "properties": properties,
+        "required": ["type", *schema.get("required", [])],
+        "additionalProperties": False,
+    }
 
 
 def plan_schema(vocabulary: Vocabulary) -> dict[str, Any]:
     """JSON schema (2020-12) of a whole plan; the tree is recursive through `$defs/node`."""
     leaves = {name: leaf_schema(cls) for name, cls in vocabulary.primitives.items()}
     composites = {
-        name: {"type": "object", "description": c.summary, "required": ["type", "children"],
-               "properties": {"type": {"const": name}, "name": {"type": "string"},
-                              "children": {"type": "array", "minItems": 1, "items": {"$ref": "#/$defs/node"}}},
-               "additionalProperties": False}
+        name: {
+            "type": "object",
+            "description": c.summary,
+            "required": ["type", "children"],
+            "properties": {
+                "type": {"const": name},
+                "name": {"type": "string"},
+                "children": {"type": "array", "minItems": 1, "items": {"$ref": "#/$defs/node"}},
+            },
+            "additionalProperties": False,
+        }
         for name, c in vocabulary.composites.items()
     }
     node = {"oneOf": [{"$ref": f"#/$defs/{name}"} for name in (*leaves, *composites)]}
-    gap = {"type": "object", "required": ["object", "quantity"], "additionalProperties": False,
-           "properties": {"object": {"type": "string"}, "quantity": {"type": "string"}}}
+    parameter = {
+        "type": "object",
+        "required": ["object", "quantity"],
+        "additionalProperties": False,
+        "properties": {"object": {"type": "string"}, "quantity": {"type": "string"}},
+    }
     return {
-        "$schema": "https://json-schema.org/draft/2020-12/schema", "title": "palpate plan", "type": "object",
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        "title": "palpate plan",
+        "type": "object",
         "required": ["parameters", "explanation", "tree"],
-        "properties": {"parameters": {"type": "array", "items": gap}, "explanation": {"type": "string"},
-                       "tree": {"oneOf": [{"type": "null"}, {"$ref": "#/$defs/node"}]}},
+        "properties": {
+            "parameters": {"type": "array", "items": parameter},
+            "explanation": {"type": "string"},
+            "tree": {"oneOf": [{"type": "null"}, {"$ref": "#/$defs/node"}]},
+        },
         "$defs": {**leaves, **composites, "node": node},
     }

@@ -5,8 +5,9 @@ from __future__ import annotations
 from typing import ClassVar
 
 from palpate.robots.safety import Expectation
-from palpate.trace import FORCES, POSE, Recording
-from palpate.vocabulary.primitive import Cell, Primitive, Steps
+from palpate.trace.recording import Recording
+from palpate.trace.samples import FORCES, POSE
+from palpate.vocabulary.base import Blackboard, Primitive, Steps
 from palpate.vocabulary.state import SymbolicState
 
 FORCE_WINDOW = 1.5
@@ -15,44 +16,47 @@ POSE_WINDOW = 0.3
 """s."""
 
 
-def _log(cell: Cell, buffer: str, window: float) -> Steps:
+def _log(blackboard: Blackboard, buffer: str, window: float) -> Steps:
     """Log for `window` s, or, beside a motion in a Parallel, until the motion ends."""
-    start, context = cell.robot.state.t, cell.state.context()
-    beside_motion = cell.motions > 0
-    while cell.motions > 0 if beside_motion else cell.robot.state.t - start < window:
+    start, context = blackboard.robot.state.t, blackboard.state.context()
+    beside_motion = blackboard.motions > 0
+    while blackboard.motions > 0 if beside_motion else blackboard.robot.state.t - start < window:
         yield
-    end = cell.robot.state.t
-    cell.recorder.recordings.append(Recording(buffer, start, end, context))
+    end = blackboard.robot.state.t
+    blackboard.recorder.recordings.append(Recording(buffer, start, end, context))
     return f"{end - start:.1f} s logged"
 
 
 class _Sensing(Primitive):
     def expectation(self, state: SymbolicState) -> Expectation:
         held = state.holding is not None
-        return Expectation(holding=held, grasped=held, contact=state.activity in ("contact", "sliding"))
+        return Expectation(
+            holding=held, grasped=held, contact=state.activity in ("contact", "sliding")
+        )
 
     def effects(self, state: SymbolicState) -> SymbolicState:
         return state.wrote(self.writes) if self.writes else state
 
 
 class MeasureForces(_Sensing):
-    """Log the external wrench into `gripper_forces`. To weigh: while the object is held still, lifted clear of its
-    support. For friction: in a Parallel with a MovePose that slides the held object. For a centre of mass: while
-    the object is held still at each of several grasp offsets."""
+    """Log the external wrench into `gripper_forces`. To weigh: while the object is held still,
+    lifted clear of its support. For friction: in a Parallel with a MovePose that slides the held
+    object. For a centre of mass: while the object is held still at each of several grasp
+    offsets."""
 
     group: ClassVar = "sensing"
     writes: ClassVar[str | None] = FORCES
 
-    def run(self, cell: Cell) -> Steps:
-        return (yield from _log(cell, FORCES, FORCE_WINDOW))
+    def run(self, blackboard: Blackboard) -> Steps:
+        return (yield from _log(blackboard, FORCES, FORCE_WINDOW))
 
 
 class MeasureGripperPose(_Sensing):
-    """Log the pose of the fingertips into `gripper_pose`. For a height: right after MoveUntilContact, while in
-    contact."""
+    """Log the pose of the fingertips into `gripper_pose`. For a height: right after
+    MoveUntilContact, while in contact."""
 
     group: ClassVar = "sensing"
     writes: ClassVar[str | None] = POSE
 
-    def run(self, cell: Cell) -> Steps:
-        return (yield from _log(cell, POSE, POSE_WINDOW))
+    def run(self, blackboard: Blackboard) -> Steps:
+        return (yield from _log(blackboard, POSE, POSE_WINDOW))

@@ -1,4 +1,5 @@
-"""The two pictures of this scenario, both made by the own renderer: a plain one, and one that is like a photo.
+"""The two pictures of this scenario, both made by the own renderer: a plain one, and one that is
+like a photo.
 
 `python -m palpate.scenarios.synthetic_and_real.pictures` makes them again.
 """
@@ -14,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageFilter
 
-from palpate.rendering import Painter, Pixels
+from palpate.pictures.renderer import Painter, Pixels
 
 WORLD = Path(__file__).with_name("world.xml")
 WIDTH, HEIGHT = 800, 600
@@ -27,7 +28,8 @@ CAMERA.lookat[:] = 0.46, -0.02, 0.05
 CAMERA.distance, CAMERA.azimuth, CAMERA.elevation = 1.05, -128.0, -24.0
 
 LAMPS, LAMP_RADIUS = 6, 0.10
-"""Pictures that are averaged, each with the lamp elsewhere within so many m: a shadow with a soft edge."""
+"""Pictures that are averaged, each with the lamp elsewhere within so many m: a shadow with a soft
+edge."""
 LIGHTS = """
 <light pos="0.1 0.9 1.3" dir="0.25 -0.65 -0.9" diffuse=".75 .72 .66" specular=".5 .5 .5"/>
 <light pos="1.5 -2 1.5" dir="-0.5 0.75 -0.5" diffuse=".28 .31 .36" castshadow="false"/>"""
@@ -67,19 +69,27 @@ def photo(seed: int = 0) -> bytes:
 
 def _textured(random: np.random.Generator) -> mujoco.MjModel:
     """The world with textures for its materials' colours, and other lights."""
-    skins = {"wood": _wood(random), "floor": _mottled(random, (0.42, 0.43, 0.45), 0.05),
-             "glass": _mottled(random, (0.08, 0.30, 0.17), 0.02), "paint": _mottled(random, (0.75, 0.16, 0.12), 0.03),
-             "card": _mottled(random, (0.90, 0.74, 0.25), 0.04)}
+    skins = {
+        "wood": _wood(random),
+        "floor": _mottled(random, (0.42, 0.43, 0.45), 0.05),
+        "glass": _mottled(random, (0.08, 0.30, 0.17), 0.02),
+        "paint": _mottled(random, (0.75, 0.16, 0.12), 0.03),
+        "card": _mottled(random, (0.90, 0.74, 0.25), 0.04),
+    }
     assets = "".join(_asset(name, "2d" if name in ("wood", "floor") else "cube") for name in skins)
     xml = re.sub(r"<material .*/>", "", WORLD.read_text(encoding="utf-8"))
     xml = re.sub(r"<light .*/>", LIGHTS, xml.replace("</asset>", f"{assets}</asset>"))
-    return mujoco.MjModel.from_xml_string(xml, {f"{name}.png": _png(skin) for name, skin in skins.items()})
+    return mujoco.MjModel.from_xml_string(
+        xml, {f"{name}.png": _png(skin) for name, skin in skins.items()}
+    )
 
 
 def _asset(name: str, kind: str) -> str:
     shine = 0.1 if kind == "2d" else 0.6
-    return (f'<texture name="{name}" type="{kind}" file="{name}.png"/>'
-            f'<material name="{name}" texture="{name}" specular="{shine}" shininess="0.5"/>')
+    return (
+        f'<texture name="{name}" type="{kind}" file="{name}.png"/>'
+        f'<material name="{name}" texture="{name}" specular="{shine}" shininess="0.5"/>'
+    )
 
 
 def _wood(random: np.random.Generator) -> Light:
@@ -88,15 +98,23 @@ def _wood(random: np.random.Generator) -> Light:
     y, x = np.mgrid[0:size, 0:size] / size
     plank = np.floor(8 * y)
     wander = 0.012 * np.sin(2 * np.pi * (1.5 * x + random.uniform(size=9)[plank.astype(int)]))
-    grain = np.sin(2 * np.pi * 40 * (y + wander)) + 0.6 * np.sin(2 * np.pi * 97 * (y + wander) + 3 * plank)
-    tone: NDArray[np.float64] = 0.85 + 0.10 * random.uniform(size=9)[plank.astype(int)] + 0.03 * grain
+    grain = np.sin(2 * np.pi * 40 * (y + wander)) + 0.6 * np.sin(
+        2 * np.pi * 97 * (y + wander) + 3 * plank
+    )
+    tone: NDArray[np.float64] = (
+        0.85 + 0.10 * random.uniform(size=9)[plank.astype(int)] + 0.03 * grain
+    )
     tone = np.where(8 * y - plank < 0.02, 0.45, tone) + random.normal(0.0, 0.015, tone.shape)
     return np.clip(tone[..., None] * np.array([0.80, 0.62, 0.42]), 0, 1)
 
 
-def _mottled(random: np.random.Generator, colour: tuple[float, float, float], depth: float) -> Light:
+def _mottled(
+    random: np.random.Generator, colour: tuple[float, float, float], depth: float
+) -> Light:
     """One colour with stains of several sizes."""
-    stains = sum(np.kron(random.normal(size=(n, n)), np.ones((256 // n, 256 // n))) for n in (4, 16, 64, 256))
+    stains = sum(
+        np.kron(random.normal(size=(n, n)), np.ones((256 // n, 256 // n))) for n in (4, 16, 64, 256)
+    )
     return np.clip(np.array(colour) + depth * np.asarray(stains)[..., None] / 2, 0, 1)
 
 

@@ -1,0 +1,116 @@
+"""Plans and the vocabulary as BehaviorTree.CPP 4 XML, which Groot2 opens."""
+
+from __future__ import annotations
+
+import types
+from typing import Any, Literal, Union, get_args, get_origin
+from xml.etree import ElementTree
+from xml.etree.ElementTree import Element, SubElement
+
+from palpate.errors import InputError
+from palpate.planning.plan import Node, Plan
+from palpate.vocabulary.base import Primitive
+from palpate.vocabulary.registry import Vocabulary
+
+TREE_ID = "Plan"
+BUFFER_TYPE = "palpate::Recording"
+TYPES: dict[object, str] = {str: "std::string", bool: "bool", int: "int", float: "double"}
+
+
+def tree_xml(plan: Plan, words: Vocabulary) -> str:
+    """A plan as a BT.CPP 4 document, with the model of its nodes so that Groot2 knows them.
+
+    Arguments become ports; the buffers that primitives write and read become blackboard entries,
+    e.g. `gripper_forces="{gripper_forces}"`. Lists are separated by semicolons, as BT.CPP parses
+    them.
+
+    Raises:
+        InputError: the plan has no tree, or names an unknown node.
+    """
+    if plan.tree is None:
+        raise InputError(f"the plan has no tree to write: {plan.explanation}")
+    root = Element("root", BTCPP_format="4", main_tree_to_execute=TREE_ID)
+    tree = SubElement(root, "BehaviorTree", ID=TREE_ID)
+    _add(tree, plan.tree, words)
+    root.append(_model(words))
+    return _text(root)
+
+
+def tree_nodes_model(words: Vocabulary) -> str:
+    """The TreeNodesModel of a vocabulary: every primitive with its ports, their types and
+    descriptions."""
+    root = Element("root", BTCPP_format="4")
+    root.append(_model(words))
+    return _text(root)
+
+
+def _add(parent: Element, node: Node, words: Vocabulary) -> None:
+    if node.type in words.composites:
+        fixed = dict(words.composites[node.type].btcpp)
+        element = SubElement(parent, fixed.pop("tag"), fixed)
+        if node.name:
+            element.set("name", _value(node.name))
+        for child in node.children:
+            _add(element, child, words)
+        return
+    primitive = words.primitive(node.type)
+    ports = {name: _value(value) for name, value in node.args if value is not None}
+    buffers = {buffer: f"{{{buffer}}}" for buffer in (primitive.reads, primitive.writes) if buffer}
+    name = {"name": _value(node.name)} if node.name else {}
+    SubElement(parent, "Action", {"ID": node.type, **name, **ports, **buffers})
+
+
+def _model(words: Vocabulary) -> Element:
+    model = Element("TreeNodesModel")
+    for name, primitive in words.primitives.items():
+        action = SubElement(model, "Action", ID=name)
+        _ports(action, primitive)
+        SubElement(
+            SubElement(action, "MetadataFields"), "Metadata", description=primitive.summary()
+        )
+    return model
+
+
+def _ports(action: Element, primitive: type[Primitive]) -> None:
+    for name, field in primitive.model_fields.items():
+        default = (
+            {}
+            if field.is_required() or field.default is None
+            else {"default": _value(field.default)}
+        )
+        port = SubElement(
+            action, "input_port", {"name": name, "type": _type(field.annotation), **default}
+        )
+        port.text = field.description
+    for tag, buffer in (("input_port", primitive.reads), ("output_port", primitive.writes)):
+        if buffer:
+            port = SubElement(
+                action, tag, {"name": buffer, "type": BUFFER_TYPE, "default": f"{{{buffer}}}"}
+            )
+            port.text = "the latest recording"
+
+
+def _type(annotation: Any) -> str:
+    origin, arguments = get_origin(annotation), get_args(annotation)
+    if origin is list:
+        return f"std::vector<{_type(arguments[0])}>"
+    if origin is Literal:
+        return _type(type(arguments[0]))
+    if origin in (Union, types.UnionType):
+        kinds = {_type(a) for a in arguments if a is not type(None)}
+        return kinds.pop() if len(kinds) == 1 else "std::string"
+    return TYPES.get(annotation, "std::string")
+
+
+def _value(value: Any) -> str:
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, list | tuple):
+        return ";".join(_value(v) for v in value)  # pyright: ignore[reportUnknownVariableType]
+    text = repr(value) if isinstance(value, float) else str(value)
+    return "".join(c if c.isprintable() else "\ufffd" for c in text)
+
+
+def _text(root: Element) -> str:
+    ElementTree.indent(root)
+    return f'<?xml version="1.0" encoding="UTF-8"?>\n{ElementTree.tostring(root, encoding="unicode")}\n'

@@ -1,0 +1,143 @@
+"""What happens after a run stopped early: nothing, going on without what failed, or planning again
+from here.
+
+The tree itself only knows Sequence and Parallel, so recovery is outside it: the arm has stopped and
+put down what it held, and what is still missing is planned again, from where things stand now, and
+run on.
+
+- `stop`: the run is over.
+- `skip`: the object at which it failed is left alone, the rest is measured.
+- `replan`: everything still missing is tried again, at most `MAX_REPLANS` times.
+
+A run that somebody stopped, or that still holds an object, is never taken up again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, Literal
+
+from palpate.parameter import Parameter
+from palpate.planning.check.check import check
+from palpate.planning.plan import Plan
+from palpate.planning.symbolic.planner import assemble
+from palpate.robots.robot import Robot
+from palpate.scene.load import rearranged
+from palpate.scene.scene import Scene
+from palpate.trace.recording import LeafRun
+from palpate.trace.samples import Samples, Trace
+
+if TYPE_CHECKING:
+    from palpate.execution.runner import Execution
+
+Runner = Callable[[Plan, Scene, Robot], "Execution"]
+MAX_REPLANS = 2
+
+
+def recover(
+    first: Execution, plan: Plan, scene: Scene, robot: Robot, policy: OnFailure, run: Runner
+) -> Execution:
+    """The execution with all further attempts that the policy allows joined to it."""
+    done, now, left_alone = first, plan, set[str]()
+    for attempt in range(len(scene.bodies) if policy == "skip" else MAX_REPLANS):
+        if policy == "stop" or not resumable(done):
+            break
+        rest = remaining(plan.parameters, done.trace)
+        if policy == "skip" and rest:
+            left_alone.add(failed_at(done.trace, now, scene) or rest[0].object)
+            rest = [parameter for parameter in rest if parameter.object not in left_alone]
+        again = replan(
+            rest, rearranged(scene, done.final_state.not_restored()), f"{plan.planner}, {policy}"
+        )
+        if again is None:
+            break
+        now, around = again
+        done = joined(done, run(now, around, robot), attempt + 1)
+    return done
+
+
+def resumable(done: Execution) -> bool:
+    """Whether a stopped run left a cell in which to go on."""
+    asked = done.stopped_by in ("interrupted", "stop requested")
+    return done.status == "stopped" and not asked and done.final_state.holding is None
+
+
+def remaining(parameters: Sequence[Parameter], trace: Trace) -> list[Parameter]:
+    """What no conversion has discharged; what is derived is recorded again as a whole."""
+    made = {Parameter(c.object, c.quantity) for c in trace.conversions}
+    return [parameter for parameter in parameters if parameter not in made]
+
+
+def failed_at(trace: Trace, plan: Plan, scene: Scene) -> str | None:
+    """The object or surface that the failed leaf of `plan`, the latest in the trace, worked on."""
+    failed = next((leaf for leaf in reversed(trace.leaves) if leaf.status == "FAILURE"), None)
+    if failed is None or failed.context is None:
+        return None
+    if failed.context.holding:
+        return failed.context.holding
+    expression = _goal(failed, plan) or failed.context.at
+    return (
+        scene.symbols.subject(expression)
+        if expression and expression not in scene.symbols.configurations
+        else None
+    )
+
+
+def _goal(leaf: LeafRun, plan: Plan) -> str | None:
+    """The pose expression that a MovePose was under way to."""
+    nodes = dict(plan.tree.walk()) if plan.tree else {}
+    node = nodes.get(
+        leaf.node[leaf.node.find("tree") :]
+    )  # without the part that tells attempts apart
+    return dict(node.args).get("pose") if node else None
+
+
+def replan(
+    parameters: Sequence[Parameter], scene: Scene, planner: str
+) -> tuple[Plan, Scene] | None:
+    """A checked plan for the gaps in the scene as it is now; None when there is none."""
+    made = assemble(scene, parameters)
+    if made.tree is None:
+        return None
+    plan = Plan(
+        made.measured, made.tree, "What is still missing, from where things stand now.", planner
+    )
+    return None if check(plan, scene) else (plan, scene)
+
+
+def joined(first: Execution, second: Execution, attempt: int) -> Execution:
+    """Both executions as one: the second says how it ended, the first what it had to get over."""
+    a, b = first.trace, _renamed(second.trace, f"replan[{attempt}].")
+    trace = replace(
+        b,
+        samples=Samples.concatenate([a.samples, b.samples]),
+        leaves=(*a.leaves, *b.leaves),
+        recordings=(*a.recordings, *b.recordings),
+        conversions=(*a.conversions, *b.conversions),
+    )
+    return replace(
+        second,
+        trace=trace,
+        setbacks=(*first.setbacks, first.stopped_by or ""),
+        actions=first.actions + second.actions,
+        robot_seconds=first.robot_seconds + second.robot_seconds,
+        wall_seconds=first.wall_seconds + second.wall_seconds,
+    )
+
+
+def _renamed(trace: Trace, prefix: str) -> Trace:
+    """The trace with its nodes told apart from those of earlier attempts."""
+    recordings = {r: replace(r, node=prefix + r.node) for r in trace.recordings}
+    return replace(
+        trace,
+        leaves=tuple(replace(leaf, node=prefix + leaf.node) for leaf in trace.leaves),
+        recordings=tuple(recordings.values()),
+        conversions=tuple(
+            replace(c, recording=recordings.get(c.recording, c.recording))
+            for c in trace.conversions
+        ),
+    )
+
+
+OnFailure = Literal["stop", "skip", "replan"]

@@ -1,0 +1,313 @@
+"""Runs a plan on a robot: one loop, and however it ends, a robot that stands still and drops
+nothing."""
+
+from __future__ import annotations
+
+import logging
+import math
+import signal
+import threading
+import time
+from collections.abc import Callable, Generator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from types import FrameType
+from typing import Literal, Protocol
+
+import numpy as np
+from py_trees.behaviour import Behaviour
+from py_trees.common import Status
+
+from palpate.errors import InputError
+from palpate.execution.build import build
+from palpate.execution.leaf import PrimitiveLeaf
+from palpate.execution.stop import PutDown, lost
+from palpate.planning.plan import Plan
+from palpate.robots.robot import Robot, RobotState
+from palpate.robots.safety import FREE_FORCE, unexplained_force
+from palpate.scene.scene import Scene
+from palpate.trace.recording import LeafRun
+from palpate.trace.samples import Trace
+from palpate.vocabulary.base import Blackboard, Recorder
+from palpate.vocabulary.registry import Vocabulary, vocabulary
+from palpate.vocabulary.state import SymbolicState
+
+log = logging.getLogger(__name__)
+
+TICK_PERIOD = 0.02
+"""s of robot time between two ticks."""
+MAX_ROBOT_SECONDS = 1800.0
+"""s of robot time that a whole run may take."""
+STOP_SECONDS = 2.0
+"""s of robot time for the arm to come to rest after `hold`."""
+EASINGS = 4
+"""How often the arm gives way to what it presses on; each leaves a fraction of the force."""
+STOP_NODE = "stop"
+"""`LeafRun.node` of what the runner itself runs on the way to a controlled stop; no plan has such a
+node."""
+
+Asked = Callable[[], str | None]
+"""Whether somebody wants the run to stop, and who."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Execution:
+    """What a run gave.
+
+    Attributes:
+        trace: everything recorded, up to and including a controlled stop.
+        status: `complete` when the tree succeeded, else `stopped`.
+        stopped_by: why, in one sentence; None when complete.
+        final_state: what is believed about the cell now.
+        actions: leaves of the plan that were started.
+        robot_seconds, wall_seconds: how long it took.
+        setbacks: why earlier attempts stopped that were gone on from (see `palpate.recovery`).
+    """
+
+    trace: Trace
+    status: Literal["complete", "stopped"]
+    stopped_by: str | None
+    final_state: SymbolicState
+    actions: int
+    robot_seconds: float
+    wall_seconds: float
+    setbacks: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class View:
+    """What an observer sees after a tick.
+
+    Attributes:
+        root: the plan's tree. robot: the cached state. elapsed: robot time since the start, s.
+        leaves: lives that have ended so far. stopping: why the run is being stopped, None while it
+            is not.
+    """
+
+    root: Behaviour
+    robot: RobotState
+    elapsed: float
+    leaves: Sequence[LeafRun]
+    stopping: str | None = None
+
+
+class Observer(Protocol):
+    """Watches a run, e.g. to draw it. Called in the loop after every tick, so it must be quick."""
+
+    def on_tick(self, view: View) -> None: ...
+
+
+def run(
+    plan: Plan,
+    scene: Scene,
+    robot: Robot,
+    *,
+    tick_period: float = TICK_PERIOD,
+    observer: Observer | None = None,
+    stop_requested: Callable[[], bool] | None = None,
+    max_robot_seconds: float = MAX_ROBOT_SECONDS,
+    words: Vocabulary | None = None,
+) -> Execution:
+    """Run a checked plan to its end, or to a controlled stop.
+
+    A failed leaf, an exception, an interrupt (SIGINT), `stop_requested` and the time budget all end
+    in a controlled stop: the arm comes to rest, then a held object is put down, or, where that is
+    not safe, held still. A second interrupt abandons the putting down and holds at once. What was
+    recorded is returned in every case.
+
+    The robot is left holding its position; closing it is up to the caller who opened it.
+
+    Raises:
+        InputError: the plan has no tree, or one that cannot be built; nothing has moved then.
+    """
+    if plan.tree is None:
+        raise InputError(f"the plan has no tree to run: {plan.explanation}")
+    blackboard = Blackboard(robot, SymbolicState(scene), Recorder(robot))
+    root = build(plan.tree, words or vocabulary(), blackboard)
+    loop = _Loop(blackboard, root, tick_period, observer)
+    began = time.perf_counter()
+    try:
+        with _interrupts() as interrupts:
+            asked = _either(interrupts.asked, stop_requested)
+            loop.stopping = _reason(lambda: loop.tick_to_end(root, max_robot_seconds, asked))
+            if loop.stopping is not None:
+                _reason(lambda: loop.stop(put_down=interrupts.pressed < 2))
+    finally:
+        _reason(robot.hold)
+    return loop.execution(time.perf_counter() - began)
+
+
+@dataclass
+class _Loop:
+    """One run: the tree and what it works on."""
+
+    blackboard: Blackboard
+    root: Behaviour
+    tick_period: float
+    observer: Observer | None
+    stopping: str | None = None
+    start: float = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.start = self.blackboard.robot.state.t
+
+    def tick_to_end(self, root: Behaviour, budget: float, asked: Asked) -> str | None:
+        """Tick until `root` ends: None when it succeeded, else why not. `budget` is robot time in
+        s."""
+        for _ in range(math.ceil(budget / self.tick_period)):
+            self._advance()
+            if reason := asked():
+                return reason
+            root.tick_once()
+            self._show()
+            if root.status is Status.SUCCESS:
+                return None
+            if root.status is Status.FAILURE:
+                return self._failure()
+        return f"not done after {budget:g} s of robot time, the budget of a run"
+
+    def stop(self, put_down: bool) -> None:
+        """Bring everything to rest, then put down what is held."""
+        try:
+            self._interrupt()
+        finally:
+            self.blackboard.robot.hold()
+        if not put_down:
+            return
+        self._come_to_rest()
+        if not self.blackboard.robot.state.gripping:
+            self.blackboard.state = (
+                lost(self.blackboard) if self.blackboard.state.holding else self.blackboard.state
+            )
+        else:
+            down = PrimitiveLeaf(PutDown(), self.blackboard, STOP_NODE)
+            try:
+                self.tick_to_end(down, PutDown.timeout, _nobody)
+            finally:
+                down.stop(Status.INVALID)
+
+    def execution(self, wall_seconds: float) -> Execution:
+        """The result as it stands."""
+        _reason(self.blackboard.recorder.drain)
+        trace = self.blackboard.recorder.snapshot()
+        return Execution(
+            trace,
+            "complete" if self.stopping is None else "stopped",
+            self._stopped_by(),
+            self.blackboard.state,
+            sum(leaf.node != STOP_NODE for leaf in trace.leaves),
+            self._elapsed(),
+            wall_seconds,
+        )
+
+    def _come_to_rest(self) -> None:
+        """Wait for the end of all motion, and stop pressing on what was run into: `hold` keeps the
+        force of the set-point that the arm lags behind, a joint motion to where the arm is gives
+        way."""
+        for _ in range(EASINGS):
+            if self._pressing():
+                self.blackboard.robot.move_joints(self.blackboard.robot.state.q)
+            self._rest()
+            if not self._pressing():
+                return
+
+    def _rest(self) -> None:
+        for _ in range(math.ceil(STOP_SECONDS / self.tick_period)):
+            self._advance()
+            self._show()
+            if not (
+                self.blackboard.robot.state.moving or self.blackboard.robot.state.gripper_moving
+            ):
+                return
+
+    def _pressing(self) -> bool:
+        robot = self.blackboard.robot
+        force = unexplained_force(robot.state, robot.limits, robot.state.gripping)
+        return bool(np.linalg.norm(force) > FREE_FORCE)
+
+    def _advance(self) -> None:
+        self.blackboard.robot.advance(self.tick_period)
+        self.blackboard.recorder.drain()
+
+    def _show(self) -> None:
+        if self.observer is not None:
+            leaves = self.blackboard.recorder.leaves
+            self.observer.on_tick(
+                View(self.root, self.blackboard.robot.state, self._elapsed(), leaves, self.stopping)
+            )
+
+    def _elapsed(self) -> float:
+        return self.blackboard.robot.state.t - self.start
+
+    def _failure(self) -> str:
+        failed = next(
+            leaf for leaf in reversed(self.blackboard.recorder.leaves) if leaf.status == "FAILURE"
+        )
+        return f"{failed.label}: {failed.message}"
+
+    def _stopped_by(self) -> str | None:
+        held = self.blackboard.state.holding
+        if self.stopping is None or held is None or not self.blackboard.robot.state.gripping:
+            return self.stopping
+        return f"{self.stopping}; the fingers still hold '{held}'"
+
+    def _interrupt(self) -> None:
+        """End what still runs; what has ended keeps its status, which stopping the root would
+        erase."""
+        for node in self.root.iterate():
+            if node.status is Status.RUNNING:
+                if isinstance(node, PrimitiveLeaf):
+                    node.stop(Status.INVALID)
+                node.status = Status.INVALID
+
+
+def _nobody() -> None:
+    """Nobody wants the run to stop."""
+
+
+def _either(interrupted: Asked, stop_requested: Callable[[], bool] | None) -> Asked:
+    return lambda: (
+        interrupted() or ("stop requested" if stop_requested and stop_requested() else None)
+    )
+
+
+def _reason(step: Callable[[], str | None]) -> str | None:
+    """The step's own result, or what it raised, in words: nothing may keep the runner from stopping
+    the robot."""
+    try:
+        return step()
+    except KeyboardInterrupt:
+        return "interrupted"
+    except Exception as error:
+        log.exception("the run failed")
+        return f"{type(error).__name__}: {error}"
+
+
+@dataclass
+class _Interrupts:
+    """How often SIGINT came: the first one only asks, the second raises `KeyboardInterrupt`."""
+
+    pressed: int = 0
+
+    def asked(self) -> str | None:
+        return "interrupted" if self.pressed else None
+
+    def press(self, _signum: int, _frame: FrameType | None) -> None:
+        self.pressed += 1
+        if self.pressed > 1:
+            raise KeyboardInterrupt
+
+
+@contextmanager
+def _interrupts() -> Generator[_Interrupts]:
+    """Counts SIGINTs meanwhile. Off the main thread, where Python takes none, it leaves them
+    alone."""
+    interrupts = _Interrupts()
+    if threading.current_thread() is not threading.main_thread():
+        yield interrupts
+        return
+    previous = signal.signal(signal.SIGINT, interrupts.press)
+    try:
+        yield interrupts
+    finally:
+        signal.signal(signal.SIGINT, previous or signal.SIG_DFL)

@@ -1,0 +1,42 @@
+"""Inertia tensors as MJCF writes them: xx yy zz xy xz yz, kg m²."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from palpate.geometry.pose import Array, Pose
+from palpate.mjcf.edits import number
+
+
+def rotation(quaternion: Array) -> Array:
+    """(3, 3) matrix of a quaternion wxyz."""
+    return Pose.of((0, 0, 0), quaternion).rotation
+
+
+def inertia_components(diagonal: Array, quaternion: Array) -> tuple[float, ...]:
+    """xx yy zz xy xz yz in body axes, from MuJoCo's principal moments and their orientation."""
+    axes = rotation(np.asarray(quaternion))
+    return tuple(components(axes @ np.diag(np.asarray(diagonal)) @ axes.T))
+
+
+def tensor_of(parts: Sequence[float]) -> Array:
+    """(3, 3) from xx yy zz xy xz yz."""
+    xx, yy, zz, xy, xz, yz = parts
+    return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+
+
+def components(tensor: Array) -> list[float]:
+    """xx yy zz xy xz yz of a (3, 3) tensor."""
+    rows, columns = (0, 1, 2, 0, 0, 1), (0, 1, 2, 1, 2, 2)
+    return [float(v) for v in tensor[rows, columns]]
+
+
+def inertia_attributes(tensor: Array) -> dict[str, str]:
+    """`diaginertia`, or `fullinertia` where the axes are not the body's."""
+    parts = components(tensor)
+    level = max(abs(p) for p in parts)
+    if max(abs(p) for p in parts[3:]) < 1e-5 * level:
+        return {"diaginertia": " ".join(number(p) for p in parts[:3])}
+    return {"fullinertia": " ".join(number(p) for p in parts)}

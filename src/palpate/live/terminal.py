@@ -1,0 +1,159 @@
+"""A run as it happens, on the terminal: the tree with statuses, robot time, force; plain lines
+elsewhere."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from types import TracebackType
+
+import numpy as np
+from py_trees.behaviour import Behaviour
+from py_trees.common import Status
+from rich.console import Console, Group
+from rich.live import Live
+from rich.text import Text
+
+from palpate.execution.leaf import PrimitiveLeaf
+from palpate.execution.runner import STOP_NODE, View
+from palpate.trace.recording import LeafRun
+
+REFRESH_PERIOD = 0.125
+"""s of wall time: more often, nobody can read it."""
+
+ICONS = {
+    Status.SUCCESS: ("✓", "green"),
+    Status.FAILURE: ("✗", "bold red"),
+    Status.RUNNING: ("▶", "bold yellow"),
+    Status.INVALID: ("·", "dim"),
+}
+STOPPED = ("–", "magenta")
+WORDS = {"SUCCESS": "ok", "FAILURE": "FAILED", "INVALID": "stopped"}
+
+
+class LiveView:
+    """Draws a run on a console, by default on stderr. A context manager and an `Observer`.
+
+    On a terminal the tree is redrawn in place; elsewhere every leaf that ends gives one line.
+    """
+
+    def __init__(self, console: Console | None = None) -> None:
+        self._console = console or Console(stderr=True, highlight=False)
+        self._in_place = self._console.is_terminal and not self._console.is_dumb_terminal
+        self._live: Live | None = None
+        self._view: View | None = None
+        self._drawn = -np.inf
+        self._printed = 0
+
+    def __enter__(self) -> LiveView:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.finish()
+
+    def say(self, stage: str) -> None:
+        """Name the present stage of the work."""
+        self.finish()
+        self._console.print(Text(f"{_clean(stage)} …", "dim"))
+
+    def on_tick(self, view: View) -> None:
+        """Take note of a tick; draws at most every 125 ms."""
+        self._view = view
+        if not self._in_place:
+            self._print_ended(view)
+        elif time.monotonic() - self._drawn >= REFRESH_PERIOD:
+            self._draw()
+
+    def finish(self) -> None:
+        """Draw the last state and leave it on the screen."""
+        if self._live is not None:
+            self._draw()
+            self._live.stop()
+        self._live, self._view, self._printed = None, None, 0
+
+    def _draw(self) -> None:
+        assert self._view is not None
+        if self._live is None:
+            self._live = Live(console=self._console, auto_refresh=False, redirect_stdout=False)
+            self._live.start()
+        room = max(3, self._console.height - 6)
+        self._live.update(render(self._view, room), refresh=True)
+        self._drawn = time.monotonic()
+
+    def _print_ended(self, view: View) -> None:
+        for leaf in view.leaves[self._printed :]:
+            line = f"{leaf.end:8.2f} s  {WORDS[leaf.status]:7} {leaf.label}"
+            self._console.print(
+                Text(_clean(f"{line}: {leaf.message}" if leaf.message else line)), soft_wrap=True
+            )
+        self._printed = len(view.leaves)
+
+
+def render(view: View, room: int) -> Group:
+    """The view in at most `room` lines of tree: those around the active leaf, when there are
+    more."""
+    ended = {leaf.node: leaf for leaf in view.leaves}
+    nodes = list(_walk(view.root))
+    lines = [_line(node, depth, view, ended) for node, depth in nodes]
+    active = max(
+        (i for i, (node, _) in enumerate(nodes) if node.status is not Status.INVALID), default=0
+    )
+    first = min(max(0, active - room // 2), max(0, len(lines) - room))
+    return Group(_header(view), *lines[first : first + room], *_stop(view))
+
+
+def _header(view: View) -> Text:
+    force = float(np.linalg.norm(view.robot.wrench[:3]))
+    header = Text(
+        f"{view.elapsed:7.1f} s robot time   |F| {force:5.1f} N",
+        "bold",
+        no_wrap=True,
+        overflow="ellipsis",
+    )
+    running = [
+        node.name
+        for node, _ in _walk(view.root)
+        if isinstance(node, PrimitiveLeaf) and node.status is Status.RUNNING
+    ]
+    return header.append(f"   {_clean(', '.join(running))}", "yellow")
+
+
+def _stop(view: View) -> Iterator[Text]:
+    """Why the run is being stopped, and what was done for it."""
+    if view.stopping is not None:
+        yield Text(f"stopping: {_clean(view.stopping)}", "bold red")
+    for leaf in view.leaves:
+        if leaf.node == STOP_NODE:
+            icon, style = ICONS[Status[leaf.status]]
+            yield Text.assemble(
+                (f"{icon} {leaf.label}", style), (f"  {_clean(leaf.message)}", "dim")
+            )
+
+
+def _line(node: Behaviour, depth: int, view: View, ended: dict[str, LeafRun]) -> Text:
+    run = ended.get(node.node) if isinstance(node, PrimitiveLeaf) else None
+    interrupted = node.status is Status.INVALID and run is not None
+    icon, style = STOPPED if interrupted else ICONS[node.status]
+    line = Text("  " * depth, no_wrap=True, overflow="ellipsis")
+    line.append(f"{icon} {_clean(node.name)}", style)
+    if run is not None:
+        line.append(f"  {run.end - run.start:.1f} s  {_clean(run.message)}", "dim")
+    elif isinstance(node, PrimitiveLeaf) and node.status is Status.RUNNING:
+        line.append(f"  {view.robot.t - node.started:.1f} s", "dim")
+    return line
+
+
+def _walk(node: Behaviour, depth: int = 0) -> Iterator[tuple[Behaviour, int]]:
+    yield node, depth
+    for child in node.children:
+        yield from _walk(child, depth + 1)
+
+
+def _clean(text: str) -> str:
+    """Names may come from a model: nothing that a terminal would take for a command."""
+    return "".join(c if c.isprintable() else "�" for c in text)

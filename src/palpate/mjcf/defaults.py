@@ -1,0 +1,40 @@
+"""MJCF's defaults classes."""
+
+from __future__ import annotations
+
+from palpate.mjcf.document import Element
+
+
+class Defaults:
+    """The `<default>` classes of a document: what an element's attribute is when the element leaves
+    it out."""
+
+    def __init__(self, root: Element) -> None:
+        self._classes: dict[str, list[Element]] = {"": []}
+        for top in root.iterfind("default"):
+            self._collect(top, ())
+        self._root_class = next((d.get("class") or "main" for d in root.iterfind("default")), "")
+
+    def attribute(self, element: Element, name: str) -> str | None:
+        """The attribute as MuJoCo would see it, or None when nothing states it."""
+        own = element.get(name)
+        if own is not None:
+            return own
+        for default in reversed(self._classes.get(self._class_of(element), [])):
+            for entry in default.iterfind(str(element.tag)):
+                if entry.get(name) is not None:
+                    return entry.get(name)
+        return None
+
+    def _collect(self, default: Element, above: tuple[Element, ...]) -> None:
+        chain = (*above, default)
+        name = default.get("class") or "main"
+        self._classes.setdefault(name, []).extend(chain)
+        for child in default.iterfind("default"):
+            self._collect(child, chain)
+
+    def _class_of(self, element: Element) -> str:
+        if element.get("class"):
+            return element.get("class") or ""
+        above = (a.get("childclass") for a in element.iterancestors("body", "frame", "worldbody"))
+        return next((c for c in above if c), self._root_class)

@@ -1,0 +1,301 @@
+"""The compiled geometry of a scene: convex outlines of geoms, boxes of bodies, volumes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.errors import InputError
+from palpate.geometry.outline import Convex
+from palpate.geometry.pose import Array, Pose
+from palpate.mjcf.compile import BASE_SITE, compile_model, compile_spec, model_tree
+from palpate.mjcf.document import Document, Element
+from palpate.mjcf.edits import Edit, Insert
+from palpate.mjcf.roles import Inventory, ObjectEntry
+
+INFINITE_PLANE = 10.0
+"""m: half extent given to a plane without one."""
+
+_CIRCLE = 48
+"""Corners of a circle; a multiple of four, so that boxes around round things are exact."""
+
+_LATITUDES, _LONGITUDES = 11, 24
+"""Rings of a ball between its poles, and points on each; odd and a multiple of four for the same
+reason."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Shapes:
+    """Geometry of a compiled scene at rest.
+
+    `geom_ids` and `names` refer to elements of the document.
+    """
+
+    model: mujoco.MjModel
+    data: mujoco.MjData
+    geom_ids: Mapping[Element, int]
+
+    def body_pose(self, name: str) -> Pose:
+        """Pose of a body's frame in the world."""
+        body = self.data.body(name)
+        return Pose.of(body.xpos, body.xquat)
+
+    def geom_pose(self, geom: Element) -> Pose:
+        """Pose of a geom's frame in the world."""
+        return _pose(
+            self.data.geom_xpos[self.geom_ids[geom]], self.data.geom_xmat[self.geom_ids[geom]]
+        )
+
+    def points(self, geom: Element) -> Array:
+        """(k, 3) points in the world whose convex hull is the geom, m."""
+        return self.geom_points(self.geom_ids[geom])
+
+    def geom_points(self, geom: int) -> Array:
+        """As `points`, by id in the model."""
+        rotation = self.data.geom_xmat[geom].reshape(3, 3)
+        return hull_points(self.model, geom) @ rotation.T + self.data.geom_xpos[geom]
+
+    def convex(self, geom: Element) -> Convex:
+        """The geom with its edges, in the world."""
+        points = self.points(geom)
+        return Convex(
+            points, hull_edges(int(self.model.geom_type[self.geom_ids[geom]]), len(points))
+        )
+
+    def cloud(self, geoms: Iterable[Element]) -> Array:
+        """(k, 3) points of several geoms in the world."""
+        return np.concatenate([self.points(geom) for geom in geoms])
+
+    def volume(self, geom: Element) -> float:
+        """m³ of a geom; of a mesh as triangulated."""
+        return geom_volume(self.model, self.geom_ids[geom])
+
+    def solid_geoms(self) -> list[int]:
+        """Ids of all geoms that can touch something, planes left out."""
+        masks = self.model.geom_contype | self.model.geom_conaffinity
+        return [
+            i
+            for i in range(self.model.ngeom)
+            if masks[i] and self.model.geom_type[i] != mujoco.mjtGeom.mjGEOM_PLANE
+        ]
+
+    def up(self, geom: Element) -> float:
+        """World z component of the geom's z axis."""
+        return float(self.data.geom_xmat[self.geom_ids[geom]][8])
+
+    def base(self) -> Pose:
+        """Pose of the site `robot_base`, else the origin."""
+        site = mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_SITE, BASE_SITE)
+        return (
+            _pose(self.data.site_xpos[site], self.data.site_xmat[site])
+            if site >= 0
+            else Pose.of((0, 0, 0))
+        )
+
+
+def compile_shapes(document: Document, found: Inventory, edits: Sequence[Edit | Insert]) -> Shapes:
+    """Compile the scene with `edits` and look at it in its initial configuration.
+
+    Raises:
+        InputError: MuJoCo does not accept the scene.
+    """
+    root, twin_of = model_tree(document, found, edits)
+    names = _name_geoms(twin_of)
+    model = compile_model(compile_spec(root, document.folder))
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    _require_finite(model, data)
+    ids = {
+        geom: mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_GEOM, name)
+        for geom, name in names.items()
+    }
+    return Shapes(model, data, {geom: i for geom, i in ids.items() if i >= 0})
+
+
+def _require_finite(model: mujoco.MjModel, data: mujoco.MjData) -> None:
+    numbers = (
+        data.xpos,
+        data.xquat,
+        data.geom_xpos,
+        data.geom_xmat,
+        data.site_xpos,
+        model.geom_size,
+        model.geom_friction,
+        model.body_mass,
+        model.body_inertia,
+        model.body_ipos,
+        model.opt.gravity,
+    )
+    if not all(np.isfinite(array).all() for array in numbers):
+        raise InputError("the scene has a number that is not finite (nan or inf)")
+
+
+def _name_geoms(twin_of: Mapping[Element, Element]) -> dict[Element, str]:
+    names: dict[Element, str] = {}
+    for i, (original, twin) in enumerate(twin_of.items()):
+        if original.tag == "geom" and next(original.iterancestors("default"), None) is None:
+            names[original] = twin.get("name") or f"palpate:{i}"
+            twin.set("name", names[original])
+    return names
+
+
+def _pose(position: Array, matrix: Array) -> Pose:
+    quaternion = np.empty(4)
+    mujoco.mju_mat2Quat(quaternion, matrix)
+    return Pose.of(position, quaternion)
+
+
+def hull_points(model: mujoco.MjModel, geom: int) -> Array:
+    """(k, 3) points in the geom's frame whose convex hull is the geom (round ones as fine
+    polygons)."""
+    kind = int(model.geom_type[geom])
+    size = np.array(model.geom_size[geom])
+    if kind in (mujoco.mjtGeom.mjGEOM_MESH, mujoco.mjtGeom.mjGEOM_SDF):
+        return _extremes(_mesh_vertices(model, int(model.geom_dataid[geom])))
+    if kind == mujoco.mjtGeom.mjGEOM_HFIELD:
+        x, y, top, below = model.hfield_size[model.geom_dataid[geom]]
+        return _corners(np.array([x, y, (top + below) / 2])) + np.array([0, 0, (top - below) / 2])
+    outline = _OUTLINES.get(kind)
+    return outline(size) if outline else np.zeros((1, 3))
+
+
+@cache
+def hull_edges(kind: int, count: int) -> NDArray[np.intp]:
+    """(m, 2) pairs of the `count` points that `hull_points` gives for a kind of geom, the hull's
+    edges among them."""
+    if kind == mujoco.mjtGeom.mjGEOM_CYLINDER:
+        return _ring_edges(2, _CIRCLE)
+    if kind in (mujoco.mjtGeom.mjGEOM_SPHERE, mujoco.mjtGeom.mjGEOM_ELLIPSOID):
+        return _ball_edges()
+    if kind == mujoco.mjtGeom.mjGEOM_CAPSULE:
+        half = count // 2
+        across = np.column_stack([np.arange(half), np.arange(half) + half])
+        return np.concatenate([_ball_edges(), _ball_edges() + half, across])
+    return np.column_stack(np.triu_indices(count, 1))
+
+
+def _ring_edges(rings: int, corners: int) -> NDArray[np.intp]:
+    """Edges along and between `rings` polygons whose points follow one another."""
+    index = np.arange(rings * corners).reshape(rings, corners)
+    along = np.column_stack([index.ravel(), np.roll(index, -1, axis=1).ravel()])
+    return np.concatenate([along, np.column_stack([index[:-1].ravel(), index[1:].ravel()])])
+
+
+def _ball_edges() -> NDArray[np.intp]:
+    last = _LATITUDES * _LONGITUDES
+    bottom, top = np.arange(_LONGITUDES), np.arange(last - _LONGITUDES, last)
+    poles = [
+        np.column_stack([ring, np.full(_LONGITUDES, pole)])
+        for ring, pole in ((bottom, last + 1), (top, last))
+    ]
+    return np.concatenate([_ring_edges(_LATITUDES, _LONGITUDES), *poles])
+
+
+def geom_volume(model: mujoco.MjModel, geom: int) -> float:
+    """Volume of a geom, m³."""
+    r, h, z = (float(s) for s in model.geom_size[geom])
+    kind = int(model.geom_type[geom])
+    if kind == mujoco.mjtGeom.mjGEOM_MESH:
+        return _mesh_volume(model, int(model.geom_dataid[geom]))
+    return {
+        int(mujoco.mjtGeom.mjGEOM_BOX): 8 * r * h * z,
+        int(mujoco.mjtGeom.mjGEOM_SPHERE): 4 / 3 * np.pi * r**3,
+        int(mujoco.mjtGeom.mjGEOM_CYLINDER): 2 * np.pi * r**2 * h,
+        int(mujoco.mjtGeom.mjGEOM_CAPSULE): 2 * np.pi * r**2 * h + 4 / 3 * np.pi * r**3,
+        int(mujoco.mjtGeom.mjGEOM_ELLIPSOID): 4 / 3 * np.pi * r * h * z,
+    }.get(kind, 0.0)
+
+
+def _mesh_vertices(model: mujoco.MjModel, mesh: int) -> Array:
+    first, count = int(model.mesh_vertadr[mesh]), int(model.mesh_vertnum[mesh])
+    return np.asarray(model.mesh_vert[first : first + count], dtype=float)
+
+
+def _mesh_volume(model: mujoco.MjModel, mesh: int) -> float:
+    first, count = int(model.mesh_faceadr[mesh]), int(model.mesh_facenum[mesh])
+    a, b, c = np.moveaxis(_mesh_vertices(model, mesh)[model.mesh_face[first : first + count]], 1, 0)
+    return abs(float(np.einsum("ij,ij->", a, np.cross(b, c)))) / 6
+
+
+def _corners(half: Array) -> Array:
+    signs = np.array(np.meshgrid([-1, 1], [-1, 1], [-1, 1])).T.reshape(-1, 3)
+    return signs * half
+
+
+def _plane(size: Array) -> Array:
+    return _corners(np.where(size > 0, size, INFINITE_PLANE) * np.array([1, 1, 0]))
+
+
+def _circle() -> Array:
+    angle = np.arange(_CIRCLE) * 2 * np.pi / _CIRCLE
+    return np.column_stack([np.cos(angle), np.sin(angle)])
+
+
+def _cylinder(size: Array) -> Array:
+    ring = _circle() * size[0]
+    return np.concatenate(
+        [np.column_stack([ring, np.full(_CIRCLE, z)]) for z in (-size[1], size[1])]
+    )
+
+
+@cache
+def _directions() -> Array:
+    """(m, 3) unit vectors over the sphere, symmetric about every axis plane."""
+    latitude = (np.arange(_LATITUDES) + 1)[:, None] * np.pi / (_LATITUDES + 1) - np.pi / 2
+    longitude = np.arange(_LONGITUDES) * 2 * np.pi / _LONGITUDES
+    grid = np.stack(
+        np.broadcast_arrays(
+            np.cos(latitude) * np.cos(longitude),
+            np.cos(latitude) * np.sin(longitude),
+            np.sin(latitude),
+        ),
+        axis=-1,
+    )
+    return np.concatenate([grid.reshape(-1, 3), [[0, 0, 1], [0, 0, -1]]])
+
+
+def _capsule(size: Array) -> Array:
+    ball = _directions() * size[0]
+    up = np.array([0, 0, size[1]])
+    return np.concatenate([ball + up, ball - up])
+
+
+def _extremes(points: Array) -> Array:
+    """The points farthest out in each of many directions: a small set with nearly the same convex
+    hull."""
+    if len(points) <= len(_directions()):
+        return points
+    return points[np.unique(np.argmax(_directions() @ points.T, axis=1))]
+
+
+_OUTLINES: dict[int, Callable[[Array], Array]] = {
+    int(mujoco.mjtGeom.mjGEOM_PLANE): _plane,
+    int(mujoco.mjtGeom.mjGEOM_BOX): _corners,
+    int(mujoco.mjtGeom.mjGEOM_SPHERE): lambda size: _directions() * size[0],
+    int(mujoco.mjtGeom.mjGEOM_ELLIPSOID): lambda size: _directions() * size,
+    int(mujoco.mjtGeom.mjGEOM_CYLINDER): _cylinder,
+    int(mujoco.mjtGeom.mjGEOM_CAPSULE): _capsule,
+}
+
+
+RESTING = 0.02
+"""m: an object whose bottom is this close to a top stands on it."""
+
+
+def standing_point(shapes: Shapes, thing: ObjectEntry) -> Array:
+    """(3,) the middle of the bottom of the box around an object, world, m."""
+    cloud = shapes.cloud(thing.colliding)
+    low, high = cloud.min(axis=0), cloud.max(axis=0)
+    return np.array([(low[0] + high[0]) / 2, (low[1] + high[1]) / 2, low[2]])
+
+
+def box_around(pose: Pose, cloud: Array) -> tuple[Array, Array]:
+    """Centre and size of the box around world points, in the frame `pose`."""
+    local = (cloud - pose.position) @ pose.rotation
+    low, high = local.min(axis=0), local.max(axis=0)
+    return (low + high) / 2, high - low

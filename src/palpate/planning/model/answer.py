@@ -1,0 +1,212 @@
+"""Finding the plan in what a model said: JSON amid prose and code fences, nested or as a flat list
+of nodes.
+
+The answer is untrusted: its size and the number of attempts at reading it are bounded.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, cast
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+from palpate.errors import InputError
+from palpate.planning.plan import MAX_BYTES, MAX_NESTING, Plan, parse_plan
+from palpate.scene.from_picture import SceneObject, Shape
+
+MAX_ATTEMPTS = 200
+"""Opening braces from which JSON is tried to be read."""
+MAX_OBJECTS = 100
+"""Objects of a scene that a model may list."""
+
+_OPENING = re.compile(r"\{\s*[\"}]")
+_DECODER = json.JSONDecoder()
+
+
+@dataclass(frozen=True, slots=True)
+class Proposal:
+    """What an answer holds: a plan, and, when there was no D, the scene's objects."""
+
+    plan: Plan
+    scene: tuple[SceneObject, ...] = ()
+
+
+def read_answer(text: str) -> Proposal:
+    """The proposal in a model's answer: the last JSON object in it that has a `tree`, or a list of
+    `nodes`.
+
+    Raises:
+        InputError: there is none, it is broken or not of a plan's form; worded so that the model
+            can repair it.
+    """
+    if not text.strip():
+        raise InputError(
+            "the answer is empty; return one JSON object with parameters, explanation and tree"
+        )
+    if len(text) > MAX_BYTES:
+        raise InputError(
+            f"the answer has {len(text)} characters, more than {MAX_BYTES}; return the JSON object only"
+        )
+    source, document = _plan_object(text)
+    plan = parse_plan(json.dumps(nested(document)) if "nodes" in document else source)
+    return Proposal(plan, _scene_objects(document.get("scene") or []))
+
+
+def nested(document: Mapping[str, Any]) -> dict[str, Any]:
+    """A plan document whose tree is written as `nodes`, a list in which children are given by `id`,
+    as a tree.
+
+    Null arguments, which providers' strict schemas demand, are dropped. No nodes is no tree.
+
+    Raises:
+        InputError: an id is unknown or used twice, or the nodes do not form one tree.
+    """
+    nodes = _node_list(document["nodes"])
+    plan = {key: value for key, value in document.items() if key != "nodes"}
+    if not nodes:
+        return {**plan, "tree": None}
+    below = [child for node in nodes.values() for child in _children(node)]
+    roots = nodes.keys() - set(below)
+    if len(roots) != 1 or len(below) != len(set(below)):
+        raise InputError(
+            "nodes: every node but one, the root, must be the child of exactly one other"
+        )
+    tree, used = _grown(roots.pop(), nodes, depth=0)
+    if used != len(nodes):
+        raise InputError("nodes: some are not below the root; every node must be")
+    return {**plan, "tree": tree}
+
+
+def _plan_object(text: str) -> tuple[str, dict[str, Any]]:
+    """The source and content of the last JSON object that is a plan."""
+    found: tuple[str, dict[str, Any]] | None = None
+    problem = (
+        "there is no JSON object in the answer; return one with parameters, explanation and tree"
+    )
+    position = furthest = 0
+    for _ in range(MAX_ATTEMPTS):
+        opening = _OPENING.search(text, position)
+        if opening is None:
+            break
+        start = opening.start()
+        value, end, complaint = _decoded(text, start)
+        if isinstance(value, dict) and ("tree" in value or "nodes" in value):
+            found = (text[start:end], cast("dict[str, Any]", value))
+        elif end - start > furthest:
+            furthest, problem = end - start, complaint
+        position = start + 1 if value is None else end
+    if found is None:
+        raise InputError(problem)
+    return found
+
+
+def _decoded(text: str, start: int) -> tuple[object, int, str]:
+    """The JSON value at `start` with its end; None where it is broken, with the place and the
+    complaint."""
+    try:
+        value, end = _DECODER.raw_decode(text, start)
+    except json.JSONDecodeError as error:
+        cut = (
+            "breaks off"
+            if error.pos >= len(text.rstrip()) - 1 or "Unterminated" in error.msg
+            else "is not valid"
+        )
+        near = text[max(start, error.pos - 40) : error.pos]
+        return (
+            None,
+            error.pos,
+            f"the JSON {cut} after {near!r} ({error.msg}); return the whole object again",
+        )
+    except RecursionError:
+        return (
+            None,
+            len(text),
+            f"the JSON is nested deeper than {MAX_NESTING} brackets; flatten the tree",
+        )
+    except ValueError as error:
+        return None, start + 1, f"the JSON is not usable: {error}"
+    return (
+        value,
+        end,
+        "the JSON object has no field 'tree'; return one with parameters, explanation and tree",
+    )
+
+
+def _node_list(value: object) -> dict[int, dict[str, Any]]:
+    if not isinstance(value, list):
+        raise InputError("nodes: must be a list")
+    nodes: dict[int, dict[str, Any]] = {}
+    for i, item in enumerate(cast("list[object]", value)):
+        node = cast("dict[str, Any]", item) if isinstance(item, dict) else {}
+        id = node.get("id")
+        if not isinstance(id, int) or id in nodes:
+            raise InputError(f"nodes[{i}]: needs an 'id' of its own, a whole number")
+        nodes[id] = node
+    for id, node in nodes.items():
+        for child in _children(node):
+            if not isinstance(child, int) or child not in nodes:
+                raise InputError(
+                    f"nodes: node {id} has the child {str(child)[:40]}, which is not there"
+                )
+    return nodes
+
+
+def _children(node: Mapping[str, Any]) -> list[Any]:
+    children: object = node.get("children") or []
+    return cast("list[Any]", children) if isinstance(children, list) else [children]
+
+
+def _grown(
+    id: int, nodes: Mapping[int, Mapping[str, Any]], depth: int
+) -> tuple[dict[str, Any], int]:
+    """The node with all that is below it, and how many nodes that is."""
+    if depth > MAX_NESTING:
+        raise InputError("nodes: the tree is nested too deep; flatten it")
+    node = {
+        key: value
+        for key, value in nodes[id].items()
+        if value is not None and key not in ("id", "children")
+    }
+    below = [_grown(child, nodes, depth + 1) for child in _children(nodes[id])]
+    if below:
+        node["children"] = [child for child, _ in below]
+    return node, 1 + sum(count for _, count in below)
+
+
+class _SceneObject(BaseModel):
+    model_config = ConfigDict(extra="ignore", allow_inf_nan=False)
+
+    name: str = Field(pattern=r"^[A-Za-z][A-Za-z0-9_-]{0,59}$")
+    shape: Shape
+    bbox: tuple[float, float, float, float]
+    height: float | None = Field(default=None, ge=-5.0, le=5.0)
+
+    @model_validator(mode="after")
+    def _is_a_box(self) -> _SceneObject:
+        left, top, right, bottom = self.bbox
+        if not (0 <= left < right <= 1 and 0 <= top < bottom <= 1):
+            raise ValueError("bbox must be [left, top, right, bottom] with fractions from 0 to 1")
+        return self
+
+
+def _scene_objects(value: object) -> tuple[SceneObject, ...]:
+    if not isinstance(value, Sequence) or isinstance(value, str):
+        raise InputError("scene: must be a list of objects with name, shape and bbox")
+    items = cast("Sequence[object]", value)
+    if len(items) > MAX_OBJECTS:
+        raise InputError(f"scene: lists {len(items)} objects, more than {MAX_OBJECTS}")
+    return tuple(_scene_object(item, i) for i, item in enumerate(items))
+
+
+def _scene_object(item: object, index: int) -> SceneObject:
+    try:
+        read = _SceneObject.model_validate(item)
+    except ValidationError as error:
+        first = error.errors()[0]
+        place = ".".join(str(part) for part in first["loc"]) or "object"
+        raise InputError(f"scene[{index}]: {place}: {first['msg'][:200]}") from None
+    return SceneObject(read.name, read.shape, read.bbox, read.height)

@@ -1,0 +1,225 @@
+"""The dialogue with a model: ask, check, feed the findings back, a bounded number of times.
+
+Nothing here knows a provider: whoever answers is a function. The same loop therefore runs on a live
+model and on a recorded conversation, and the record is complete without any header or key.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+from pydantic import TypeAdapter, ValidationError
+
+from palpate.errors import InputError, PlanRejected
+from palpate.planning.plan import MAX_BYTES, Plan
+
+FEEDBACK_ROUNDS = 3
+"""How often findings go back to the model."""
+MAX_FINDINGS = 20
+MAX_FINDING = 500
+"""Findings in one message, and characters of each."""
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """What came back for one message.
+
+    Attributes:
+        text: the model's words. model: the name the provider reports.
+        input_tokens, cached_tokens, output_tokens: as the provider counts them.
+        cost: US dollars by the list price, None where no price is known.
+        seconds: wall time, waits for retries included. requests: how many it took.
+        finish: why the model stopped, e.g. `stop`, `length`, `content_filter`.
+    """
+
+    text: str
+    model: str = ""
+    input_tokens: int = 0
+    cached_tokens: int = 0
+    output_tokens: int = 0
+    cost: float | None = None
+    seconds: float = 0.0
+    requests: int = 1
+    finish: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Round:
+    """One message to the model, its answer, and what the check found wrong with it."""
+
+    message: str
+    answer: Answer
+    findings: tuple[str, ...] = ()
+
+
+@dataclass(slots=True)
+class Conversation:
+    """A whole dialogue, as it is kept in the run folder.
+
+    Attributes:
+        planner: as asked for, e.g. `openai:gpt-4o`. system: S as sent.
+        images: width and height in pixels and SHA-256 of every picture as sent.
+    """
+
+    planner: str
+    system: str
+    images: tuple[dict[str, Any], ...] = ()
+    rounds: list[Round] = field(default_factory=list[Round])
+
+    @property
+    def tokens(self) -> int:
+        """Input and output tokens so far."""
+        return sum(r.answer.input_tokens + r.answer.output_tokens for r in self.rounds)
+
+    @property
+    def cost(self) -> float | None:
+        """US dollars so far; None when an answer has no known price."""
+        costs = [r.answer.cost for r in self.rounds]
+        return None if None in costs else sum(c for c in costs if c is not None)
+
+    def summary(self) -> dict[str, Any]:
+        """The figures that go into `plan.json`."""
+        answers = [r.answer for r in self.rounds]
+        valid = [not r.findings for r in self.rounds]
+        return {
+            "model": {
+                "asked": self.planner,
+                "reported": answers[-1].model if answers else "",
+                "rounds": len(answers),
+                "valid_first": valid[:1] == [True],
+                "valid_after_feedback": any(valid),
+                "input_tokens": sum(a.input_tokens for a in answers),
+                "cached_tokens": sum(a.cached_tokens for a in answers),
+                "output_tokens": sum(a.output_tokens for a in answers),
+                "cost_usd": None if self.cost is None else round(self.cost, 6),
+                "seconds": round(sum(a.seconds for a in answers), 3),
+                "findings": [list(r.findings) for r in self.rounds],
+            }
+        }
+
+    def dump(self) -> str:
+        """As JSON text; `load` reads it back."""
+        return json.dumps(asdict(self), indent=2, ensure_ascii=False) + "\n"
+
+    @classmethod
+    def load(cls, text: str) -> Conversation:
+        """A conversation from its JSON text.
+
+        Raises:
+            InputError: it is not one.
+        """
+        if len(text) > 20 * MAX_BYTES:
+            raise InputError("the conversation is larger than 20 MB")
+        try:
+            return TypeAdapter(cls).validate_json(text)
+        except ValidationError as error:
+            first = error.errors()[0]
+            place = ".".join(str(part) for part in first["loc"]) or "it"
+            raise InputError(
+                f"not a recorded conversation: {place}: {first['msg'][:200]}"
+            ) from None
+
+
+Ask = Callable[[str], Answer]
+"""Sends the next user message of a dialogue and returns the answer."""
+
+Judge = Callable[[str], tuple[Plan | None, Sequence[str]]]
+"""Reads an answer: the plan in it, if any, and what is wrong with it."""
+
+MayGoOn = Callable[[Conversation], str | None]
+"""Asked before another round: the reason why there is no budget left, or None."""
+
+
+def converse(
+    conversation: Conversation,
+    message: str,
+    ask: Ask,
+    judge: Judge,
+    rounds: int = FEEDBACK_ROUNDS,
+    may_go_on: MayGoOn = lambda _: None,
+) -> Plan:
+    """The first plan that nothing is wrong with; every round is appended to `conversation`.
+
+    Raises:
+        PlanRejected: none after `rounds` rounds of feedback, or the budget is used up. Whatever
+            `ask` raises.
+    """
+    for _ in range(rounds + 1):
+        answer = ask(message)
+        plan, findings = judge(answer.text)
+        conversation.rounds.append(Round(message, answer, tuple(f[:MAX_FINDING] for f in findings)))
+        if plan is not None and not findings:
+            return plan
+        message = feedback(findings)
+        if stop := may_go_on(conversation):
+            raise PlanRejected(_rejection(conversation, stop))
+    raise PlanRejected(_rejection(conversation, f"{rounds} round(s) of feedback were not enough"))
+
+
+def feedback(findings: Sequence[str]) -> str:
+    """The findings as the next message to the model."""
+    shown = [f"- {finding[:MAX_FINDING]}" for finding in findings[:MAX_FINDINGS]]
+    if len(findings) > MAX_FINDINGS:
+        shown.append(f"- and {len(findings) - MAX_FINDINGS} more")
+    return (
+        "The check refused the plan:\n"
+        + "\n".join(shown)
+        + "\n\nCorrect it and return the whole JSON object again."
+    )
+
+
+def recorded(conversation: Conversation) -> Ask:
+    """Answers in the order in which they were given.
+
+    The returned function raises `InputError` when asked for more than were recorded.
+    """
+    answers = iter([r.answer for r in conversation.rounds])
+
+    def ask(message: str) -> Answer:
+        answer = next(answers, None)
+        if answer is None:
+            raise InputError(
+                "the recorded conversation ends before a valid plan: its answers do not pass the check "
+                "in this scene; record it again"
+            )
+        return answer
+
+    return ask
+
+
+def load(path: Path) -> Conversation:
+    """A conversation that was kept.
+
+    Raises:
+        InputError: not a conversation, or nothing was answered in it.
+    """
+    kept = Conversation.load(path.read_text(encoding="utf-8"))
+    if not kept.rounds:
+        raise InputError(f"'{path.name}' holds no answer")
+    return kept
+
+
+def replayed(kept: Conversation, again: Conversation, judge: Judge) -> Plan:
+    """The plan of a recorded conversation, judged anew, without network; every round is appended to
+    `again`.
+
+    Raises:
+        PlanRejected: its answers do not pass.
+    """
+    return converse(
+        again, kept.rounds[0].message, recorded(kept), judge, rounds=len(kept.rounds) - 1
+    )
+
+
+def _rejection(conversation: Conversation, why: str) -> str:
+    last = conversation.rounds[-1]
+    words = " ".join(last.answer.text.split())[:200]
+    findings = "; ".join(last.findings[:3]) or "no plan"
+    return (
+        f"{conversation.planner} gave no valid plan in {len(conversation.rounds)} answer(s) ({why}). "
+        f"Last: {findings}. It said: {words or 'nothing'}"
+    )

@@ -1,0 +1,157 @@
+"""f(S, D, R, I) → behavior tree: a vision-language model as a planner, whoever provides it.
+
+Keys come from the environment and are blotted out of every message; what is recorded is words and
+figures.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from palpate.errors import InputError
+from palpate.planning.model import flat
+from palpate.planning.model.answer import Proposal, read_answer
+from palpate.planning.model.conversation import Conversation, converse
+from palpate.planning.model.picture import picture
+from palpate.planning.model.prompt.compose import Prompt, compose
+from palpate.planning.model.provider import find_provider
+from palpate.planning.model.session import ModelSettings, Session
+from palpate.planning.plan import Plan
+from palpate.planning.symbolic.planner import requested
+from palpate.scene.from_picture import DetectedScene, SceneBuilder, SceneObject
+from palpate.vocabulary.registry import vocabulary
+
+if TYPE_CHECKING:
+    from palpate.scene.scene import Scene
+    from palpate.scene.symbols import Symbols
+
+
+@dataclass(slots=True)
+class VlmPlanner:
+    """A model as a planner.
+
+    Attributes:
+        model: `PROVIDER:MODEL`, or `PROVIDER` alone for its default.
+        asking: address, form, feedback and budget.
+        template: makes a scene of what the model saw, for a request without D.
+        conversation: the latest dialogue, also when `plan` raised.
+        seen: what the model saw, when there was no D.
+    """
+
+    model: str
+    model_settings: ModelSettings = field(default_factory=ModelSettings)
+    remeasure: bool = False
+    template: SceneBuilder | None = None
+    conversation: Conversation | None = field(default=None, init=False)
+    seen: DetectedScene | None = field(default=None, init=False)
+
+    @property
+    def name(self) -> str:
+        """As written on the command line."""
+        return self.model
+
+    def plan(self, request: str | None, scene: Scene | None, images: Sequence[Path] = ()) -> Plan:
+        """The first plan of the model that passes the check.
+
+        Raises:
+            InputError: unknown provider or module, unreadable image, neither a scene nor a picture.
+            Unavailable: no extra, no key, provider out of reach or refusing, time used up.
+            PlanRejected: the model gave no valid plan.
+        """
+        provider, model = find_provider(self.model)
+        provider.require_key()
+        prompt = self._prompt(request or "", scene, images)
+        pictures = [picture(path) for path in prompt.images]
+        self.conversation = Conversation(
+            f"{provider.name}:{model}", prompt.system, tuple(p.note() for p in pictures)
+        )
+        schema = (
+            flat.flat_schema(vocabulary(), with_scene=scene is None)
+            if self.model_settings.native
+            else None
+        )
+        session = Session(
+            provider,
+            model,
+            provider.address(self.model_settings.base_url),
+            prompt.system,
+            pictures,
+            schema,
+            self.model_settings.budget,
+        )
+        plan = converse(
+            self.conversation,
+            prompt.user,
+            session.ask,
+            lambda text: self.judge(text, scene, request),
+            self.model_settings.rounds,
+            self.model_settings.budget.exhausted,
+        )
+        return replace(plan, planner=self.conversation.planner)
+
+    def judge(
+        self, text: str, scene: Scene | None, request: str | None = ""
+    ) -> tuple[Plan | None, list[str]]:
+        """The plan in an answer and what the check finds wrong with it.
+
+        An empty `request` leaves open which parameters are wanted; None wants all that D leaves
+        out.
+        """
+        try:
+            proposal = read_answer(text)
+            return proposal.plan, self._findings(proposal, scene, request)
+        except InputError as error:
+            return None, [str(error)]
+
+    def _prompt(self, request: str, scene: Scene | None, images: Sequence[Path]) -> Prompt:
+        symbols = self._names(images) if scene is None else None
+        prompt = compose(vocabulary(), request, scene, images, symbols, self.model_settings.without)
+        return (
+            replace(prompt, user=f"{prompt.user}\n\n{flat.NOTE}")
+            if self.model_settings.native
+            else prompt
+        )
+
+    def _names(self, images: Sequence[Path]) -> Symbols:
+        """The names there are without D."""
+        if self.template is None or not images:
+            raise InputError(
+                "there is neither a scene nor a picture for the model to look at: give --scene D.xml, or "
+                "--image I.png with its camera in --poses poses.yaml"
+            )
+        _ = self.template.camera
+        return self.template.symbols
+
+    def _findings(self, proposal: Proposal, scene: Scene | None, request: str | None) -> list[str]:
+        from palpate.planning.check.check import check
+
+        plan = proposal.plan
+        if plan.tree is not None and scene is None:
+            self.seen, scene = self._built(proposal.scene)
+        wanted = None
+        if (
+            scene is not None
+            and plan.tree is not None
+            and request != ""
+            and "text" not in self.model_settings.without
+        ):
+            wanted = requested(request, scene, self.remeasure)
+        return [
+            f"{f.path}: {f.message}"
+            for f in check(plan, scene, remeasure=self.remeasure, requested=wanted)
+        ]
+
+    def _built(self, objects: tuple[SceneObject, ...]) -> tuple[DetectedScene, Scene]:
+        if self.template is None:
+            raise InputError(
+                "there is no simulation description to check the plan against; give one with --scene"
+            )
+        if not objects:
+            raise InputError(
+                "'scene' is missing: there is no D, so list the objects that the image shows"
+            )
+        seen = DetectedScene(self.template, objects)
+        return seen, seen.scene()

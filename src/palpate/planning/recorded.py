@@ -1,0 +1,148 @@
+"""Plans from files: a plan, a run folder, a chat's answer, or the recorded conversation with a
+model. No network."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from palpate.errors import InputError
+from palpate.planning.plan import MAX_BYTES, Plan, parse_plan
+from palpate.scene.from_picture import DetectedScene, SceneBuilder
+
+if TYPE_CHECKING:
+    from palpate.planning.model.answer import Proposal
+    from palpate.planning.model.conversation import Conversation
+    from palpate.scene.scene import Scene
+
+MAX_CONVERSATION = 20 * MAX_BYTES
+
+
+@dataclass(slots=True)
+class ReplayPlanner:
+    """A recorded plan, or a recorded conversation whose answers are checked anew.
+
+    Attributes:
+        template: makes a scene of what the model saw, for a plan without D.
+        conversation: the dialogue as judged anew, when the file is one.
+        seen: what the model saw, when there was no D.
+    """
+
+    path: Path
+    remeasure: bool = False
+    template: SceneBuilder | None = None
+    conversation: Conversation | None = field(default=None, init=False)
+    seen: DetectedScene | None = field(default=None, init=False)
+
+    @property
+    def name(self) -> str:
+        """As written on the command line."""
+        return f"replay:{self.path}"
+
+    def plan(self, request: str | None, scene: Scene | None, images: Sequence[Path] = ()) -> Plan:
+        """The plan in the file; the images are not looked at.
+
+        Raises:
+            InputError: no such file, or not a plan. PlanRejected: no answer of the conversation
+                passes the check.
+        """
+        text = _read(plan_file(self.path))
+        if _is_conversation(text):
+            return replace(self._from_conversation(request, scene), planner=self.name)
+        proposal = read_proposal(text)
+        if scene is None and proposal.scene and self.template:
+            self.seen = DetectedScene(self.template, proposal.scene)
+        return proposal.plan if proposal.plan.planner else replace(proposal.plan, planner="replay")
+
+    def _from_conversation(self, request: str | None, scene: Scene | None) -> Plan:
+        from palpate.planning.model.conversation import load, replayed
+        from palpate.planning.model.planner import VlmPlanner
+
+        judge = VlmPlanner("replay", remeasure=self.remeasure, template=self.template)
+        kept = load(plan_file(self.path))
+        self.conversation = replace(kept, rounds=[])
+        try:
+            return replayed(
+                kept, self.conversation, lambda text: judge.judge(text, scene, request or "")
+            )
+        finally:
+            self.seen = judge.seen
+
+
+def load_plan(path: Path) -> Plan:
+    """The plan in a plan file, a run folder or a chat's answer.
+
+    Raises:
+        InputError: no such file, or not a plan.
+    """
+    return load_proposal(path).plan
+
+
+def load_proposal(path: Path) -> Proposal:
+    """As `load_plan`, with the objects that a model saw.
+
+    Raises:
+        InputError: as `load_plan`.
+    """
+    return read_proposal(_read(plan_file(path)))
+
+
+def read_proposal(text: bytes) -> Proposal:
+    """The plan in a file's content: JSON alone, or amid a chat's prose.
+
+    Raises:
+        InputError: there is none.
+    """
+    from palpate.planning.model.answer import read_answer
+
+    try:
+        return read_answer(text.decode("utf-8-sig"))
+    except (InputError, UnicodeDecodeError) as error:
+        if (
+            isinstance(error, UnicodeDecodeError)
+            or b"{" not in text
+            or text.lstrip().startswith((b"{", b"["))
+        ):
+            parse_plan(text)
+        raise
+
+
+def plan_file(path: Path) -> Path:
+    """The plan's file: `path` itself, or `plan.json` in a run folder.
+
+    Raises:
+        InputError: there is none.
+    """
+    found = path / "plan.json" if path.is_dir() else path
+    if not found.is_file():
+        what = (
+            f"the folder '{path}' has no plan.json"
+            if path.is_dir()
+            else f"there is no plan file '{path}'"
+        )
+        raise InputError(f"{what}; give a plan (JSON) or the folder of a run")
+    return found
+
+
+def _read(path: Path) -> bytes:
+    try:
+        if path.stat().st_size > MAX_CONVERSATION:
+            raise InputError(
+                f"'{path}' is larger than {MAX_CONVERSATION // MAX_BYTES} MB; it is not a plan"
+            )
+        return path.read_bytes()
+    except OSError as error:
+        raise InputError(f"the plan '{path}' cannot be read: {error.strerror or error}") from None
+
+
+def _is_conversation(text: bytes) -> bool:
+    """A conversation begins with who was asked; a plan never does."""
+    start = text.lstrip()[:200]
+    return (
+        start.startswith(b"{")
+        and b'"planner"' in start
+        and b'"system"' in start
+        and b'"rounds"' in text
+    )

@@ -1,0 +1,162 @@
+"""Cartesian and joint impedance control, run by MuJoCo at every 1 ms step.
+
+The springs and dampers are actuators: three along the world's axes and an orientation servo between
+the TCP and the world, one at each joint. Their set-points, and the nominal model's feed-forward and
+null-space torques, are the controls. Feedback is the encoders' alone; torque sensing does not enter
+the loop.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import mujoco
+import numpy as np
+
+from palpate.geometry.pose import Array
+from palpate.robots.nominal import ARM, wrench
+
+STIFFNESS = 3000.0
+"""N/m: 1.5 kg sag by 5 mm, and at 0.015 m/s a contact's force rises by 45 N/s."""
+TURNING_STIFFNESS = 300.0
+"""N m/rad: both are the upper ends of what the manufacturer's own Cartesian impedance offers."""
+JOINT_STIFFNESS = np.array([3000.0, 3000.0, 3000.0, 2500.0, 2500.0, 2000.0, 2000.0])
+"""N m/rad: franka_ros' joint impedance defaults."""
+POSTURE_RATE = 5.0
+"""rad/s: how fast the null space settles to its posture."""
+
+MOST_AWAY = 0.5
+"""rad: the posture does not pull harder than this far away."""
+
+PREFIX = "robot/"
+ORIGIN = PREFIX + "origin"
+AXES = tuple(f"{PREFIX}cartesian_{axis}" for axis in "xyz")
+ORIENTATION = PREFIX + "orientation"
+DRIVES = tuple(f"{PREFIX}drive{i}" for i in range(1, 8))
+
+
+def add_actuators(world: mujoco.MjSpec) -> None:
+    """Add the controller's actuators to a world that the robot is attached to."""
+    world.worldbody.add_site(name=ORIGIN, group=4)
+    site = mujoco.mjtTrn.mjTRN_SITE
+    for i, name in enumerate(AXES):
+        axis = world.add_actuator(name=name, trntype=site, target=PREFIX + "tcp", refsite=ORIGIN)
+        axis.gear = np.eye(6)[i]
+        axis.set_to_position(kp=1.0, kv=1.0)
+    turn = world.add_actuator(name=ORIENTATION, trntype=site, target=PREFIX + "tcp", refsite=ORIGIN)
+    turn.set_to_orientation(kp=1.0, kv=1.0, ctrlspec=mujoco.mjtCtrlChart.mjCHART_QUAT)
+    for name, joint in zip(DRIVES, ARM, strict=True):
+        drive = world.add_actuator(
+            name=name, trntype=mujoco.mjtTrn.mjTRN_JOINT, target=PREFIX + joint
+        )
+        drive.set_to_position(kp=1.0, kv=1.0)
+    for joint in ARM:
+        world.joint(PREFIX + joint).actgravcomp = True
+
+
+class Inertia(NamedTuple):
+    """What the springs move at one configuration: at the TCP (6, 6), world axes, and at the joints
+    (7, 7)."""
+
+    tcp: Array
+    joints: Array
+
+    @classmethod
+    def of(cls, mass_matrix: Array, jacobian: Array) -> Inertia:
+        """From the joint-space inertia (7, 7) and the Jacobian (6, 7), world axes about the TCP."""
+        mobility = jacobian @ np.linalg.solve(mass_matrix, jacobian.T)
+        return cls(
+            np.asarray(np.linalg.inv(mobility + 1e-6 * np.eye(6)), dtype=np.float64), mass_matrix
+        )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Gains:
+    """Which springs act now, and their critical damping 2 sqrt(k m) with the inertia that each
+    moves.
+
+    Attributes:
+        cartesian: the TCP's springs act, and the joint drives take torques; else the joints'
+            springs act.
+        stiffness, damping: (6,) at the TCP, world axes, or (7,) at the joints.
+        inertia: (6, 6) or (7, 7) that they move. own: (7,) kg m^2, each joint's own.
+    """
+
+    cartesian: bool
+    stiffness: Array
+    damping: Array
+    inertia: Array
+    own: Array
+
+    @classmethod
+    def of_tcp(cls, inertia: Inertia) -> Gains:
+        """The TCP's springs."""
+        stiffness, along = np.repeat([STIFFNESS, TURNING_STIFFNESS], 3), np.diag(inertia.tcp).copy()
+        along[3:] = along[3:].mean()  # the orientation servo has one damping for all axes
+        return cls(
+            True, stiffness, 2 * np.sqrt(stiffness * along), inertia.tcp, np.diag(inertia.joints)
+        )
+
+    @classmethod
+    def of_joints(cls, inertia: Inertia) -> Gains:
+        """The joints' springs."""
+        own = np.diag(inertia.joints)
+        return cls(False, JOINT_STIFFNESS, 2 * np.sqrt(JOINT_STIFFNESS * own), inertia.joints, own)
+
+    def joint_damping(self, jacobian: Array) -> Array:
+        """What all dampers come to at the joints, (7, 7)."""
+        if not self.cartesian:
+            return np.diag(self.damping)
+        return jacobian.T @ (self.damping[:, None] * jacobian)
+
+    def lead(self, rate: Array, acceleration: Array) -> Array:
+        """How far (n, 6 or 7) the springs' set-points must lead a motion so that it follows without
+        lag.
+
+        Args:
+            rate, acceleration: (n, 6 or 7) of the motion, in the springs' axes.
+        """
+        return (self.damping * rate + acceleration @ self.inertia) / self.stiffness
+
+    def posture_torque(self, away: Array, rate: Array, jacobian: Array) -> Array:
+        """(7,) N m that bring the null space back by `away`, rad, at `rate`, rad/s, without a force
+        at the TCP."""
+        near = np.minimum(np.maximum(away, -MOST_AWAY), MOST_AWAY)
+        torque = self.own * (POSTURE_RATE**2 * near + 2 * POSTURE_RATE * rate)
+        return torque - jacobian.T @ wrench(jacobian, torque)
+
+
+class Actuators:
+    """Where the controller's actuators are in a model, and the setting of their gains.
+
+    Attributes:
+        position, orientation, drives: indices into `ctrl`.
+    """
+
+    def __init__(self, model: mujoco.MjModel) -> None:
+        self._gain, self._bias = model.actuator_gainprm, model.actuator_biasprm
+        self._axes = [model.actuator(name).id for name in AXES]
+        self._turn = model.actuator(ORIENTATION).id
+        self._drives = [model.actuator(name).id for name in DRIVES]
+        first = model.actuator_ctrladr
+        self.position = slice(int(first[self._axes[0]]), int(first[self._axes[0]]) + 3)
+        self.orientation = slice(int(first[self._turn]), int(first[self._turn]) + 4)
+        self.drives = slice(int(first[self._drives[0]]), int(first[self._drives[0]]) + 7)
+
+    def set(self, gains: Gains) -> None:
+        """Let these springs act, and no others; where the TCP's do, the joint drives become torque
+        inputs."""
+        if gains.cartesian:
+            self._spring(self._axes, gains.stiffness[:3], gains.damping[:3])
+            self._spring(self._turn, gains.stiffness[3], gains.damping[3])
+            self._gain[self._drives, 0], self._bias[self._drives] = 1.0, 0.0
+        else:
+            self._spring([*self._axes, self._turn], 0.0, 0.0)
+            self._spring(self._drives, gains.stiffness, gains.damping)
+
+    def _spring(
+        self, which: list[int] | int, stiffness: Array | float, damping: Array | float
+    ) -> None:
+        self._gain[which, 0] = stiffness
+        self._bias[which, 1], self._bias[which, 2] = -np.asarray(stiffness), -np.asarray(damping)

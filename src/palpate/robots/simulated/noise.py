@@ -1,0 +1,208 @@
+"""The sensor worlds: how the arm's signals, and the arm itself, differ from the nominal model.
+
+`none`: perfect. `lab`: noise, residual friction and drift of the joint torque signals. `datasheet`:
+`lab` and what the manufacturer's accuracy figures leave open. Everything random comes from one
+seeded generator.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import mujoco
+import numpy as np
+
+from palpate.geometry.pose import Array
+
+Noise = Literal["none", "lab", "datasheet"]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Imperfections:
+    """The size of every imperfection; zero is perfect.
+
+    Attributes:
+        torque_noise: (7,) N m, standard deviation of a 1 kHz sample.
+        friction: (7,) N m, what the bearings, seals and cables behind the sensor hold back at most.
+        presliding: rad, motion over which that friction turns round.
+        drift: N m, standard deviation of the slow wander of a torque signal. drift_time: s, its
+            time constant.
+        repeatability: N, per axis at the TCP, of the torque that stays in the joints when the arm
+            comes to rest.
+        release: rad, motion over which that torque is shaken off.
+        pose_repeatability: m, per axis, between the TCP's true place and the reported one.
+        resettling: rad, motion over which that deviation changes into the next one.
+        gain: relative, half width of a joint torque sensor's gain error.
+        link_mass: relative, standard deviation of a link's true mass. link_com: m, likewise of its
+            centre, per axis.
+    """
+
+    torque_noise: Array
+    friction: Array
+    presliding: float = 2e-3
+    drift: float = 0.0
+    drift_time: float = 300.0
+    repeatability: float = 0.0
+    release: float = 1.5e-3
+    pose_repeatability: float = 0.0
+    resettling: float = 2e-2
+    gain: float = 0.0
+    link_mass: float = 0.0
+    link_com: float = 0.0
+
+
+def imperfections(noise: Noise) -> Imperfections:
+    """The figures of a sensor world, each with its source."""
+    if noise == "none":
+        return Imperfections(torque_noise=np.zeros(7), friction=np.zeros(7))
+    # Standard deviation of tau_J of a resting Panda at 1 kHz as commonly logged over FCI: about 0.1
+    # N m on the
+    # large joints, 0.05 N m on the small ones.
+    white = np.array([0.10, 0.10, 0.10, 0.10, 0.05, 0.05, 0.05])
+    # Gear friction (about 1 N m, Gaz et al., RA-L 2019, doi:10.1109/LRA.2019.2931248) lies before
+    # the sensor. What
+    # shows on the link side is the residual of bearings, seals and the cable loom: a few hundredths
+    # to a tenth.
+    residual = np.array([0.08, 0.08, 0.06, 0.06, 0.03, 0.03, 0.03])
+    # Strain gauges wander with temperature; no published figure. 0.01 N m in 5 min is some 0.2
+    # permille of the
+    # large joints' range.
+    if noise == "lab":
+        return Imperfections(torque_noise=white, friction=residual, drift=0.01)
+    return Imperfections(
+        torque_noise=white,
+        friction=residual,
+        drift=0.01,
+        repeatability=0.15,  # Franka Research 3 datasheet: force repeatability 0.15 N
+        pose_repeatability=1e-4,  # datasheet: < +-0.1 mm (ISO 9283); taken as one sigma, the harsher reading
+        gain=0.01,  # +-1 %: what the datasheet's relative force accuracy of 0.8 N allows at the arm's own weight
+        link_mass=0.005,
+        link_com=3e-4,  # left over by identification (Gaz et al., as above): no published figure
+    )
+
+
+SHARE = 0.3
+"""Share of a link's mass that `perturb_links` may move to put its centre elsewhere."""
+
+
+def perturb_links(robot: mujoco.MjSpec, kinds: Imperfections, random: np.random.Generator) -> None:
+    """Compensate the nominal weight of every body natively, and give the links their true mass and
+    centre.
+
+    MuJoCo's `gravcomp` acts at a body's own centre with its own mass. So each link is split: a part
+    at the nominal centre, whose compensation is that of the whole nominal link, and an
+    uncompensated part that makes up the rest.
+    """
+    for body in [b for b in robot.bodies if b.name != "world"]:
+        body.gravcomp = 1.0
+        if not body.name.startswith("fr3_link") or not (kinds.link_mass or kinds.link_com):
+            continue
+        nominal, inertia, centre = body.mass, np.array(body.fullinertia), np.array(body.ipos)
+        mass = nominal * (1.0 + kinds.link_mass * random.standard_normal())
+        shift = kinds.link_com * random.standard_normal(3)
+        rest = mass - (1.0 - SHARE) * nominal
+        body.mass, body.fullinertia, body.gravcomp = (
+            (1.0 - SHARE) * nominal,
+            (1.0 - SHARE) * inertia,
+            1 / (1 - SHARE),
+        )
+        body.add_body(
+            name=f"{body.name}_rest",
+            mass=rest,
+            ipos=centre + shift * mass / rest,
+            fullinertia=SHARE * inertia,
+            explicitinertial=True,
+        )
+
+
+REST_SPEED = 3e-3
+"""rad/s, norm over the joints: below it the arm is coming to rest."""
+SETTLING = 0.08
+"""s: time constant with which the joints stick once they rest."""
+SHAKEN_OFF = 0.05
+"""Share of the sticking torque left at which the next rest is a new approach."""
+
+
+class Sensors:
+    """Turns true joint torques into measured ones, and keeps the deviation of the reported pose.
+
+    Its state follows the joints' motion, one log period at a time.
+    """
+
+    def __init__(
+        self,
+        kinds: Imperfections,
+        period: float,
+        samples_per_period: int,
+        random: np.random.Generator,
+    ) -> None:
+        self._kinds, self._period, self._random = kinds, period, random
+        self._noise = kinds.torque_noise / np.sqrt(samples_per_period)  # of a block's mean
+        self._perfect = not kinds.torque_noise.any()
+        self._gain = 1.0 + kinds.gain * random.uniform(-1.0, 1.0, 7)
+        self._friction = kinds.friction * random.uniform(-1.0, 1.0, 7)
+        self._drift = kinds.drift * random.standard_normal(7)
+        self._stick, self._stuck, self._resting = np.zeros(7), 0.0, False
+        self._zero = np.zeros(7)
+        self._pose_goal = np.zeros(3)
+        self.pose_error = kinds.pose_repeatability * random.standard_normal(3)
+        """(3,) m, world axes: reported less true position of the TCP."""
+        self._pose_goal[:] = self.pose_error
+
+    def zero(self, torque: Array, nominal: Array) -> None:
+        """Zero the torque sensors at rest: with the true `torque` (7,) they now show the `nominal`
+        one."""
+        self._zero[:] = self._gain * torque + self._friction + self._drift - nominal
+
+    def measure(self, torque: Array, dq: Array, jacobian: Array) -> Array:
+        """Measured joint torques (n, 7) of n log periods, N m.
+
+        Args:
+            torque: (n, 7) true mean torques behind the gears. dq: (n, 7) rad/s.
+            jacobian: (6, 7) of the last of them.
+        """
+        if self._perfect:
+            return torque
+        n, kinds = len(torque), self._kinds
+        step = np.abs(dq) * self._period
+        keep = np.exp(step * (-1.0 / kinds.presliding))
+        pull = np.copysign(kinds.friction * (1.0 - keep), dq)
+        extra = np.empty((n, 7))
+        for i in range(n):
+            self._friction *= keep[i]
+            self._friction += pull[i]
+            extra[i] = self._friction
+        if kinds.repeatability:
+            self._settle(extra, step, jacobian)
+        noise = self._random.standard_normal((n + 1, 7))
+        fade = n * self._period / kinds.drift_time
+        self._drift += kinds.drift * (2 * fade) ** 0.5 * noise[n] - fade * self._drift
+        extra += noise[:n] * self._noise
+        extra += self._drift - self._zero
+        extra += self._gain * torque
+        return extra
+
+    def _settle(self, extra: Array, step: Array, jacobian: Array) -> None:
+        """Add the torque that sticks in resting joints, and let the pose's deviation follow the
+        motion."""
+        distance = np.sqrt((step * step).sum(1))
+        left = np.exp(distance * (-1.0 / self._kinds.release)).tolist()
+        for i, slid in enumerate(distance.tolist()):
+            self._stuck *= left[i]
+            if slid < REST_SPEED * self._period:
+                if self._stuck < SHAKEN_OFF and not self._resting:
+                    self._approach(jacobian)
+                self._resting = True
+                self._stuck += (1.0 - self._stuck) * self._period / SETTLING
+            elif self._stuck < SHAKEN_OFF:
+                self._resting = False
+            extra[i] += self._stuck * self._stick
+        moved = 1.0 - float(np.exp(-distance.sum() / self._kinds.resettling))
+        self.pose_error += (self._pose_goal - self.pose_error) * moved
+
+    def _approach(self, jacobian: Array) -> None:
+        """A new rest: what stays in the joints now looks like a force at the TCP."""
+        force = self._kinds.repeatability * self._random.standard_normal(3)
+        self._stick = jacobian[:3].T @ force
+        self._pose_goal = self._kinds.pose_repeatability * self._random.standard_normal(3)

@@ -1,0 +1,108 @@
+"""What the arm's sensors say: recorded joint signals to logged samples, through the nominal
+model."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from palpate.geometry.pose import Array, Pose
+from palpate.robots.nominal import NominalArm, wrenches
+from palpate.robots.simulated.impedance import Gains
+from palpate.robots.simulated.noise import Sensors
+from palpate.robots.simulated.world import BLOCK, PERIOD, TIMESTEP, Steps
+from palpate.trace.samples import Samples
+
+
+class Readout:
+    """The latest sensed state, and the samples of each run of steps.
+
+    Attributes:
+        q, dq: (7,) rad, rad/s. tau_ext: (7,) N m. wrench, twist: (6,).
+        pose_world_tcp: (7,) of the newest encoder reading, not a block's mean.
+        jacobian: (6, 7). gravity_torque: (7,) N m, nominal. commanded: (7,) N m, the last block's.
+    """
+
+    def __init__(self, nominal: NominalArm, sensors: Sensors, q: Array) -> None:
+        self._nominal, self._sensors = nominal, sensors
+        self._turning = nominal.armature / TIMESTEP
+        here = nominal.kinematics(q[None])
+        self._last = np.concatenate([q, here.pose_world_tcp[0], here.gravity_torque[0]])
+        self._speed = np.zeros(7)
+        self.dq, self.tau_ext, self.wrench, self.twist = (
+            np.zeros(7),
+            np.zeros(7),
+            np.zeros(6),
+            np.zeros(6),
+        )
+        self.jacobian = here.jacobian[0]
+        self.commanded = self.gravity_torque
+
+    @property
+    def q(self) -> Array:
+        return self._last[:7]
+
+    @property
+    def gravity_torque(self) -> Array:
+        return self._last[14:]
+
+    @property
+    def pose_world_tcp(self) -> Pose:
+        row = self._last[7:14]
+        return Pose(row[:3] + self._sensors.pose_error, row[3:])
+
+    def read(self, steps: Steps, gains: Gains, t: float, target: Array) -> Samples:
+        """The samples of a run of steps that ended at time `t` with the TCP commanded to `target`
+        (n, 7).
+
+        Positions, torques and all that follows are means over a sample's block.
+        """
+        n, here = len(steps.q), self._nominal.kinematics(steps.q)
+        rows = np.empty((n + 1, 21))
+        rows[0], rows[1:, :7] = self._last, steps.q
+        rows[1:, 7:14], rows[1:, 14:] = here.pose_world_tcp, here.gravity_torque
+        mean = rows[1:] + rows[:-1]
+        mean *= 0.5
+        dq = (rows[1:, :7] - rows[:-1, :7]) / PERIOD
+        jacobian = here.jacobian
+        torque = self._sensors.measure(
+            self._link_torque(steps, gains, jacobian[-1]), dq, jacobian[-1]
+        )
+        tau_ext = torque - mean[:, 14:]
+        wrench = wrenches(jacobian, tau_ext)
+        twist = np.matmul(jacobian, dq[:, :, None])[:, :, 0]
+        mean[:, 7:10] += self._sensors.pose_error
+        self._last, self.dq, self.tau_ext, self.commanded = (
+            rows[-1],
+            dq[-1],
+            tau_ext[-1],
+            steps.torque[-1],
+        )
+        self.jacobian, self.wrench, self.twist = jacobian[-1], wrench[-1], twist[-1]
+        ends = t - PERIOD * np.arange(n - 1.0, -1.0, -1.0)
+        return Samples(
+            ends,
+            mean[:, :7],
+            dq,
+            tau_ext,
+            wrench,
+            mean[:, 7:14],
+            twist,
+            target,
+            steps.fingers.sum(1),
+        )
+
+    def _link_torque(self, steps: Steps, gains: Gains, jacobian: Array) -> Array:
+        """Mean torque behind the gears in each sample's block (n, 7): less what turns the motors
+        themselves.
+
+        The integrator is implicit in the dampers: they act with the speed at a step's end, not at
+        its beginning.
+        """
+        ends = steps.dq
+        change = ends.copy()
+        change[0] -= self._speed
+        change[1:] -= ends[:-1]
+        self._speed = ends[-1]
+        return (
+            steps.torque - (change @ gains.joint_damping(jacobian) + change * self._turning) / BLOCK
+        )

@@ -1,0 +1,304 @@
+"""The embedded robot: a simulated FR3 in a hidden world, behind the protocol of a real one.
+
+Each `advance` computes the set-points of the steps ahead, lets the world run them, and makes of the
+recorded joint signals what the robot's sensors would say: the controller's 1 kHz loop itself is the
+world's actuators (`impedance`), so that Python runs once per tick and not once per step.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from palpate.geometry.pose import Array, Pose
+from palpate.robots import trajectory
+from palpate.robots.nominal import HAND, NominalArm, limits, wrench
+from palpate.robots.robot import HOME, Limits, RobotState
+from palpate.robots.simulated.gripper import Gripper
+from palpate.robots.simulated.impedance import (
+    JOINT_STIFFNESS,
+    STIFFNESS,
+    TURNING_STIFFNESS,
+    Gains,
+    Inertia,
+)
+from palpate.robots.simulated.noise import Noise, Sensors, imperfections
+from palpate.robots.simulated.readout import Readout
+from palpate.robots.simulated.setpoints import (
+    LONGEST_RUN,
+    Setpoints,
+    joint_setpoints,
+    pose_setpoints,
+)
+from palpate.robots.simulated.world import BLOCK, PERIOD, TIMESTEP, World
+from palpate.trace.recording import Hand
+from palpate.trace.samples import Samples
+
+if TYPE_CHECKING:
+    import mujoco
+
+SPEED = 0.25
+"""m/s, at the TCP, of joint motions."""
+TURNING_SPEED = 1.0
+"""rad/s, of the TCP."""
+JOINT_SPEED = 1.0
+"""rad/s."""
+ACCELERATION, TURNING_ACCELERATION, JOINT_ACCELERATION = 1.0, 4.0, 2.5
+"""m/s^2, rad/s^2, rad/s^2: far below the datasheet's."""
+
+GIVING_WAY = 0.2
+"""s, about 2 d / k of the TCP's springs: a stop this long moves the equilibrium on by as much as it
+leads the arm, so that a contact keeps the force it had."""
+POSTURE = np.array(HOME)
+"""rad: where the null space tends to."""
+
+
+class MujocoRobot:
+    """A Franka Research 3 with hand, simulated. Implements `palpate.robots.robot.Robot`.
+
+    It starts at the ready pose, at rest, with open fingers and zeroed torque sensors.
+    """
+
+    def __init__(
+        self, world: mujoco.MjSpec, pose_world_base: Pose, noise: Noise = "none", seed: int = 0
+    ) -> None:
+        """Put the arm into `world` (which is changed) at `pose_world_base`.
+
+        Raises:
+            InputError: the world does not compile with the robot in it.
+        """
+        random = np.random.default_rng(seed)
+        kinds = imperfections(noise)
+        self._world = World(world, pose_world_base, kinds, random)
+        self._nominal = NominalArm(pose_world_base, self._world.gravity)
+        self._sensors = Sensors(kinds, PERIOD, BLOCK, random)
+        self._limits = limits()
+        self._gripper = Gripper()
+        self._due = 0.0
+        self._logged: list[Samples] = []
+        self._start(np.array(HOME))
+
+    def _start(self, q: Array) -> None:
+        """At rest at the configuration `q`, sensors zeroed."""
+        self._readout = Readout(self._nominal, self._sensors, q)
+        self._sensors.zero(self._world.true_gravity_torque(), self._readout.gravity_torque)
+        self._target = self._readout.pose_world_tcp.vector
+        self._cached: RobotState | None = None
+        self._follow_joints(trajectory.still(0.0, q))
+
+    @property
+    def world(self) -> World:
+        """The hidden world, for pictures and, once the estimates are made, for the truth."""
+        return self._world
+
+    @property
+    def limits(self) -> Limits:
+        """The datasheet's."""
+        return self._limits
+
+    @property
+    def hand(self) -> Hand:
+        """The nominal hand."""
+        return HAND
+
+    @property
+    def gravity(self) -> float:
+        """m/s^2."""
+        return float(-self._world.gravity[2])
+
+    @property
+    def state(self) -> RobotState:
+        """As of the last `advance`."""
+        if self._cached is None:
+            readout, gripper, t = self._readout, self._gripper, self._world.t
+            self._cached = RobotState(
+                t=t,
+                stamp=t,
+                q=readout.q,
+                dq=readout.dq,
+                tau_ext=readout.tau_ext,
+                pose_world_tcp=readout.pose_world_tcp,
+                target_world_tcp=Pose(self._target[:3], self._target[3:]),
+                twist=readout.twist,
+                wrench=readout.wrench,
+                width=gripper.width,
+                gripping=gripper.gripping,
+                moving=self._path.end > t,
+                gripper_moving=gripper.moving,
+            )
+        return self._cached
+
+    def move_joints(self, q: Array, speed: float = 1.0) -> None:
+        """See `Robot`. The TCP stays below 0.25 m/s."""
+        goal, now = np.asarray(q, dtype=float), self._joint_motion()
+        rate = speed / max(
+            float(np.abs(goal - now.p).max()) / JOINT_SPEED, self._sweep(now.p, goal) / SPEED, 1e-6
+        )
+        acceleration = JOINT_ACCELERATION / max(float(np.abs(goal - now.p).max()), 1e-6)
+        self._follow_joints(trajectory.straight(self._world.t, now, goal, rate, acceleration))
+
+    def move_pose(self, target: Pose, speed: float) -> None:
+        """See `Robot`."""
+        now, origin = self._pose_motion()
+        goal = np.concatenate(
+            [target.position, trajectory.rotation_vector(origin, target.quaternion)]
+        )
+        distance = max(float(np.linalg.norm(goal[:3] - now.p[:3])), 1e-6)
+        angle = max(float(np.linalg.norm(goal[3:])), 1e-6)
+        rate = min(speed / distance, TURNING_SPEED / angle)
+        acceleration = min(ACCELERATION / distance, TURNING_ACCELERATION / angle)
+        t, q = self._world.t, self._readout.q
+        path = trajectory.straight(t, now, goal, rate, acceleration)
+        resting = trajectory.Motion(q, np.zeros(7), np.zeros(7))
+        posture = trajectory.straight(
+            t, resting, self._nominal.reach(target, POSTURE), rate, acceleration
+        )
+        self._follow_pose(trajectory.PosePath(path, origin), posture)
+
+    def move_axis(self, direction: Array, speed: float, travel: float) -> None:
+        """See `Robot`."""
+        now, origin = self._pose_motion()
+        ahead = Pose(now.p[:3] + travel * np.asarray(direction, dtype=float), origin)
+        self.move_pose(ahead, speed)
+
+    def open_gripper(self) -> None:
+        """See `Robot`."""
+        self._gripper.open(self._world.t)
+        self._cached = None
+
+    def close_gripper(self) -> None:
+        """See `Robot`."""
+        self._gripper.close(self._world.t)
+        self._cached = None
+
+    def hold(self) -> None:
+        """See `Robot`. The commanded equilibrium stays, so a contact keeps its force."""
+        t, path = self._world.t, self._path
+        if path.end <= t:
+            return
+        if isinstance(path, trajectory.Path):
+            self._follow_joints(trajectory.stop(t, path.at(t), JOINT_ACCELERATION))
+        else:
+            now, origin = self._pose_motion()
+            path = trajectory.stop(t, now, 2 * ACCELERATION, GIVING_WAY)
+            self._follow_pose(
+                trajectory.PosePath(path, origin), trajectory.still(t, self._readout.q)
+            )
+
+    def advance(self, duration: float) -> None:
+        """Step the world for `duration` s, to the next log period."""
+        self._due += duration
+        periods = round((self._due - self._world.t) / PERIOD)
+        while periods > 0:
+            self._run(min(periods, LONGEST_RUN))
+            periods -= LONGEST_RUN
+
+    def drain(self) -> Samples:
+        """See `Robot`."""
+        logged, self._logged = self._logged, []
+        return logged[0] if len(logged) == 1 else Samples.concatenate(logged)
+
+    def close(self) -> None:
+        """Nothing to let go of."""
+
+    @property
+    def _path(self) -> trajectory.Path | trajectory.PosePath:
+        return self._setpoints.path
+
+    def _follow_joints(self, path: trajectory.Path) -> None:
+        gains = Gains.of_joints(self._inertia(_halfway(path)))
+        self._follow(joint_setpoints(path, self._world.t, gains, self._nominal.poses), gains)
+
+    def _follow_pose(self, path: trajectory.PosePath, posture: trajectory.Path) -> None:
+        gains = Gains.of_tcp(self._inertia(_halfway(posture)))
+        self._follow(pose_setpoints(path, posture, self._world.t, gains), gains)
+
+    def _follow(self, setpoints: Setpoints, gains: Gains) -> None:
+        self._setpoints, self._gains, self._cached = setpoints, gains, None
+        self._world.actuators.set(gains)
+
+    def _inertia(self, q: Array) -> Inertia:
+        return Inertia.of(
+            self._nominal.mass_matrix(q), self._nominal.kinematics(q[None]).jacobian[0]
+        )
+
+    def _joint_motion(self) -> trajectory.Motion:
+        """Where a joint motion begins: on the present one, or where the joints' springs pull as the
+        TCP's do now."""
+        t, path, readout = self._world.t, self._path, self._readout
+        if isinstance(path, trajectory.Path):
+            return path.at(t)
+        rate = readout.dq if path.end > t else np.zeros(7)
+        return trajectory.Motion(readout.q + self._sprung() / JOINT_STIFFNESS, rate, np.zeros(7))
+
+    def _pose_motion(self) -> tuple[trajectory.Motion, Array]:
+        """Where a Cartesian motion begins: on the present one, or where the TCP's springs pull as
+        the joints' do now.
+
+        Returns the motion, and the orientation (4,) that its rotation vector is relative to.
+        """
+        t, path = self._world.t, self._path
+        if isinstance(path, trajectory.PosePath):
+            return path.motion(t), path.pose(t).quaternion
+        pose, pull = self._readout.pose_world_tcp, wrench(self._readout.jacobian, self._sprung())
+        back = pose.rotation.T
+        twist = self._readout.twist if path.end > t else np.zeros(6)
+        now = trajectory.Motion(
+            np.concatenate([pose.position + pull[:3] / STIFFNESS, np.zeros(3)]),
+            np.concatenate([twist[:3], back @ twist[3:]]),
+            np.zeros(6),
+        )
+        return now, trajectory.turned(pose.quaternion, (back @ pull[3:] / TURNING_STIFFNESS)[None])[
+            0
+        ]
+
+    def _sprung(self) -> Array:
+        """What the springs exert at the joints now (7,), N m."""
+        return self._readout.commanded - self._readout.gravity_torque
+
+    def _sweep(self, start: Array, goal: Array) -> float:
+        """m that the TCP would travel if it kept its greatest speed all along a joint motion."""
+        s = np.linspace(0.0, 1.0, 30)[:, None]
+        p = self._nominal.poses(start + s * (goal - start))[:, :3]
+        return float(np.linalg.norm(np.diff(p, axis=0), axis=1).max() * (len(s) - 1))
+
+    def _run(self, periods: int) -> None:
+        """Let the world run for some log periods, and read the sensors."""
+        world, n = self._world, periods * BLOCK
+        control = np.empty((n, len(world.rest_control)))
+        control[:] = world.rest_control
+        target = self._command(control)
+        world.set_fingers(
+            control, self._gripper.setpoints(world.t + TIMESTEP * np.arange(n, dtype=float))
+        )
+        steps = world.step(control)
+        self._logged.append(self._readout.read(steps, self._gains, world.t, target))
+        self._target = target[-1]
+        self._gripper.observe(world.t, steps.fingers[-1].tolist(), steps.finger_speed[-1].tolist())
+        self._cached = None
+
+    def _command(self, control: Array) -> Array:
+        """Fill in the arm's set-points (n, nu); returns the commanded TCP poses, one per log
+        period."""
+        actuators, readout, setpoints = self._world.actuators, self._readout, self._setpoints
+        first = setpoints.first(self._world.t)
+        block, last = first // BLOCK, first + len(control)
+        rows, target = setpoints.rows[first:last], setpoints.poses[block : last // BLOCK]
+        if not self._gains.cartesian:
+            control[:, actuators.drives] = rows
+            return target
+        control[:, actuators.position] = rows[:, :3] - self._sensors.pose_error
+        control[:, actuators.orientation] = rows[:, 3:]
+        posture = setpoints.posture[block]
+        torque = self._gains.posture_torque(
+            posture[:7] - readout.q, posture[7:] - readout.dq, readout.jacobian
+        )
+        torque += self._nominal.bias_torque(readout.q, readout.dq) - readout.gravity_torque
+        control[:, actuators.drives] = torque
+        return target
+
+
+def _halfway(path: trajectory.Path) -> Array:
+    """The configuration that stands for a whole motion."""
+    return path.sample(path.knots[[0, -1]]).mean(0)

@@ -1,0 +1,245 @@
+"""The hidden world: the scene's physics with the true robot in it.
+
+Nothing here passes through the robot's protocol. The controller gives set-points and gets joint
+signals; truth and pictures are for those who look at the world from outside, after the estimates
+are made.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from palpate.errors import ExecutionAborted, InputError, unknown_name
+from palpate.geometry.pose import Array, Pose
+from palpate.robots.nominal import ARM, FINGERS, robot_spec
+from palpate.robots.robot import HOME
+from palpate.robots.simulated.gripper import OPEN
+from palpate.robots.simulated.impedance import PREFIX, Actuators, add_actuators
+from palpate.robots.simulated.noise import Imperfections, perturb_links
+from palpate.robots.simulated.stiction import declared
+
+TIMESTEP = 0.001
+"""s: the control cycle, 1 kHz."""
+SUBSTEPS = 2
+"""Physics steps in a control cycle: contacts and grasps are stiffer than what 1 ms resolves
+well."""
+BLOCK = 5
+"""Steps per logged sample: 200 Hz."""
+PERIOD = BLOCK * TIMESTEP
+FRAME_PERIOD = 1.0 / 30.0
+"""s between camera frames."""
+LEVEL = 0.01
+"""rad: how far gravity may lean."""
+_OFF = mujoco.mjtDisableBit
+NEEDED = (
+    _OFF.mjDSBL_GRAVITY,
+    _OFF.mjDSBL_CONTACT,
+    _OFF.mjDSBL_CONSTRAINT,
+    _OFF.mjDSBL_EQUALITY,
+    _OFF.mjDSBL_LIMIT,
+    _OFF.mjDSBL_FRICTIONLOSS,
+    _OFF.mjDSBL_ACTUATION,
+    _OFF.mjDSBL_SPRING,
+    _OFF.mjDSBL_DAMPER,
+)
+"""What MuJoCo can leave out and a robot cannot."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Steps:
+    """What some blocks of steps did to the robot.
+
+    Attributes:
+        q, dq: (n, 7) at the end of each block. torque: (n, 7) mean commanded joint torques, N m.
+        fingers, finger_speed: (n, 2) at the end of each block, m, m/s.
+    """
+
+    q: Array
+    dq: Array
+    torque: Array
+    fingers: Array
+    finger_speed: Array
+
+
+class World:
+    """The physics of one run. `model`, `data` and `frames` are for pictures, `true_*` for the
+    report.
+
+    Attributes:
+        model: the compiled world, robot included (its names start with `robot/`).
+        frames: (t, qpos) every 1/30 s, what a 30 Hz camera saw.
+        actuators: the controller's.
+        rest_control: (nu,) what rows of controls start from, valid for actuators that nobody
+            commands.
+    """
+
+    def __init__(
+        self,
+        spec: mujoco.MjSpec,
+        pose_world_base: Pose,
+        kinds: Imperfections,
+        random: np.random.Generator,
+    ) -> None:
+        self.model = _compile(spec, pose_world_base, kinds, random)
+        self._data = mujoco.MjData(self.model)
+        joints = [self.model.joint(PREFIX + name) for name in ARM]
+        self._q, self._v = _run(joints[0].qposadr[0], 7), _run(joints[0].dofadr[0], 7)
+        finger = self.model.joint(PREFIX + FINGERS[0])
+        self._finger_q, self._finger_v = _run(finger.qposadr[0], 2), _run(finger.dofadr[0], 2)
+        self._fingers_control = int(
+            self.model.actuator_ctrladr[self.model.actuator(PREFIX + "fingers").id]
+        )
+        self._data.qpos[self._q], self._data.qpos[self._finger_q] = HOME, OPEN
+        self._seen = mujoco.MjData(self.model)
+        self.actuators = Actuators(self.model)
+        self.rest_control = np.zeros(self.model.nu)
+        self.rest_control[self.actuators.orientation.start] = 1.0
+        self._stiction = declared(self.model)
+        self.frames: list[tuple[float, Array]] = [(0.0, self._data.qpos.copy())]
+        self.t = 0.0
+
+    def step(self, control: Array) -> Steps:
+        """Step once per row of `control` (n * BLOCK, nu).
+
+        Raises:
+            ExecutionAborted: the physics became unstable.
+        """
+        model, data, n = self.model, self._data, len(control) // BLOCK
+        qpos, qvel, torque = (
+            np.empty((n, model.nq)),
+            np.empty((n, model.nv)),
+            np.empty((n, BLOCK, 7)),
+        )
+        now, speed, inputs, commanded = data.qpos, data.qvel, data.ctrl, data.qfrc_actuator[self._v]
+        for block, rows in enumerate(control.reshape(n, BLOCK, -1)):
+            for stiction in self._stiction:
+                stiction.apply(model, data)
+            for i in range(BLOCK):
+                inputs[:] = rows[i]
+                mujoco.mj_step(model, data, nstep=SUBSTEPS)
+                torque[block, i] = commanded
+            qpos[block], qvel[block] = now, speed
+        self._film(qpos)
+        self.t = round(self.t + n * PERIOD, 9)
+        if abs(data.time - self.t) > TIMESTEP / 2:  # MuJoCo starts over when it diverges
+            raise ExecutionAborted(
+                f"the simulated world became unstable before {self.t:.2f} s of robot time: "
+                "check its masses, sizes and contact parameters"
+            )
+        mean = np.add.reduce(torque, axis=1) / BLOCK
+        return Steps(
+            qpos[:, self._q],
+            qvel[:, self._v],
+            mean,
+            qpos[:, self._finger_q],
+            qvel[:, self._finger_v],
+        )
+
+    def set_fingers(self, control: Array, opening: Array | float) -> None:
+        """Command each finger's way from the middle, m, in the rows of `control`."""
+        control[:, self._fingers_control] = opening
+
+    def true_gravity_torque(self) -> Array:
+        """(7,) N m that hold the true arm up where it stands now, at rest."""
+        data = self._at(self.qpos)
+        return data.qfrc_bias[self._v].copy()
+
+    @property
+    def qpos(self) -> Array:
+        """(nq,) now."""
+        return self._data.qpos.copy()
+
+    @property
+    def gravity(self) -> Array:
+        """(3,) m/s^2, world axes."""
+        return self.model.opt.gravity.copy()
+
+    def data(self, qpos: Array | None = None) -> mujoco.MjData:
+        """The world now, or at `qpos` (one of `frames`), forwarded: for pictures. Reused by the
+        next call."""
+        return self._at(self.qpos if qpos is None else qpos)
+
+    def true_pose(self, body: str) -> Pose:
+        """Where a body really is now, in the world.
+
+        Raises:
+            InputError: there is no such body.
+        """
+        names = [self.model.body(i).name for i in range(self.model.nbody)]
+        if body not in names:
+            raise unknown_name("body", body, [n for n in names if not n.startswith(PREFIX)])
+        frame = self._at(self.qpos).body(body)
+        return Pose(frame.xpos.copy(), frame.xquat.copy())
+
+    def true_tcp(self) -> Pose:
+        """Where the TCP really is now, in the world."""
+        data = self._at(self.qpos)
+        return Pose(data.site(PREFIX + "tcp").xpos.copy(), data.body(PREFIX + "hand").xquat.copy())
+
+    def _at(self, qpos: Array) -> mujoco.MjData:
+        self._seen.qpos[:] = qpos
+        mujoco.mj_forward(self.model, self._seen)
+        return self._seen
+
+    def _film(self, qpos: Array) -> None:
+        """Keep the configurations, at the end of a log period, that are nearest to when the camera
+        takes a frame."""
+        while (row := round((len(self.frames) * FRAME_PERIOD - self.t) / PERIOD) - 1) < len(qpos):
+            self.frames.append((self.t + (row + 1) * PERIOD, qpos[row].copy()))
+
+
+def _compile(
+    spec: mujoco.MjSpec, pose_world_base: Pose, kinds: Imperfections, random: np.random.Generator
+) -> mujoco.MjModel:
+    """The world with the robot in it.
+
+    Raises:
+        InputError: MuJoCo does not accept the result, or the world's physics is none to weigh and
+            touch in.
+    """
+    _require_physics(spec)
+    robot = robot_spec()
+    perturb_links(robot, kinds, random)
+    spec.option.timestep = TIMESTEP / SUBSTEPS
+    for name in ("integrator", "cone", "impratio"):
+        setattr(spec.option, name, getattr(robot.option, name))
+    robot.option.gravity, robot.option.timestep = spec.option.gravity, spec.option.timestep
+    for key in list(spec.keys):  # states of a world without this robot
+        spec.delete(key)
+    try:
+        frame = spec.worldbody.add_frame(
+            pos=pose_world_base.position, quat=pose_world_base.quaternion
+        )
+        spec.attach(robot, frame=frame, prefix=PREFIX)
+        add_actuators(spec)
+        return spec.compile()
+    except ValueError as error:
+        raise InputError(
+            f"the simulated world does not compile with the robot in it: {error}"
+        ) from error
+
+
+def _require_physics(spec: mujoco.MjSpec) -> None:
+    x, y, z = spec.option.gravity
+    if z >= 0 or max(abs(x), abs(y)) > -LEVEL * z:
+        raise InputError(
+            f"the world's gravity is ({x:g}, {y:g}, {z:g}) m/s²; it must point down, as in "
+            '<option gravity="0 0 -9.81"/>: what is let go has to fall, and weighing needs a weight'
+        )
+    disabled = [
+        flag.name.removeprefix("mjDSBL_").lower()
+        for flag in NEEDED
+        if spec.option.disableflags & int(flag)
+    ]
+    if disabled:
+        raise InputError(
+            f"the world's <option><flag> disables {', '.join(disabled)}, without which nothing can be "
+            "grasped and weighed; leave it enabled"
+        )
+
+
+def _run(first: int, count: int) -> slice:
+    return slice(int(first), int(first) + count)

@@ -1,0 +1,90 @@
+"""What was recorded by which leaf, in which situation."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+Activity = Literal["still", "moving", "sliding", "contact"]
+
+
+@dataclass(frozen=True, slots=True)
+class Context:
+    """What was so while a recording was made: the plan's symbolic state, not the world's truth.
+
+    Attributes:
+        activity: `still` in free air, `moving` in free air, `sliding` (a held object dragged along
+            its support) or `contact` (pressing on a surface after a guarded motion).
+        at: the pose expression last reached.
+        holding: the object between the fingers, if any.
+        grasp: the pose expression at which it was grasped.
+        support: the surface touched or slid upon, if any.
+    """
+
+    activity: Activity
+    at: str | None = None
+    holding: str | None = None
+    grasp: str | None = None
+    support: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Recording:
+    """A window of the trace that a sensing leaf marked as measured.
+
+    `buffer` is `gripper_forces`, `gripper_pose` or a third party's own; the samples are
+    `trace.samples.between(start, end)`. `reading` holds the values of a sensor that is not the
+    arm's.
+    """
+
+    buffer: str
+    start: float
+    end: float
+    context: Context
+    node: str = ""
+    reading: tuple[float, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Conversion:
+    """A conversion leaf's word that a buffer stands for a quantity of an object."""
+
+    primitive: str
+    object: str
+    quantity: str
+    recording: Recording
+    time: float
+
+
+@dataclass(frozen=True, slots=True)
+class LeafRun:
+    """One leaf's life: from its first tick to its last, in robot time (s)."""
+
+    node: str
+    """Path in the plan, e.g. `tree.children[3]`."""
+    primitive: str
+    label: str
+    start: float
+    end: float
+    status: Literal["SUCCESS", "FAILURE", "INVALID"]
+    message: str = ""
+    context: Context | None = None
+    """Symbolic state after the leaf ended."""
+
+
+@dataclass(frozen=True, slots=True)
+class Hand:
+    """Geometry and datasheet accuracy of the nominal arm and hand, which estimators rely on.
+
+    Attributes:
+        tip_offset: distance from the TCP to the end of the fingertips along the tool axis, m.
+        force_resolution: N. force_repeatability: N, per approach. torque_gain: relative, half
+            width.
+        pose_repeatability: m.
+    """
+
+    tip_offset: float
+    force_resolution: float
+    force_repeatability: float
+    torque_gain: float
+    pose_repeatability: float

@@ -1,0 +1,124 @@
+"""What the robot felt: timestamped samples, the life of every leaf, and the recordings with their
+context.
+
+A `Trace` is all that estimation sees. It holds sensed values and the *nominal* robot's kinematics,
+never the truth of a simulated world.
+
+Wrench convention: force (N) then torque (N m) that the end effector exerts on what it touches, in
+world axes about the TCP, from the paper's w = (J^T)^+ (tau - tau_gravity - tau_friction). A mass m
+held still reads f_z = +m g; pressing down on a table reads f_z < 0.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.geometry.pose import Array
+from palpate.trace.recording import Conversion, Hand, LeafRun, Recording
+
+FORCES = "gripper_forces"
+POSE = "gripper_pose"
+
+STANDARD_GRAVITY = 9.81
+"""m/s^2, MuJoCo's default gravity; a scene that sets another passes it on in the `Trace`."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Samples:
+    """Sensed signals, one row per log period (block means of the 1 kHz control loop).
+
+    Attributes:
+        t: (n,) robot time, s.
+        q: (n, 7) joint positions, rad.
+        dq: (n, 7) joint velocities, rad/s.
+        tau_ext: (n, 7) measured joint torques less nominal gravity and friction, N m.
+        wrench: (n, 6) external wrench at the TCP in world axes (see the module's convention).
+        pose_world_tcp: (n, 7) position (m) and quaternion wxyz of the TCP.
+        twist: (n, 6) linear (m/s) and angular (rad/s) velocity of the TCP, world axes.
+        target_world_tcp: (n, 7) the commanded equilibrium pose.
+        width: (n,) opening between the fingers, m.
+    """
+
+    t: Array
+    q: Array
+    dq: Array
+    tau_ext: Array
+    wrench: Array
+    pose_world_tcp: Array
+    twist: Array
+    target_world_tcp: Array
+    width: Array
+
+    @classmethod
+    def empty(cls) -> Samples:
+        """No rows."""
+        widths = {
+            "t": None,
+            "q": 7,
+            "dq": 7,
+            "tau_ext": 7,
+            "wrench": 6,
+            "pose_world_tcp": 7,
+            "twist": 6,
+            "target_world_tcp": 7,
+            "width": None,
+        }
+        return cls(**{k: np.empty((0,) if w is None else (0, w)) for k, w in widths.items()})
+
+    @classmethod
+    def concatenate(cls, parts: Iterable[Samples]) -> Samples:
+        """All rows of `parts`, in order."""
+        parts = [p for p in parts if len(p)]
+        if not parts:
+            return cls.empty()
+        return cls(
+            **{f.name: np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(cls)}
+        )
+
+    def __len__(self) -> int:
+        return len(self.t)
+
+    def where(self, rows: NDArray[np.bool_] | slice) -> Samples:
+        """The selected rows."""
+        return Samples(**{f.name: getattr(self, f.name)[rows] for f in fields(self)})
+
+    def between(self, start: float, end: float) -> Samples:
+        """Rows with start <= t <= end."""
+        first, last = np.searchsorted(self.t, [start, end + 1e-9])
+        return self.where(slice(int(first), int(last)))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Trace:
+    """The whole execution: samples, leaves, recordings, conversions, and the nominal hand."""
+
+    samples: Samples
+    leaves: tuple[LeafRun, ...]
+    recordings: tuple[Recording, ...]
+    conversions: tuple[Conversion, ...]
+    hand: Hand
+    gravity: float = STANDARD_GRAVITY
+
+    def of(self, recording: Recording) -> Samples:
+        """The samples of a recording."""
+        return self.samples.between(recording.start, recording.end)
+
+    def leaf_runs(self, *primitives: str, status: str = "SUCCESS") -> Sequence[LeafRun]:
+        """Leaves of the named primitives that ended with `status`, in order of time."""
+        return [
+            leaf for leaf in self.leaves if leaf.primitive in primitives and leaf.status == status
+        ]
+
+    def until(self, time: float) -> Trace:
+        """What was known at robot time `time`."""
+        return replace(
+            self,
+            samples=self.samples.between(-np.inf, time),
+            leaves=tuple(leaf for leaf in self.leaves if leaf.end <= time),
+            recordings=tuple(r for r in self.recordings if r.end <= time),
+            conversions=tuple(c for c in self.conversions if c.time <= time),
+        )

@@ -1,0 +1,130 @@
+"""The hidden world: it matches the scene, and its truth is only told when asked for."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from palpate.cells.simulated import simulated_cell
+from palpate.errors import InputError, Unavailable
+from palpate.parameter import Parameter
+from palpate.scene.load import parse_scene
+from palpate.settings import Job
+
+CELL = """<mujoco>{option}<worldbody>
+  <site name="robot_base"/>
+  <body name="table" pos="0.4 0 {table}"><geom type="box" size=".5 .6 .02" friction="0.6 0.005 0.0001"/></body>
+  <body name="{name}" pos="0.5 0.1 0.05">{joint}<geom type="box" size="{size}" {mass} {friction}/></body>
+</worldbody></mujoco>"""
+DEFAULTS = {
+    "option": "",
+    "table": "?",
+    "name": "cup",
+    "joint": "<freejoint/>",
+    "size": ".03 .02 .05",
+    "mass": "",
+    "friction": 'friction="0.5"',
+}
+
+
+def text(**changes: str) -> str:
+    return CELL.format(**(DEFAULTS | changes))
+
+
+def world_file(folder: Path, **changes: str) -> Path:
+    path = folder / "world.xml"
+    path.write_text(text(**({"table": "-0.02", "mass": 'mass="0.3"'} | changes)), encoding="utf-8")
+    return path
+
+
+def test_without_a_world_the_unknowns_are_drawn_the_same_for_the_same_seed() -> None:
+    scene = parse_scene(text())
+    one, again, other = (simulated_cell(Job(seed=seed), scene) for seed in (1, 1, 2))
+    assert one.world is scene
+    assert set(one.drawn) == {Parameter("cup", "mass"), Parameter("table", "height")}
+    assert one.drawn == again.drawn
+    assert one.drawn != other.drawn
+    assert one.truth(Parameter("cup", "mass")) == one.drawn[Parameter("cup", "mass")]
+    assert one.truth(Parameter("cup", "friction")) == (0.5,)
+    assert "drawn from priors" in one.description
+
+
+def test_the_drawn_truth_is_what_the_world_is_made_of() -> None:
+    cell = simulated_cell(Job(seed=3), parse_scene(text()))
+    model = cell.robot(Job(seed=3, noise="none")).world.model
+    assert model.body("cup").mass[0] == pytest.approx(
+        cell.truth(Parameter("cup", "mass"))[0], rel=1e-6
+    )
+    top = model.geom_pos[model.body("table").geomadr[0], 2] + model.body("table").pos[2] + 0.02
+    assert top == pytest.approx(cell.truth(Parameter("table", "height"))[0], abs=1e-6)
+
+
+def test_a_worlds_file_holds_the_truth(tmp_path: Path) -> None:
+    cell = simulated_cell(Job(scene=Path("d"), world=world_file(tmp_path)), parse_scene(text()))
+    assert cell.drawn == {}
+    assert cell.truth(Parameter("cup", "mass")) == (0.3,)
+    assert cell.truth(Parameter("table", "height")) == pytest.approx((0.0,))
+    assert cell.truth(Parameter("cup", "inertia")) is None
+    assert cell.truth(Parameter("kettle", "mass")) is None
+    assert cell.description == "simulated world world.xml"
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"name": "mug"}, "the world has no cup; it has table, mug"),
+        (
+            {"joint": "", "size": ".3 .3 .05"},
+            "'cup' is an object in the scene and a surface in the world",
+        ),
+        (
+            {"size": ".03 .02 .08"},
+            r"'cup' measures \[0.06, 0.04, 0.1\] m in the scene and \[0.06, 0.04, 0.16\] m in",
+        ),
+    ],
+)
+def test_a_world_that_is_not_the_scenes_is_refused(
+    tmp_path: Path, changes: dict[str, str], message: str
+) -> None:
+    job = Job(scene=Path("d"), world=world_file(tmp_path, **changes))
+    with pytest.raises(InputError, match=f"scene and world do not match: {message}"):
+        simulated_cell(job, parse_scene(text()))
+
+
+def test_what_was_seen_in_a_picture_may_be_less_exact(tmp_path: Path) -> None:
+    world = world_file(tmp_path, size=".03 .04 .06")
+    assert simulated_cell(Job(world=world), parse_scene(text())).world.objects.keys() == {"cup"}
+    with pytest.raises(InputError, match="do not match"):
+        simulated_cell(Job(scene=Path("d"), world=world), parse_scene(text()))
+
+
+def test_a_robot_that_is_not_there_is_unavailable() -> None:
+    with pytest.raises(Unavailable, match="no driver for 'franka://host'"):
+        simulated_cell(Job(robot="franka://host"), parse_scene(text()))
+
+
+@pytest.mark.parametrize(
+    ("option", "message"),
+    [
+        ('gravity="0 0 0"', r"gravity is \(0, 0, 0\) m/s²; it must point down"),
+        ('gravity="0 0 9.81"', "it must point down"),
+        ('gravity="4 0 -9"', "it must point down"),
+        ('><flag gravity="disable"/></option', "disables gravity"),
+        ('><flag contact="disable" equality="disable"/></option', "disables contact, equality"),
+    ],
+)
+def test_a_world_in_which_nothing_can_be_weighed_is_refused(option: str, message: str) -> None:
+    option = f"<option {option}/>" if ">" not in option else f"<option{option}>"
+    cell = simulated_cell(Job(), parse_scene(text(option=option)))
+    with pytest.raises(InputError, match=message):
+        cell.robot(Job())
+
+
+def test_on_the_moon_things_are_lighter() -> None:
+    cell = simulated_cell(Job(), parse_scene(text(option='<option gravity="0 0 -1.62"/>')))
+    robot = cell.robot(Job(noise="none"))
+    assert robot.gravity == pytest.approx(1.62)
+    robot.advance(0.2)
+    assert np.abs(robot.state.wrench).max() < 1e-6

@@ -1,0 +1,169 @@
+"""After a failure: stop, skip, replan; and rehearsal before it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import ClassVar
+
+import numpy as np
+import pytest
+
+from palpate import pipeline
+from palpate.cells.simulated import SimulatedCell
+from palpate.execution.recovery import MAX_REPLANS, OnFailure, failed_at, recover
+from palpate.execution.rehearsal import rehearse
+from palpate.execution.runner import Execution, run
+from palpate.parameter import Parameter
+from palpate.planning.plan import Node, Plan
+from palpate.planning.symbolic.planner import assemble
+from palpate.robots.nominal import HAND
+from palpate.scene.load import parse_scene, rearranged
+from palpate.scene.scene import Scene
+from palpate.settings import Job
+from palpate.trace.recording import Context, LeafRun
+from palpate.trace.samples import Samples, Trace
+from palpate.vocabulary.base import Blackboard, LeafFailure, Primitive, Steps
+from palpate.vocabulary.registry import Vocabulary, vocabulary
+
+CELL = """<mujoco><worldbody>
+  <site name="robot_base"/>
+  <body name="table" pos="0.35 0 -0.03"><geom type="box" size=".6 .6 .03" friction="0.6 0.005 0.0001"/></body>
+  <body name="wet" pos="0.5 0.2 0.05"><freejoint/><geom type="box" size=".02 .02 .05" {wet}/></body>
+  <body name="dry" pos="0.5 -0.2 0.05"><freejoint/><geom type="box" size=".02 .02 .05" {dry}/></body>
+</worldbody></mujoco>"""
+SCENE = CELL.format(wet='friction="0.5 0.005 0.0001"', dry='friction="0.5 0.005 0.0001"')
+WORLD = CELL.format(wet='mass="0.8" friction="0.03 0.005 0.0001" priority="2"', dry='mass="0.25"')
+BOTH = (Parameter("wet", "mass"), Parameter("dry", "mass"))
+
+
+class Flaky(Primitive):
+    """Fails. A stand-in for bad luck, which no real component provides on demand."""
+
+    group: ClassVar = "sensing"
+
+    def run(self, blackboard: Blackboard) -> Steps:
+        yield
+        raise LeafFailure("bad luck")
+
+
+@pytest.fixture(scope="module")
+def scene() -> Scene:
+    return parse_scene(SCENE)
+
+
+def execute(
+    scene: Scene, plan: Plan, policy: OnFailure, words: Vocabulary | None = None
+) -> Execution:
+    robot = SimulatedCell(parse_scene(WORLD), {}, "").robot(Job(noise="lab"))
+
+    def attempt(plan: Plan, scene: Scene, robot: object) -> Execution:
+        return run(plan, scene, robot, words=words)  # type: ignore[arg-type]
+
+    return recover(attempt(plan, scene, robot), plan, scene, robot, policy, attempt)
+
+
+def planned(scene: Scene, *parameters: Parameter) -> Plan:
+    made = assemble(scene, parameters)
+    return Plan(made.measured, made.tree, "", "symbolic")
+
+
+def measured(done: Execution) -> set[str]:
+    return {c.object for c in done.trace.conversions}
+
+
+def test_stop_ends_at_the_first_failure(scene: Scene) -> None:
+    done = execute(scene, planned(scene, *BOTH), "stop")
+    assert done.status == "stopped"
+    assert done.setbacks == ()
+    assert measured(done) == set()
+
+
+def test_skip_leaves_the_slippery_one_alone_and_weighs_the_other(scene: Scene) -> None:
+    done = execute(scene, planned(scene, *BOTH), "skip")
+    assert done.status == "complete"
+    assert measured(done) == {"dry"}
+    assert len(done.setbacks) == 1
+    assert "slip" in done.setbacks[0]
+
+
+def test_replanning_is_bounded(scene: Scene) -> None:
+    done = execute(scene, planned(scene, Parameter("wet", "mass")), "replan")
+    assert done.status == "stopped"
+    assert len(done.setbacks) == MAX_REPLANS
+
+
+def test_replanning_gets_over_bad_luck(scene: Scene) -> None:
+    plan = planned(scene, Parameter("dry", "mass"))
+    assert plan.tree is not None
+    cut = next(i for i, child in enumerate(plan.tree.children) if child.type == "CloseGripper") + 2
+    unlucky = Node(
+        "Sequence", (), (*plan.tree.children[:cut], Node("Flaky"), *plan.tree.children[cut:])
+    )
+    words = Vocabulary({**vocabulary().primitives, "Flaky": Flaky}, vocabulary().composites)
+    done = execute(scene, Plan(plan.parameters, unlucky, "", "test"), "replan", words)
+    assert done.status == "complete"
+    assert measured(done) == {"dry"}
+    assert done.setbacks == ("Flaky(): bad luck",)
+    times = done.trace.samples.t
+    assert np.all(np.diff(times) > 0)
+    assert any(leaf.node.startswith("replan[1].tree") for leaf in done.trace.leaves)
+
+
+@pytest.mark.parametrize("attempt", ["", "replan[1]."])
+def test_the_failed_leaf_tells_its_object_whatever_it_is_called(scene: Scene, attempt: str) -> None:
+    way = Node("MovePose", (("pose", "wet_pose + z_offset"),), name="go and (gently) see")
+    plan = Plan(BOTH, Node("Sequence", (), (Node("OpenGripper"), way)), "")
+    failed = LeafRun(
+        f"{attempt}tree.children[1]",
+        "MovePose",
+        way.name,
+        0.0,
+        1.0,
+        "FAILURE",
+        "blocked",
+        Context("still"),
+    )
+    trace = Trace(Samples.empty(), (failed,), (), (), HAND)
+    assert failed_at(trace, plan, scene) == "wet"
+    later = replace(
+        failed, node=f"{attempt}tree.children[0]", context=Context("still", at="dry_pose")
+    )
+    assert failed_at(replace(trace, leaves=(failed, later)), plan, scene) == "dry"
+    held = replace(failed, context=Context("moving", at="dry_pose", holding="dry"))
+    assert failed_at(replace(trace, leaves=(held,)), plan, scene) == "dry"
+    assert failed_at(replace(trace, leaves=()), plan, scene) is None
+
+
+def test_rearranged_scene_moves_the_object_and_its_grasp(scene: Scene) -> None:
+    before = scene.body("dry").pose_world
+    moved = rearranged(scene, {"dry": before.translated([0.05, 0.0, 0.0])})
+    assert moved.body("dry").pose_world.position[0] == pytest.approx(0.55)
+    assert moved.symbols.resolve("dry_pose").position[0] == pytest.approx(0.55, abs=1e-6)
+    assert moved.body("wet").pose_world.position == pytest.approx(
+        scene.body("wet").pose_world.position
+    )
+    assert moved.text == scene.text
+
+
+def test_rehearsal_predicts_without_the_world(scene: Scene) -> None:
+    predicted = rehearse(planned(scene, *BOTH), scene)
+    assert predicted.failure is None
+    assert predicted.actions == 21
+    assert 10 < predicted.robot_seconds < 40
+    assert 0 < predicted.peak_force < 60
+
+
+def test_failing_rehearsal_keeps_the_arm_still(
+    scene: Scene, tmp_path: pytest.TempPathFactory
+) -> None:
+    heavy = parse_scene(
+        CELL.format(
+            wet='mass="0.1" friction="0.5 0.005 0.0001"',
+            dry='mass="2.9" friction="0.02 0.005 0.0001" priority="2"',
+        )
+    )
+    tree = assemble(scene, [Parameter("dry", "mass")]).tree
+    plan = Plan((Parameter("dry", "mass"),), tree, "")
+    outcome = pipeline.practise(pipeline.Outcome(Job(rehearse=True), heavy, plan))
+    assert [f.rule for f in outcome.findings] == ["rehearsal"]
+    assert pipeline.measure(outcome).execution is None

@@ -1,0 +1,123 @@
+"""The controlled stop on the embedded robot, in a world of its own for every case."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from palpate.execution.runner import run
+from palpate.planning.plan import Node, Plan
+from palpate.robots.safety import FREE_FORCE
+from palpate.robots.simulated.robot import MujocoRobot
+from palpate.scene.load import parse_scene
+
+CELL = """<mujoco><worldbody>
+<body name="table" pos="0.5 0 0.05"><geom type="box" size="0.3 0.4 0.05"/></body>
+<body name="cup" pos="0.5 0.1 0.15"><freejoint/><geom type="box" size="0.02 0.03 0.05" {cup}/></body>{more}
+</worldbody></mujoco>"""
+
+SCENE = parse_scene(CELL.format(cup='friction="0.6 0.005 0.0001"', more=""))
+
+
+def leaf(kind, **args):
+    return Node(kind, tuple(args.items()))
+
+
+WEIGH = Plan(
+    (),
+    Node(
+        "Sequence",
+        (),
+        (
+            leaf("OpenGripper"),
+            leaf("MovePose", pose="cup_pose + z_offset"),
+            leaf("MovePose", pose="cup_pose"),
+            leaf("CloseGripper"),
+            leaf("MovePose", pose="cup_pose + z_offset"),
+            leaf("MeasureForces"),
+            leaf("MovePose", pose="cup_pose"),
+            leaf("OpenGripper"),
+            leaf("MovePose", pose="cup_pose + z_offset"),
+            leaf("MoveJoints", joints="home_config"),
+        ),
+    ),
+    "weigh the cup",
+)
+
+
+def execute(cup='mass="0.3"', more="", noise="lab", stop_when=lambda robot: False):
+    """The run, and its world half a second later."""
+    world = parse_scene(CELL.format(cup=cup, more=more))
+    robot = MujocoRobot(world.spec(), world.pose_world_base, noise, seed=1)
+    done = run(WEIGH, SCENE, robot, stop_requested=lambda: stop_when(robot))
+    robot.advance(0.5)
+    return done, robot
+
+
+def displacement(robot):
+    return robot.world.true_pose("cup").distance_to(SCENE.body("cup").pose_world)
+
+
+def test_a_whole_weighing_completes_and_restores_the_cup():
+    done, robot = execute()
+    assert (done.status, done.stopped_by, done.actions) == ("complete", None, 10)
+    assert [leaf.status for leaf in done.trace.leaves] == ["SUCCESS"] * 10
+    (recording,) = done.trace.recordings
+    assert recording.node == "tree.children[5]"
+    assert (recording.context.holding, recording.context.activity) == ("cup", "still")
+    assert done.trace.of(recording).wrench[:, 2].mean() == pytest.approx(0.3 * 9.81, abs=1.5)
+    assert displacement(robot) < 0.002
+
+
+def lifted_to(height):
+    """Asks for a stop once the closed fingers are above `height` m."""
+    return lambda robot: robot.state.gripping and robot.state.pose_world_tcp.position[2] > height
+
+
+@pytest.mark.parametrize(
+    ("mass", "height"), [(0.03, 0.17), (0.3, 0.20), (0.3, 0.22), (1.5, 0.20), (2.8, 0.19)]
+)
+def test_stopped_while_lifting_the_cup_goes_back_to_its_place(mass, height):
+    done, robot = execute(cup=f'mass="{mass}"', stop_when=lifted_to(height))
+    assert (done.status, done.stopped_by) == ("stopped", "stop requested")
+    assert (done.trace.leaves[-1].primitive, done.trace.leaves[-1].status) == ("PutDown", "SUCCESS")
+    assert (done.final_state.holding, robot.state.gripping) == (None, False)
+    assert displacement(robot) < 0.002
+    assert done.final_state.moved["cup"].distance_to(robot.world.true_pose("cup")) < 0.003
+    assert np.abs(robot.state.dq).max() < 0.05
+
+
+def test_too_heavy_an_object_is_put_down():
+    done, robot = execute(cup='mass="4"')
+    assert "more than the payload of 3 kg" in str(done.stopped_by)
+    assert done.trace.leaves[-1].message == "put cup down"
+    assert displacement(robot) < 0.002
+
+
+def test_a_slippery_object_is_noticed_when_it_is_lost():
+    done, robot = execute(cup='mass="1" priority="2" friction="0.05 0.005 0.0001"')
+    assert "slip" in str(done.stopped_by)
+    assert done.final_state.holding is None
+    assert displacement(robot) < 0.01
+
+
+@pytest.mark.parametrize(
+    "wall",
+    [
+        'pos="0.5 0.1 0.36"><geom size="0.1 0.1 0.01"',
+        'pos="0.42 0.06 0.45"><geom size="0.02 0.2 0.1"',
+    ],
+)
+def test_an_unknown_obstacle_stops_the_arm_and_is_not_pressed_on(wall):
+    done, robot = execute(more=f'<body {wall} type="box"/></body>')
+    assert "MovePose(cup_pose + z_offset): " in str(done.stopped_by)
+    assert "contact" in str(done.stopped_by) or "external force" in str(done.stopped_by)
+    assert np.linalg.norm(robot.state.wrench[:3]) < FREE_FORCE
+    assert np.abs(robot.state.dq).max() < 0.05
+    assert displacement(robot) < 0.001
+
+
+def test_a_missing_object_is_noticed():
+    done, _ = execute(cup='mass="0.3" pos="0.2 -0.2 0"')
+    assert str(done.stopped_by).startswith("CloseGripper(): the fingers met no resistance")
+    assert done.actions == 4

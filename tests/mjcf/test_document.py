@@ -1,0 +1,151 @@
+"""MJCF files are untrusted input."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+
+from palpate.errors import InputError
+from palpate.mjcf.document import MAX_BYTES, MAX_DEPTH, parse_document, read_document, with_tokens
+
+SCENE = "<mujoco><worldbody/></mujoco>"
+CUBE = "v 0 0 0\nv .1 0 0\nv 0 .1 0\nv 0 0 .1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
+
+
+def write(folder: Path, text: str, name: str = "scene.xml") -> Path:
+    path = folder / name
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(text, "utf-8")
+    return path
+
+
+def test_malformed_xml_is_located(tmp_path: Path) -> None:
+    path = write(tmp_path, "<mujoco>\n  <worldbody>\n</mujoco>")
+    with pytest.raises(InputError, match=r"scene\.xml, line 3, column \d+: malformed XML"):
+        read_document(path)
+
+
+@pytest.mark.parametrize(
+    "prolog",
+    [
+        '<!DOCTYPE mujoco [<!ENTITY e SYSTEM "file:///etc/passwd">]>',
+        '<!DOCTYPE mujoco SYSTEM "http://127.0.0.1:1/x.dtd">',
+        '<!DOCTYPE lolz [<!ENTITY a "lol"><!ENTITY b "&a;&a;&a;&a;&a;&a;&a;&a;&a;&a;">]>',
+    ],
+)
+def test_doctypes_and_entities_are_refused(prolog: str) -> None:
+    with pytest.raises(InputError, match="DOCTYPE"):
+        parse_document(f'{prolog}<mujoco model="&e;"><worldbody/></mujoco>')
+
+
+def test_an_undeclared_entity_is_malformed() -> None:
+    with pytest.raises(InputError, match="malformed"):
+        parse_document("<mujoco>&nobody;</mujoco>")
+
+
+def test_deep_nesting_and_size_are_bounded() -> None:
+    deep = "<mujoco>" + "<body>" * 10_000 + "</body>" * 10_000 + "</mujoco>"
+    with pytest.raises(InputError, match=f"deeper than {MAX_DEPTH}"):
+        parse_document(deep)
+    with pytest.raises(InputError, match="larger than"):
+        parse_document(f"<mujoco><!--{' ' * MAX_BYTES}--></mujoco>")
+
+
+@pytest.mark.parametrize(
+    ("content", "complaint"),
+    [
+        (b"\xff\xfe<mujoco/>", "utf-8"),
+        (b"<robot/>", "not MJCF"),
+        (b"", "malformed"),
+    ],
+)
+def test_what_is_no_mjcf(tmp_path: Path, content: bytes, complaint: str) -> None:
+    path = tmp_path / "scene.xml"
+    path.write_bytes(content)
+    with pytest.raises(InputError, match=complaint):
+        read_document(path)
+
+
+def test_an_absent_file_is_an_input_error(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="cannot read"):
+        read_document(tmp_path / "nothing.xml")
+
+
+def test_a_missing_mesh_is_named_with_its_element(tmp_path: Path) -> None:
+    path = write(
+        tmp_path,
+        '<mujoco><compiler meshdir="assets"/>'
+        '<asset><mesh name="cup" file="cup.obj"/></asset></mujoco>',
+    )
+    with pytest.raises(
+        InputError, match=r'<mesh name="cup"> \(line 1\) names the file .*cup\.obj.* does not exist'
+    ):
+        read_document(path)
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        '<asset><mesh file="../outside.obj"/></asset>',
+        '<asset><texture type="cube" fileright="../outside.obj"/></asset>',
+        '<compiler meshdir=".."/><asset><mesh file="outside.obj"/></asset>',
+        '<include file="../outside.obj"/>',
+        '<asset><mesh file="/etc/hostname"/></asset>',
+        '<asset><model file="../outside.obj"/></asset>',
+    ],
+)
+def test_files_outside_the_folder_are_refused(tmp_path: Path, line: str) -> None:
+    write(tmp_path, CUBE, "outside.obj")
+    path = write(tmp_path, f"<mujoco>{line}</mujoco>", "inner/scene.xml")
+    with pytest.raises(InputError, match="outside the scene's folder"):
+        read_document(path)
+
+
+def test_a_link_out_of_the_folder_is_refused(tmp_path: Path) -> None:
+    outside = write(tmp_path, CUBE, "outside.obj")
+    path = write(
+        tmp_path, '<mujoco><asset><mesh file="link.obj"/></asset></mujoco>', "inner/scene.xml"
+    )
+    os.symlink(outside, path.parent / "link.obj")
+    with pytest.raises(InputError, match="outside the scene's folder"):
+        read_document(path)
+
+
+def test_includes_are_expanded_in_place_and_remembered(tmp_path: Path) -> None:
+    part = write(tmp_path, '<mujoco><body name="b"/><body name="c"/></mujoco>', "parts/objects.xml")
+    path = write(
+        tmp_path,
+        '<mujoco><worldbody><body name="a"/><include file="parts/objects.xml"/>'
+        '<body name="d"/></worldbody></mujoco>',
+    )
+    document = read_document(path)
+    assert [body.get("name") for body in document.worldbody] == ["a", "b", "c", "d"]
+    assert [body in document.index for body in document.worldbody] == [True, False, False, True]
+    assert document.files == (part.resolve(),)
+
+
+def test_an_include_cycle_is_refused(tmp_path: Path) -> None:
+    path = write(tmp_path, '<mujoco><include file="a.xml"/></mujoco>')
+    write(tmp_path, '<mujoco><include file="a.xml"/></mujoco>', "a.xml")
+    with pytest.raises(InputError, match="second time"):
+        read_document(path)
+
+
+def test_text_alone_cannot_name_files() -> None:
+    with pytest.raises(InputError, match="no folder"):
+        parse_document('<mujoco><asset><mesh file="cup.obj"/></asset></mujoco>')
+
+
+def test_replacing_numbers_keeps_all_other_characters() -> None:
+    assert with_tokens(" 0.50\t0   ? ", {2: "0.765"}) == " 0.50\t0   0.765 "
+
+
+def test_a_scene_without_worldbody_is_refused() -> None:
+    with pytest.raises(InputError, match="no <worldbody>"):
+        _ = parse_document("<mujoco/>").worldbody
+
+
+def test_an_ordinary_scene_is_read(tmp_path: Path) -> None:
+    assert read_document(write(tmp_path, SCENE)).text == SCENE

@@ -1,0 +1,251 @@
+"""What is known, missing and assumed, by MJCF's own rules."""
+
+from __future__ import annotations
+
+import pytest
+
+from palpate.errors import InputError
+from palpate.mjcf.document import parse_document
+from palpate.mjcf.roles import inventory
+from palpate.scene.load import parse_scene
+from palpate.scene.scene import Scene
+
+
+def scene(world: str, before: str = "", after: str = "") -> Scene:
+    return parse_scene(f"<mujoco>{before}<worldbody>{world}</worldbody>{after}</mujoco>")
+
+
+def cup(geom: str, inside: str = "", pos: str = "0.5 0 0.05") -> str:
+    return f'<body name="cup" pos="{pos}"><freejoint/>{inside}<geom type="box" size="0.02 0.03 0.05" {geom}/></body>'
+
+
+INERTIAL = '<inertial pos="0 0 0.01" mass="0.2" diaginertia="1e-4 1e-4 1e-4"/>'
+
+
+@pytest.mark.parametrize(
+    ("geom", "missing"),
+    [
+        ("", {"mass", "friction"}),
+        ('mass="0.2"', {"friction"}),
+        ('density="700"', {"friction"}),
+        ('mass="?"', {"mass", "friction"}),
+        ('density="?" friction="0.4"', {"mass"}),
+        ('mass="0.2" friction="0.4 0.005 0.0001"', set()),
+        ('mass="0.2" friction="? 0.005 0.0001"', {"friction"}),
+        ('mass="0.2" friction="?"', {"friction"}),
+        ('mass="0" friction="0.4"', set()),
+    ],
+)
+def test_mass_and_friction_of_an_object(geom: str, missing: set[str]) -> None:
+    if 'mass="0"' in geom:
+        geom += '/><geom type="sphere" size="0.01" mass="0.1"'
+    body = scene(cup(geom)).objects["cup"]
+    assert body.missing == missing
+    assert set(body.known) == {"mass", "friction", "position"} - missing
+    assert body.assumed == {"com", "inertia"}
+
+
+@pytest.mark.parametrize(
+    ("inertial", "missing"),
+    [
+        (INERTIAL, set()),
+        (INERTIAL.replace("0.2", "?"), {"mass"}),
+        (INERTIAL.replace("0 0 0.01", "? ? ?"), {"com"}),
+        (INERTIAL.replace("0 0 0.01", "0 0 ?"), {"com"}),
+        (INERTIAL.replace("0 0 0.01", " ? "), {"com"}),
+        (INERTIAL.replace("1e-4 1e-4 1e-4", "? ? ?"), {"inertia"}),
+        ('<inertial pos="0 0 0" mass="?" fullinertia="? ? ? ? ? ?"/>', {"mass", "inertia"}),
+    ],
+)
+def test_inertials_state_mass_com_and_inertia(inertial: str, missing: set[str]) -> None:
+    body = scene(cup('friction="0.4"', inertial)).objects["cup"]
+    assert body.missing == missing
+    assert body.assumed == set()
+    assert set(body.known) == {"mass", "com", "inertia", "friction", "position"} - missing
+
+
+def test_stated_values_are_known_with_their_numbers() -> None:
+    known = scene(cup('friction="0.4"', INERTIAL)).objects["cup"].known
+    assert known["mass"] == pytest.approx((0.2,))
+    assert known["com"] == pytest.approx((0, 0, 0.01))
+    assert known["inertia"] == pytest.approx((1e-4, 1e-4, 1e-4, 0, 0, 0), abs=1e-12)
+    assert known["friction"] == pytest.approx((0.4,))
+    assert known["position"] == pytest.approx((0.5, 0))
+
+
+def test_defaults_classes_state_values_too() -> None:
+    defaults = (
+        '<default><default class="wood"><geom density="600" friction="0.5"/></default></default>'
+    )
+    body = scene(cup('class="wood"'), defaults).objects["cup"]
+    assert body.missing == set()
+    assert body.known["mass"] == pytest.approx((600 * 0.04 * 0.06 * 0.1,))
+    unknown = '<default><default class="wood"><geom density="?" friction="? 0.01 0.001"/></default></default>'
+    assert scene(cup('class="wood"'), unknown).objects["cup"].missing == {"mass", "friction"}
+
+
+def test_visual_geoms_do_not_count_for_friction() -> None:
+    body = scene(
+        cup('mass="1"/><geom type="sphere" size="0.01" contype="0" conaffinity="0" friction="0.9"')
+    )
+    assert body.objects["cup"].missing == {"friction"}
+
+
+@pytest.mark.parametrize(
+    ("pos", "missing"),
+    [
+        ("? ? 0.05", {"position"}),
+        ("0.5 ? 0.05", {"position"}),
+        ("?", {"position"}),
+        ("0.5 0 ?", set()),
+    ],
+)
+def test_position_of_an_object(pos: str, missing: set[str]) -> None:
+    body = scene(cup('mass="1" friction="1"', pos=pos)).objects["cup"]
+    assert body.missing == missing
+
+
+@pytest.mark.parametrize(
+    "surface",
+    [
+        '<body name="table" pos="0.5 0 ?"><geom type="box" size="0.3 0.3 0.02"/></body>',
+        '<body name="table" pos="0.5 0 0"><geom type="box" size="0.3 0.3 0.02" pos="0 0 ?"/></body>',
+        '<body name="table" pos="0.5 0 0"><geom type="box" size="0.3 0.3 ?"/></body>',
+        '<body name="table" pos="0.5 0 ?"><geom type="box" size="0.3 0.3 ?"/></body>',
+        '<geom name="table" type="box" pos="0.5 0 ?" size="0.3 0.3 0.02"/>',
+        '<geom name="table" type="box" pos="0.5 0 ?" size="0.3 0.3 ?"/>',
+        '<geom name="table" type="cylinder" pos="0.5 0 0" size="0.3 ?"/>',
+        '<geom name="table" type="plane" pos="0.5 0 ?" size="1 1 0.1"/>',
+    ],
+)
+def test_height_of_a_surface_is_missing_by_any_of_its_numbers(surface: str) -> None:
+    found = scene(surface + cup('mass="1" friction="1"', pos="0.5 0 0.35"))
+    assert [str(parameter) for parameter in found.missing()] == ["table.height"]
+    assert found.surfaces["table"].top_z() == pytest.approx(0.30)
+    assert found.priors[found.missing()[0]] == pytest.approx((0.30,))
+
+
+def test_a_stated_height_is_known() -> None:
+    found = scene(
+        '<geom name="floor" type="plane" size="0 0 1"/>'
+        '<body name="table" pos="0.5 0 0.4"><geom type="box" size="0.3 0.3 0.02"/></body>'
+    )
+    assert found.missing() == ()
+    assert {n: s.known["height"] for n, s in found.surfaces.items()} == {
+        "floor": pytest.approx((0,)),
+        "table": pytest.approx((0.42,)),
+    }
+
+
+def test_walls_balls_and_nameless_things_are_no_surfaces() -> None:
+    found = scene(
+        '<geom name="wall" type="box" size="0.01 0.5 0.5"/><geom name="ball" type="sphere" size="0.2"/>'
+        '<geom type="box" size="0.3 0.3 0.1"/>'
+        '<body name="goal" mocap="true"><geom type="box" size=".2 .2 .1"/></body>'
+        '<geom name="ramp" type="box" size="0.3 0.3 0.1" euler="0 30 0"/>'
+    )
+    assert dict(found.surfaces) == {}
+
+
+def test_a_narrow_stand_is_a_surface_when_something_stands_on_it() -> None:
+    stand = '<geom name="stand" type="cylinder" size="0.03 0.1" pos="0.5 0 0.1"/>'
+    assert "stand" not in scene(stand).surfaces
+    assert "stand" in scene(stand + cup("", pos="0.5 0 0.25")).surfaces
+
+
+ARM = """<body name="link0" pos="0.1 0.2 0.3" euler="0 0 90"><geom type="box" size="0.1 0.1 0.1"/>
+  <body name="link1"><joint name="j1"/><geom size="0.05"/><site name="tip"/></body></body>"""
+DRIVEN = """<actuator><motor name="m1" joint="j1"/></actuator><sensor><jointpos name="s1" joint="j1"/>
+  <actuatorfrc actuator="m1"/></sensor><keyframe><key qpos="0"/></keyframe>
+  <contact><exclude body1="link0" body2="link1"/></contact>"""
+
+
+def test_a_robot_in_the_scene_is_neither_object_nor_surface_and_marks_the_base() -> None:
+    found = scene(ARM + cup(""), after=DRIVEN)
+    assert list(found.bodies) == ["cup"]
+    assert found.pose_world_base.position == pytest.approx([0.1, 0.2, 0.3])
+    assert found.pose_world_base.rotation[:, 0] == pytest.approx([0, 1, 0])
+    model = found.spec().compile()
+    assert {model.body(i).name for i in range(model.nbody)} == {"world", "cup"}
+    assert (model.nu, model.nsensor, model.nkey, model.nexclude) == (0, 0, 0, 0)
+
+
+def test_a_robot_on_a_table_leaves_the_table() -> None:
+    table = f'<body name="table" pos="0 0 0.4"><geom type="box" size="0.5 0.5 0.02"/>{ARM}</body>'
+    found = scene(table + cup("", pos="0.3 0 0.47"), after=DRIVEN)
+    assert list(found.bodies) == ["table", "cup"]
+
+
+def test_the_mount_below_the_arm_is_no_surface() -> None:
+    mount = '<geom name="mount" type="box" size="0.1 0.1 0.2" pos="0 0 0.2"/><site name="robot_base" pos="0 0 0.4"/>'
+    found = scene(mount + cup(""))
+    assert list(found.bodies) == ["cup"]
+    assert found.pose_world_base.position == pytest.approx([0, 0, 0.4])
+
+
+def test_driven_by_a_tendon_is_a_robot_too() -> None:
+    after = (
+        '<tendon><fixed name="t"><joint joint="j1" coef="1"/></fixed></tendon>'
+        '<actuator><motor tendon="t"/></actuator>'
+    )
+    assert list(scene(ARM + cup(""), after=after).bodies) == ["cup"]
+
+
+def test_a_cupboard_with_a_door_is_left_standing() -> None:
+    found = scene(ARM + cup(""))
+    assert list(found.objects) == ["cup"]
+    assert found.spec().compile().body("link1").name == "link1"
+
+
+@pytest.mark.parametrize(
+    ("world", "complaint"),
+    [
+        ('<body pos="0 0 1"><freejoint/><geom size="1"/></body>', "no name"),
+        ('<body name="a"><freejoint/></body>', "no geom"),
+        (cup("") + '<geom name="cup" type="box" size="1 1 1"/>', "called 'cup'"),
+        (cup('rgba="? 0 0 1"'), "cannot be measured"),
+        (cup("", pos="? 0"), "MuJoCo does not accept|too few"),
+        ('<body name="a" euler="0 0 ?"><freejoint/><geom size="1"/></body>', "cannot be measured"),
+        ('<geom name="t" type="box" pos="? 0 0" size="1 1 1"/>', "only the height"),
+        ('<geom name="t" type="box" size="? 1 1"/>', "only the height|cannot be measured"),
+        ('<camera name="c" pos="0 0 ?"/>', "cannot be measured"),
+        (
+            '<body name="t"><geom type="box" size="1 1 ?"/><geom type="box" size="1 1 ?"/></body>',
+            "several geoms",
+        ),
+        (
+            '<geom name="t" type="box" pos="0 0 ?" size=".3 .3 .1" euler="0 0 0"/><geom type="box" size="1 1 ?"/>',
+            "cannot be measured",
+        ),
+    ],
+)
+def test_scenes_that_cannot_be_understood(world: str, complaint: str) -> None:
+    with pytest.raises(InputError, match=complaint):
+        scene(world)
+
+
+def test_a_tilted_surface_cannot_leave_its_height_open() -> None:
+    with pytest.raises(InputError, match="straight up"):
+        scene(
+            '<body name="t" euler="90 0 0"><geom type="box" size="0.3 0.3 0.3" pos="0 0 ?"/></body>'
+        )
+
+
+def test_missing_is_in_document_order() -> None:
+    text = (
+        cup("") + '<body name="a" pos="0.4 0.3 0.05"><freejoint/><geom size="0.05"/></body>'
+        '<geom name="table" type="box" pos="0.5 0 ?" size="0.3 0.3 0.02"/>'
+    )
+    missing = [str(g) for g in scene(text).missing()]
+    assert missing == ["cup.mass", "cup.friction", "a.mass", "a.friction", "table.height"]
+
+
+def test_bodies_inside_plain_frames_are_found() -> None:
+    document = parse_document(f"<mujoco><worldbody><frame>{cup('')}</frame></worldbody></mujoco>")
+    assert list(inventory(document).objects) == ["cup"]
+
+
+def test_a_plane_without_a_name_is_the_floor() -> None:
+    text = f'<mujoco><worldbody><geom type="plane" size="2 2 .1"/>{cup("")}</worldbody></mujoco>'
+    floor = parse_scene(text).surfaces["floor"]
+    assert floor.known["height"] == (0.0,)

@@ -1,0 +1,5 @@
+"""A finished run, made by hand."""
+
+from finished_run import data, trace
+
+__all__ = ["data", "trace"]

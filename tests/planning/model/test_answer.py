@@ -1,0 +1,159 @@
+import json
+from contextlib import suppress
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from palpate.errors import InputError
+from palpate.parameter import Parameter
+from palpate.planning.model.answer import MAX_ATTEMPTS, SceneObject, nested, read_answer
+from palpate.planning.plan import MAX_BYTES
+
+PLAN = {
+    "parameters": [{"object": "cup", "quantity": "mass"}],
+    "explanation": "Weigh it {gently}.",
+    "tree": {
+        "type": "Sequence",
+        "children": [{"type": "OpenGripper"}, {"type": "MovePose", "pose": "cup_pose"}],
+    },
+}
+TEXT = json.dumps(PLAN)
+
+
+@pytest.mark.parametrize(
+    "answer",
+    [
+        TEXT,
+        f"Here is the plan:\n```json\n{TEXT}\n```\nIt weighs {{the}} cup.",
+        f"<think>maybe {{\"tree\": 1, ...}}? or {{'a': 2}}</think>\n{TEXT}",
+        f'For {{"object": "cup", "quantity": "mass"}} I propose\n{json.dumps(PLAN, indent=4)}',
+        "\ufeff" + TEXT,
+    ],
+)
+def test_the_plan_is_found_amid_prose_and_fences(answer: str) -> None:
+    plan = read_answer(answer).plan
+    assert plan.parameters == (Parameter("cup", "mass"),)
+    assert plan.tree is not None
+    assert [node.type for _, node in plan.tree.walk()] == ["Sequence", "OpenGripper", "MovePose"]
+
+
+def test_of_several_plans_the_last_counts() -> None:
+    draft = json.dumps(PLAN | {"explanation": "draft"})
+    assert read_answer(f"First {draft}. Better: {TEXT}").plan.explanation == PLAN["explanation"]
+
+
+@pytest.mark.parametrize(
+    ("answer", "told"),
+    [
+        ("", "empty"),
+        ("I cannot help with that.", "no JSON object"),
+        ('{"object": "cup"}', "no field 'tree'"),
+        (TEXT[:-20], "breaks off"),
+        (TEXT.replace('"type": "OpenGripper"', '"type": "OpenGripper",,'), "not valid"),
+        (TEXT.replace('"cup_pose"', "NaN"), "NaN"),
+        ('{"a":' * 100_000, "nested deeper"),
+        ('{"tree": ' + "[" * 100_000, "nested deeper"),
+        ("x" * (MAX_BYTES + 1), "characters"),
+        ('{"tree": null, "tree": null, "parameters": []}', "twice"),
+        ('{"tree": ' + "9" * 10_000 + "}", "not usable"),
+    ],
+)
+def test_what_is_not_a_plan_is_told_so_that_it_can_be_repaired(answer: str, told: str) -> None:
+    with pytest.raises(InputError, match=told):
+        read_answer(answer)
+
+
+def test_a_truncated_answer_never_yields_a_part_of_its_tree() -> None:
+    whole = json.dumps(PLAN)
+    for end in range(1, len(whole)):
+        with pytest.raises(InputError):
+            read_answer(whole[:end])
+
+
+def test_the_search_for_a_plan_is_bounded() -> None:
+    with pytest.raises(InputError):
+        read_answer('{"a": ' * (MAX_ATTEMPTS * 2) + TEXT)
+
+
+@given(st.text(max_size=400))
+def test_any_text_is_a_plan_or_an_input_error(text: str) -> None:
+    with suppress(InputError):
+        read_answer(text)
+
+
+FLAT = {
+    "parameters": [],
+    "explanation": "e",
+    "nodes": [
+        {"id": 0, "type": "Sequence", "children": [1, 2], "pose": None},
+        {"id": 1, "type": "OpenGripper", "children": [], "pose": None},
+        {"id": 2, "type": "Parallel", "children": [3], "pose": None},
+        {"id": 3, "type": "MovePose", "children": [], "pose": "cup_pose"},
+    ],
+}
+
+
+def test_a_flat_list_of_nodes_is_the_tree_it_describes() -> None:
+    tree = read_answer(json.dumps(FLAT)).plan.tree
+    assert tree is not None
+    assert [(path, node.type, node.args) for path, node in tree.walk()] == [
+        ("tree", "Sequence", ()),
+        ("tree.children[0]", "OpenGripper", ()),
+        ("tree.children[1]", "Parallel", ()),
+        ("tree.children[1].children[0]", "MovePose", (("pose", "cup_pose"),)),
+    ]
+
+
+def test_no_nodes_is_no_tree() -> None:
+    assert read_answer(json.dumps(FLAT | {"nodes": []})).plan.tree is None
+
+
+@pytest.mark.parametrize(
+    "nodes",
+    [
+        "many",
+        [{"type": "OpenGripper"}],
+        [{"id": 0, "type": "A", "children": [0]}],
+        [{"id": 0, "type": "A", "children": [7]}],
+        [{"id": 0, "type": "A", "children": [[1]]}],
+        [{"id": 0, "type": "A"}, {"id": 0, "type": "B"}],
+        [{"id": 0, "type": "A"}, {"id": 1, "type": "B"}],
+        [
+            {"id": 0, "type": "A"},
+            {"id": 1, "type": "B", "children": [2]},
+            {"id": 2, "type": "C", "children": [1]},
+        ],
+        [{"id": 0, "type": "A", "children": [1, 1]}, {"id": 1, "type": "B"}],
+        [{"id": i, "type": "A", "children": [i + 1]} for i in range(5000)]
+        + [{"id": 5000, "type": "B"}],
+    ],
+)
+def test_nodes_that_are_no_tree_are_refused(nodes: object) -> None:
+    with pytest.raises(InputError, match="nodes"):
+        nested({"parameters": [], "nodes": nodes})
+
+
+def test_without_d_the_objects_seen_come_along() -> None:
+    seen = [{"name": "cup", "shape": "cylinder", "bbox": [0.1, 0.2, 0.3, 0.4], "colour": "red"}]
+    assert read_answer(json.dumps(PLAN | {"scene": seen})).scene == (
+        SceneObject("cup", "cylinder", (0.1, 0.2, 0.3, 0.4)),
+    )
+
+
+@pytest.mark.parametrize(
+    "seen",
+    [
+        "cup",
+        [{"name": "cup"}],
+        [{"name": "a/../b", "shape": "box", "bbox": [0, 0, 1, 1]}],
+        [{"name": "cup", "shape": "cone", "bbox": [0, 0, 1, 1]}],
+        [{"name": "cup", "shape": "box", "bbox": [0, 0, 1]}],
+        [{"name": "cup", "shape": "box", "bbox": [0.5, 0, 0.4, 1]}],
+        [{"name": "cup", "shape": "box", "bbox": [0, 0, 400, 300]}],
+        [{"name": "cup", "shape": "box", "bbox": [0, 0, 1, 1]}] * 101,
+    ],
+)
+def test_objects_that_are_not_of_the_form_are_refused(seen: object) -> None:
+    with pytest.raises(InputError, match="scene"):
+        read_answer(json.dumps(PLAN | {"scene": seen}))

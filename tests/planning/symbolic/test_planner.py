@@ -1,0 +1,171 @@
+"""The embedded planner: minimal trees from words and geometry, and honest refusals."""
+
+from __future__ import annotations
+
+import time
+
+import pytest
+from workbench import BOTTLE, CRATE, KNOWN, MUG, actions, bench, parameters, weigh
+
+from palpate.errors import InputError, PlanRejected
+from palpate.planning.check.check import check
+from palpate.planning.plan import Plan
+from palpate.planning.symbolic.planner import SymbolicPlanner
+from palpate.scene.scene import Scene
+
+
+@pytest.fixture(scope="module")
+def scene() -> Scene:
+    return bench(BOTTLE, MUG, CRATE, KNOWN, height="?")
+
+
+def planned(scene: Scene, request: str | None, **options: bool) -> Plan:
+    """A plan that passes the check."""
+    plan = SymbolicPlanner(**options).plan(request, scene)
+    assert check(plan, scene, remeasure=options.get("remeasure", False)) == ()
+    return plan
+
+
+def test_one_mass_takes_the_papers_twelve_actions(scene: Scene):
+    plan = planned(scene, "How heavy is the bottle?")
+    assert actions(plan.tree) == weigh("bottle")
+    assert plan.actions == 12
+    assert plan.planner == "symbolic"
+
+
+def test_measuring_is_grouped_as_in_the_paper(scene: Scene):
+    tree = planned(scene, "the mass of the bottle and the height of the bench").tree
+    assert tree is not None
+    groups = [[n.type for n in node.children] for node in tree.children if node.type == "Sequence"]
+    assert groups == [
+        ["MoveUntilContact", "MeasureGripperPose", "Pose2Height"],
+        ["MeasureForces", "Force2Mass"],
+    ]
+    assert len(actions(tree)) == 17
+
+
+def test_friction_is_slid_in_the_same_grasp_and_slid_back(scene: Scene):
+    bottle = bench(BOTTLE.replace('friction="0.6"', ""))
+    plan = planned(bottle, "mass and friction of the bottle")
+    assert plan.tree is not None
+    parallel = [node for _, node in plan.tree.walk() if node.type == "Parallel"]
+    assert [[n.type for n in node.children] for node in parallel] == [["MovePose", "MeasureForces"]]
+    assert actions(plan.tree).count("CloseGripper") == 1
+    assert plan.actions == 15
+
+
+def test_a_centre_of_mass_takes_three_grasps_and_one_weighing(scene: Scene):
+    plan = planned(scene, "the balance point and the mass of the crate")
+    done = actions(plan.tree)
+    grasps = [done[i - 1] for i, action in enumerate(done) if action == "CloseGripper"]
+    assert grasps == [
+        "MovePose crate_pose",
+        "MovePose crate_pose + x_offset",
+        "MovePose crate_pose - x_offset",
+    ]
+    assert (done.count("MeasureForces"), done.count("Force2Mass")) == (3, 1)
+
+
+def test_without_a_request_all_that_is_missing_is_measured_and_nothing_else(scene: Scene):
+    plan = planned(scene, None)
+    assert set(plan.parameters) == set(scene.missing())
+    assert plan.parameters[0] == parameters("bench.height")[0]
+    assert not any("can_pose" in action for action in actions(plan.tree))
+
+
+def test_what_is_known_is_not_measured_again_and_the_plan_says_so(scene: Scene):
+    plan = planned(scene, "the masses of the bottle and the can")
+    assert plan.parameters == parameters("bottle.mass")
+    assert "0.2 kg" in plan.notes[0]
+    assert planned(scene, "the mass of the can", remeasure=True).parameters == parameters(
+        "can.mass"
+    )
+
+
+def test_when_all_is_known_there_is_nothing_to_do(scene: Scene):
+    plan = SymbolicPlanner().plan("weigh the can", scene)
+    assert (plan.parameters, plan.tree) == ((), None)
+    assert "0.2 kg" in plan.explanation
+
+
+@pytest.mark.parametrize("request_", ["measure the water temperature", "the inertia of the bottle"])
+def test_what_cannot_be_measured_is_a_null_tree_with_an_explanation(scene: Scene, request_: str):
+    plan = SymbolicPlanner().plan(request_, scene)
+    assert (plan.parameters, plan.tree) == ((), None)
+    assert "cannot be measured" in plan.explanation
+    assert check(plan, scene) == ()
+
+
+def test_an_object_that_is_not_there_is_bad_input(scene: Scene):
+    with pytest.raises(InputError, match="bottle"):
+        SymbolicPlanner().plan("weigh the spoon", scene)
+
+
+@pytest.mark.parametrize(
+    ("body", "reason"),
+    [
+        (
+            '<body name="thing" pos="0.5 0 0.08"><freejoint/><geom type="box" size=".06 .06 .08"/></body>',
+            "wide",
+        ),
+        (
+            '<body name="thing" pos="0.94 0.55 0.03"><freejoint/><geom type="box" size=".03 .03 .03"/></body>',
+            "reach",
+        ),
+        (
+            '<body name="thing" pos="0.5 0 0.03"><freejoint/><geom type="box" size=".05 .03 .03" mass="9"/></body>',
+            "9 kg",
+        ),
+    ],
+)
+def test_what_the_arm_cannot_do_is_rejected_with_the_reason(body: str, reason: str):
+    with pytest.raises(PlanRejected, match=reason):
+        SymbolicPlanner().plan("the friction of the thing", bench(body))
+
+
+def test_what_can_be_done_is_done_beside_what_cannot():
+    wide = '<body name="chest" pos="0.45 -0.3 0.08"><freejoint/><geom type="box" size=".06 .06 .08"/></body>'
+    plan = planned(bench(BOTTLE, wide), "weigh the bottle and the chest")
+    assert plan.parameters == parameters("bottle.mass")
+    assert "chest" in plan.notes[0]
+
+
+@pytest.mark.parametrize("where", ["0.5 0 0.09", "0.5 0.05 0.03"], ids=["on top", "beside"])
+def test_what_blocks_is_carried_away_and_back(where: str):
+    low = (
+        '<body name="low" pos="0.5 0 0.03"><freejoint/><geom type="box" size=".05 .02 .03"/></body>'
+    )
+    other = f'<body name="other" pos="{where}"><freejoint/><geom type="box" size=".02 .02 .03" mass=".1"/></body>'
+    plan = planned(bench(low, other), "How heavy is low?")
+    done = actions(plan.tree)
+    assert plan.parameters == parameters("low.mass")
+    assert "'other' is in the way" in plan.explanation
+    assert done.index("MovePose other_temporary") < done.index("MovePose low_pose")
+    assert len(done) - done[::-1].index("MovePose other_pose") > len(done) - done[::-1].index(
+        "MovePose low_pose"
+    )
+
+
+def test_position_velocity_and_momentum_are_chained_too(scene: Scene):
+    request = (
+        "the position of the bottle, the momentum of the crate and the velocity of the gripper"
+    )
+    plan = planned(scene, request, remeasure=True)
+    assert plan.parameters == parameters("bottle.position", "crate.momentum", "gripper.velocity")
+
+
+def test_the_same_request_gives_the_same_plan(scene: Scene):
+    assert SymbolicPlanner().plan("weigh everything", scene) == SymbolicPlanner().plan(
+        "weigh everything", scene
+    )
+
+
+def test_fifteen_objects_cost_fifteen_times_one_not_more():
+    spots = [(x, y) for x in (0.36, 0.47, 0.58) for y in (-0.3, -0.15, 0.0, 0.15, 0.3)]
+    item = '<body name="item{}" pos="{} {} 0.04"><freejoint/><geom type="cylinder" size=".025 .04"/></body>'
+    crowd = bench(*(item.format(i, x, y) for i, (x, y) in enumerate(spots)))
+    planned(crowd, "How heavy is item0?")
+    start = time.process_time()
+    plan = planned(crowd, "weigh everything")
+    assert plan.actions == 3 + 15 * 9
+    assert time.process_time() - start < 1.0

@@ -1,0 +1,86 @@
+"""Centre of mass from grasps at several offsets."""
+
+import numpy as np
+import pytest
+
+from palpate.parameter import Parameter
+from palpate.quantities.com import estimate_com
+from palpate.scene.load import parse_scene
+
+COM = np.array([0.062, 0.004])
+MASS = 0.34
+YAW = 0.6
+SCENE = f"""
+<mujoco>
+  <worldbody>
+    <body name="table" pos="0.4 0 -0.02"><geom type="box" size=".5 .5 .02"/></body>
+    <body name="hammer" pos="0.45 0.1 0.018" euler="0 0 {np.degrees(YAW)}">
+      <freejoint/>
+      <geom type="box" size=".13 .012 .012"/>
+      <geom type="box" pos=".145 0 0" size=".015 .045 .018"/>
+    </body>
+  </worldbody>
+</mujoco>
+"""
+PARAMETER = Parameter("hammer", "com")
+TURN = np.array([[np.cos(YAW), -np.sin(YAW)], [np.sin(YAW), np.cos(YAW)]])
+
+
+@pytest.fixture(scope="module")
+def scene():
+    return parse_scene(SCENE)
+
+
+def lift_at(bench, noise, offsets, seed=0):
+    b = bench(noise, seed)
+    for offset in offsets:
+        x, y = np.array([0.45, 0.1]) + TURN @ [offset, 0.0]
+        b.go(f"a{offset}", (x, y, 0.15))
+        b.go(f"g{offset}", (x, y, 0.03))
+        b.close("hammer", MASS, TURN @ (COM - [offset, 0.0]))
+        b.go(f"a{offset}", (x, y, 0.15))
+        b.measure()
+        b.go(f"g{offset}", (x, y, 0.03))
+        b.open()
+        b.go(f"a{offset}", (x, y, 0.15))
+    return b.trace()
+
+
+def test_perfect_sensors_give_the_horizontal_centre_in_the_body_frame(bench, noises, scene):
+    found = estimate_com(lift_at(bench, noises["none"], [0.0, 0.05, -0.05]), PARAMETER, scene)
+    assert found.value[:2] == pytest.approx(COM, abs=5e-4)
+    assert found.verdict == "identified"
+
+
+def test_along_gravity_only_the_prior_speaks(bench, noises, scene):
+    found = estimate_com(lift_at(bench, noises["none"], [0.0, 0.05]), PARAMETER, scene)
+    assert found.value[2] == pytest.approx(scene.body("hammer").centre[2])
+    assert found.std[2] > 0.005
+    assert "z lies along gravity" in found.method
+    assert "prior-dominated" in found.method
+
+
+def test_laboratory_noise(bench, noises, scene):
+    errors = []
+    for seed in range(8):
+        found = estimate_com(
+            lift_at(bench, noises["lab"], [0.0, 0.05, -0.05], seed), PARAMETER, scene
+        )
+        errors.append(np.array(found.value[:2]) - COM)
+        assert found.components["mass"][0] == pytest.approx(MASS, rel=0.02)
+    assert np.abs(np.mean(errors, axis=0)).max() < 3e-3
+    assert np.std(errors, axis=0).max() < 3e-3
+
+
+def test_mass_is_taken_where_the_torque_is_least(bench, noises, scene):
+    found = estimate_com(lift_at(bench, noises["none"], [0.0, 0.05, -0.05]), PARAMETER, scene)
+    expected = MASS * 9.81 * np.hypot(*(COM - [0.05, 0.0]))
+    assert found.components["least torque"][0] == pytest.approx(expected, rel=0.05)
+
+
+def test_never_lifted_is_not_identified(bench, noises, scene):
+    b = bench(noises["none"])
+    b.go("somewhere", (0.5, 0.0, 0.3))
+    found = estimate_com(b.trace(), PARAMETER, scene)
+    assert found.verdict == "not identified"
+    assert found.value == pytest.approx(scene.body("hammer").centre)

@@ -1,0 +1,126 @@
+"""Mass: the bias goes, the interval means what it says."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from palpate.quantities.mass import estimate_mass
+from palpate.trace.recording import Conversion
+
+MASS = 0.254
+SEEDS = range(20)
+
+
+def errors(weighing, noise, mass=MASS):
+    """Error, standard deviation, whether the interval covers, error of the single shot; per seed,
+    kg."""
+    rows = []
+    for seed in SEEDS:
+        found = estimate_mass(*weighing(mass, noise, seed))
+        low, high = found.ci95[0]
+        rows.append(
+            (
+                found.value[0] - mass,
+                found.std[0],
+                low <= mass <= high,
+                found.components["single-shot"][0] - mass,
+            )
+        )
+    return np.array(rows).T
+
+
+def test_perfect_sensors_give_the_mass(weighing, noises):
+    found = estimate_mass(*weighing(MASS, noises["none"]))
+    assert found.value[0] == pytest.approx(MASS, rel=3e-3)
+    assert found.verdict == "identified"
+    assert str(found.parameter) == "bottle.mass"
+
+
+def test_laboratory_noise_and_bias_are_removed(weighing, noises):
+    error, std, covers, single = errors(weighing, noises["lab"])
+    assert abs(error.mean()) < 5e-4
+    assert error.std() < 1.5e-3
+    assert single.std() > 10 * error.std()
+    assert covers.sum() >= 17
+    assert std.max() < 5e-3
+
+
+def test_residual_of_every_approach_does_not_reach_the_estimate(weighing, noises):
+    error, std, covers, single = errors(weighing, noises["datasheet"])
+    assert error.std() < 5e-3
+    assert single.std() > 0.012
+    assert covers.sum() >= 17
+    assert std.max() < 0.01
+
+
+@pytest.mark.parametrize("mass", [0.016, 1.5])
+def test_light_and_heavy_objects(weighing, noises, mass):
+    error, _, covers, _ = errors(weighing, noises["lab"], mass)
+    assert np.abs(error).max() < max(3e-3, 0.01 * mass)
+    assert covers.sum() >= 17
+
+
+def test_passes_at_another_speed_count_for_less(bench, noises):
+    b = bench(noises["datasheet"], 1)
+    above, grasp = (0.5, 0.1, 0.32), (0.5, 0.1, 0.2)
+    b.go("bottle_pose + z_offset", above, 0.25)
+    b.go("bottle_pose", grasp, 0.25)
+    b.close("bottle", MASS)
+    b.go("bottle_pose + z_offset", above, 0.12)
+    conversion = Conversion("Force2Mass", "bottle", "mass", b.measure(), b.t)
+    b.go("bottle_pose", grasp, 0.12)
+    b.open()
+    b.go("bottle_pose + z_offset", above, 0.25)
+    found = estimate_mass(b.trace(), conversion)
+    assert abs(found.value[0] - MASS) < 2 * found.std[0]
+    assert found.std[0] > 4e-3
+
+
+def test_before_the_release_the_estimate_is_provisional(weighing, noises):
+    trace, conversion = weighing(MASS, noises["lab"], 3)
+    early = estimate_mass(trace.until(conversion.time), conversion)
+    late = estimate_mass(trace, conversion)
+    assert early.std[0] > 2 * late.std[0]
+    assert abs(early.value[0] - MASS) < 3 * early.std[0]
+
+
+def test_without_any_reference_the_datasheet_bounds_the_bias(bench, noises):
+    b = bench(noises["lab"], 2)
+    b.close("bottle", MASS)
+    b.go("elsewhere", (0.5, 0.2, 0.6))
+    conversion = Conversion("Force2Mass", "bottle", "mass", b.measure(), b.t)
+    found = estimate_mass(b.trace(), conversion)
+    assert found.std[0] > 0.03
+    assert found.ci95[0][0] <= MASS <= found.ci95[0][1]
+    assert "no unloaded" in found.method
+
+
+def test_a_mass_is_never_negative(weighing, noises):
+    trace, conversion = weighing(1e-4, replace(noises["datasheet"], white=0.8), 5)
+    found = estimate_mass(trace, conversion)
+    assert found.value[0] > 0.0
+    assert found.ci95[0][0] >= 0.0
+    assert found.verdict == "prior-dominated"
+
+
+def test_another_object_in_the_hand_is_not_a_reference(bench, noises):
+    b = bench(noises["none"])
+    above, grasp = (0.5, 0.1, 0.32), (0.5, 0.1, 0.2)
+    for name, mass in (("can", 0.5), ("bottle", MASS)):
+        b.go("a", above)
+        b.go("b", grasp)
+        b.close(name, mass)
+        b.go("a", above)
+        recording = b.measure()
+        b.go("b", grasp)
+        b.open()
+    b.go("a", above)
+    found = estimate_mass(b.trace(), Conversion("Force2Mass", "bottle", "mass", recording, b.t))
+    assert found.value[0] == pytest.approx(MASS, rel=3e-3)
+
+
+def test_same_trace_same_estimate(weighing, noises):
+    assert estimate_mass(*weighing(MASS, noises["lab"], 7)) == estimate_mass(
+        *weighing(MASS, noises["lab"], 7)
+    )

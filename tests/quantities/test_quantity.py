@@ -1,0 +1,60 @@
+"""The catalogue, and the thread through the program."""
+
+from __future__ import annotations
+
+import pytest
+
+from palpate.errors import InputError
+from palpate.parameter import Parameter
+from palpate.quantities.quantity import QUANTITIES, quantity
+
+
+def test_ids_are_the_contract_with_scripts() -> None:
+    assert list(QUANTITIES)[:8] == [
+        "mass",
+        "height",
+        "friction",
+        "com",
+        "inertia",
+        "position",
+        "velocity",
+        "momentum",
+    ]
+    assert all(name == q.id for name, q in QUANTITIES.items())
+
+
+@pytest.mark.parametrize("entry", QUANTITIES.values(), ids=lambda q: q.id)
+def test_every_entry_is_complete(entry) -> None:
+    assert entry.subject in ("object", "surface", "gripper")
+    assert entry.size >= 1
+    assert entry.unit
+    assert entry.how
+    assert all(word == word.lower() for word in entry.synonyms)
+
+
+def test_a_word_means_one_quantity() -> None:
+    words = [word for q in QUANTITIES.values() for word in q.synonyms]
+    assert sorted(set(words)) == sorted(words)
+
+
+def test_what_cannot_be_excited_is_marked() -> None:
+    assert [q.id for q in QUANTITIES.values() if not q.identifiable] == ["inertia"]
+
+
+def test_an_unknown_quantity_lists_the_valid_ones() -> None:
+    assert quantity("mass").unit == "kg"
+    with pytest.raises(
+        InputError, match=r"unknown quantity 'weight'; valid: com, friction, height"
+    ):
+        quantity("weight")
+
+
+def test_gaps_are_values() -> None:
+    assert str(Parameter("bottle", "mass")) == "bottle.mass"
+    assert Parameter("bottle", "mass") == Parameter("bottle", "mass")
+    assert sorted([Parameter("b", "mass"), Parameter("a", "mass"), Parameter("a", "com")]) == [
+        Parameter("a", "com"),
+        Parameter("a", "mass"),
+        Parameter("b", "mass"),
+    ]
+    assert len({Parameter("a", "mass"), Parameter("a", "mass")}) == 1

@@ -1,0 +1,177 @@
+"""`result.json` at every stage at which a run may end."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from palpate import __version__
+from palpate.estimation.estimate import Estimate, not_identified
+from palpate.execution.rehearsal import Rehearsal
+from palpate.execution.runner import Execution
+from palpate.parameter import Parameter
+from palpate.pipeline import Outcome, Status
+from palpate.planning.check.check import Finding
+from palpate.planning.plan import Node, Plan
+from palpate.runs.result import parameter_json, result_json
+from palpate.scene.load import parse_scene
+from palpate.settings import Job
+from palpate.trace.recording import Hand
+from palpate.trace.samples import Samples, Trace
+from palpate.twin.twin import Twin
+from palpate.twin.validate import Residual, Validation
+from palpate.vocabulary.state import SymbolicState
+
+SCENE = parse_scene("<mujoco><worldbody/></mujoco>")
+MASS, COM = Parameter("cup", "mass"), Parameter("cup", "com")
+TREE = Node(
+    "Sequence",
+    (),
+    (Node("OpenGripper"), Node("Parallel", (), (Node("MeasureForces"), Node("MovePose")))),
+)
+PLAN = Plan((MASS,), TREE, "The cup is weighed.", "symbolic", ("the friction is known",))
+WEIGHED = Estimate(
+    MASS,
+    (0.2541,),
+    (0.0008,),
+    ((0.2525, 0.2557),),
+    "Weighed.",
+    (),
+    components={"single-shot": (0.262, 0.02)},
+)
+EXECUTION = Execution(
+    Trace(Samples.empty(), (), (), (), Hand(0.009, 0.05, 0.15, 0.01, 1e-4)),
+    "complete",
+    None,
+    SymbolicState(SCENE),
+    3,
+    31.20004,
+    4.00006,
+    ("bad luck",),
+)
+TWIN = Twin(
+    "<mujoco/>",
+    "",
+    ("a note",),
+    Validation(True, 1e-5, Residual(0.02, None), Residual(None, None, "stopped")),
+)
+REJECTED = Outcome(
+    Job(request="the mass of the cup", seed=7), SCENE, replace(PLAN, tree=None, parameters=())
+)
+COMPLETE = replace(REJECTED, plan=PLAN, execution=EXECUTION, estimates=(WEIGHED,), twin=TWIN)
+
+
+def result(outcome: Outcome, folder: Path | None = None) -> dict[str, Any]:
+    """As a script reads it."""
+    return json.loads(json.dumps(result_json(outcome, folder), allow_nan=False))
+
+
+def test_a_complete_run(tmp_path: Path) -> None:
+    found = result(COMPLETE, tmp_path / "run")
+    assert found["status"] == "complete"
+    assert found["request"] == "the mass of the cup"
+    assert found["plan"] == {
+        "planner": "symbolic",
+        "actions": 3,
+        "explanation": "The cup is weighed.",
+        "notes": ["the friction is known"],
+        "findings": [],
+    }
+    assert found["execution"] == {
+        "actions": 3,
+        "robot_seconds": 31.2,
+        "wall_seconds": 4.0,
+        "stopped_by": None,
+        "setbacks": ["bad luck"],
+    }
+    assert found["twin"] == {
+        "notes": ["a note"],
+        "validation": {
+            "settled": True,
+            "drift_m": 1e-5,
+            "residual_twin": {"force_N": 0.02, "position_m": None, "note": ""},
+            "residual_template": {"force_N": None, "position_m": None, "note": "stopped"},
+        },
+    }
+    assert found["provenance"] == {"palpate": __version__, "seed": 7, "noise": "lab", "world": None}
+    assert found["files"] == {
+        name: str(tmp_path / "run" / file)
+        for name, file in (
+            ("request", "request.json"),
+            ("plan", "plan.json"),
+            ("report", "report.html"),
+            ("tree", "tree.xml"),
+            ("trace", "trace.mcap"),
+            ("twin", "twin.xml"),
+        )
+    }
+
+
+def test_a_rejection_has_no_execution_and_no_twin(tmp_path: Path) -> None:
+    finding = Finding("tree.children[0]", "unreachable", "it is out of reach")
+    found = result(replace(REJECTED, findings=(finding,)), tmp_path)
+    assert (found["status"], found["parameters"], found["execution"], found["twin"]) == (
+        "rejected",
+        [],
+        None,
+        None,
+    )
+    assert found["plan"]["findings"] == [
+        {"path": "tree.children[0]", "rule": "unreachable", "message": "it is out of reach"}
+    ]
+    assert set(found["files"]) == {"request", "plan", "report"}
+
+
+def test_a_rehearsal_is_told() -> None:
+    assert result(replace(REJECTED, rehearsal=Rehearsal(3, 12.5, 9.9, "it slips")))[
+        "rehearsal"
+    ] == {"actions": 3, "robot_seconds": 12.5, "peak_force": 9.9, "failure": "it slips"}
+    assert result(REJECTED)["rehearsal"] is None
+
+
+def test_without_a_folder_there_are_no_files() -> None:
+    assert result(COMPLETE)["files"] == {}
+
+
+def test_a_scalar_is_a_number_and_a_vector_a_list() -> None:
+    found = parameter_json(WEIGHED)
+    assert found == {
+        "object": "cup",
+        "quantity": "mass",
+        "value": 0.2541,
+        "unit": "kg",
+        "std": 0.0008,
+        "ci95": [0.2525, 0.2557],
+        "method": "Weighed.",
+        "verdict": "identified",
+        "components": {"single-shot": {"value": 0.262, "std": 0.02}},
+    }
+    com = parameter_json(Estimate(COM, (0.1, 0.0, 0.2), (0.01,) * 3, ((0.0, 0.2),) * 3, "", ()))
+    assert com["value"] == [0.1, 0.0, 0.2]
+    assert com["ci95"] == [[0.0, 0.2]] * 3
+
+
+@pytest.mark.parametrize("parameter", [MASS, COM])
+def test_what_is_not_identified_has_no_value(parameter: Parameter) -> None:
+    found = parameter_json(not_identified(parameter, "It slipped."))
+    assert (found["value"], found["std"], found["ci95"]) == (None, None, None)
+    assert (found["verdict"], found["method"]) == ("not identified", "It slipped.")
+
+
+@pytest.mark.parametrize(
+    ("changes", "status"),
+    [
+        ({}, "complete"),
+        ({"estimates": (not_identified(MASS, ""),)}, "failed"),
+        ({"estimates": ()}, "failed"),
+        ({"estimates": (replace(WEIGHED, verdict="prior-dominated"),)}, "complete"),
+        ({"execution": replace(EXECUTION, status="stopped", stopped_by="slip")}, "aborted"),
+        ({"execution": None}, "rejected"),
+    ],
+)
+def test_the_status_says_how_it_ended(changes: dict[str, Any], status: Status) -> None:
+    assert replace(COMPLETE, **changes).status == status

@@ -1,0 +1,119 @@
+from __future__ import annotations
+
+import contextlib
+from dataclasses import fields, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from mcap.reader import make_reader
+from mcap_ros2.decoder import DecoderFactory
+
+from palpate.errors import InputError
+from palpate.trace.mcap import read_mcap, write_mcap
+from palpate.trace.samples import Samples, Trace
+
+
+def assert_same(a: Trace, b: Trace) -> None:
+    for field in fields(Samples):
+        np.testing.assert_array_equal(
+            getattr(a.samples, field.name), getattr(b.samples, field.name), field.name
+        )
+    for name in ("leaves", "recordings", "conversions", "hand", "gravity"):
+        assert getattr(a, name) == getattr(b, name), name
+
+
+def test_round_trip_is_exact(trace: Trace, tmp_path: Path) -> None:
+    path = tmp_path / "trace.mcap"
+    write_mcap(path, trace)
+    assert_same(read_mcap(path), trace)
+
+
+def test_an_empty_trace_round_trips(trace: Trace, tmp_path: Path) -> None:
+    empty = replace(trace, samples=Samples.empty(), leaves=(), recordings=(), conversions=())
+    path = tmp_path / "trace.mcap"
+    write_mcap(path, empty)
+    assert_same(read_mcap(path), empty)
+
+
+def test_names_are_data(trace: Trace, tmp_path: Path) -> None:
+    hostile = replace(
+        trace, leaves=(replace(trace.leaves[0], label='x"}</script>\n\0é', message="{}"),)
+    )
+    path = tmp_path / "trace.mcap"
+    write_mcap(path, hostile)
+    assert read_mcap(path).leaves == hostile.leaves
+
+
+def test_a_ros2_reader_sees_standard_messages(trace: Trace, tmp_path: Path) -> None:
+    path = tmp_path / "trace.mcap"
+    write_mcap(path, trace)
+    row = 1200
+    seen: dict[str, list[object]] = {}
+    with path.open("rb") as file:
+        reader = make_reader(file, decoder_factories=[DecoderFactory()])
+        assert reader.get_header().profile == "ros2"
+        for schema, channel, _, message in reader.iter_decoded_messages():
+            seen.setdefault(f"{channel.topic} {schema.name}", []).append(message)
+    wrench = seen["/wrench geometry_msgs/msg/WrenchStamped"][row]
+    assert wrench.wrench.force.z == trace.samples.wrench[row, 2]
+    assert wrench.header.frame_id == "tcp_world_axes"
+    assert wrench.header.stamp.sec == int(trace.samples.t[row])
+    transforms = seen["/tf tf2_msgs/msg/TFMessage"][row].transforms
+    assert [f.child_frame_id for f in transforms] == ["tcp", "tcp_world_axes"]
+    assert transforms[1].transform.rotation.w == 1.0
+    joints = seen["/joint_states sensor_msgs/msg/JointState"][row]
+    assert list(joints.position) == trace.samples.q[row].tolist()
+    assert joints.name[0] == "fr3_joint1"
+    log = seen["/rosout rcl_interfaces/msg/Log"]
+    assert [m.msg for m in log][6] == "MeasureForces(): SUCCESS, done in 1.5 s"
+    assert len(seen["/leaves std_msgs/msg/String"]) == 2 * len(trace.leaves)
+    assert len(seen["/conversions std_msgs/msg/String"]) == 2
+
+
+def test_messages_are_in_order_of_time(trace: Trace, tmp_path: Path) -> None:
+    path = tmp_path / "trace.mcap"
+    write_mcap(path, trace)
+    with path.open("rb") as file:
+        times = [m.log_time for _, _, m in make_reader(file).iter_messages(log_time_order=False)]
+    assert times == sorted(times)
+
+
+@pytest.mark.parametrize("content", [b"", b"not an mcap", b"\x89MCAP0\r\n" + b"\0" * 64])
+def test_other_files_are_refused(content: bytes, tmp_path: Path) -> None:
+    path = tmp_path / "trace.mcap"
+    path.write_bytes(content)
+    with pytest.raises(InputError, match="not a trace"):
+        read_mcap(path)
+
+
+@settings(
+    max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None
+)
+@given(data=st.data())
+def test_damaged_bytes_are_refused_or_harmless(
+    data: st.DataObject, trace: Trace, tmp_path: Path
+) -> None:
+    path = tmp_path / "trace.mcap"
+    write_mcap(path, trace.until(0.1))
+    content = bytearray(path.read_bytes())
+    position = data.draw(st.integers(0, len(content) - 1))
+    content[position] ^= data.draw(st.integers(1, 255))
+    path.write_bytes(content)
+    with contextlib.suppress(InputError):
+        assert len(read_mcap(path).samples) <= 11
+
+
+def test_a_cut_file_is_refused(trace: Trace, tmp_path: Path) -> None:
+    path = tmp_path / "trace.mcap"
+    write_mcap(path, trace)
+    path.write_bytes(path.read_bytes()[:-2000])
+    with pytest.raises(InputError, match="not a trace"):
+        read_mcap(path)
+
+
+def test_a_missing_file_is_named(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="no trace at"):
+        read_mcap(tmp_path / "trace.mcap")

@@ -1,0 +1,111 @@
+"""Samples and traces: selecting, joining, looking back."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from palpate.trace.recording import Context, Conversion, Hand, LeafRun, Recording
+from palpate.trace.samples import FORCES, Samples, Trace
+
+HAND = Hand(0.009, 0.05, 0.15, 0.01, 1e-4)
+WIDTHS = {
+    "t": (),
+    "q": (7,),
+    "dq": (7,),
+    "tau_ext": (7,),
+    "wrench": (6,),
+    "pose_world_tcp": (7,),
+    "twist": (6,),
+    "target_world_tcp": (7,),
+    "width": (),
+}
+
+
+def samples(times: object) -> Samples:
+    """Every signal of row i holds its time."""
+    t = np.array(times, dtype=float)
+    return Samples(
+        **{
+            name: np.broadcast_to(t.reshape(-1, *[1] * len(shape)), (len(t), *shape)).copy()
+            for name, shape in WIDTHS.items()
+        }
+    )
+
+
+def trace() -> Trace:
+    early = Recording(FORCES, 1.0, 2.0, Context("still", holding="cup"))
+    late = Recording(FORCES, 3.0, 4.0, Context("still"))
+    leaves = (
+        LeafRun("tree.children[0]", "MovePose", "MovePose(a)", 0.0, 1.0, "SUCCESS"),
+        LeafRun("tree.children[1]", "MeasureForces", "MeasureForces()", 1.0, 2.0, "SUCCESS"),
+        LeafRun("tree.children[2]", "MovePose", "MovePose(b)", 2.0, 3.0, "FAILURE", "blocked"),
+    )
+    return Trace(
+        samples(np.arange(0, 5, 0.25)),
+        leaves,
+        (early, late),
+        (Conversion("Force2Mass", "cup", "mass", early, 2.1),),
+        HAND,
+    )
+
+
+def test_every_signal_has_its_shape() -> None:
+    empty = Samples.empty()
+    assert len(empty) == 0
+    assert {f.name: getattr(empty, f.name).shape[1:] for f in fields(Samples)} == WIDTHS
+
+
+def test_joining_keeps_the_order_and_skips_what_is_empty() -> None:
+    joined = Samples.concatenate([samples([0, 1]), Samples.empty(), samples([2])])
+    assert joined.t.tolist() == [0, 1, 2]
+    assert joined.wrench[:, 5].tolist() == [0, 1, 2]
+    assert len(Samples.concatenate([])) == 0
+
+
+@given(
+    st.lists(st.integers(0, 400), unique=True).map(sorted), st.integers(0, 400), st.integers(0, 400)
+)
+def test_between_is_every_row_from_start_to_end(ticks: list[int], start: int, end: int) -> None:
+    found = samples([i * 0.005 for i in ticks]).between(start * 0.005, end * 0.005)
+    assert np.round(found.t / 0.005).astype(int).tolist() == [i for i in ticks if start <= i <= end]
+    assert found.q.shape == (len(found), 7)
+
+
+def test_where_takes_masks_and_slices() -> None:
+    rows = samples([0, 1, 2, 3])
+    assert rows.where(rows.t > 1).t.tolist() == [2, 3]
+    assert rows.where(slice(1, 3)).width.tolist() == [1, 2]
+
+
+def test_a_recording_is_a_window_of_the_trace() -> None:
+    made = trace()
+    assert made.of(made.recordings[0]).t.tolist() == [1.0, 1.25, 1.5, 1.75, 2.0]
+
+
+def test_leaves_by_primitive_and_status() -> None:
+    made = trace()
+    assert [leaf.label for leaf in made.leaf_runs("MovePose")] == ["MovePose(a)"]
+    assert [leaf.message for leaf in made.leaf_runs("MovePose", status="FAILURE")] == ["blocked"]
+    assert len(made.leaf_runs("MovePose", "MeasureForces")) == 2
+
+
+@pytest.mark.parametrize(
+    ("time", "leaves", "recordings", "conversions"),
+    [(0.5, 0, 0, 0), (2.0, 2, 1, 0), (2.1, 2, 1, 1), (9.0, 3, 2, 1)],
+)
+def test_what_was_known_at_a_time(
+    time: float, leaves: int, recordings: int, conversions: int
+) -> None:
+    then = trace().until(time)
+    assert (len(then.leaves), len(then.recordings), len(then.conversions)) == (
+        leaves,
+        recordings,
+        conversions,
+    )
+    assert then.samples.t[-1] <= time
+    assert then.hand is HAND

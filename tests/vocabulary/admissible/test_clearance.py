@@ -1,0 +1,63 @@
+"""Boxes that meet, and motions that run into things."""
+
+from __future__ import annotations
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from workbench import BOTTLE, bench
+
+from palpate.geometry.pose import Pose
+from palpate.vocabulary.admissible.clearance import Boxes, Motion, needed_away
+from palpate.vocabulary.state import SymbolicState
+
+number = st.floats(-0.2, 0.2)
+vectors = st.tuples(number, number, number)
+quaternions = st.tuples(*[st.floats(-1, 1)] * 4).filter(lambda q: sum(v * v for v in q) > 0.1)
+sizes = st.tuples(*[st.floats(0.01, 0.1)] * 3)
+
+LOW = '<body name="low" pos="0.5 0 0.03"><freejoint/><geom type="box" size=".05 .02 .03"/></body>'
+ON_TOP = (
+    '<body name="top" pos="0.5 0 0.09"><freejoint/><geom type="box" size=".02 .02 .03"/></body>'
+)
+ASIDE = (
+    '<body name="aside" pos="0.5 0.2 0.03"><freejoint/><geom type="box" size=".02 .02 .03"/></body>'
+)
+
+
+def box(pose: Pose, half: tuple[float, ...]) -> Boxes:
+    return Boxes(pose.position[None], pose.rotation[None], np.array([half]))
+
+
+@given(vectors, quaternions, sizes, vectors, quaternions, sizes)
+@settings(max_examples=150, deadline=None)
+def test_boxes_overlap_when_points_of_one_are_in_the_other_and_it_does_not_matter_which_is_asked(
+    p, q, a, r, s, b
+):
+    first, second = Pose.of(p, q), Pose.of(r, s)
+    meet = bool(box(first, a).overlap(box(second, b), 0.0)[0])
+    assert meet == bool(box(second, b).overlap(box(first, a), 0.0)[0])
+    grid = np.stack(np.meshgrid(*[np.linspace(-h, h, 7) for h in a]), axis=-1).reshape(-1, 3)
+    inside = [
+        bool(np.all(np.abs(second.inverse().apply(first.apply(point))) < np.array(b) - 1e-6))
+        for point in grid
+    ]
+    assert meet or not any(inside)
+    if np.linalg.norm(np.subtract(p, r)) > np.linalg.norm(a) + np.linalg.norm(b):
+        assert not meet
+
+
+def test_a_descent_beside_a_bottle_is_clear_and_one_through_it_is_not():
+    state = SymbolicState(bench(BOTTLE))
+    grasp = state.scene.symbols.resolve("bottle_pose")
+    above = grasp.translated((0, 0, 0.15))
+    assert Motion(state, above, grasp).hits() == []
+    shifted = grasp.translated((*(0.045 * grasp.rotation[:2, 1]), 0))
+    assert Motion(state, shifted.translated((0, 0, 0.15)), shifted).hits() == ["bottle"]
+    assert Motion(state, shifted.translated((0, 0, 0.15)), shifted).hits(ignoring=["bottle"]) == []
+
+
+def test_what_stands_on_an_object_has_to_go_and_what_stands_aside_may_stay():
+    scene = bench(LOW, ON_TOP, ASIDE)
+    assert needed_away(scene, ["low"]) == {"top"}
+    assert needed_away(scene, ["top", "aside"]) == set()

@@ -1,0 +1,137 @@
+"""The base class, and the registry with third parties in it."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+from pydantic import ValidationError
+
+from palpate.errors import InputError
+from palpate.quantities.quantity import QUANTITIES
+from palpate.vocabulary import core
+from palpate.vocabulary.base import ConversionPrimitive, Primitive
+from palpate.vocabulary.registry import vocabulary
+
+THIRD_PARTY = '''
+from dataclasses import replace
+from typing import ClassVar
+from palpate.quantities import Quantity
+from palpate.vocabulary.motion import MovePose
+from palpate.vocabulary.primitive import ConversionPrimitive, Primitive
+
+class _Instrument(Primitive):
+    """Not for plans."""
+    group: ClassVar = "sensing"
+
+class Sniff(_Instrument):
+    """Smell at what is near."""
+    seconds: float = 1.0
+
+class Smell(ConversionPrimitive):
+    """Say how it smells."""
+    measures: ClassVar = Quantity("smell", "ou", "smell", ("smell", "odour"), 1, "object", "Sniff, then Smell")
+'''
+
+
+@pytest.fixture
+def installed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[[str], None]]:
+    """Install a package with one entry point; it is gone after the test."""
+    known = dict(QUANTITIES)
+
+    def install(source: str) -> None:
+        info = tmp_path / "palpate_nose-1.0.dist-info"
+        info.mkdir()
+        (info / "METADATA").write_text("Metadata-Version: 2.1\nName: palpate-nose\nVersion: 1.0\n")
+        (info / "entry_points.txt").write_text("[palpate.primitives]\nnose = palpate_nose\n")
+        (tmp_path / "palpate_nose.py").write_text(source)
+        monkeypatch.syspath_prepend(tmp_path)
+        monkeypatch.delitem(sys.modules, "palpate_nose", raising=False)
+        vocabulary.cache_clear()
+
+    yield install
+    vocabulary.cache_clear()
+    QUANTITIES.clear()
+    QUANTITIES.update(known)
+
+
+def test_palpates_own_come_first_in_reading_order() -> None:
+    assert list(vocabulary().primitives)[:12] == core.__all__
+    assert list(vocabulary().composites) == ["Sequence", "Parallel"]
+
+
+def test_a_third_partys_primitives_are_found_and_its_quantity_with_them(
+    installed: Callable[[str], None],
+) -> None:
+    installed(THIRD_PARTY)
+    words = vocabulary()
+    assert [name for name in words.primitives if name not in core.__all__] == ["Smell", "Sniff"]
+    assert words.primitives["MovePose"] is core.MovePose
+    assert QUANTITIES["smell"].unit == "ou"
+    assert words.make("Sniff", {"seconds": 2.0}).label == "Sniff(2.0)"
+
+
+def test_all_decides_what_is_public(installed: Callable[[str], None]) -> None:
+    installed(THIRD_PARTY + '__all__ = ["Sniff"]\n')
+    assert "Smell" not in vocabulary().primitives
+    assert "Sniff" in vocabulary().primitives
+
+
+def test_palpates_own_cannot_be_replaced(installed: Callable[[str], None]) -> None:
+    installed(
+        "from palpate.vocabulary.primitive import Primitive\nclass MovePose(Primitive):\n    '''Mine.'''\n"
+    )
+    assert vocabulary().primitives["MovePose"] is core.MovePose
+
+
+@pytest.mark.parametrize(
+    "source", ["import no_such_module", "raise RuntimeError('no licence')", "def"]
+)
+def test_a_package_that_does_not_load_is_named(
+    installed: Callable[[str], None], source: str
+) -> None:
+    installed(source)
+    with pytest.raises(InputError, match=r"'nose' \(palpate_nose\) cannot be loaded"):
+        vocabulary()
+
+
+def test_an_unknown_name_lists_the_valid_ones() -> None:
+    with pytest.raises(InputError, match=r"unknown primitive 'WeighObject'.*Force2Mass.*Sequence"):
+        vocabulary().make("WeighObject", {})
+
+
+@pytest.mark.parametrize(
+    ("kind", "arguments"),
+    [
+        ("OpenGripper", {"width": 0.02}),
+        ("MovePose", {}),
+        ("MovePose", {"pose": ""}),
+        ("MovePose", {"pose": "x" * 201}),
+        ("MovePose", {"pose": 3}),
+        ("MoveJoints", {"joints": [0, float("nan")]}),
+        ("MoveUntilContact", {"axis": "z"}),
+    ],
+)
+def test_arguments_that_do_not_fit_are_refused(kind: str, arguments: dict[str, object]) -> None:
+    with pytest.raises(ValidationError):
+        vocabulary().make(kind, arguments)
+
+
+@pytest.mark.parametrize("cls", vocabulary().primitives.values(), ids=lambda cls: cls.__name__)
+def test_every_primitive_says_what_it_does_and_who_it_is(cls: type[Primitive]) -> None:
+    assert len(cls.summary()) > 40
+    assert cls.group in ("motion", "gripper", "sensing", "conversion")
+    assert all(field.description for field in cls.model_fields.values())
+    assert issubclass(cls, ConversionPrimitive) == (cls.measures is not None)
+    if cls.measures is not None:
+        assert QUANTITIES[cls.measures.id] is cls.measures
+
+
+def test_a_label_is_what_people_read() -> None:
+    assert (
+        vocabulary().make("MovePose", {"pose": "cup_pose + z_offset"}).label
+        == "MovePose(cup_pose + z_offset)"
+    )
+    assert vocabulary().make("OpenGripper", {}).label == "OpenGripper()"
