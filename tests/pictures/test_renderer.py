@@ -46,7 +46,7 @@ def test_framing_has_all_points_in_view_and_touches_the_edge(azimuth: float, asp
 
 
 def available_under(**environment: str) -> str:
-    code = "from palpate.rendering import gl_available; print(*gl_available())"
+    code = "from palpate.pictures.renderer import gl_available; print(*gl_available())"
     return subprocess.run(
         [sys.executable, "-c", code],
         env={**os.environ, **environment},

@@ -23,7 +23,7 @@ from palpate.scene.from_picture import SceneBuilder
 from palpate.scene.load import load_scene, parse_scene
 from palpate.scene.poses import read_poses
 from palpate.scene.scene import Scene
-from palpate.vocabulary import base as primitive_module
+from palpate.vocabulary import registry
 from palpate.vocabulary.base import Primitive
 from palpate.vocabulary.registry import vocabulary
 
@@ -95,7 +95,7 @@ def test_a_third_partys_primitive_appears_by_itself(monkeypatch: pytest.MonkeyPa
         group: ClassVar = "sensing"
         strength: int
 
-        def run(self, cell):
+        def run(self, blackboard):
             yield
             return "sniffed"
 
@@ -103,11 +103,11 @@ def test_a_third_partys_primitive_appears_by_itself(monkeypatch: pytest.MonkeyPa
         __all__: ClassVar = ["Sniff"]
 
     Package.Sniff = Sniff  # type: ignore[attr-defined]
-    ours = list(primitive_module.entry_points(group="palpate.primitives"))
+    ours = list(registry.entry_points(group="palpate.primitives"))
     theirs = EntryPoint("sniff", "sniff", "palpate.primitives")
     monkeypatch.setattr(EntryPoint, "load", lambda self: Package)
-    monkeypatch.setattr(primitive_module, "entry_points", lambda group: [*ours, theirs])
-    words = primitive_module.vocabulary.__wrapped__()
+    monkeypatch.setattr(registry, "entry_points", lambda group: [*ours, theirs])
+    words = registry.vocabulary.__wrapped__()
     assert "- Sniff(strength): Smell at what is below the gripper." in system_prompt(words)
 
 

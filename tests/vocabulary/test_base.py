@@ -18,9 +18,9 @@ from palpate.vocabulary.registry import vocabulary
 THIRD_PARTY = '''
 from dataclasses import replace
 from typing import ClassVar
-from palpate.quantities import Quantity
+from palpate.quantities.quantity import Quantity
 from palpate.vocabulary.motion import MovePose
-from palpate.vocabulary.primitive import ConversionPrimitive, Primitive
+from palpate.vocabulary.base import ConversionPrimitive, Primitive
 
 class _Instrument(Primitive):
     """Not for plans."""
@@ -81,7 +81,7 @@ def test_all_decides_what_is_public(installed: Callable[[str], None]) -> None:
 
 def test_palpates_own_cannot_be_replaced(installed: Callable[[str], None]) -> None:
     installed(
-        "from palpate.vocabulary.primitive import Primitive\nclass MovePose(Primitive):\n    '''Mine.'''\n"
+        "from palpate.vocabulary.base import Primitive\nclass MovePose(Primitive):\n    '''Mine.'''\n"
     )
     assert vocabulary().primitives["MovePose"] is core.MovePose
 

@@ -41,7 +41,7 @@ class ReportData:
         status: of the run, as in `result.json`.
         plan: with `tree` None when the request was rejected.
         world: where it ran, in words.
-        gaps: what the scene knows and lacks.
+        parameters: what the scene knows and lacks.
         measured: the estimates.
         findings: why the plan did not pass the check, one line each.
         trace: None when nothing was executed.
