@@ -203,7 +203,7 @@ def _replay(scene: Scene, plan: Plan, world: MjSpec) -> Trace:
     """What a perfect robot feels when the plan is executed in `world`."""
     from palpate.robots.simulated.robot import MujocoRobot
 
-    return touch(plan, scene, MujocoRobot(world, scene.pose_world_base)).trace
+    return touch(plan, scene, MujocoRobot(world, scene.pose_world_base, scene.arm)).trace
 
 
 def write(outcome: Outcome) -> Outcome:

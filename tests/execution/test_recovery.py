@@ -16,7 +16,7 @@ from palpate.execution.runner import Execution, run
 from palpate.parameter import Parameter
 from palpate.planning.plan import Node, Plan
 from palpate.planning.symbolic.planner import assemble
-from palpate.robots.nominal import HAND
+from palpate.robots.registry import load_description
 from palpate.scene.load import parse_scene, rearranged
 from palpate.scene.scene import Scene
 from palpate.settings import Job
@@ -123,7 +123,7 @@ def test_the_failed_leaf_tells_its_object_whatever_it_is_called(scene: Scene, at
         "blocked",
         Context("still"),
     )
-    trace = Trace(Samples.empty(), (failed,), (), (), HAND)
+    trace = Trace(Samples.empty(), (failed,), (), (), load_description().nominal)
     assert failed_at(trace, plan, scene) == "wet"
     later = replace(
         failed, node=f"{attempt}tree.children[0]", context=Context("still", at="dry_pose")

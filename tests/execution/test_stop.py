@@ -7,7 +7,6 @@ import pytest
 
 from palpate.execution.runner import run
 from palpate.planning.plan import Node, Plan
-from palpate.robots.safety import FREE_FORCE
 from palpate.robots.simulated.robot import MujocoRobot
 from palpate.scene.load import parse_scene
 
@@ -48,7 +47,7 @@ WEIGH = Plan(
 def execute(cup='mass="0.3"', more="", noise="lab", stop_when=lambda robot: False):
     """The run, and its world half a second later."""
     world = parse_scene(CELL.format(cup=cup, more=more))
-    robot = MujocoRobot(world.spec(), world.pose_world_base, noise, seed=1)
+    robot = MujocoRobot(world.spec(), world.pose_world_base, world.arm, noise, seed=1)
     done = run(WEIGH, SCENE, robot, stop_requested=lambda: stop_when(robot))
     robot.advance(0.5)
     return done, robot
@@ -112,7 +111,7 @@ def test_an_unknown_obstacle_stops_the_arm_and_is_not_pressed_on(wall):
     done, robot = execute(more=f'<body {wall} type="box"/></body>')
     assert "MovePose(cup_pose + z_offset): " in str(done.stopped_by)
     assert "contact" in str(done.stopped_by) or "external force" in str(done.stopped_by)
-    assert np.linalg.norm(robot.state.wrench[:3]) < FREE_FORCE
+    assert np.linalg.norm(robot.state.wrench[:3]) < robot.limits.free_force
     assert np.abs(robot.state.dq).max() < 0.05
     assert displacement(robot) < 0.001
 

@@ -36,10 +36,10 @@ STEPS = (
 )
 HAND = Hand(
     tip_offset=0.009,
-    force_resolution=0.05,
     force_repeatability=0.15,
     torque_gain=0.01,
     pose_repeatability=1e-4,
+    joints=tuple(f"fr3_joint{i}" for i in range(1, 8)),
 )
 
 

@@ -104,7 +104,7 @@ def perform(scene: Scene) -> Callable[..., Done]:
 
     def go(*steps: object, world: Scene | None = None) -> Done:
         world = world or cell(mass=f'mass="{MASS}"')
-        robot = MujocoRobot(world.spec(), world.pose_world_base)
+        robot = MujocoRobot(world.spec(), world.pose_world_base, world.arm)
         return Done(run(Plan((), sequence(*steps), "a test"), scene, robot), robot)
 
     return go

@@ -23,7 +23,6 @@ STIFFNESS = 1200.0
 APPARENT = 3.5
 HAND = Hand(
     tip_offset=0.009,
-    force_resolution=0.05,
     force_repeatability=0.15,
     torque_gain=0.01,
     pose_repeatability=1e-4,

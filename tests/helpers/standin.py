@@ -15,7 +15,9 @@ from py_trees.common import Status
 
 from palpate.geometry.pose import Pose
 from palpate.planning.plan import Node, Plan
-from palpate.robots.robot import HOME, Limits, RobotState
+from palpate.robots.description import Limits
+from palpate.robots.registry import load_description
+from palpate.robots.robot import RobotState
 from palpate.robots.safety import Expectation
 from palpate.trace.recording import Hand
 from palpate.trace.samples import Samples
@@ -32,10 +34,11 @@ LIMITS = Limits(
     tau_max=np.full(7, 80.0),
     force_max=40.0,
     torque_max=20.0,
+    free_force=25.0,
+    overload=14.0,
     speed_max=1.0,
     tracking_max=0.05,
     payload=3.0,
-    opening=0.08,
     workspace_min=np.array([-1.0, -1.0, -0.5]),
     workspace_max=np.array([1.0, 1.0, 1.2]),
     stale_after=0.1,
@@ -57,11 +60,11 @@ class StandIn:
     """
 
     limits = LIMITS
-    hand = Hand(0.009, 0.05, 0.15, 0.01, 0.0001)
+    hand = Hand(0.009, 0.15, 0.01, 0.0001)
     gravity = 9.81
 
     def __init__(self) -> None:
-        q = np.array(HOME)
+        q = load_description().home
         pose = Pose.top_down((0.5, 0.0, 0.3), 0.0)
         self.calls: list[tuple[str, Any]] = []
         self.support_z, self.weight, self.force = -1.0, 0.0, np.zeros(6)
@@ -72,6 +75,7 @@ class StandIn:
             0.0,
             0.0,
             q,
+            np.zeros(7),
             np.zeros(7),
             np.zeros(7),
             pose,

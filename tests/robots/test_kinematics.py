@@ -13,19 +13,20 @@ from palpate.geometry.pose import Pose
 from palpate.robots.kinematics import (
     LIMIT_MARGIN,
     inverse_kinematics,
-    joint_range,
-    nominal_arm,
+    model_without_fingers,
     reachable,
     within_joint_limits,
 )
-from palpate.robots.robot import HOME
+from palpate.robots.registry import load_description
 
+ARM = load_description()
+HOME = ARM.home
 BASE = Pose.of((0.0, 0.0, 0.0))
 
 
 def forward(q):
     """TCP pose in the base frame."""
-    arm = nominal_arm()
+    arm = model_without_fingers(ARM)
     data = mujoco.MjData(arm)
     data.qpos[:] = q
     mujoco.mj_kinematics(arm, data)
@@ -40,9 +41,9 @@ def test_top_down_poses_in_front_of_the_arm_are_reached_within_tolerance_and_lim
     radius, azimuth, z, yaw
 ):
     target = Pose.top_down((radius * np.cos(azimuth), radius * np.sin(azimuth), z), azimuth + yaw)
-    q = inverse_kinematics(target, BASE)
+    q = inverse_kinematics(ARM, target, BASE)
     assert q is not None
-    low, high = joint_range()
+    low, high = ARM.limits.q_min, ARM.limits.q_max
     assert (q >= low + LIMIT_MARGIN - 1e-9).all()
     assert (q <= high - LIMIT_MARGIN + 1e-9).all()
     reached = forward(q)
@@ -54,29 +55,32 @@ def test_top_down_poses_in_front_of_the_arm_are_reached_within_tolerance_and_lim
     "position", [(1.2, 0, 0.3), (0.86, 0, 0.1), (0.0, 0.0, 0.4), (0.5, 0, 1.5), (50.0, 0, 0)]
 )
 def test_out_of_reach_is_none(position):
-    assert inverse_kinematics(Pose.top_down(position, 0.0), BASE) is None
-    assert not reachable(Pose.top_down(position, 0.0), BASE)
+    assert inverse_kinematics(ARM, Pose.top_down(position, 0.0), BASE) is None
+    assert not reachable(ARM, Pose.top_down(position, 0.0), BASE)
 
 
 def test_the_base_may_stand_anywhere():
     base = Pose.of((3.0, -2.0, 0.7), (np.cos(0.6), 0, 0, np.sin(0.6)))
     target = Pose.top_down((0.45, 0.1, 0.2), 0.3)
-    here, there = inverse_kinematics(target, BASE), inverse_kinematics(base @ target, base)
+    here, there = (
+        inverse_kinematics(ARM, target, BASE),
+        inverse_kinematics(ARM, base @ target, base),
+    )
     assert here is not None
     np.testing.assert_allclose(there, here, atol=1e-3)
-    assert not reachable(target, base)
+    assert not reachable(ARM, target, base)
 
 
 def test_the_ready_pose_gives_the_ready_configuration():
-    q = inverse_kinematics(forward(HOME), BASE)
+    q = inverse_kinematics(ARM, forward(HOME), BASE)
     np.testing.assert_allclose(q, HOME, atol=1e-3)
 
 
 def test_the_elbow_is_up_and_the_posture_near_ready():
     for y in (-0.3, 0.0, 0.3):
-        q = inverse_kinematics(Pose.top_down((0.45, y, 0.15), 0.0), BASE)
+        q = inverse_kinematics(ARM, Pose.top_down((0.45, y, 0.15), 0.0), BASE)
         assert q is not None
-        arm = nominal_arm()
+        arm = model_without_fingers(ARM)
         data = mujoco.MjData(arm)
         data.qpos[:] = q
         mujoco.mj_kinematics(arm, data)
@@ -88,8 +92,8 @@ def test_the_elbow_is_up_and_the_posture_near_ready():
 
 def test_a_seed_chooses_the_solution():
     target = Pose.top_down((0.45, 0.0, 0.2), 0.0)
-    default = inverse_kinematics(target, BASE)
-    swung = inverse_kinematics(target, BASE, np.add(HOME, [0.6, 0, -0.6, 0, 0, 0, 0]))
+    default = inverse_kinematics(ARM, target, BASE)
+    swung = inverse_kinematics(ARM, target, BASE, np.add(HOME, [0.6, 0, -0.6, 0, 0, 0, 0]))
     assert default is not None
     assert swung is not None
     assert abs(swung[0] - default[0]) > 0.1
@@ -98,21 +102,21 @@ def test_a_seed_chooses_the_solution():
 
 def test_the_result_is_the_callers_own():
     target = Pose.top_down((0.4, 0.0, 0.2), 0.0)
-    first = inverse_kinematics(target, BASE)
+    first = inverse_kinematics(ARM, target, BASE)
     assert first is not None
     first[:] = 0.0
-    second = inverse_kinematics(target, BASE)
+    second = inverse_kinematics(ARM, target, BASE)
     assert second is not None
     assert second.any()
 
 
 def test_joint_limits():
-    low, high = joint_range()
-    assert within_joint_limits(np.array(HOME))
-    assert within_joint_limits((low + high) / 2)
-    assert not within_joint_limits(high)
-    assert not within_joint_limits(np.array([*HOME[:3], 0.0, *HOME[4:]]))
-    assert not within_joint_limits(np.array([np.nan, *HOME[1:]]))
+    low, high = ARM.limits.q_min, ARM.limits.q_max
+    assert within_joint_limits(ARM, np.array(HOME))
+    assert within_joint_limits(ARM, (low + high) / 2)
+    assert not within_joint_limits(ARM, high)
+    assert not within_joint_limits(ARM, np.array([*HOME[:3], 0.0, *HOME[4:]]))
+    assert not within_joint_limits(ARM, np.array([np.nan, *HOME[1:]]))
 
 
 def test_importing_it_does_not_load_mink():

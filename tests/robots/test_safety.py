@@ -9,8 +9,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from palpate.geometry.pose import Pose
-from palpate.robots.robot import HOME, Limits, RobotState
-from palpate.robots.safety import FREE_FORCE, Expectation, violation
+from palpate.robots.description import Limits
+from palpate.robots.registry import load_description
+from palpate.robots.robot import RobotState
+from palpate.robots.safety import Expectation, violation
+
+HOME = load_description().home
 
 LIMITS = Limits(
     q_min=np.full(7, -2.9),
@@ -19,10 +23,11 @@ LIMITS = Limits(
     tau_max=np.full(7, 80.0),
     force_max=40.0,
     torque_max=15.0,
+    free_force=25.0,
+    overload=14.0,
     speed_max=0.5,
     tracking_max=0.04,
     payload=3.0,
-    opening=0.08,
     workspace_min=np.array([-0.2, -0.8, -0.3]),
     workspace_max=np.array([0.9, 0.8, 1.0]),
     stale_after=0.1,
@@ -40,6 +45,7 @@ def state(**changes):
         10.0,
         9.98,
         np.array(HOME),
+        np.zeros(7),
         np.zeros(7),
         np.zeros(7),
         POSE,
@@ -79,6 +85,7 @@ def test_an_arm_at_rest_is_safe_whatever_is_expected():
         ),
         ({"q": np.array([2.895, *HOME[1:]])}, r"joint 1 is at 2\.895 rad"),
         ({"dq": vector(7, _5=-2.5)}, r"joint 6 moves at -2\.50 rad/s, more than 2\.00 rad/s"),
+        ({"tau": vector(7, _1=-80.5)}, r"joint 2 bears 80\.5 N m, more than 80 N m"),
         ({"twist": vector(6, _1=0.6)}, r"the TCP moves at 0\.60 m/s, more than 0\.50 m/s"),
         (
             {"target_world_tcp": POSE.translated((0, 0, -0.05))},
@@ -166,5 +173,5 @@ def test_expecting_more_never_forbids_more_force(x, y, z, holding, contact):
         assert violation(felt, LIMITS, Expectation(holding=holding, contact=contact)) is None
     if np.linalg.norm([x, y, z]) > LIMITS.force_max + WEIGHT:
         assert violation(felt, LIMITS, Expectation(holding=holding, contact=contact)) is not None
-    if np.linalg.norm([x, y, z]) < FREE_FORCE:
+    if np.linalg.norm([x, y, z]) < LIMITS.free_force:
         assert violation(felt, LIMITS, Expectation(holding=holding, contact=contact)) is None

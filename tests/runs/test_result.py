@@ -44,7 +44,7 @@ WEIGHED = Estimate(
     components={"single-shot": (0.262, 0.02)},
 )
 EXECUTION = Execution(
-    Trace(Samples.empty(), (), (), (), Hand(0.009, 0.05, 0.15, 0.01, 1e-4)),
+    Trace(Samples.empty(), (), (), (), Hand(0.009, 0.15, 0.01, 1e-4)),
     "complete",
     None,
     SymbolicState(SCENE),

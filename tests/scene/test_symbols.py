@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 
 from palpate.errors import InputError
 from palpate.geometry.pose import Pose
-from palpate.robots import robot
-from palpate.scene import symbols
-from palpate.scene.symbols import DEFAULT_OFFSETS, Symbols
+from palpate.robots.registry import load_description
+from palpate.scene.load import parse_scene
+from palpate.scene.symbols import DEFAULT_OFFSETS, MAX_EXPRESSION, Symbols
 
 
 def make(names: tuple[str, ...] = ("hammer", "red-box", "box 2")) -> Symbols:
@@ -19,7 +19,7 @@ def make(names: tuple[str, ...] = ("hammer", "red-box", "box 2")) -> Symbols:
     return Symbols(
         poses={**poses, "table_approach": Pose.top_down((0.4, 0, 0.6), 0)},
         subjects={f"{n}_pose": n for n in names} | {"table_approach": "table"},
-        configurations={"home_config": np.array(symbols.HOME)},
+        configurations={"home_config": load_description().home},
         offsets={n: np.array(v) for n, v in DEFAULT_OFFSETS.items()},
         own_offsets={
             "hammer": {"x_offset": np.array([0.04, 0, 0]), "tilt": np.array([0.01, 0.02, 0.03])}
@@ -109,7 +109,7 @@ def test_offsets_add_up_along_the_tools_axes_and_world_z(
     chosen: list[tuple[str, float, str]],
 ) -> None:
     text = "red-box_pose" + "".join(f" {sign} {size!r}*{name}" for sign, size, name in chosen)
-    if len(text) > symbols.MAX_EXPRESSION:
+    if len(text) > MAX_EXPRESSION:
         return
     totals = {"x": 0.0, "y": 0.0, "z": 0.0}
     for sign, size, name in chosen:
@@ -171,4 +171,5 @@ def test_places_worked_out_later_are_worked_out_once() -> None:
 
 
 def test_home_is_the_robots() -> None:
-    assert list(symbols.HOME) == list(robot.HOME)
+    scene = parse_scene("<mujoco><worldbody/></mujoco>")
+    assert scene.symbols.joints("home_config").tolist() == load_description().home.tolist()

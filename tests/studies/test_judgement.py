@@ -5,7 +5,7 @@ from palpate.studies.judgement import judge
 from palpate.trace.recording import Context, Conversion, Hand, LeafRun, Recording
 from palpate.trace.samples import FORCES, POSE, Samples, Trace
 
-HAND = Hand(0.009, 0.05, 0.15, 0.01, 0.0001)
+HAND = Hand(0.009, 0.15, 0.01, 0.0001)
 MASS, FRICTION, COM = (
     Parameter("cup", "mass"),
     Parameter("cup", "friction"),

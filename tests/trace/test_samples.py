@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from palpate.trace.recording import Context, Conversion, Hand, LeafRun, Recording
 from palpate.trace.samples import FORCES, Samples, Trace
 
-HAND = Hand(0.009, 0.05, 0.15, 0.01, 1e-4)
+HAND = Hand(0.009, 0.15, 0.01, 1e-4)
 WIDTHS = {
     "t": (),
     "q": (7,),

@@ -12,7 +12,7 @@ from palpate.trace.recording import Hand
 from palpate.trace.samples import Samples, Trace
 from palpate.twin.twin import Twin, build_twin
 
-NOTHING = Trace(Samples.empty(), (), (), (), Hand(0.009, 0.05, 0.15, 0.01, 1e-4))
+NOTHING = Trace(Samples.empty(), (), (), (), Hand(0.009, 0.15, 0.01, 1e-4))
 SCENE = """<mujoco>
   <worldbody>
     <body name="table" pos="0.5 0 -0.02"><geom type="box" size=".3 .3 .02" friction="0.6"/></body>

@@ -12,7 +12,7 @@ from palpate.trace.recording import Context, Hand, LeafRun, Recording
 from palpate.trace.samples import FORCES, POSE, Samples, Trace
 from palpate.twin.validate import FINEST_STEP, SETTLE_TIME, Residual, compare, settle, validate
 
-HAND = Hand(0.009, 0.05, 0.15, 0.01, 1e-4)
+HAND = Hand(0.009, 0.15, 0.01, 1e-4)
 TABLE = '<body name="table" pos="0.5 0 -0.02"><geom type="box" size=".3 .3 .02" friction="0.6 0.005 0.0001"/></body>'
 CUP = (
     '<body name="cup" pos="0.5 0 {z}"><freejoint/>'

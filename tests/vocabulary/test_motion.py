@@ -7,13 +7,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from palpate.robots.robot import HOME
+from palpate.robots.registry import load_description
 from palpate.vocabulary.motion import (
     CONTACT_FORCE,
     POSITION_TOLERANCE,
     PROBE_TRAVEL,
     clear_of_support,
 )
+
+HOME = load_description().home
 
 LIFT, AT = ("MovePose", "cup_pose + z_offset"), ("MovePose", "cup_pose")
 TO_TABLE = ("MovePose", "table_approach")
@@ -94,8 +96,8 @@ def test_move_joints_leaves_no_pose_and_no_contact(start, make, after) -> None:
         None,
         "still",
     )
-    assert make("MoveJoints", joints=list(HOME)).effects(touching).at is None
-    assert make("MoveJoints", joints=list(HOME)).during(touching).contact is None
+    assert make("MoveJoints", joints=HOME.tolist()).effects(touching).at is None
+    assert make("MoveJoints", joints=HOME.tolist()).during(touching).contact is None
 
 
 def test_move_joints_does_not_drag(start, make, after, reached) -> None:

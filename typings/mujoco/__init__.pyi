@@ -52,9 +52,13 @@ class mjtObj(_Enum):
     mjOBJ_SITE: ClassVar[mjtObj]
     mjOBJ_CAMERA: ClassVar[mjtObj]
 
+class mjtEq(_Enum):
+    mjEQ_JOINT: ClassVar[mjtEq]
+
 class mjtTrn(_Enum):
     mjTRN_JOINT: ClassVar[mjtTrn]
     mjTRN_SITE: ClassVar[mjtTrn]
+    mjTRN_TENDON: ClassVar[mjtTrn]
 
 class mjtDisableBit(_Enum):
     mjDSBL_CONSTRAINT: ClassVar[mjtDisableBit]
@@ -145,6 +149,7 @@ class MjModel:
     nq: int
     nv: int
     nu: int
+    njnt: int
     nbody: int
     ngeom: int
     nnumeric: int
@@ -162,6 +167,8 @@ class MjModel:
     body_subtreemass: _Doubles
     body_inertia: _Doubles
     jnt_type: _Ints
+    jnt_bodyid: _Ints
+    jnt_actfrcrange: _Doubles
     jnt_qposadr: _Ints
     jnt_range: _Doubles
     dof_armature: _Doubles
@@ -185,6 +192,8 @@ class MjModel:
     actuator_gainprm: _Doubles
     actuator_biasprm: _Doubles
 
+    @staticmethod
+    def from_xml_path(filename: str, assets: Mapping[str, bytes] | None = None) -> MjModel: ...
     @staticmethod
     def from_xml_string(xml: str, assets: Mapping[str, bytes] | None = None) -> MjModel: ...
     @overload
@@ -277,12 +286,20 @@ class MjsFrame(_SpecElement):
 class MjsGeom(_SpecElement): ...
 class MjsSite(_SpecElement): ...
 class MjsLight(_SpecElement): ...
-class MjsEquality(_SpecElement): ...
-class MjsTendon(_SpecElement): ...
+class MjsEquality(_SpecElement):
+    data: _Doubles
+    solref: _Doubles
+    solimp: _Doubles
+
+class MjsTendon(_SpecElement):
+    def wrap_joint(self, name: str, coef: float) -> object: ...
+
 class MjsKey(_SpecElement): ...
 
 class MjsJoint(_SpecElement):
     actgravcomp: bool
+    @property
+    def parent(self) -> MjsBody: ...
 
 class MjsTexture(_SpecElement):
     @property
@@ -352,7 +369,11 @@ class MjSpec:
     def body(self, name: str, /) -> MjsBody: ...
     def joint(self, name: str, /) -> MjsJoint: ...
     def add_actuator(self, *, name: str | None = None, trntype: _Int | None = None, target: str | None = None,
-                     refsite: str | None = None) -> MjsActuator: ...
+                     refsite: str | None = None, ctrlrange: _Vector | None = None,
+                     forcerange: _Vector | None = None) -> MjsActuator: ...
+    def add_tendon(self, *, name: str | None = None) -> MjsTendon: ...
+    def add_equality(self, *, type: _Int | None = None, name1: str | None = None,
+                     name2: str | None = None) -> MjsEquality: ...
     def add_texture(self, *, name: str | None = None, type: _Int | None = None, builtin: _Int | None = None,
                     rgb1: _Vector | None = None, rgb2: _Vector | None = None, width: _Int | None = None,
                     height: _Int | None = None) -> MjsTexture: ...

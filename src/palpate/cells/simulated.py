@@ -43,13 +43,15 @@ class SimulatedCell:
     description: str
 
     def robot(self, job: Job) -> MujocoRobot:
-        """The embedded FR3 in this world."""
+        """The embedded arm in this world."""
         from palpate.pictures.renderer import add_lights
         from palpate.robots.simulated.robot import MujocoRobot
 
         spec = self.world.spec(self.drawn)
         add_lights(spec)
-        return MujocoRobot(spec, self.world.pose_world_base, noise=job.noise, seed=job.seed)
+        return MujocoRobot(
+            spec, self.world.pose_world_base, self.world.arm, noise=job.noise, seed=job.seed
+        )
 
     def truth(self, parameter: Parameter) -> tuple[float, ...] | None:
         """What is true in the world, or None where it is not defined. Ask after estimating."""
@@ -75,7 +77,7 @@ def simulated_cell(job: Job, scene: Scene) -> SimulatedCell:
         return SimulatedCell(
             scene, drawn, "simulated from the scene, its unknowns drawn from priors"
         )
-    world = load_scene(job.world)
+    world = load_scene(job.world, arm=scene.arm)
     _match(scene, world, SIZE_TOLERANCE if job.scene else SEEN_TOLERANCE)
     return SimulatedCell(world, {}, f"simulated world {job.world.name}")
 

@@ -34,7 +34,7 @@ class Rehearsal:
 
 def rehearse(plan: Plan, scene: Scene) -> Rehearsal:
     """Execute the plan with perfect sensors in a world made of the scene alone."""
-    robot = MujocoRobot(scene.spec(), scene.pose_world_base)
+    robot = MujocoRobot(scene.spec(), scene.pose_world_base, scene.arm)
     try:
         return _predicted(run(plan, scene, robot))
     finally:

@@ -24,7 +24,7 @@ from palpate.execution.leaf import PrimitiveLeaf
 from palpate.execution.stop import PutDown, lost
 from palpate.planning.plan import Plan
 from palpate.robots.robot import Robot, RobotState
-from palpate.robots.safety import FREE_FORCE, unexplained_force
+from palpate.robots.safety import unexplained_force
 from palpate.scene.scene import Scene
 from palpate.trace.recording import LeafRun
 from palpate.trace.samples import Trace
@@ -222,8 +222,8 @@ class _Loop:
 
     def _pressing(self) -> bool:
         robot = self.blackboard.robot
-        force = unexplained_force(robot.state, robot.limits, robot.state.gripping)
-        return bool(np.linalg.norm(force) > FREE_FORCE)
+        force = unexplained_force(robot.state, robot.limits, robot.state.gripping, robot.gravity)
+        return bool(np.linalg.norm(force) > robot.limits.free_force)
 
     def _advance(self) -> None:
         self.blackboard.robot.advance(self.tick_period)

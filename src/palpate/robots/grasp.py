@@ -1,7 +1,7 @@
 """Top-down grasps from geometry: where the hand closes on an object, and along which direction.
 
-The closing direction (tool y) is one in which the object is at most `OPENING` wide where the pads
-are; the tool's x runs along the object, so that offsets along x stay on a handle.
+The closing direction (tool y) is one in which the object is narrower than the hand opens where the
+pads are; the tool's x runs along the object, so that offsets along x stay on a handle.
 """
 
 from __future__ import annotations
@@ -23,33 +23,16 @@ from palpate.geometry.outline import (
     unit,
 )
 from palpate.geometry.pose import Array, Pose
-
-OPENING = 0.08
-"""m: widest object the hand takes (Franka Hand)."""
+from palpate.robots.sheet import ParallelHand
 
 SPARE = 0.004
 """m: what must remain of the opening, for errors of the pose."""
-
-TIP = 0.01
-"""m: from the TCP to the end of the fingertips."""
 
 GROUND = 0.005
 """m: that the fingertips stay above the support."""
 
 DEPTH = 0.035
-"""m: how far below the object's top the TCP is, at most; the palm is 0.045 m above it."""
-
-PALM = 0.045
-"""m: from the TCP up to the palm."""
-
-HAND = (0.032, 0.105)
-"""m: half extents of the hand along tool x and tool y."""
-
-PAD = 0.011
-"""m: half the width of a finger pad."""
-
-FINGER = 0.02
-"""m: thickness of a finger along the closing direction."""
+"""m: how far below the object's top the TCP is, at most; the palm is above that."""
 
 SLANT = 0.3
 """How far from parallel to the pads a grasped side may be (tangent); a steeper one slides out."""
@@ -70,7 +53,11 @@ class Grasp:
 
 
 def derive_grasp(
-    geoms: Sequence[Convex], obstacles: Sequence[Obstacle], yaw: float, base: Pose
+    hand: ParallelHand,
+    geoms: Sequence[Convex],
+    obstacles: Sequence[Obstacle],
+    yaw: float,
+    base: Pose,
 ) -> Grasp:
     """The grasp of an object made of convex `geoms` (in the world) among `obstacles`.
 
@@ -79,13 +66,14 @@ def derive_grasp(
     """
     cloud = np.concatenate([g.points for g in geoms])
     bottom, top = float(cloud[:, 2].min()), float(cloud[:, 2].max())
-    obstacles = _around(cloud, obstacles)
+    obstacles = _around(hand, cloud, obstacles)
     best: Grasp | None = None
-    for height in _heights(bottom, top):
-        outlines = [o for g in geoms if len(o := slab(g, height - TIP, height + TIP)) > 2]
-        nearby, tall = above(obstacles, height - TIP), above(obstacles, height + PALM)
+    for height in _heights(hand, bottom, top):
+        lowest, highest = height - hand.tip, height + hand.tip
+        outlines = [o for g in geoms if len(o := slab(g, lowest, highest)) > 2]
+        nearby, tall = above(obstacles, lowest), above(obstacles, height + hand.palm)
         found = [
-            _along(outlines, angle, height, nearby, tall, base)
+            _along(hand, outlines, angle, height, nearby, tall, base)
             for angle in _angles(outlines, yaw, base)
         ]
         best = min(found if best is None else [*found, best], key=_badness, default=None)
@@ -94,9 +82,10 @@ def derive_grasp(
     return best or _nothing(cloud, yaw, base)
 
 
-def _around(cloud: Array, obstacles: Sequence[Obstacle]) -> list[Obstacle]:
+def _around(hand: ParallelHand, cloud: Array, obstacles: Sequence[Obstacle]) -> list[Obstacle]:
     """Those that the hand could touch while it grasps."""
-    low, high = cloud.min(axis=0)[:2] - 2 * HAND[1], cloud.max(axis=0)[:2] + 2 * HAND[1]
+    width = 2 * hand.half_extents[1]
+    low, high = cloud.min(axis=0)[:2] - width, cloud.max(axis=0)[:2] + width
     return [
         o
         for o in obstacles
@@ -104,9 +93,9 @@ def _around(cloud: Array, obstacles: Sequence[Obstacle]) -> list[Obstacle]:
     ]
 
 
-def _heights(bottom: float, top: float) -> list[float]:
+def _heights(hand: ParallelHand, bottom: float, top: float) -> list[float]:
     """Heights of the TCP to try: near the top of tall objects, the middle of flat ones."""
-    lowest = bottom + TIP + GROUND
+    lowest = bottom + hand.tip + GROUND
     heights = [max(top - min(depth, (top - bottom) / 2), lowest) for depth in (DEPTH, 0.02, 0.045)]
     return list(dict.fromkeys(heights))
 
@@ -130,6 +119,7 @@ def _angles(outlines: Sequence[Array], yaw: float, base: Pose) -> list[float]:
 
 
 def _along(
+    hand: ParallelHand,
     outlines: Sequence[Array],
     angle: float,
     height: float,
@@ -146,9 +136,9 @@ def _along(
     stations: Array = start + step * np.arange(count + 1, dtype=float)
     low, high = profile(outlines, along, across, stations)
     facing = (np.abs(np.gradient(low, step)) <= SLANT) & (np.abs(np.gradient(high, step)) <= SLANT)
-    window = max(int(np.ceil(PAD / step)), 1)
+    window = max(int(np.ceil(hand.pad / step)), 1)
     low, high = _spread(low, window, np.fmin), _spread(high, window, np.fmax)
-    fits = facing & (high - low <= OPENING - SPARE)
+    fits = facing & (high - low <= hand.opening - SPARE)
     middle = (ends.max() + ends.min()) / 2
     at, slack = _best_station(stations, fits, middle)
     wide = float(np.interp(at, stations, high - low))
@@ -158,10 +148,10 @@ def _along(
         if fits.any()
         else (
             f"it is {wide * 1000:.0f} mm wide where the hand could close; the hand takes "
-            f"{OPENING * 1000:.0f} mm less {SPARE * 1000:.0f} mm to spare"
+            f"{hand.opening * 1000:.0f} mm less {SPARE * 1000:.0f} mm to spare"
         )
     )
-    if not problem and _hand_blocked(centre, across, nearby, tall):
+    if not problem and _hand_blocked(hand, centre, across, nearby, tall):
         problem = "its neighbours leave no room for the hand"
     return Grasp(_tool_pose(centre, height, angle, base), wide, slack, problem)
 
@@ -188,13 +178,17 @@ def _best_station(stations: Array, fits: NDArray[np.bool_], middle: float) -> tu
 
 
 def _hand_blocked(
-    centre: Array, across: Array, nearby: Sequence[Array], tall: Sequence[Array]
+    hand: ParallelHand,
+    centre: Array,
+    across: Array,
+    nearby: Sequence[Array],
+    tall: Sequence[Array],
 ) -> bool:
     """Whether the opened fingers, or the palm above them, would be in a neighbour."""
-    reach = OPENING / 2 + FINGER / 2
-    finger = rectangle(np.zeros(2), across, FINGER / 2, PAD)
+    reach = hand.opening / 2 + hand.finger / 2
+    finger = rectangle(np.zeros(2), across, hand.finger / 2, hand.pad)
     spots = np.array([centre + reach * across, centre - reach * across])
-    palm = rectangle(np.zeros(2), across, HAND[1], HAND[0])
+    palm = rectangle(np.zeros(2), across, hand.half_extents[1], hand.half_extents[0])
     return bool(
         clearance(finger, spots, nearby).min() < 0.002
         or clearance(palm, centre[None], tall).min() < 0.002

@@ -5,15 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache, lru_cache
-from pathlib import Path
 from threading import Lock
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import mujoco
 import numpy as np
 
 from palpate.geometry.pose import Array, Pose
-from palpate.robots.robot import HOME
+from palpate.robots.description import RobotDescription
 from palpate.robots.safety import JOINT_MARGIN
 
 if TYPE_CHECKING:
@@ -34,23 +33,12 @@ POSTURE_COST = 1e-3
 solutions."""
 CACHED_POSES = 4096
 
-FR3 = Path(__file__).with_name("fr3.xml")
-
-TURNS: tuple[tuple[float, ...], ...] = (
-    (0, 0, 0, 0, 0, 0, 0),
-    (0, 0, 0, 0, 0, 0, 1.5),
-    (0, 0, 0, 0, 0, 0, -1.5),
-    (-0.8, 0, 0.8, 0, 0, 0, 0),
-    (0.8, 0, -0.8, 0, 0, 0, 0),
-    (0, 1.0, 0, 0.8, 0, 0.5, 0),
-)
-"""rad: where the search starts when the ready posture with the hand turned as a top-down pose wants
-it fails,
-relative to the ready posture: the hand turned otherwise, the elbow swung, the arm low."""
-
 
 def inverse_kinematics(
-    pose_world_tcp: Pose, pose_world_base: Pose, seed_q: Array | None = None
+    arm: RobotDescription,
+    pose_world_tcp: Pose,
+    pose_world_base: Pose,
+    seed_q: Array | None = None,
 ) -> Array | None:
     """Joint angles (7,) in rad that put the TCP at a pose, or None when none are found.
 
@@ -60,37 +48,41 @@ def inverse_kinematics(
     pose = pose_world_base.inverse() @ pose_world_tcp
     sign = 1.0 if pose.quaternion[np.argmax(np.abs(pose.quaternion))] > 0 else -1.0
     key = (*np.round(pose.position, 5).tolist(), *np.round(sign * pose.quaternion, 5).tolist())
-    found = _solve(key, None if seed_q is None else tuple(np.round(seed_q, 5).tolist()))
+    seed = None if seed_q is None else tuple(np.round(seed_q, 5).tolist())
+    found = _solve(arm, key, seed)
     return None if found is None else np.array(found)
 
 
-def reachable(pose_world_tcp: Pose, pose_world_base: Pose) -> bool:
+def reachable(arm: RobotDescription, pose_world_tcp: Pose, pose_world_base: Pose) -> bool:
     """Whether the arm can put its TCP there."""
-    return inverse_kinematics(pose_world_tcp, pose_world_base) is not None
+    return inverse_kinematics(arm, pose_world_tcp, pose_world_base) is not None
 
 
-def within_joint_limits(q: Array) -> bool:
+def within_joint_limits(arm: RobotDescription, q: Array) -> bool:
     """Whether joint angles (7,), rad, are finite and where the safety predicate allows them."""
-    low, high = joint_range()
+    low, high = arm.limits.q_min, arm.limits.q_max
     return bool(((q >= low + JOINT_MARGIN) & (q <= high - JOINT_MARGIN)).all())
 
 
-def joint_range() -> tuple[Array, Array]:
-    """Lowest and highest joint angles, each (7,), rad."""
-    joints = nominal_arm().jnt_range
-    return joints[:, 0].copy(), joints[:, 1].copy()
-
-
 @cache
-def nominal_arm() -> mujoco.MjModel:
-    """The nominal arm and hand without fingers: seven joints, the base at the origin, site
-    `tcp`."""
-    spec = mujoco.MjSpec.from_file(str(FR3))
-    for finger in ("left_finger", "right_finger"):
-        spec.delete(spec.body(finger))
-    for element in (*spec.equalities, *spec.tendons, *spec.actuators):
-        spec.delete(element)
+def model_without_fingers(arm: RobotDescription) -> mujoco.MjModel:
+    """The nominal arm and hand: seven joints, the base at the origin."""
+    spec = arm.spec()
+    for finger in arm.hand.fingers:
+        spec.delete(spec.joint(finger).parent)
     return spec.compile()
+
+
+@lru_cache(CACHED_POSES)
+def forward_kinematics(arm: RobotDescription, q: tuple[float, ...]) -> Pose:
+    """Pose of the TCP relative to the base at joint angles `q` (7), rad."""
+    model = model_without_fingers(arm)
+    data = mujoco.MjData(model)
+    data.qpos[:7] = q
+    mujoco.mj_kinematics(model, data)
+    site, quaternion = data.site(arm.hand.tcp), np.empty(4)
+    mujoco.mju_mat2Quat(quaternion, site.xmat)
+    return Pose(site.xpos.copy(), quaternion)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -132,16 +124,17 @@ class _Solver:
 
 
 @cache
-def _solver() -> _Solver:
+def _solver(arm: RobotDescription) -> _Solver:
     import mink
 
-    arm = nominal_arm()
-    low, high = joint_range()
+    model, low, high = model_without_fingers(arm), arm.limits.q_min, arm.limits.q_max
     return _Solver(
-        mink.Configuration(arm),
-        mink.FrameTask("tcp", "site", position_cost=1.0, orientation_cost=0.3, lm_damping=1e-6),
-        mink.PostureTask(arm, cost=POSTURE_COST),
-        mink.ConfigurationLimit(arm, min_distance_from_limits=LIMIT_MARGIN),
+        mink.Configuration(model),
+        mink.FrameTask(
+            arm.hand.tcp, "site", position_cost=1.0, orientation_cost=0.3, lm_damping=1e-6
+        ),
+        mink.PostureTask(model, cost=POSTURE_COST),
+        mink.ConfigurationLimit(model, min_distance_from_limits=LIMIT_MARGIN),
         low + LIMIT_MARGIN,
         high - LIMIT_MARGIN,
         Lock(),
@@ -149,37 +142,66 @@ def _solver() -> _Solver:
 
 
 @lru_cache(CACHED_POSES)
-def _solve(key: tuple[float, ...], seed: tuple[float, ...] | None) -> tuple[float, ...] | None:
+def _solve(
+    arm: RobotDescription, key: tuple[float, ...], seed: tuple[float, ...] | None
+) -> tuple[float, ...] | None:
     pose = Pose.of(key[:3], key[3:])
-    if _too_far(pose):
+    if _too_far(arm, pose):
         return None
-    solver = _solver()
+    solver = _solver(arm)
     with solver.lock:
-        for q in _seeds(pose, seed):
+        for q in _seeds(arm, pose, seed):
             found = solver.search(pose, q)
             if found is not None:
                 return tuple(found.tolist())
     return None
 
 
-def _seeds(pose_base_tcp: Pose, seed: tuple[float, ...] | None) -> Iterator[Array]:
+def _seeds(
+    arm: RobotDescription, pose_base_tcp: Pose, seed: tuple[float, ...] | None
+) -> Iterator[Array]:
+    """Where the search starts: home turned towards the target, the hand turned as the pose wants
+    it, then the other postures."""
     if seed is not None:
         yield np.array(seed)
+    first, last = np.eye(7)[0], np.eye(7)[6]
     azimuth = float(np.arctan2(pose_base_tcp.position[1], pose_base_tcp.position[0]))
-    ready = np.array(HOME) + azimuth * np.eye(7)[0]
+    ready = arm.home + azimuth * first
     tool_x = pose_base_tcp.rotation[:, 0]
     turned = azimuth - float(np.arctan2(tool_x[1], tool_x[0]))
-    yield ready + np.remainder(turned + np.pi, 2 * np.pi) * np.eye(7)[6] - np.pi * np.eye(7)[6]
-    for turn in TURNS:
-        yield ready + turn
+    yield ready + np.remainder(turned + np.pi, 2 * np.pi) * last - np.pi * last
+    for posture in arm.postures:
+        yield ready + posture
 
 
-def _too_far(pose_base_tcp: Pose) -> bool:
+def _too_far(arm: RobotDescription, pose_base_tcp: Pose) -> bool:
     """Whether the wrist would be farther from the shoulder than all links between them,
     stretched."""
-    arm = nominal_arm()
-    shoulder, forearm = arm.body("fr3_link2").id, arm.body("fr3_link7").id
-    stretched = np.linalg.norm(arm.body_pos[shoulder + 1 : forearm + 1], axis=1).sum()
-    flange = arm.body("hand").pos[2] + arm.site("tcp").pos[2]
-    wrist = pose_base_tcp.apply((0.0, 0.0, -flange))
-    return bool(np.linalg.norm(wrist - arm.body("fr3_link1").pos) > stretched)
+    chain = _chain(arm)
+    wrist = pose_base_tcp.apply(chain.wrist)
+    return bool(np.linalg.norm(wrist - chain.shoulder) > chain.stretched)
+
+
+class _Chain(NamedTuple):
+    """The arm from its second joint to its last, of which only the angles change.
+
+    Attributes:
+        shoulder: (3,) m, the second joint's frame in the base. wrist: (3,) m, the last joint's
+            frame in the tool. stretched: m, the links between them in one line.
+    """
+
+    shoulder: Array
+    wrist: Array
+    stretched: float
+
+
+@cache
+def _chain(arm: RobotDescription) -> _Chain:
+    model = model_without_fingers(arm)
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    bodies = [int(model.jnt_bodyid[model.joint(name).id]) for name in arm.joints]
+    tcp, last = data.site(arm.hand.tcp), data.xpos[bodies[-1]]
+    links = np.linalg.norm(model.body_pos[bodies[2:]], axis=1)
+    shoulder = data.xpos[bodies[1]].copy()
+    return _Chain(shoulder, tcp.xmat.reshape(3, 3).T @ (last - tcp.xpos), float(links.sum()))

@@ -1,4 +1,4 @@
-"""The nominal FR3: the manufacturer's kinematics and inertias, which the controller and the wrench
+"""The nominal arm: the manufacturer's kinematics and inertias, which the controller and the wrench
 rely on."""
 
 from __future__ import annotations
@@ -10,23 +10,7 @@ import numpy as np
 from scipy.linalg.lapack import dposv
 
 from palpate.geometry.pose import Array, Pose
-from palpate.robots.kinematics import FR3
-from palpate.robots.robot import PAYLOAD, Limits
-from palpate.trace.recording import Hand
-
-ARM = tuple(f"fr3_joint{i}" for i in range(1, 8))
-FINGERS = ("finger_joint1", "finger_joint2")
-
-HAND = Hand(
-    tip_offset=0.009,
-    force_resolution=0.05,
-    force_repeatability=0.15,
-    torque_gain=0.01,
-    pose_repeatability=1e-4,
-)
-"""The tip is the end of the pad in fr3.xml. Force resolution 0.05 N, force repeatability 0.15 N and
-pose repeatability 0.1 mm: Franka Research 3 datasheet (R02212). Its relative force accuracy of 0.8
-N is about what 1 % of the joints' gravity torques comes to at the TCP."""
+from palpate.robots.description import RobotDescription
 
 REGULARISATION = 1e-9
 """Added to J J^T (m^2), far below its smallest eigenvalue in the workspace, so that a singular pose
@@ -35,46 +19,6 @@ stays finite."""
 
 SEARCH_STEPS, SEARCH_RATE, SEARCH_DAMPING, SEARCH_DONE = 60, 0.3, 1e-4, 1e-3
 """Of `NominalArm.reach`: most iterations, share of the way to the posture per step, m^2, rad."""
-
-
-def limits() -> Limits:
-    """Joint ranges, speeds and torques: Franka Research 3 datasheet (R02212), as in
-    franka_description."""
-    ranges = np.array(
-        [
-            [-2.9007, 2.9007],
-            [-1.8361, 1.8361],
-            [-2.9007, 2.9007],
-            [-3.077, -0.1169],
-            [-2.8763, 2.8763],
-            [0.4398, 4.6216],
-            [-3.0508, 3.0508],
-        ]
-    )
-    return Limits(
-        q_min=ranges[:, 0],
-        q_max=ranges[:, 1],
-        dq_max=np.array([2.62, 2.62, 2.62, 2.62, 5.26, 4.18, 5.26]),
-        tau_max=np.array([87.0, 87.0, 87.0, 87.0, 12.0, 12.0, 12.0]),
-        force_max=60.0,
-        torque_max=15.0,
-        speed_max=0.40,  # 0.25 m/s commanded, and what an impedance overshoots by
-        tracking_max=0.05,
-        payload=PAYLOAD,
-        opening=0.08,
-        workspace_min=np.array([-0.855, -0.855, -0.90]),
-        workspace_max=np.array([0.855, 0.855, 1.19]),
-        stale_after=0.1,
-    )
-
-
-def robot_spec(gravity: Array | None = None) -> mujoco.MjSpec:
-    """An editable copy of the robot, its options those of every world it is put in."""
-    spec = mujoco.MjSpec.from_file(str(FR3))
-    spec.option.timestep = 0.001
-    if gravity is not None:
-        spec.option.gravity = gravity
-    return spec
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -122,20 +66,20 @@ def _turn(start: Array, goal: Array) -> Array:
 class NominalArm:
     """The unperturbed robot alone, at its place in the world, fingers half open."""
 
-    def __init__(self, pose_world_base: Pose, gravity: Array) -> None:
-        spec = robot_spec(gravity)
+    def __init__(self, arm: RobotDescription, pose_world_base: Pose, gravity: Array) -> None:
+        spec = arm.spec(gravity)
         self._pose_world_base = pose_world_base
-        base = spec.body("fr3_link0")
+        base = spec.body(arm.base)
         base.pos, base.quat = pose_world_base.position, pose_world_base.quaternion
         for geom in list(spec.geoms):
             spec.delete(geom)
         self._model = spec.compile()
         self._data = mujoco.MjData(self._model)
-        self._tcp = self._model.site("tcp").id
+        self._tcp = self._model.site(arm.hand.tcp).id
         self._q, self._dq = self._data.qpos[:7], self._data.qvel[:7]
         self._position = self._data.site_xpos[self._tcp]
-        self._quaternion = self._data.xquat[self._model.body("hand").id]
-        self._data.qpos[7:] = 0.02
+        self._quaternion = self._data.xquat[self._model.body(arm.hand.body).id]
+        self._data.qpos[7:] = arm.hand.opening / 4
 
     def kinematics(self, q: Array) -> Kinematics:
         """At configurations `q` (n, 7)."""

@@ -6,46 +6,13 @@ polls `state.moving`. Time is the robot's own.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
-import numpy as np
-
 from palpate.geometry.pose import Array, Pose
+from palpate.robots.description import Limits
 from palpate.trace.recording import Hand
 from palpate.trace.samples import Samples
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Limits:
-    """What the arm may do. Sources are given where an instance is made.
-
-    Attributes:
-        q_min, q_max: (7,) joint range, rad. dq_max: (7,) rad/s. tau_max: (7,) N m.
-        force_max: N, largest external force at the TCP in any commanded interaction.
-        torque_max: N m, largest external torque at the TCP.
-        speed_max: m/s, TCP speed.
-        tracking_max: m, largest distance between commanded equilibrium and measured TCP.
-        payload: kg, heaviest object to lift.
-        opening: m, widest object the hand takes.
-        workspace_min, workspace_max: (3,) m, box around the arm's base that the TCP stays in.
-        stale_after: s, oldest sensor sample that may be acted upon.
-    """
-
-    q_min: Array
-    q_max: Array
-    dq_max: Array
-    tau_max: Array
-    force_max: float
-    torque_max: float
-    speed_max: float
-    tracking_max: float
-    payload: float
-    opening: float
-    workspace_min: Array
-    workspace_max: Array
-    stale_after: float
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -54,7 +21,8 @@ class RobotState:
 
     Attributes:
         t: robot time now, s. stamp: robot time of the newest sensor sample, s.
-        q, dq: (7,) rad, rad/s. tau_ext: (7,) N m.
+        q, dq: (7,) rad, rad/s.
+        tau: (7,) N m, measured behind the gears. tau_ext: (7,) N m, its part from outside.
         pose_world_tcp: measured TCP pose. target_world_tcp: commanded equilibrium pose.
         twist: (6,) TCP velocity, world axes.
         wrench: (6,) external wrench, the convention of `palpate.trace`.
@@ -67,6 +35,7 @@ class RobotState:
     stamp: float
     q: Array
     dq: Array
+    tau: Array
     tau_ext: Array
     pose_world_tcp: Pose
     target_world_tcp: Pose
@@ -137,10 +106,3 @@ class Robot(Protocol):
     def close(self) -> None:
         """Stop and let go of the connection. May be called twice."""
         ...
-
-
-HOME: Sequence[float] = (0.0, -np.pi / 4, 0.0, -3 * np.pi / 4, 0.0, np.pi / 2, np.pi / 4)
-"""The manufacturer's ready configuration, rad."""
-
-PAYLOAD = 3.0
-"""kg: Franka Research 3 datasheet."""

@@ -8,20 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from palpate.geometry.pose import Array, Pose
-from palpate.robots.robot import Limits, RobotState
+from palpate.robots.description import Limits
+from palpate.robots.robot import RobotState
 from palpate.trace.samples import STANDARD_GRAVITY
 
 JOINT_MARGIN = 0.01
 """rad: a joint this near to its end stop is a violation."""
-
-FREE_FORCE = 25.0
-"""N: more than this in free air is a collision. The inertia of a moving arm, which no sensor here
-compensates, reads up to 16 N at 0.25 m/s and 1 m/s^2; ISO/TS 15066 allows 65 N on the most
-sensitive part of the body, the face."""
-
-OVERLOAD = 14.0
-"""N above the payload's weight, for the inertia of load and arm: taking up 2.8 kg at 0.25 m/s reads
-up to 13 N."""
 
 ORIGIN = Pose.of((0.0, 0.0, 0.0))
 
@@ -42,11 +34,16 @@ class Expectation:
 
 
 def violation(
-    state: RobotState, limits: Limits, expected: Expectation, pose_world_base: Pose = ORIGIN
+    state: RobotState,
+    limits: Limits,
+    expected: Expectation,
+    pose_world_base: Pose = ORIGIN,
+    gravity: float = STANDARD_GRAVITY,
 ) -> str | None:
     """The first violated predicate, worded with its figures; None while the state is safe.
 
     Sensor data comes first: nothing else can be judged by values that are stale or not numbers.
+    `gravity` (m/s^2) is what a held object's mass is weighed with.
     """
     return (
         _not_finite(state)
@@ -54,16 +51,19 @@ def violation(
         or _joints(state, limits)
         or _workspace(state, limits, pose_world_base)
         or _tracking(state, limits)
-        or _forces(state, limits, expected)
+        or _torques(state, limits)
+        or _forces(state, limits, expected, gravity)
         or _slip(state, expected)
     )
 
 
-def unexplained_force(state: RobotState, limits: Limits, holding: bool) -> Array:
+def unexplained_force(
+    state: RobotState, limits: Limits, holding: bool, gravity: float = STANDARD_GRAVITY
+) -> Array:
     """(3,) N: the external force less what a held object up to the payload may weigh."""
     force = state.wrench[:3].copy()
     if holding:
-        force[2] -= min(max(force[2], 0.0), limits.payload * STANDARD_GRAVITY)
+        force[2] -= min(max(force[2], 0.0), limits.payload * gravity)
     return force
 
 
@@ -71,6 +71,7 @@ def _not_finite(state: RobotState) -> str | None:
     total = (
         state.q.sum()
         + state.dq.sum()
+        + state.tau.sum()
         + state.tau_ext.sum()
         + state.wrench.sum()
         + state.twist.sum()
@@ -82,7 +83,7 @@ def _not_finite(state: RobotState) -> str | None:
         return None
     bad = [
         name
-        for name in ("q", "dq", "tau_ext", "wrench", "twist")
+        for name in ("q", "dq", "tau", "tau_ext", "wrench", "twist")
         if not np.isfinite(getattr(state, name)).all()
     ]
     return f"sensor data is not finite: {', '.join(bad) or 'pose or width'}"
@@ -135,14 +136,23 @@ def _tracking(state: RobotState, limits: Limits) -> str | None:
     return None
 
 
-def _forces(state: RobotState, limits: Limits, expected: Expectation) -> str | None:
-    weight = limits.payload * STANDARD_GRAVITY
-    if expected.holding and state.wrench[2] > weight + OVERLOAD:
+def _torques(state: RobotState, limits: Limits) -> str | None:
+    size = np.abs(state.tau)
+    excess = size - limits.tau_max
+    if excess.max() <= 0:
+        return None
+    i = int(excess.argmax())
+    return f"joint {i + 1} bears {size[i]:.1f} N m, more than {limits.tau_max[i]:.0f} N m"
+
+
+def _forces(state: RobotState, limits: Limits, expected: Expectation, gravity: float) -> str | None:
+    weight = limits.payload * gravity
+    if expected.holding and state.wrench[2] > weight + limits.overload:
         return (
             f"the held object pulls with {state.wrench[2]:.1f} N, more than the payload of {limits.payload:g} kg "
             f"({weight:.1f} N)"
         )
-    force = unexplained_force(state, limits, expected.holding)
+    force = unexplained_force(state, limits, expected.holding, gravity)
     size, twisting = _norm(force), _norm(state.wrench[3:])
     if size > limits.force_max:
         return f"external force {size:.1f} N exceeds the limit of {limits.force_max:.0f} N"
@@ -150,8 +160,11 @@ def _forces(state: RobotState, limits: Limits, expected: Expectation) -> str | N
         return (
             f"external torque {twisting:.1f} N m exceeds the limit of {limits.torque_max:.0f} N m"
         )
-    if size > FREE_FORCE and not expected.contact:
-        return f"unexpected contact: {size:.1f} N {_vector(force)} where at most {FREE_FORCE:g} N is explained"
+    if size > limits.free_force and not expected.contact:
+        return (
+            f"unexpected contact: {size:.1f} N {_vector(force)} where at most "
+            f"{limits.free_force:g} N is explained"
+        )
     return None
 
 

@@ -11,7 +11,7 @@ the shapes are then fitted anew, while the arm is at work.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
@@ -19,12 +19,14 @@ import numpy as np
 from palpate.errors import InputError
 from palpate.geometry.pose import Array, Pose
 from palpate.mjcf.edits import number
+from palpate.robots.description import RobotDescription
+from palpate.robots.registry import load_description
 from palpate.scene.camera import Camera
 from palpate.scene.load import parse_scene
 from palpate.scene.poses import PoseEntry, Poses
 from palpate.scene.priors import APPROACH
 from palpate.scene.scene import Scene
-from palpate.scene.symbols import DEFAULT_OFFSETS, HOME, Symbols, vectors
+from palpate.scene.symbols import DEFAULT_OFFSETS, Symbols, vectors
 
 Shape = Literal["box", "cylinder", "sphere", "plane"]
 
@@ -83,6 +85,7 @@ class SceneBuilder:
     saw."""
 
     poses: Poses
+    arm: RobotDescription = field(default_factory=load_description)
 
     @property
     def camera(self) -> Camera:
@@ -111,7 +114,7 @@ class SceneBuilder:
             poses=poses | {name: entry.tool_pose() for name, entry in self.poses.places.items()},
             subjects={f"{name}_pose": name for name in self.poses.objects},
             own_offsets=own,
-            configurations={"home_config": np.array(HOME)}
+            configurations={"home_config": self.arm.home}
             | {n: np.array(q) for n, q in self.poses.joints.items()},
             offsets={name: np.array(v) for name, v in DEFAULT_OFFSETS.items()} | vectors(common),
         )
@@ -147,9 +150,8 @@ class DetectedScene:
             )
             for p in planes
         ]
-        scene = parse_scene(
-            _mjcf(slabs, fitted, self.template.poses), poses=self._poses(slabs, levels)
-        )
+        text = _mjcf(slabs, fitted, self.template.poses)
+        scene = parse_scene(text, poses=self._poses(slabs, levels), arm=self.template.arm)
 
         def refit(name: str, height: float) -> Scene:
             return self.scene({**felt, name: height})

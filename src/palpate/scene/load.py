@@ -14,11 +14,12 @@ from palpate.mjcf.document import Document, parse_document, read_text
 from palpate.scene.scene import Scene
 
 if TYPE_CHECKING:
+    from palpate.robots.description import RobotDescription
     from palpate.scene.poses import Poses
 
 
-def load_scene(path: Path, poses: Path | None = None) -> Scene:
-    """Read an MJCF file, and optionally `poses.yaml`.
+def load_scene(path: Path, poses: Path | None = None, arm: RobotDescription | None = None) -> Scene:
+    """Read an MJCF file, and optionally `poses.yaml`; `arm` is what touches it, None the default.
 
     Raises:
         InputError: malformed XML, entities, missing or escaping files, names that do not match.
@@ -28,10 +29,16 @@ def load_scene(path: Path, poses: Path | None = None) -> Scene:
     path = Path(path)
     text = read_text(path)
     document = parse_document(text, path.resolve().parent, str(path))
-    return _scene(document, path, read_poses(Path(poses)) if poses is not None else None)
+    entries = read_poses(Path(poses)) if poses is not None else None
+    return _scene(document, path, entries, arm)
 
 
-def parse_scene(text: str, folder: Path | None = None, poses: str | Poses | None = None) -> Scene:
+def parse_scene(
+    text: str,
+    folder: Path | None = None,
+    poses: str | Poses | None = None,
+    arm: RobotDescription | None = None,
+) -> Scene:
     """As `load_scene`, from text; `folder` is where relative file names start, `poses` YAML or read
     already.
 
@@ -40,18 +47,18 @@ def parse_scene(text: str, folder: Path | None = None, poses: str | Poses | None
     """
     from palpate.scene.poses import parse_poses
 
-    return _scene(
-        parse_document(text, folder), None, parse_poses(poses) if isinstance(poses, str) else poses
-    )
+    entries = parse_poses(poses) if isinstance(poses, str) else poses
+    return _scene(parse_document(text, folder), None, entries, arm)
 
 
 def scene_from_text(text: str, like: Scene) -> Scene:
-    """Another version of a scene's MJCF (its twin), with the same folder and the same poses.
+    """Another version of a scene's MJCF (its twin), with the same folder, poses and arm.
 
     Raises:
         InputError: as `load_scene`.
     """
-    return _scene(parse_document(text, like.source.document.folder), like.path, like.source.poses)
+    document = parse_document(text, like.source.document.folder)
+    return _scene(document, like.path, like.source.poses, like.arm)
 
 
 def rearranged(scene: Scene, poses: Mapping[str, Pose]) -> Scene:
@@ -67,12 +74,17 @@ def rearranged(scene: Scene, poses: Mapping[str, Pose]) -> Scene:
     }
     known = scene.source.poses
     document = parse_document(scene.text, scene.source.document.folder)
-    return _scene(
-        document, scene.path, known.model_copy(update={"objects": {**known.objects, **now}})
-    )
+    entries = known.model_copy(update={"objects": {**known.objects, **now}})
+    return _scene(document, scene.path, entries, scene.arm)
 
 
-def _scene(document: Document, path: Path | None, poses: Poses | None) -> Scene:
+def _scene(
+    document: Document,
+    path: Path | None,
+    poses: Poses | None,
+    arm: RobotDescription | None,
+) -> Scene:
+    from palpate.robots.registry import load_description
     from palpate.scene.named_poses import derive_symbols
     from palpate.scene.poses import Poses
     from palpate.scene.resolve import resolve
@@ -80,11 +92,13 @@ def _scene(document: Document, path: Path | None, poses: Poses | None) -> Scene:
     resolved = resolve(document, poses or Poses())
     bodies = {body.name: body for body in resolved.bodies()}
     base = resolved.shapes.base()
+    arm = arm or load_description()
     return Scene(
         text=document.text,
         path=path,
         bodies=MappingProxyType(bodies),
-        symbols=derive_symbols(resolved, bodies, base),
+        symbols=derive_symbols(resolved, bodies, base, arm),
+        arm=arm,
         pose_world_base=base,
         gravity=float(np.linalg.norm(resolved.shapes.model.opt.gravity)),
         priors=MappingProxyType(resolved.priors),

@@ -12,12 +12,13 @@ from palpate.geometry.outline import Convex, Obstacle, above, rectangle, rim
 from palpate.geometry.pose import Array, Pose
 from palpate.mjcf.body import Body
 from palpate.mjcf.shapes import RESTING
-from palpate.robots.grasp import HAND, PAD, Grasp, derive_grasp
+from palpate.robots.description import RobotDescription
+from palpate.robots.grasp import Grasp, derive_grasp
 from palpate.scene.places import approach_pose, free_spot
 from palpate.scene.poses import Offset, Poses
 from palpate.scene.priors import APPROACH
 from palpate.scene.resolve import ResolvedScene
-from palpate.scene.symbols import DEFAULT_OFFSETS, HOME, Symbols, vectors
+from palpate.scene.symbols import DEFAULT_OFFSETS, Symbols, vectors
 
 LIFT = (0.10, 0.35)
 """m: bounds of a derived `z_offset`."""
@@ -49,9 +50,16 @@ class Geometry:
     solids: Sequence[tuple[str, Obstacle]]
     bodies: Mapping[str, Body]
     base: Pose
+    arm: RobotDescription
 
     @classmethod
-    def of(cls, resolved: ResolvedScene, bodies: Mapping[str, Body], base: Pose) -> Geometry:
+    def of(
+        cls,
+        resolved: ResolvedScene,
+        bodies: Mapping[str, Body],
+        base: Pose,
+        arm: RobotDescription,
+    ) -> Geometry:
         """From the compiled scene."""
         shapes, found = resolved.shapes, resolved.source.found
         objects = {n: [shapes.convex(g) for g in found.objects[n].colliding] for n in found.objects}
@@ -74,6 +82,7 @@ class Geometry:
             solids,
             bodies,
             base,
+            arm,
         )
 
     def others(self, *names: str) -> list[Obstacle]:
@@ -107,9 +116,11 @@ def _middle(cloud: Array) -> tuple[float, float]:
     return float(x), float(y)
 
 
-def derive_symbols(resolved: ResolvedScene, bodies: Mapping[str, Body], base: Pose) -> Symbols:
+def derive_symbols(
+    resolved: ResolvedScene, bodies: Mapping[str, Body], base: Pose, arm: RobotDescription
+) -> Symbols:
     """All names of the scene: those of poses.yaml, and what geometry implies for the rest."""
-    geometry = Geometry.of(resolved, bodies, base)
+    geometry = Geometry.of(resolved, bodies, base, arm)
     entries = resolved.source.poses
     grasps = {name: _grasp(geometry, name) for name in geometry.objects}
     poses = _poses(geometry, grasps, entries)
@@ -126,7 +137,7 @@ def derive_symbols(resolved: ResolvedScene, bodies: Mapping[str, Body], base: Po
         poses=poses,
         subjects={n: s for n, s in subjects.items() if n in poses or n in later},
         later=later,
-        configurations={"home_config": np.array(HOME)}
+        configurations={"home_config": geometry.arm.home}
         | {n: np.array(q) for n, q in entries.joints.items()},
         offsets={n: np.array(v) for n, v in DEFAULT_OFFSETS.items()} | common,
         own_offsets={n: offsets | common | special.get(n, {}) for n, offsets in own.items()},
@@ -166,9 +177,8 @@ def free_place(geometry: Geometry, name: str, pose_world_tcp: Pose) -> Pose | No
         return None
     cloud = geometry.clouds[name]
     here = np.array(_middle(cloud))
-    hand = rectangle(
-        pose_world_tcp.position[:2], pose_world_tcp.rotation[:2, 0], HAND[0], HAND[1] / 2
-    )
+    x, y = geometry.arm.hand.half_extents
+    hand = rectangle(pose_world_tcp.position[:2], pose_world_tcp.rotation[:2, 0], x, y / 2)
     shape = rim(np.concatenate([cloud[:, :2], hand])) - here
     footing = np.array([cloud.min(axis=0)[:2], cloud.max(axis=0)[:2]]) - here
     stacked = float(cloud[:, 2].min() - geometry.tops[support][:, 2].max())
@@ -176,7 +186,14 @@ def free_place(geometry: Geometry, name: str, pose_world_tcp: Pose) -> Pose | No
     bottom = float(cloud[:, 2].min()) - drop
     obstacles = above([*geometry.others(name, support), Obstacle.of(cloud)], bottom + 0.002)
     found = free_spot(
-        shape, footing, geometry.tops[support], obstacles, here, bottom, geometry.base
+        geometry.arm.reach,
+        shape,
+        footing,
+        geometry.tops[support],
+        obstacles,
+        here,
+        bottom,
+        geometry.base,
     )
     return None if found is None else pose_world_tcp.translated((*(found[0] - here), -drop))
 
@@ -192,23 +209,29 @@ def _grasp(geometry: Geometry, name: str) -> Grasp:
     yaw = float(np.arctan2(rotation[1, level], rotation[0, level]))
     support = geometry.support(name)
     names = (name,) if support is None else (name, support)
-    found = derive_grasp(geometry.objects[name], geometry.others(*names), yaw, geometry.base)
+    hand = geometry.arm.hand
+    found = derive_grasp(hand, geometry.objects[name], geometry.others(*names), yaw, geometry.base)
     if not found.problem:
         return found
     cleared = geometry.others(*names, *geometry.objects)
-    return derive_grasp(geometry.objects[name], cleared, yaw, geometry.base)
+    return derive_grasp(hand, geometry.objects[name], cleared, yaw, geometry.base)
 
 
 def _approach(geometry: Geometry, name: str) -> Pose | None:
     return approach_pose(
-        geometry.tops[name], geometry.others(name), geometry.on(name), APPROACH, geometry.base
+        geometry.arm,
+        geometry.tops[name],
+        geometry.others(name),
+        geometry.on(name),
+        APPROACH,
+        geometry.base,
     )
 
 
 def _own_offsets(geometry: Geometry, name: str, grasp: Grasp, pose: Pose) -> dict[str, Array]:
     """Along x half of what the grasp may shift; along y a quarter of the width; along z a clear
     lift."""
-    x = max((grasp.slack - PAD) / 2, 0.005)
+    x = max((grasp.slack - geometry.arm.hand.pad) / 2, 0.005)
     y = max(grasp.width / 4, 0.005)
     return {
         "x_offset": np.array([x, 0, 0]),

@@ -9,25 +9,11 @@ from numpy.typing import NDArray
 
 from palpate.geometry.outline import Obstacle, above, clearance, rectangle
 from palpate.geometry.pose import Array, Pose
-from palpate.robots.grasp import HAND
+from palpate.robots.description import RobotDescription
+from palpate.robots.sheet import Reach
 
 MARGINS = (0.06, 0.04, 0.02, 0.005)
 """m between the hand and the nearest object; the largest that leaves a spot is used."""
-
-REACH = (0.30, 0.75)
-"""m: horizontal distances from the base at which the arm works well with the tool down (FR3)."""
-
-SHOULDER = 0.333
-"""m: height of the shoulder above the base (FR3)."""
-
-FLANGE = 0.21
-"""m: from the TCP up to the wrist's centre, tool down (FR3 with its hand)."""
-
-ARM = 0.78
-"""m: farthest the wrist's centre gets from the shoulder in practice."""
-
-SWEET = 0.5
-"""m: distance from the base that is preferred."""
 
 STEP = 0.02
 """m: spacing of the grid of candidate spots."""
@@ -39,17 +25,20 @@ TOUCHING = 0.012
 """m: half extent of the closed fingertips, which must land on the surface."""
 
 
-def reachable(spots: Array, z: float, base: Pose) -> NDArray[np.bool_]:
+def reachable(reach: Reach, spots: Array, z: float, base: Pose) -> NDArray[np.bool_]:
     """(n,) bool: whether the TCP, tool down, gets to each of `spots` (n, 2) at height `z`; a quick
     estimate."""
     local = (np.column_stack([spots, np.full(len(spots), z)]) - base.position) @ base.rotation
     flat = np.hypot(local[:, 0], local[:, 1])
     azimuth = np.abs(np.arctan2(local[:, 1], local[:, 0]))
-    wrist = np.hypot(flat, local[:, 2] + FLANGE - SHOULDER)
-    return (flat >= REACH[0]) & (flat <= REACH[1]) & (azimuth <= np.deg2rad(100)) & (wrist <= ARM)
+    # From the shoulder to the wrist's centre, which is above the TCP.
+    stretched = np.hypot(flat, local[:, 2] + reach.wrist - reach.shoulder)
+    ahead = (flat >= reach.nearest) & (flat <= reach.farthest) & (azimuth <= np.deg2rad(100))
+    return ahead & (stretched <= reach.stretched)
 
 
 def free_spot(
+    reach: Reach,
     shape: Array,
     footing: Array,
     top: Array,
@@ -66,14 +55,14 @@ def free_spot(
     there is none in reach.
     """
     spots = _grid(footing, top, near)
-    spots = spots[reachable(spots, z, base)]
+    spots = spots[reachable(reach, spots, z, base)]
     room = clearance(shape, spots, obstacles)
     margin = next((m for m in MARGINS if (room >= m).any()), None)
     if margin is None:
         return None
     inside = np.minimum(spots - top.min(axis=0)[:2], top.max(axis=0)[:2] - spots).min(axis=1)
     cost = np.linalg.norm(spots - near, axis=1) + np.where(inside < 0.05, 0.3, 0.0)
-    cost += 0.3 * np.abs(np.linalg.norm(spots - base.position[:2], axis=1) - SWEET)
+    cost += 0.3 * np.abs(np.linalg.norm(spots - base.position[:2], axis=1) - reach.preferred)
     return spots[int(np.argmin(np.where(room >= margin, cost, np.inf)))], margin
 
 
@@ -88,7 +77,12 @@ def _grid(footing: Array, top: Array, near: Array) -> Array:
 
 
 def approach_pose(
-    top: Array, others: Sequence[Obstacle], objects: Sequence[Array], clear: float, base: Pose
+    arm: RobotDescription,
+    top: Array,
+    others: Sequence[Obstacle],
+    objects: Sequence[Array],
+    clear: float,
+    base: Pose,
 ) -> Pose | None:
     """TCP pose `clear` m above a free spot of the surface with points `top`, near its `objects`
     ((n, 3) each).
@@ -97,24 +91,24 @@ def approach_pose(
     """
     height = float(top[:, 2].max())
     obstacles = above(others, height + 0.002)
-    near = _middle(top, objects, base)
+    near = _middle(arm.reach, top, objects, base)
     turn = float(np.arctan2(base.rotation[1, 0], base.rotation[0, 0]))
     tips = rectangle(np.zeros(2), np.array([1.0, 0.0]), TOUCHING, TOUCHING)
     found: list[tuple[float, Pose]] = []
     for yaw in (turn, turn + np.pi / 2):
         along = np.array([np.cos(yaw), np.sin(yaw)])
-        hand = rectangle(np.zeros(2), along, *HAND)
-        spot = free_spot(hand, tips, top, obstacles, near, height, base)
+        hand = rectangle(np.zeros(2), along, *arm.hand.half_extents)
+        spot = free_spot(arm.reach, hand, tips, top, obstacles, near, height, base)
         if spot is not None:
             found.append((spot[1], Pose.top_down((*spot[0], height + clear), yaw)))
     return max(found, key=lambda f: f[0])[1] if found else None
 
 
-def _middle(top: Array, objects: Sequence[Array], base: Pose) -> Array:
+def _middle(reach: Reach, top: Array, objects: Sequence[Array], base: Pose) -> Array:
     """Where to look first: amid the objects on the surface, else its middle or what of it is in
     front of the arm."""
     if objects:
         return np.mean([(o.max(axis=0) + o.min(axis=0))[:2] / 2 for o in objects], axis=0)
-    ahead = base.position[:2] + SWEET * base.rotation[:2, 0]
+    ahead = base.position[:2] + reach.preferred * base.rotation[:2, 0]
     low, high = top.min(axis=0)[:2], top.max(axis=0)[:2]
     return np.clip(ahead, low, high) if (high - low).max() > 1.0 else (low + high) / 2

@@ -16,6 +16,7 @@ from palpate.quantities.quantity import QUANTITIES
 if TYPE_CHECKING:
     import mujoco
 
+    from palpate.robots.description import RobotDescription
     from palpate.scene.resolve import Source
     from palpate.scene.symbols import Symbols
 
@@ -29,6 +30,7 @@ class Scene:
         path: the file it came from, None when built from text.
         bodies: objects and surfaces by name, in document order.
         symbols: names a plan may use: poses, places, joint configurations, offsets.
+        arm: what touches it; grasps, reach and `home_config` depend on it.
         pose_world_base: where the arm stands (site `robot_base`, else where the scene's own robot
             stands, else the origin).
         gravity: m/s^2, magnitude.
@@ -42,6 +44,7 @@ class Scene:
     path: Path | None
     bodies: Mapping[str, Body]
     symbols: Symbols
+    arm: RobotDescription
     pose_world_base: Pose
     gravity: float
     priors: Mapping[Parameter, tuple[float, ...]]

@@ -6,7 +6,7 @@ Names come from the scene and `poses.yaml`; what is absent there is derived from
 - `<object>_pose`: TCP pose of a top-down grasp; `<object>_temporary`: TCP pose at which the held
   object, grasped there, stands on a free spot of its surface.
 - `<surface>_approach`: TCP pose above a free spot of the surface.
-- `home_config`: joint configuration.
+- `home_config`: joint configuration, the arm's own unless poses.yaml names another.
 - `x_offset`, `y_offset`: along the tool's x and y at the base pose, horizontal, scaled to the
   object so that twice the offset is still on it where it can be; `z_offset`: along world z, high
   enough that the object clears its neighbours.
@@ -27,9 +27,6 @@ from palpate.geometry.pose import Array, Pose
 
 MAX_EXPRESSION = 200
 """Characters of a pose expression."""
-
-HOME = (0.0, -np.pi / 4, 0.0, -3 * np.pi / 4, 0.0, np.pi / 2, np.pi / 4)
-"""rad: `home_config` unless poses.yaml names another; the manufacturer's ready configuration."""
 
 DEFAULT_OFFSETS: Mapping[str, tuple[float, float, float]] = {
     "x_offset": (0.05, 0.0, 0.0),

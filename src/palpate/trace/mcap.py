@@ -49,8 +49,6 @@ MAX_BYTES = 1 << 30
 MAX_RECORD = 64 << 20
 """A record that claims more bytes is damaged; chunks are cut at 1 MiB."""
 
-JOINTS = [f"fr3_joint{i}" for i in range(1, 8)]
-FINGERS = ["fr3_finger_joint1", "fr3_finger_joint2"]
 WORLD, TCP, TCP_WORLD_AXES = "world", "tcp", "tcp_world_axes"
 
 
@@ -85,7 +83,7 @@ def write_mcap(path: Path, trace: Trace) -> None:
             {"version": __version__, "trace": TypeAdapter(_Record).dump_json(record).decode()},
         )
         schemas: dict[str, Any] = {}
-        for message in heapq.merge(_samples(trace.samples), _events(trace), key=lambda m: m.t):
+        for message in heapq.merge(_samples(trace), _events(trace), key=lambda m: m.t):
             if message.datatype not in schemas:
                 package, name = message.datatype.split("/")
                 schemas[message.datatype] = writer.register_msgdef(
@@ -139,8 +137,10 @@ def _first_line(error: Exception) -> str:
     return (str(error).splitlines() or [type(error).__name__])[0]
 
 
-def _samples(samples: Samples) -> Iterator[_Message]:
+def _samples(trace: Trace) -> Iterator[_Message]:
     """Nine messages per sample, in order of time."""
+    samples = trace.samples
+    joints, fingers = list(trace.hand.joints), list(trace.hand.fingers)
     rows = [
         samples.t,
         samples.q,
@@ -165,19 +165,19 @@ def _samples(samples: Samples) -> Iterator[_Message]:
             t,
             "/joint_states",
             "sensor_msgs/JointState",
-            _joints(world, JOINTS, position=q, velocity=dq),
+            _joints(world, joints, position=q, velocity=dq),
         )
         yield _Message(
             t,
             "/gripper/joint_states",
             "sensor_msgs/JointState",
-            _joints(world, FINGERS, position=[width / 2, width / 2]),
+            _joints(world, fingers, position=[width / 2, width / 2]),
         )
         yield _Message(
             t,
             "/external_joint_torques",
             "sensor_msgs/JointState",
-            _joints(world, JOINTS, effort=tau),
+            _joints(world, joints, effort=tau),
         )
         yield _Message(
             t,

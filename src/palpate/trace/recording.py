@@ -74,17 +74,18 @@ class LeafRun:
 
 @dataclass(frozen=True, slots=True)
 class Hand:
-    """Geometry and datasheet accuracy of the nominal arm and hand, which estimators rely on.
+    """What estimators, plots and files need of the nominal arm: geometry, datasheet accuracy, names.
 
     Attributes:
         tip_offset: distance from the TCP to the end of the fingertips along the tool axis, m.
-        force_resolution: N. force_repeatability: N, per approach. torque_gain: relative, half
-            width.
+        force_repeatability: N, per approach. torque_gain: relative, half width.
         pose_repeatability: m.
+        joints, fingers: their names, as logged.
     """
 
     tip_offset: float
-    force_resolution: float
     force_repeatability: float
     torque_gain: float
     pose_repeatability: float
+    joints: tuple[str, ...] = tuple(f"joint{i}" for i in range(1, 8))
+    fingers: tuple[str, str] = ("finger_joint1", "finger_joint2")

@@ -125,6 +125,7 @@ class Primitive(BaseModel):
             blackboard.robot.limits,
             self.expectation(blackboard.state),
             blackboard.scene.pose_world_base,
+            blackboard.robot.gravity,
         )
 
     def run(self, blackboard: Blackboard) -> Steps:

@@ -127,7 +127,7 @@ class MovePose(Primitive):
             target = self.target(state)
         except InputError as error:
             return [str(error)]
-        if not reachable(target, state.scene.pose_world_base):
+        if not reachable(state.scene.arm, target, state.scene.pose_world_base):
             x, y, z = target.position
             return [
                 f"'{self.pose}' at ({x:.3f}, {y:.3f}, {z:.3f}) m is out of the arm's reach; choose a named pose "
@@ -249,7 +249,7 @@ class MoveJoints(Primitive):
             target = self.target(state)
         except InputError as error:
             return [str(error)]
-        if not within_joint_limits(target):
+        if not within_joint_limits(state.scene.arm, target):
             return [
                 f"joint angles {np.round(target, 3).tolist()} rad are beyond the arm's limits; "
                 "use 'home_config'"

@@ -9,12 +9,13 @@ import numpy as np
 import pytest
 
 from palpate.geometry.pose import Pose
-from palpate.robots.nominal import NominalArm, robot_spec, wrench
-from palpate.robots.robot import HOME
+from palpate.robots.nominal import NominalArm, wrench
+from palpate.robots.registry import load_description
 from palpate.robots.simulated.noise import Imperfections, Sensors, imperfections, perturb_links
 
 PERIOD, BLOCK = 0.005, 5
-NONE = imperfections("none")
+ARM = load_description()
+NONE = imperfections("none", ARM)
 STILL = np.zeros((4, 7))
 
 
@@ -25,8 +26,8 @@ def sensors(kinds: Imperfections, seed: int = 0) -> Sensors:
 @pytest.fixture(scope="module")
 def jacobian() -> np.ndarray:
     return (
-        NominalArm(Pose.of([0, 0, 0]), np.array([0, 0, -9.81]))
-        .kinematics(np.array(HOME)[None])
+        NominalArm(ARM, Pose.of([0, 0, 0]), np.array([0, 0, -9.81]))
+        .kinematics(ARM.home[None])
         .jacobian[0]
     )
 
@@ -38,7 +39,7 @@ def test_none_is_perfect(jacobian: np.ndarray) -> None:
 
 
 def test_white_noise_is_that_of_a_mean_of_five_samples(jacobian: np.ndarray) -> None:
-    kinds = Imperfections(torque_noise=imperfections("lab").torque_noise, friction=np.zeros(7))
+    kinds = Imperfections(torque_noise=imperfections("lab", ARM).torque_noise, friction=np.zeros(7))
     measured = sensors(kinds).measure(np.zeros((4000, 7)), np.zeros((4000, 7)), jacobian)
     assert measured.std(0) == pytest.approx(kinds.torque_noise / np.sqrt(5), rel=0.06)
 
@@ -109,22 +110,22 @@ def test_zeroing_takes_out_what_the_gain_does_at_that_torque(jacobian: np.ndarra
 
 
 def test_same_seed_same_signal(jacobian: np.ndarray) -> None:
-    kinds = imperfections("datasheet")
+    kinds = imperfections("datasheet", ARM)
     signal = [sensors(kinds, seed=5).measure(STILL, STILL + 0.1, jacobian) for _ in range(2)]
     assert (signal[0] == signal[1]).all()
 
 
 @pytest.mark.parametrize("noise", ["none", "datasheet"])
 def test_native_compensation_holds_the_nominal_weight_whatever_the_true_one(noise: str) -> None:
-    robot = robot_spec()
-    kinds = imperfections(noise)  # type: ignore[arg-type]
-    perturb_links(robot, kinds, np.random.default_rng(1))
+    robot = ARM.spec()
+    kinds = imperfections(noise, ARM)  # type: ignore[arg-type]
+    perturb_links(robot, ARM.links, kinds, np.random.default_rng(1))
     model = robot.compile()
     data = mujoco.MjData(model)
-    data.qpos[:7] = HOME
+    data.qpos[:7] = ARM.home
     mujoco.mj_forward(model, data)
-    nominal = NominalArm(Pose.of([0, 0, 0]), np.array([0, 0, -9.81])).kinematics(
-        np.array(HOME)[None]
+    nominal = NominalArm(ARM, Pose.of([0, 0, 0]), np.array([0, 0, -9.81])).kinematics(
+        ARM.home[None]
     )
     assert data.qfrc_gravcomp[:7] == pytest.approx(nominal.gravity_torque[0], abs=1e-9)
     error = np.abs(data.qfrc_bias[:7] - nominal.gravity_torque[0]).max()

@@ -8,11 +8,13 @@ import pytest
 
 from palpate.errors import InputError
 from palpate.geometry.pose import Pose
-from palpate.robots.robot import HOME
+from palpate.robots.registry import load_description
 from palpate.robots.simulated.robot import MujocoRobot
 from palpate.trace.samples import Samples
 
 TABLE = 0.4
+ARM = load_description()
+HOME = ARM.home
 BASE = Pose.of([0.0, 0.0, TABLE])
 ABOVE = Pose.top_down([0.5, 0.1, TABLE + 0.25], 0.0)
 AT = Pose.top_down([0.5, 0.1, TABLE + 0.09], 0.0)
@@ -35,6 +37,7 @@ def robot(**options: object) -> MujocoRobot:
     return MujocoRobot(
         world(**{k: v for k, v in options.items() if k in ("mass", "extra")}),
         BASE,  # type: ignore
+        ARM,
         **{k: v for k, v in options.items() if k in ("noise", "seed")},
     )  # type: ignore
 
@@ -171,7 +174,7 @@ def test_closing_on_nothing_does_not_grip() -> None:
     arrive(arm)
     assert not arm.state.gripping
     assert 0.0 <= arm.state.width < 0.002
-    fingers = [arm.world.data().joint(f"robot/finger_joint{i}").qpos[0] for i in (1, 2)]
+    fingers = [arm.world.data().joint(f"robot/fr3_finger_joint{i}").qpos[0] for i in (1, 2)]
     assert min(fingers) > -3e-4
 
 
@@ -246,7 +249,7 @@ def test_a_world_that_holds_another_robot_of_the_name_is_refused() -> None:
     spec = world()
     spec.worldbody.add_body(name="robot/hand")
     with pytest.raises(InputError, match="does not compile"):
-        MujocoRobot(spec, BASE)
+        MujocoRobot(spec, BASE, ARM)
 
 
 def test_asking_for_the_truth_of_an_unknown_body_lists_those_there_are() -> None:

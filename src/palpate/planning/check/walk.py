@@ -15,7 +15,6 @@ from palpate.parameter import Parameter
 from palpate.planning.nodes import during, leaves, primitive_of
 from palpate.planning.plan import Node
 from palpate.quantities.evidence import DERIVED, piece
-from palpate.robots.robot import PAYLOAD
 from palpate.scene.scene import Scene
 from palpate.trace.recording import Context
 from palpate.vocabulary.admissible.clearance import TOUCH, motion_to, straddled
@@ -349,13 +348,14 @@ class Walk:
     def _grasps(self, path: str, name: str) -> None:
         self.grasped.append((path, name))
         mass = self.scene.body(name).known.get("mass", (0.0,))[0]
-        if mass > PAYLOAD:
+        payload = self.scene.arm.limits.payload
+        if mass > payload:
             self.findings.append(
                 Finding(
                     path,
                     "payload",
                     f"'{name}' weighs {mass:g} kg, more than the payload of "
-                    f"{PAYLOAD:g} kg; it cannot be lifted",
+                    f"{payload:g} kg; it cannot be lifted",
                 )
             )
 
@@ -383,4 +383,4 @@ class Walk:
     def _arm_reaches(self, pose: Pose) -> bool:
         from palpate.robots.kinematics import reachable
 
-        return reachable(pose, self.scene.pose_world_base)
+        return reachable(self.scene.arm, pose, self.scene.pose_world_base)

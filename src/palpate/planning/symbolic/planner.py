@@ -22,7 +22,6 @@ from palpate.planning.symbolic.search import Backchainer
 from palpate.quantities.evidence import DERIVED
 from palpate.quantities.quantity import QUANTITIES
 from palpate.robots.kinematics import reachable
-from palpate.robots.robot import PAYLOAD
 from palpate.scene.scene import Scene
 from palpate.vocabulary.registry import vocabulary
 
@@ -158,12 +157,13 @@ def _obstacle(scene: Scene, name: str) -> str:
         pose = scene.symbols.resolve(symbol)
     except InputError:
         return f"there is no free spot within reach on '{name}' to touch it; give '{symbol}' in poses.yaml"
-    if not reachable(pose, scene.pose_world_base):
+    if not reachable(scene.arm, pose, scene.pose_world_base):
         x, y, z = pose.position
         return f"'{name}' at ({x:.2f}, {y:.2f}, {z:.2f}) m is out of the arm's reach"
     mass = scene.bodies[name].known.get("mass", (0.0,))[0]
-    if mass > PAYLOAD:
-        return f"'{name}' weighs {mass:g} kg, more than the payload of {PAYLOAD:g} kg"
+    payload = scene.arm.limits.payload
+    if mass > payload:
+        return f"'{name}' weighs {mass:g} kg, more than the payload of {payload:g} kg"
     return ""
 
 

@@ -4,19 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import mujoco
 import numpy as np
 
 from palpate.geometry.pose import Array
+from palpate.robots.sheet import ParallelHand
 
-OPEN = 0.04
-"""m: each finger's way from the middle when open."""
-CLOSED = -0.006
-"""m: beyond touching, so that the drive saturates at its grasp force on thin objects too."""
-SPEED = 0.05
-"""m/s per finger: Franka Hand manual, travel speed 50 mm/s."""
-SATURATION = 0.004
-"""m: how far the set-point must lead for the grasp force of 40 N per finger (fr3.xml: 80 N over 20
-kN/m)."""
+DRIVE = "fingers"
+STIFFNESS, DAMPING = 20_000.0, 300.0
+"""N/m, N s/m: the drive's servo, of both fingers together; stiff, so that the fingers do not give
+under a load, and damped well above its own oscillation."""
 STANDSTILL = 0.001
 """m/s: fingers slower than this stand still."""
 STANDING = 0.1
@@ -25,35 +22,62 @@ NOTHING = 0.002
 """m: an opening below this is an empty hand."""
 
 
+def add_drive(robot: mujoco.MjSpec, hand: ParallelHand) -> None:
+    """Make the two fingers one mechanism: mirrored, with one drive that pushes each with half its
+    force.
+
+    Its control is each finger's distance from the middle, m.
+    """
+    tendon = robot.add_tendon(name=DRIVE)
+    for finger in hand.fingers:
+        tendon.wrap_joint(finger, 0.5)
+    mirrored = robot.add_equality(
+        type=mujoco.mjtEq.mjEQ_JOINT, name1=hand.fingers[0], name2=hand.fingers[1]
+    )
+    mirrored.data[:5] = (0.0, 1.0, 0.0, 0.0, 0.0)
+    mirrored.solref[:2], mirrored.solimp[:3] = (0.004, 1.0), (0.98, 0.999, 0.0005)
+    drive = robot.add_actuator(
+        name=DRIVE,
+        trntype=mujoco.mjtTrn.mjTRN_TENDON,
+        target=DRIVE,
+        ctrlrange=(-0.01, hand.opening / 2),
+        forcerange=(-hand.force, hand.force),
+    )
+    drive.set_to_position(kp=STIFFNESS, kv=DAMPING)
+
+
 class Gripper:
     """Set-points for the fingers, and their state. Times are robot time, s."""
 
-    def __init__(self) -> None:
-        self.width = 2 * OPEN
+    def __init__(self, hand: ParallelHand) -> None:
+        self._open, self._closed, self._speed = hand.opening / 2, -hand.overclose, hand.speed
+        self._saturation = hand.force / STIFFNESS
+        """m: how far the set-point must lead for the full grasp force."""
+        self.width = 2 * self._open
         """m between the fingers."""
         self.moving = False
         """A command is under way."""
-        self._goal = self._from = OPEN
+        self._goal = self._from = self._open
         self._since = self._last_moved = 0.0
 
     @property
     def gripping(self) -> bool:
         """Closed, and stopped on something."""
-        return self._goal == CLOSED and not self.moving and self.width > NOTHING
+        return self._goal == self._closed and not self.moving and self.width > NOTHING
 
     def open(self, t: float) -> None:
         """Start opening fully."""
-        self._start(t, OPEN)
+        self._start(t, self._open)
 
     def close(self, t: float) -> None:
         """Start closing until something resists."""
-        self._start(t, CLOSED)
+        self._start(t, self._closed)
 
     def setpoints(self, t: Array) -> Array | float:
         """Each finger's commanded way from the middle at times `t` (n,), m."""
-        if t[0] - self._since > abs(self._goal - self._from) / SPEED:
+        if t[0] - self._since > abs(self._goal - self._from) / self._speed:
             return self._goal
-        way = SPEED * (t - self._since)
+        way = self._speed * (t - self._since)
         if self._goal > self._from:
             return np.minimum(self._from + way, self._goal)
         return np.maximum(self._from - way, self._goal)
@@ -73,12 +97,11 @@ class Gripper:
     def _pressed(self, t: float) -> bool:
         """The set-point has arrived, or leads by enough for the full force."""
         commanded = float(np.asarray(self.setpoints(np.array([t]))).flat[0])
-        return commanded == self._goal or commanded < self.width / 2 - SATURATION
+        return commanded == self._goal or commanded < self.width / 2 - self._saturation
 
     def _start(self, t: float, goal: float) -> None:
         commanded = float(np.asarray(self.setpoints(np.array([t]))).flat[0])
-        self._from = float(
-            np.clip(commanded, self.width / 2 - SATURATION, self.width / 2 + SATURATION)
-        )
+        low, high = self.width / 2 - self._saturation, self.width / 2 + self._saturation
+        self._from = float(np.clip(commanded, low, high))
         self._since = self._last_moved = t
         self._goal, self.moving = goal, True

@@ -15,14 +15,10 @@ import mujoco
 import numpy as np
 
 from palpate.geometry.pose import Array
-from palpate.robots.nominal import ARM, wrench
+from palpate.robots.description import RobotDescription
+from palpate.robots.nominal import wrench
+from palpate.robots.sheet import Stiffness
 
-STIFFNESS = 3000.0
-"""N/m: 1.5 kg sag by 5 mm, and at 0.015 m/s a contact's force rises by 45 N/s."""
-TURNING_STIFFNESS = 300.0
-"""N m/rad: both are the upper ends of what the manufacturer's own Cartesian impedance offers."""
-JOINT_STIFFNESS = np.array([3000.0, 3000.0, 3000.0, 2500.0, 2500.0, 2000.0, 2000.0])
-"""N m/rad: franka_ros' joint impedance defaults."""
 POSTURE_RATE = 5.0
 """rad/s: how fast the null space settles to its posture."""
 
@@ -36,22 +32,22 @@ ORIENTATION = PREFIX + "orientation"
 DRIVES = tuple(f"{PREFIX}drive{i}" for i in range(1, 8))
 
 
-def add_actuators(world: mujoco.MjSpec) -> None:
+def add_actuators(world: mujoco.MjSpec, arm: RobotDescription) -> None:
     """Add the controller's actuators to a world that the robot is attached to."""
     world.worldbody.add_site(name=ORIGIN, group=4)
-    site = mujoco.mjtTrn.mjTRN_SITE
+    site, tcp = mujoco.mjtTrn.mjTRN_SITE, PREFIX + arm.hand.tcp
     for i, name in enumerate(AXES):
-        axis = world.add_actuator(name=name, trntype=site, target=PREFIX + "tcp", refsite=ORIGIN)
+        axis = world.add_actuator(name=name, trntype=site, target=tcp, refsite=ORIGIN)
         axis.gear = np.eye(6)[i]
         axis.set_to_position(kp=1.0, kv=1.0)
-    turn = world.add_actuator(name=ORIENTATION, trntype=site, target=PREFIX + "tcp", refsite=ORIGIN)
+    turn = world.add_actuator(name=ORIENTATION, trntype=site, target=tcp, refsite=ORIGIN)
     turn.set_to_orientation(kp=1.0, kv=1.0, ctrlspec=mujoco.mjtCtrlChart.mjCHART_QUAT)
-    for name, joint in zip(DRIVES, ARM, strict=True):
+    for name, joint in zip(DRIVES, arm.joints, strict=True):
         drive = world.add_actuator(
             name=name, trntype=mujoco.mjtTrn.mjTRN_JOINT, target=PREFIX + joint
         )
         drive.set_to_position(kp=1.0, kv=1.0)
-    for joint in ARM:
+    for joint in arm.joints:
         world.joint(PREFIX + joint).actgravcomp = True
 
 
@@ -90,19 +86,20 @@ class Gains:
     own: Array
 
     @classmethod
-    def of_tcp(cls, inertia: Inertia) -> Gains:
+    def of_tcp(cls, springs: Stiffness, inertia: Inertia) -> Gains:
         """The TCP's springs."""
-        stiffness, along = np.repeat([STIFFNESS, TURNING_STIFFNESS], 3), np.diag(inertia.tcp).copy()
+        stiffness = np.repeat([springs.translation, springs.rotation], 3)
+        along = np.diag(inertia.tcp).copy()
         along[3:] = along[3:].mean()  # the orientation servo has one damping for all axes
         return cls(
             True, stiffness, 2 * np.sqrt(stiffness * along), inertia.tcp, np.diag(inertia.joints)
         )
 
     @classmethod
-    def of_joints(cls, inertia: Inertia) -> Gains:
+    def of_joints(cls, springs: Stiffness, inertia: Inertia) -> Gains:
         """The joints' springs."""
         own = np.diag(inertia.joints)
-        return cls(False, JOINT_STIFFNESS, 2 * np.sqrt(JOINT_STIFFNESS * own), inertia.joints, own)
+        return cls(False, springs.joints, 2 * np.sqrt(springs.joints * own), inertia.joints, own)
 
     def joint_damping(self, jacobian: Array) -> Array:
         """What all dampers come to at the joints, (7, 7)."""

@@ -7,13 +7,15 @@ seeded generator.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Collection
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import mujoco
 import numpy as np
 
 from palpate.geometry.pose import Array
+from palpate.robots.description import RobotDescription
 
 Noise = Literal["none", "lab", "datasheet"]
 
@@ -52,33 +54,21 @@ class Imperfections:
     link_com: float = 0.0
 
 
-def imperfections(noise: Noise) -> Imperfections:
-    """The figures of a sensor world, each with its source."""
+def imperfections(noise: Noise, arm: RobotDescription) -> Imperfections:
+    """A sensor world's figures for an arm; their sources stand in its description."""
     if noise == "none":
         return Imperfections(torque_noise=np.zeros(7), friction=np.zeros(7))
-    # Standard deviation of tau_J of a resting Panda at 1 kHz as commonly logged over FCI: about 0.1
-    # N m on the
-    # large joints, 0.05 N m on the small ones.
-    white = np.array([0.10, 0.10, 0.10, 0.10, 0.05, 0.05, 0.05])
-    # Gear friction (about 1 N m, Gaz et al., RA-L 2019, doi:10.1109/LRA.2019.2931248) lies before
-    # the sensor. What
-    # shows on the link side is the residual of bearings, seals and the cable loom: a few hundredths
-    # to a tenth.
-    residual = np.array([0.08, 0.08, 0.06, 0.06, 0.03, 0.03, 0.03])
-    # Strain gauges wander with temperature; no published figure. 0.01 N m in 5 min is some 0.2
-    # permille of the
-    # large joints' range.
+    sensors, stated = arm.sensors, arm.nominal
+    lab = Imperfections(sensors.torque_noise, sensors.friction, drift=sensors.drift)
     if noise == "lab":
-        return Imperfections(torque_noise=white, friction=residual, drift=0.01)
-    return Imperfections(
-        torque_noise=white,
-        friction=residual,
-        drift=0.01,
-        repeatability=0.15,  # Franka Research 3 datasheet: force repeatability 0.15 N
-        pose_repeatability=1e-4,  # datasheet: < +-0.1 mm (ISO 9283); taken as one sigma, the harsher reading
-        gain=0.01,  # +-1 %: what the datasheet's relative force accuracy of 0.8 N allows at the arm's own weight
-        link_mass=0.005,
-        link_com=3e-4,  # left over by identification (Gaz et al., as above): no published figure
+        return lab
+    return replace(
+        lab,
+        repeatability=stated.force_repeatability,
+        pose_repeatability=stated.pose_repeatability,
+        gain=stated.torque_gain,
+        link_mass=sensors.link_mass,
+        link_com=sensors.link_com,
     )
 
 
@@ -86,7 +76,12 @@ SHARE = 0.3
 """Share of a link's mass that `perturb_links` may move to put its centre elsewhere."""
 
 
-def perturb_links(robot: mujoco.MjSpec, kinds: Imperfections, random: np.random.Generator) -> None:
+def perturb_links(
+    robot: mujoco.MjSpec,
+    links: Collection[str],
+    kinds: Imperfections,
+    random: np.random.Generator,
+) -> None:
     """Compensate the nominal weight of every body natively, and give the links their true mass and
     centre.
 
@@ -96,7 +91,7 @@ def perturb_links(robot: mujoco.MjSpec, kinds: Imperfections, random: np.random.
     """
     for body in [b for b in robot.bodies if b.name != "world"]:
         body.gravcomp = 1.0
-        if not body.name.startswith("fr3_link") or not (kinds.link_mass or kinds.link_com):
+        if body.name not in links or not (kinds.link_mass or kinds.link_com):
             continue
         nominal, inertia, centre = body.mass, np.array(body.fullinertia), np.array(body.ipos)
         mass = nominal * (1.0 + kinds.link_mass * random.standard_normal())

@@ -17,7 +17,7 @@ class Readout:
     """The latest sensed state, and the samples of each run of steps.
 
     Attributes:
-        q, dq: (7,) rad, rad/s. tau_ext: (7,) N m. wrench, twist: (6,).
+        q, dq: (7,) rad, rad/s. tau, tau_ext: (7,) N m. wrench, twist: (6,).
         pose_world_tcp: (7,) of the newest encoder reading, not a block's mean.
         jacobian: (6, 7). gravity_torque: (7,) N m, nominal. commanded: (7,) N m, the last block's.
     """
@@ -35,7 +35,7 @@ class Readout:
             np.zeros(6),
         )
         self.jacobian = here.jacobian[0]
-        self.commanded = self.gravity_torque
+        self.tau = self.commanded = self.gravity_torque
 
     @property
     def q(self) -> Array:
@@ -71,12 +71,8 @@ class Readout:
         wrench = wrenches(jacobian, tau_ext)
         twist = np.matmul(jacobian, dq[:, :, None])[:, :, 0]
         mean[:, 7:10] += self._sensors.pose_error
-        self._last, self.dq, self.tau_ext, self.commanded = (
-            rows[-1],
-            dq[-1],
-            tau_ext[-1],
-            steps.torque[-1],
-        )
+        self._last, self.dq, self.commanded = rows[-1], dq[-1], steps.torque[-1]
+        self.tau, self.tau_ext = torque[-1], tau_ext[-1]
         self.jacobian, self.wrench, self.twist = jacobian[-1], wrench[-1], twist[-1]
         ends = t - PERIOD * np.arange(n - 1.0, -1.0, -1.0)
         return Samples(

@@ -1,4 +1,4 @@
-"""The embedded robot: a simulated FR3 in a hidden world, behind the protocol of a real one.
+"""The embedded robot: a simulated arm in a hidden world, behind the protocol of a real one.
 
 Each `advance` computes the set-points of the steps ahead, lets the world run them, and makes of the
 recorded joint signals what the robot's sensors would say: the controller's 1 kHz loop itself is the
@@ -13,16 +13,11 @@ import numpy as np
 
 from palpate.geometry.pose import Array, Pose
 from palpate.robots import trajectory
-from palpate.robots.nominal import HAND, NominalArm, limits, wrench
-from palpate.robots.robot import HOME, Limits, RobotState
+from palpate.robots.description import Limits, RobotDescription
+from palpate.robots.nominal import NominalArm, wrench
+from palpate.robots.robot import RobotState
 from palpate.robots.simulated.gripper import Gripper
-from palpate.robots.simulated.impedance import (
-    JOINT_STIFFNESS,
-    STIFFNESS,
-    TURNING_STIFFNESS,
-    Gains,
-    Inertia,
-)
+from palpate.robots.simulated.impedance import Gains, Inertia
 from palpate.robots.simulated.noise import Noise, Sensors, imperfections
 from palpate.robots.simulated.readout import Readout
 from palpate.robots.simulated.setpoints import (
@@ -38,46 +33,40 @@ from palpate.trace.samples import Samples
 if TYPE_CHECKING:
     import mujoco
 
-SPEED = 0.25
-"""m/s, at the TCP, of joint motions."""
-TURNING_SPEED = 1.0
-"""rad/s, of the TCP."""
-JOINT_SPEED = 1.0
-"""rad/s."""
-ACCELERATION, TURNING_ACCELERATION, JOINT_ACCELERATION = 1.0, 4.0, 2.5
-"""m/s^2, rad/s^2, rad/s^2: far below the datasheet's."""
-
 GIVING_WAY = 0.2
 """s, about 2 d / k of the TCP's springs: a stop this long moves the equilibrium on by as much as it
 leads the arm, so that a contact keeps the force it had."""
-POSTURE = np.array(HOME)
-"""rad: where the null space tends to."""
 
 
 class MujocoRobot:
-    """A Franka Research 3 with hand, simulated. Implements `palpate.robots.robot.Robot`.
+    """An arm with its hand, simulated. Implements `palpate.robots.robot.Robot`.
 
-    It starts at the ready pose, at rest, with open fingers and zeroed torque sensors.
+    It starts at home, at rest, with open fingers and zeroed torque sensors.
     """
 
     def __init__(
-        self, world: mujoco.MjSpec, pose_world_base: Pose, noise: Noise = "none", seed: int = 0
+        self,
+        world: mujoco.MjSpec,
+        pose_world_base: Pose,
+        arm: RobotDescription,
+        noise: Noise = "none",
+        seed: int = 0,
     ) -> None:
-        """Put the arm into `world` (which is changed) at `pose_world_base`.
+        """Put `arm` into `world` (which is changed) at `pose_world_base`.
 
         Raises:
             InputError: the world does not compile with the robot in it.
         """
         random = np.random.default_rng(seed)
-        kinds = imperfections(noise)
-        self._world = World(world, pose_world_base, kinds, random)
-        self._nominal = NominalArm(pose_world_base, self._world.gravity)
+        kinds = imperfections(noise, arm)
+        self._arm = arm
+        self._world = World(world, pose_world_base, arm, kinds, random)
+        self._nominal = NominalArm(arm, pose_world_base, self._world.gravity)
         self._sensors = Sensors(kinds, PERIOD, BLOCK, random)
-        self._limits = limits()
-        self._gripper = Gripper()
+        self._gripper = Gripper(arm.hand)
         self._due = 0.0
         self._logged: list[Samples] = []
-        self._start(np.array(HOME))
+        self._start(arm.home)
 
     def _start(self, q: Array) -> None:
         """At rest at the configuration `q`, sensors zeroed."""
@@ -95,12 +84,12 @@ class MujocoRobot:
     @property
     def limits(self) -> Limits:
         """The datasheet's."""
-        return self._limits
+        return self._arm.limits
 
     @property
     def hand(self) -> Hand:
         """The nominal hand."""
-        return HAND
+        return self._arm.nominal
 
     @property
     def gravity(self) -> float:
@@ -117,6 +106,7 @@ class MujocoRobot:
                 stamp=t,
                 q=readout.q,
                 dq=readout.dq,
+                tau=readout.tau,
                 tau_ext=readout.tau_ext,
                 pose_world_tcp=readout.pose_world_tcp,
                 target_world_tcp=Pose(self._target[:3], self._target[3:]),
@@ -130,12 +120,12 @@ class MujocoRobot:
         return self._cached
 
     def move_joints(self, q: Array, speed: float = 1.0) -> None:
-        """See `Robot`. The TCP stays below 0.25 m/s."""
-        goal, now = np.asarray(q, dtype=float), self._joint_motion()
-        rate = speed / max(
-            float(np.abs(goal - now.p).max()) / JOINT_SPEED, self._sweep(now.p, goal) / SPEED, 1e-6
-        )
-        acceleration = JOINT_ACCELERATION / max(float(np.abs(goal - now.p).max()), 1e-6)
+        """See `Robot`. Neither the joints nor the TCP exceed the description's pace."""
+        goal, now, pace = np.asarray(q, dtype=float), self._joint_motion(), self._arm.pace
+        farthest = float(np.abs(goal - now.p).max())
+        slowest = max(farthest / pace.joint_speed, self._sweep(now.p, goal) / pace.speed, 1e-6)
+        rate = speed / slowest
+        acceleration = pace.joint_acceleration / max(farthest, 1e-6)
         self._follow_joints(trajectory.straight(self._world.t, now, goal, rate, acceleration))
 
     def move_pose(self, target: Pose, speed: float) -> None:
@@ -146,14 +136,14 @@ class MujocoRobot:
         )
         distance = max(float(np.linalg.norm(goal[:3] - now.p[:3])), 1e-6)
         angle = max(float(np.linalg.norm(goal[3:])), 1e-6)
-        rate = min(speed / distance, TURNING_SPEED / angle)
-        acceleration = min(ACCELERATION / distance, TURNING_ACCELERATION / angle)
+        pace = self._arm.pace
+        rate = min(speed / distance, pace.turning_speed / angle)
+        acceleration = min(pace.acceleration / distance, pace.turning_acceleration / angle)
         t, q = self._world.t, self._readout.q
         path = trajectory.straight(t, now, goal, rate, acceleration)
         resting = trajectory.Motion(q, np.zeros(7), np.zeros(7))
-        posture = trajectory.straight(
-            t, resting, self._nominal.reach(target, POSTURE), rate, acceleration
-        )
+        bent = self._nominal.reach(target, self._arm.home)
+        posture = trajectory.straight(t, resting, bent, rate, acceleration)
         self._follow_pose(trajectory.PosePath(path, origin), posture)
 
     def move_axis(self, direction: Array, speed: float, travel: float) -> None:
@@ -178,10 +168,11 @@ class MujocoRobot:
         if path.end <= t:
             return
         if isinstance(path, trajectory.Path):
-            self._follow_joints(trajectory.stop(t, path.at(t), JOINT_ACCELERATION))
+            deceleration = self._arm.pace.joint_acceleration
+            self._follow_joints(trajectory.stop(t, path.at(t), deceleration))
         else:
             now, origin = self._pose_motion()
-            path = trajectory.stop(t, now, 2 * ACCELERATION, GIVING_WAY)
+            path = trajectory.stop(t, now, 2 * self._arm.pace.acceleration, GIVING_WAY)
             self._follow_pose(
                 trajectory.PosePath(path, origin), trajectory.still(t, self._readout.q)
             )
@@ -207,11 +198,11 @@ class MujocoRobot:
         return self._setpoints.path
 
     def _follow_joints(self, path: trajectory.Path) -> None:
-        gains = Gains.of_joints(self._inertia(_halfway(path)))
+        gains = Gains.of_joints(self._arm.stiffness, self._inertia(_halfway(path)))
         self._follow(joint_setpoints(path, self._world.t, gains, self._nominal.poses), gains)
 
     def _follow_pose(self, path: trajectory.PosePath, posture: trajectory.Path) -> None:
-        gains = Gains.of_tcp(self._inertia(_halfway(posture)))
+        gains = Gains.of_tcp(self._arm.stiffness, self._inertia(_halfway(posture)))
         self._follow(pose_setpoints(path, posture, self._world.t, gains), gains)
 
     def _follow(self, setpoints: Setpoints, gains: Gains) -> None:
@@ -229,8 +220,10 @@ class MujocoRobot:
         t, path, readout = self._world.t, self._path, self._readout
         if isinstance(path, trajectory.Path):
             return path.at(t)
+        # The springs' set-point leads the arm by torque / stiffness: from there on nothing jerks.
+        lead = self._sprung() / self._arm.stiffness.joints
         rate = readout.dq if path.end > t else np.zeros(7)
-        return trajectory.Motion(readout.q + self._sprung() / JOINT_STIFFNESS, rate, np.zeros(7))
+        return trajectory.Motion(readout.q + lead, rate, np.zeros(7))
 
     def _pose_motion(self) -> tuple[trajectory.Motion, Array]:
         """Where a Cartesian motion begins: on the present one, or where the TCP's springs pull as
@@ -241,17 +234,21 @@ class MujocoRobot:
         t, path = self._world.t, self._path
         if isinstance(path, trajectory.PosePath):
             return path.motion(t), path.pose(t).quaternion
-        pose, pull = self._readout.pose_world_tcp, wrench(self._readout.jacobian, self._sprung())
-        back = pose.rotation.T
-        twist = self._readout.twist if path.end > t else np.zeros(6)
+        readout, springs = self._readout, self._arm.stiffness
+        pose, pull = readout.pose_world_tcp, wrench(readout.jacobian, self._sprung())
+        # The TCP's springs must pull as hard from the first step on: their equilibrium lies ahead
+        # of the measured pose by force / stiffness, and is turned by torque / stiffness.
+        ahead = pose.position + pull[:3] / springs.translation
+        into_tool = pose.rotation.T
+        turn = into_tool @ pull[3:] / springs.rotation
+        origin = trajectory.turned(pose.quaternion, turn[None])[0]
+        twist = readout.twist if path.end > t else np.zeros(6)
         now = trajectory.Motion(
-            np.concatenate([pose.position + pull[:3] / STIFFNESS, np.zeros(3)]),
-            np.concatenate([twist[:3], back @ twist[3:]]),
+            np.concatenate([ahead, np.zeros(3)]),
+            np.concatenate([twist[:3], into_tool @ twist[3:]]),
             np.zeros(6),
         )
-        return now, trajectory.turned(pose.quaternion, (back @ pull[3:] / TURNING_STIFFNESS)[None])[
-            0
-        ]
+        return now, origin
 
     def _sprung(self) -> Array:
         """What the springs exert at the joints now (7,), N m."""

@@ -14,9 +14,8 @@ import numpy as np
 
 from palpate.errors import ExecutionAborted, InputError, unknown_name
 from palpate.geometry.pose import Array, Pose
-from palpate.robots.nominal import ARM, FINGERS, robot_spec
-from palpate.robots.robot import HOME
-from palpate.robots.simulated.gripper import OPEN
+from palpate.robots.description import RobotDescription
+from palpate.robots.simulated.gripper import DRIVE, add_drive
 from palpate.robots.simulated.impedance import PREFIX, Actuators, add_actuators
 from palpate.robots.simulated.noise import Imperfections, perturb_links
 from palpate.robots.simulated.stiction import declared
@@ -80,19 +79,21 @@ class World:
         self,
         spec: mujoco.MjSpec,
         pose_world_base: Pose,
+        arm: RobotDescription,
         kinds: Imperfections,
         random: np.random.Generator,
     ) -> None:
-        self.model = _compile(spec, pose_world_base, kinds, random)
+        self._hand = arm.hand
+        self.model = _compile(spec, pose_world_base, arm, kinds, random)
         self._data = mujoco.MjData(self.model)
-        joints = [self.model.joint(PREFIX + name) for name in ARM]
+        joints = [self.model.joint(PREFIX + name) for name in arm.joints]
         self._q, self._v = _run(joints[0].qposadr[0], 7), _run(joints[0].dofadr[0], 7)
-        finger = self.model.joint(PREFIX + FINGERS[0])
+        finger = self.model.joint(PREFIX + arm.hand.fingers[0])
         self._finger_q, self._finger_v = _run(finger.qposadr[0], 2), _run(finger.dofadr[0], 2)
         self._fingers_control = int(
-            self.model.actuator_ctrladr[self.model.actuator(PREFIX + "fingers").id]
+            self.model.actuator_ctrladr[self.model.actuator(PREFIX + DRIVE).id]
         )
-        self._data.qpos[self._q], self._data.qpos[self._finger_q] = HOME, OPEN
+        self._data.qpos[self._q], self._data.qpos[self._finger_q] = arm.home, arm.hand.opening / 2
         self._seen = mujoco.MjData(self.model)
         self.actuators = Actuators(self.model)
         self.rest_control = np.zeros(self.model.nu)
@@ -177,7 +178,8 @@ class World:
     def true_tcp(self) -> Pose:
         """Where the TCP really is now, in the world."""
         data = self._at(self.qpos)
-        return Pose(data.site(PREFIX + "tcp").xpos.copy(), data.body(PREFIX + "hand").xquat.copy())
+        tcp, hand = data.site(PREFIX + self._hand.tcp), data.body(PREFIX + self._hand.body)
+        return Pose(tcp.xpos.copy(), hand.xquat.copy())
 
     def _at(self, qpos: Array) -> mujoco.MjData:
         self._seen.qpos[:] = qpos
@@ -192,7 +194,11 @@ class World:
 
 
 def _compile(
-    spec: mujoco.MjSpec, pose_world_base: Pose, kinds: Imperfections, random: np.random.Generator
+    spec: mujoco.MjSpec,
+    pose_world_base: Pose,
+    arm: RobotDescription,
+    kinds: Imperfections,
+    random: np.random.Generator,
 ) -> mujoco.MjModel:
     """The world with the robot in it.
 
@@ -201,8 +207,9 @@ def _compile(
             touch in.
     """
     _require_physics(spec)
-    robot = robot_spec()
-    perturb_links(robot, kinds, random)
+    robot = arm.spec()
+    add_drive(robot, arm.hand)
+    perturb_links(robot, arm.links, kinds, random)
     spec.option.timestep = TIMESTEP / SUBSTEPS
     for name in ("integrator", "cone", "impratio"):
         setattr(spec.option, name, getattr(robot.option, name))
@@ -214,7 +221,7 @@ def _compile(
             pos=pose_world_base.position, quat=pose_world_base.quaternion
         )
         spec.attach(robot, frame=frame, prefix=PREFIX)
-        add_actuators(spec)
+        add_actuators(spec, arm)
         return spec.compile()
     except ValueError as error:
         raise InputError(

@@ -8,14 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import cache
 
-import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
 from palpate.errors import InputError
 from palpate.geometry.pose import Array, Pose
+from palpate.robots.kinematics import forward_kinematics
 from palpate.scene.scene import Scene
 from palpate.vocabulary.state import SymbolicState
 
@@ -28,20 +27,6 @@ TOUCH = 0.002
 
 ABOVE = 0.005
 """m: fingertips this far above an object's top are clear of it."""
-
-HAND_PARTS: tuple[tuple[tuple[float, float, float], tuple[float, float, float]], ...] = (
-    ((0.0, 0.051, -0.018), (0.0105, 0.011, 0.0266)),
-    ((0.0, -0.051, -0.018), (0.0105, 0.011, 0.0266)),
-    ((0.0, 0.0, -0.0694), (0.0315, 0.100, 0.028)),
-    ((0.0, 0.0, -0.135), (0.050, 0.050, 0.038)),
-)
-"""Open fingers, palm and flange as boxes in the tool frame: centre and half extents, m
-(robots/fr3.xml)."""
-
-
-HAND_REACH, FLANGE, TIP = 0.11, 0.18, 0.01
-"""m: no part of the hand is farther than these from the tool's axis, above the TCP, and below
-it."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -123,10 +108,11 @@ class Motion:
     def _beside(self) -> Iterator[str]:
         """Objects near enough to be hit at all."""
         held = 2 * self.state.scene.body(self.state.holding).reach if self.state.holding else 0.0
-        width = HAND_REACH + held
+        hand = self.state.scene.arm.hand
+        width = hand.breadth + held
         (x0, y0, z0), (x1, y1, z1) = self.start.position.tolist(), self.end.position.tolist()
         points_down = self.end.rotation[2, 2] < -0.99
-        lowest = min(z0, z1) - held - (TIP if points_down else HAND_REACH + FLANGE)
+        lowest = min(z0, z1) - held - (hand.depth if points_down else hand.breadth + hand.height)
         dx, dy = x1 - x0, y1 - y0
         length = dx * dx + dy * dy
         for name, body in self.state.scene.objects.items():
@@ -148,7 +134,9 @@ class Motion:
         )
 
     def _hand(self, poses: list[Pose]) -> Boxes:
-        centres, halves = np.array([c for c, _ in HAND_PARTS]), np.array([h for _, h in HAND_PARTS])
+        boxes = self.state.scene.arm.hand.boxes
+        centres = np.array([box.centre for box in boxes])
+        halves = np.array([box.half for box in boxes])
         rotation = poses[0].rotation
         placed = np.concatenate([pose.position + centres @ rotation.T for pose in poses])
         return Boxes(
@@ -193,7 +181,7 @@ def configuration_pose(scene: Scene, name: str | None) -> Pose | None:
         joints = scene.symbols.joints(name)
     except InputError:
         return None
-    return scene.pose_world_base @ Pose.of(*_tcp(tuple(joints)))
+    return scene.pose_world_base @ forward_kinematics(scene.arm, tuple(joints.tolist()))
 
 
 def straddled(state: SymbolicState, pose_world_tcp: Pose | None) -> str | None:
@@ -237,17 +225,3 @@ def _at_rest(state: SymbolicState, name: str) -> list[str]:
         return blockers(state, name, state.scene.symbols.resolve(f"{symbol} + z_offset"), work)
     except InputError:
         return []
-
-
-@cache
-def _tcp(joints: tuple[float, ...]) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    from palpate.robots.kinematics import nominal_arm
-
-    model = nominal_arm()
-    data = mujoco.MjData(model)
-    data.qpos[:7] = joints
-    mujoco.mj_kinematics(model, data)
-    site = data.site("tcp")
-    quaternion = np.empty(4)
-    mujoco.mju_mat2Quat(quaternion, site.xmat)
-    return tuple(site.xpos.tolist()), tuple(quaternion.tolist())

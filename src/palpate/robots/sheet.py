@@ -1,0 +1,261 @@
+"""`description.yaml`: one arm with its hand, as its folder writes it down.
+
+Lengths in m, angles in rad, forces in N, torques in N m, times in s. What the arm's MJCF states
+(kinematics, inertias, joint ranges, torque limits, shapes) is not said again here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cached_property
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import yaml
+from pydantic import BaseModel, ConfigDict, Field, PlainValidator, ValidationError
+
+from palpate.errors import InputError
+from palpate.geometry.pose import Array
+
+MAX_BYTES = 100_000
+"""Largest description."""
+
+
+def _numbers(count: int) -> Callable[[Any], Array]:
+    """A validator that takes a list of `count` finite numbers."""
+
+    def read(value: Any) -> Array:
+        try:
+            array = np.array(value, dtype=float)
+        except (TypeError, ValueError):
+            raise ValueError(f"give a list of {count} numbers") from None
+        if array.shape != (count,) or not np.isfinite(array).all():
+            raise ValueError(f"give a list of {count} numbers")
+        array.flags.writeable = False
+        return array
+
+    return read
+
+
+SPARE = 0.005
+"""m that bounds of the hand leave for what only comes near."""
+
+Seven = Annotated[Array, PlainValidator(_numbers(7))]
+"""One number a joint."""
+Vector = Annotated[Array, PlainValidator(_numbers(3))]
+Size = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+Share = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+Name = Annotated[str, Field(min_length=1, max_length=100)]
+
+
+class Section(BaseModel):
+    """Part of a description."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+class Workspace(Section):
+    """A box about the arm's base that the TCP stays in, m."""
+
+    min: Vector
+    max: Vector
+
+
+class Reach(Section):
+    """Where the arm works well with the tool down: a quick estimate, m.
+
+    Attributes:
+        nearest, farthest, preferred: horizontal distances of the TCP from the base.
+        shoulder: height of the shoulder above the base.
+        wrist: from the TCP up to the wrist's centre.
+        stretched: farthest that the wrist's centre gets from the shoulder.
+    """
+
+    nearest: Size
+    farthest: Size
+    preferred: Size
+    shoulder: Size
+    wrist: Size
+    stretched: Size
+
+
+class Box(Section):
+    """A box in the tool frame, m."""
+
+    centre: Vector
+    half: Vector
+
+
+class ParallelHand(Section):
+    """A parallel hand: names in the MJCF, the drive, and its shape in the tool frame.
+
+    Attributes:
+        body: the body that carries the fingers; its z points out of the hand, its y is the closing
+            direction.
+        tcp: a site of `body`, midway between the fingers' pads.
+        fingers: the two slides. opening: m between the open fingers.
+        speed: m/s per finger. force: N, of both fingers together.
+        overclose: m per finger beyond touching, to which the drive closes.
+        tip: m from the TCP to the end of the fingertips. palm: m from the TCP up to the palm.
+        half_extents: m, of the hand along tool x and tool y.
+        pad: m, half the width of a finger's pad. finger: m, a finger's thickness along the closing
+            direction.
+        boxes: the opened hand.
+    """
+
+    body: Name
+    tcp: Name
+    fingers: tuple[Name, Name]
+    opening: Size
+    speed: Size
+    force: Size
+    overclose: Share
+    tip: Size
+    palm: Size
+    half_extents: tuple[Size, Size]
+    pad: Size
+    finger: Size
+    boxes: Annotated[tuple[Box, ...], Field(min_length=1)]
+
+    @cached_property
+    def breadth(self) -> float:
+        """m: no part of the opened hand is farther from the tool's axis."""
+        corners = [np.abs(box.centre[:2]) + box.half[:2] for box in self.boxes]
+        return max(float(np.hypot(*corner)) for corner in corners) + SPARE
+
+    @cached_property
+    def height(self) -> float:
+        """m: nor farther above the TCP."""
+        return max(float(box.half[2] - box.centre[2]) for box in self.boxes) + SPARE
+
+    @cached_property
+    def depth(self) -> float:
+        """m: nor farther below it."""
+        return max(float(box.half[2] + box.centre[2]) for box in self.boxes) + SPARE
+
+
+class Safety(Section):
+    """What the safety predicate allows; see `palpate.robots.description.Limits`."""
+
+    force: Size
+    torque: Size
+    free_force: Size
+    overload: Size
+    speed: Size
+    tracking: Size
+    stale: Size
+
+
+class Stiffness(Section):
+    """Default springs: at the TCP in N/m and N m/rad, at the joints (7,) in N m/rad."""
+
+    translation: Size
+    rotation: Size
+    joints: Seven
+
+
+class Pace(Section):
+    """Of commanded motions: m/s, rad/s, m/s^2, rad/s^2, of the TCP and of the joints."""
+
+    speed: Size
+    turning_speed: Size
+    joint_speed: Size
+    acceleration: Size
+    turning_acceleration: Size
+    joint_acceleration: Size
+
+
+class Accuracy(Section):
+    """What the maker states: N per approach, relative (half width), m."""
+
+    force_repeatability: Size
+    torque_gain: Size
+    pose_repeatability: Size
+
+
+class Sensors(Section):
+    """How the joint torque signals of such an arm deviate, and how far its links do from the
+    nominal ones.
+
+    Attributes:
+        torque_noise: (7,) N m, standard deviation of a 1 kHz sample.
+        friction: (7,) N m, what the bearings, seals and cables behind the sensor hold back at most.
+        drift: N m, standard deviation of a signal's slow wander.
+        link_mass: relative, link_com: m per axis, standard deviations.
+    """
+
+    torque_noise: Seven
+    friction: Seven
+    drift: Share
+    link_mass: Share
+    link_com: Share
+
+
+class Sheet(Section):
+    """The content of a `description.yaml`.
+
+    Attributes:
+        label: what people call it. mjcf: the arm's MJCF, relative to the folder.
+        joints: the seven hinges, from the base on.
+        home: (7,) rad, tool down. velocity: (7,) rad/s. payload: kg.
+        postures: (7,) rad each, relative to home: where the inverse kinematics looks further.
+    """
+
+    label: Name
+    mjcf: Path
+    joints: tuple[Name, ...]
+    home: Seven
+    velocity: Seven
+    payload: Size
+    workspace: Workspace
+    reach: Reach
+    hand: ParallelHand
+    safety: Safety
+    stiffness: Stiffness
+    pace: Pace
+    accuracy: Accuracy
+    sensors: Sensors
+    postures: tuple[Seven, ...]
+
+
+def read_sheet(path: Path) -> Sheet:
+    """Read and validate a `description.yaml`.
+
+    Raises:
+        InputError: unreadable, not YAML, or not of this form; the message names file and key.
+    """
+    try:
+        if path.stat().st_size > MAX_BYTES:
+            raise InputError(f"{path} is larger than {MAX_BYTES // 1000} kB, too large for an arm")
+        content: Any = yaml.safe_load(path.read_text("utf-8"))
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f"cannot read the description of an arm, {path}: {error}") from None
+    except yaml.YAMLError as error:
+        raise InputError(f"{path} is not YAML: {' '.join(str(error).split())}") from None
+    try:
+        return Sheet.model_validate(content)
+    except ValidationError as error:
+        raise InputError(f"{path}: {_worded(error)}") from None
+
+
+def _worded(error: ValidationError) -> str:
+    """The first thing that is wrong: its key, and what may stand there."""
+    first = error.errors()[0]
+    key = ".".join(str(part) for part in first["loc"]) or "content"
+    if first["type"] == "missing":
+        return f"'{key}' is missing"
+    if first["type"] != "extra_forbidden":
+        return f"'{key}': {first['msg'].removeprefix('Value error, ')}"
+    valid = _keys(first["loc"][:-1])
+    return f"unknown key '{key}'; valid: {', '.join(valid)}"
+
+
+def _keys(where: tuple[int | str, ...]) -> list[str]:
+    """The keys of the section that a path into the description leads to."""
+    section: type[BaseModel] = Sheet
+    for part in where:
+        inner = section.model_fields[str(part)].annotation if isinstance(part, str) else None
+        if isinstance(inner, type) and issubclass(inner, BaseModel):
+            section = inner
+    return sorted(section.model_fields)
