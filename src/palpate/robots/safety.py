@@ -51,8 +51,8 @@ def violation(
         or _joints(state, limits)
         or _workspace(state, limits, pose_world_base)
         or _tracking(state, limits)
-        or _torques(state, limits)
         or _forces(state, limits, expected, gravity)
+        or _torques(state, limits)
         or _slip(state, expected)
     )
 
