@@ -104,8 +104,6 @@ UPWARDS = {
     ("cells.simulated", "settings"),
     ("cells.view", "settings"),
     ("geometry.inertia", "mjcf.edits"),
-    ("quantities.com", "scene.scene"),
-    ("quantities.estimate_all", "scene.scene"),
 }
 """Imports that still point the wrong way."""
 

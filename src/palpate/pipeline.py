@@ -21,15 +21,13 @@ from palpate.execution.recovery import OnFailure
 from palpate.pictures.footage import Footage
 from palpate.planning.check.check import Finding
 from palpate.planning.plan import Plan
-from palpate.quantities.estimate_all import estimate_all
+from palpate.quantities.estimators import estimate_all
 from palpate.runs.folder import default_folder, new_folder
 from palpate.scene.camera import load_image
 from palpate.scene.load import load_scene
 from palpate.scene.scene import Scene
 from palpate.settings import Job
 from palpate.twin.twin import Twin, build_twin
-from palpate.vocabulary.base import ConversionPrimitive
-from palpate.vocabulary.registry import vocabulary
 
 if TYPE_CHECKING:
     from mujoco import MjSpec
@@ -162,12 +160,7 @@ def measure(outcome: Outcome, observer: Observer | None = None, say: Say = silen
     execution = touch(plan, scene, robot, observer, job.on_failure)
     footage = Footage(robot.world.model, tuple(robot.world.frames))
     say("estimating")
-    estimators = {
-        n: p.estimate
-        for n, p in vocabulary().primitives.items()
-        if issubclass(p, ConversionPrimitive)
-    }
-    estimates = estimate_all(plan.parameters, execution.trace, scene, estimators)
+    estimates = estimate_all(plan.parameters, execution.trace, scene.bodies)
     return replace(outcome, cell=cell, execution=execution, footage=footage, estimates=estimates)
 
 

@@ -14,7 +14,7 @@ def test_runs_are_maximal():
 
 
 def test_hand_is_neither_empty_nor_loaded_while_it_closes(weighing, noises):
-    trace, _ = weighing(0.254, noises["none"])
+    trace = weighing(0.254, noises["none"])
     load = load_of(trace, "bottle")
     close = trace.leaf_runs("CloseGripper")[0]
     opened = trace.leaf_runs("OpenGripper")[0]
@@ -29,19 +29,19 @@ def test_hand_is_neither_empty_nor_loaded_while_it_closes(weighing, noises):
 
 
 def test_a_rest_leaves_out_how_it_began_and_ended(weighing, noises):
-    trace, _ = weighing(0.254, noises["none"])
+    trace = weighing(0.254, noises["none"])
     rest = at_rest(trace.samples)
     assert rest.any()
     assert np.abs(trace.samples.twist[rest]).max() == 0.0
 
 
 def test_path_of_the_lift(weighing, noises):
-    trace, conversion = weighing(0.254, noises["none"])
-    path = lift_path(trace, conversion.recording, load_of(trace, "bottle"))
+    trace = weighing(0.254, noises["none"])
+    path = lift_path(trace, trace.recordings[0], load_of(trace, "bottle"))
     assert path is not None
     assert path.axis == pytest.approx([0, 0, 1], abs=1e-6)
     assert path.length == pytest.approx(0.12, abs=0.003)
-    assert lift_path(trace, conversion.recording, load_of(trace, "can")) is None
+    assert lift_path(trace, trace.recordings[0], load_of(trace, "can")) is None
 
 
 def test_mean_pose_needs_samples():
@@ -50,7 +50,7 @@ def test_mean_pose_needs_samples():
 
 
 def test_mean_pose_ignores_the_sign_of_quaternions(weighing, noises):
-    trace, _ = weighing(0.254, noises["none"])
+    trace = weighing(0.254, noises["none"])
     trace.samples.pose_world_tcp[::2, 3:] *= -1.0
     mean = mean_pose(trace.samples.between(0.0, 0.3))
     assert abs(mean.quaternion @ trace.samples.pose_world_tcp[0, 3:]) == pytest.approx(1.0)

@@ -7,7 +7,7 @@ import difflib
 import numpy as np
 import pytest
 
-from palpate.estimation.estimate import Estimate
+from palpate.estimation.estimate import Estimate, Part
 from palpate.parameter import Parameter
 from palpate.planning.plan import Node, Plan
 from palpate.report.report import Measured, ParameterRow, ReportData
@@ -123,15 +123,17 @@ def make_estimates(trace: Trace) -> tuple[Estimate, ...]:
     weigh, touch = trace.recordings
     mass = Estimate(
         MASS,
+        "kg",
         (0.2541,),
         (0.0008,),
         ((0.2525, 0.2557),),
         "Mean vertical force while held still, less the empty hand's at the same pose, over g.",
         (weigh,),
-        components={"single-shot": (0.262, 0.02)},
+        parts={"single-shot": Part(0.262, 0.02)},
     )
     height = Estimate(
         HEIGHT,
+        "m",
         (0.76503,),
         (0.00006,),
         ((0.76491, 0.76515),),

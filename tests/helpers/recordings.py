@@ -81,6 +81,7 @@ class Bench:
         self.rows: list[tuple[float, Array, Array, Array, Array, float]] = []
         self.leaves: list[LeafRun] = []
         self.recordings: list[Recording] = []
+        self.conversions: list[Conversion] = []
         self.width = 0.08
         self.contact: Array = np.zeros(6)
         self.floor = -1.0
@@ -288,6 +289,10 @@ class Bench:
         self.leaf("MeasureForces" if buffer == FORCES else "MeasureGripperPose", begin, activity)
         return recording
 
+    def convert(self, primitive: str, object: str, quantity: str, recording: Recording) -> None:
+        """Declare what a recording stands for."""
+        self.conversions.append(Conversion(primitive, object, quantity, recording, self.t))
+
     def context(self, activity: Activity, support: str | None = None) -> Context:
         return Context(activity, self.at, self.holding, self.grasp, support)
 
@@ -322,12 +327,11 @@ class Bench:
             np.hstack([target, turn]),
             width,
         )
-        return Trace(samples, tuple(self.leaves), tuple(self.recordings), (), hand)
+        marks = (tuple(self.leaves), tuple(self.recordings), tuple(self.conversions))
+        return Trace(samples, *marks, hand)
 
 
-def weigh(
-    mass: float, noise: Noise, seed: int = 0, com: Sequence[float] = (0.0, 0.0)
-) -> tuple[Trace, Conversion]:
+def weigh(mass: float, noise: Noise, seed: int = 0, com: Sequence[float] = (0.0, 0.0)) -> Trace:
     """The project's weighing plan: approach, grasp, lift, measure, put back, leave."""
     bench = Bench(noise, seed)
     above, grasp = (0.5, 0.1, 0.32), (0.5, 0.1, 0.2)
@@ -336,12 +340,12 @@ def weigh(
     bench.close("bottle", mass, com)
     bench.go("bottle_pose + z_offset", above)
     recording = bench.measure()
-    conversion = Conversion("Force2Mass", "bottle", "mass", recording, bench.t)
+    bench.convert("Force2Mass", "bottle", "mass", recording)
     bench.go("bottle_pose", grasp)
     bench.open()
     bench.go("bottle_pose + z_offset", above)
     bench.go("home", (0.4, 0.0, 0.5), 0.25)
-    return bench.trace(), conversion
+    return bench.trace()
 
 
 @pytest.fixture
@@ -350,7 +354,7 @@ def noises() -> dict[str, Noise]:
 
 
 @pytest.fixture
-def weighing() -> Callable[..., tuple[Trace, Conversion]]:
+def weighing() -> Callable[..., Trace]:
     return weigh
 
 

@@ -47,13 +47,17 @@ def lift_at(bench, noise, offsets, seed=0):
 
 
 def test_perfect_sensors_give_the_horizontal_centre_in_the_body_frame(bench, noises, scene):
-    found = estimate_com(lift_at(bench, noises["none"], [0.0, 0.05, -0.05]), PARAMETER, scene)
+    found = estimate_com(
+        lift_at(bench, noises["none"], [0.0, 0.05, -0.05]), PARAMETER, scene.body("hammer")
+    )
     assert found.value[:2] == pytest.approx(COM, abs=5e-4)
     assert found.verdict == "identified"
 
 
 def test_along_gravity_only_the_prior_speaks(bench, noises, scene):
-    found = estimate_com(lift_at(bench, noises["none"], [0.0, 0.05]), PARAMETER, scene)
+    found = estimate_com(
+        lift_at(bench, noises["none"], [0.0, 0.05]), PARAMETER, scene.body("hammer")
+    )
     assert found.value[2] == pytest.approx(scene.body("hammer").centre[2])
     assert found.std[2] > 0.005
     assert "z lies along gravity" in found.method
@@ -64,23 +68,25 @@ def test_laboratory_noise(bench, noises, scene):
     errors = []
     for seed in range(8):
         found = estimate_com(
-            lift_at(bench, noises["lab"], [0.0, 0.05, -0.05], seed), PARAMETER, scene
+            lift_at(bench, noises["lab"], [0.0, 0.05, -0.05], seed), PARAMETER, scene.body("hammer")
         )
         errors.append(np.array(found.value[:2]) - COM)
-        assert found.components["mass"][0] == pytest.approx(MASS, rel=0.02)
+        assert found.parts["mass"].value == pytest.approx(MASS, rel=0.02)
     assert np.abs(np.mean(errors, axis=0)).max() < 3e-3
     assert np.std(errors, axis=0).max() < 3e-3
 
 
 def test_mass_is_taken_where_the_torque_is_least(bench, noises, scene):
-    found = estimate_com(lift_at(bench, noises["none"], [0.0, 0.05, -0.05]), PARAMETER, scene)
+    found = estimate_com(
+        lift_at(bench, noises["none"], [0.0, 0.05, -0.05]), PARAMETER, scene.body("hammer")
+    )
     expected = MASS * 9.81 * np.hypot(*(COM - [0.05, 0.0]))
-    assert found.components["least torque"][0] == pytest.approx(expected, rel=0.05)
+    assert found.parts["least torque"].value == pytest.approx(expected, rel=0.05)
 
 
 def test_never_lifted_is_not_identified(bench, noises, scene):
     b = bench(noises["none"])
     b.go("somewhere", (0.5, 0.0, 0.3))
-    found = estimate_com(b.trace(), PARAMETER, scene)
+    found = estimate_com(b.trace(), PARAMETER, scene.body("hammer"))
     assert found.verdict == "not identified"
-    assert found.value == pytest.approx(scene.body("hammer").centre)
+    assert len(found.value) == 0

@@ -5,11 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from palpate.parameter import Parameter
 from palpate.quantities.mass import estimate_mass
-from palpate.trace.recording import Conversion
 
 MASS = 0.254
 SEEDS = range(20)
+
+
+def weighed(trace):
+    return estimate_mass(trace, Parameter("bottle", "mass"), None)
 
 
 def errors(weighing, noise, mass=MASS):
@@ -17,21 +21,21 @@ def errors(weighing, noise, mass=MASS):
     kg."""
     rows = []
     for seed in SEEDS:
-        found = estimate_mass(*weighing(mass, noise, seed))
+        found = weighed(weighing(mass, noise, seed))
         low, high = found.ci95[0]
         rows.append(
             (
                 found.value[0] - mass,
                 found.std[0],
                 low <= mass <= high,
-                found.components["single-shot"][0] - mass,
+                found.parts["single-shot"].value - mass,
             )
         )
     return np.array(rows).T
 
 
 def test_perfect_sensors_give_the_mass(weighing, noises):
-    found = estimate_mass(*weighing(MASS, noises["none"]))
+    found = weighed(weighing(MASS, noises["none"]))
     assert found.value[0] == pytest.approx(MASS, rel=3e-3)
     assert found.verdict == "identified"
     assert str(found.parameter) == "bottle.mass"
@@ -68,19 +72,19 @@ def test_passes_at_another_speed_count_for_less(bench, noises):
     b.go("bottle_pose", grasp, 0.25)
     b.close("bottle", MASS)
     b.go("bottle_pose + z_offset", above, 0.12)
-    conversion = Conversion("Force2Mass", "bottle", "mass", b.measure(), b.t)
+    b.convert("Force2Mass", "bottle", "mass", b.measure())
     b.go("bottle_pose", grasp, 0.12)
     b.open()
     b.go("bottle_pose + z_offset", above, 0.25)
-    found = estimate_mass(b.trace(), conversion)
+    found = weighed(b.trace())
     assert abs(found.value[0] - MASS) < 2 * found.std[0]
     assert found.std[0] > 4e-3
 
 
 def test_before_the_release_the_estimate_is_provisional(weighing, noises):
-    trace, conversion = weighing(MASS, noises["lab"], 3)
-    early = estimate_mass(trace.until(conversion.time), conversion)
-    late = estimate_mass(trace, conversion)
+    trace = weighing(MASS, noises["lab"], 3)
+    early = weighed(trace.until(trace.conversions[0].time))
+    late = weighed(trace)
     assert early.std[0] > 2 * late.std[0]
     assert abs(early.value[0] - MASS) < 3 * early.std[0]
 
@@ -89,16 +93,15 @@ def test_without_any_reference_the_datasheet_bounds_the_bias(bench, noises):
     b = bench(noises["lab"], 2)
     b.close("bottle", MASS)
     b.go("elsewhere", (0.5, 0.2, 0.6))
-    conversion = Conversion("Force2Mass", "bottle", "mass", b.measure(), b.t)
-    found = estimate_mass(b.trace(), conversion)
+    b.convert("Force2Mass", "bottle", "mass", b.measure())
+    found = weighed(b.trace())
     assert found.std[0] > 0.03
     assert found.ci95[0][0] <= MASS <= found.ci95[0][1]
     assert "no unloaded" in found.method
 
 
 def test_a_mass_is_never_negative(weighing, noises):
-    trace, conversion = weighing(1e-4, replace(noises["datasheet"], white=0.8), 5)
-    found = estimate_mass(trace, conversion)
+    found = weighed(weighing(1e-4, replace(noises["datasheet"], white=0.8), 5))
     assert found.value[0] > 0.0
     assert found.ci95[0][0] >= 0.0
     assert found.verdict == "prior-dominated"
@@ -116,11 +119,11 @@ def test_another_object_in_the_hand_is_not_a_reference(bench, noises):
         b.go("b", grasp)
         b.open()
     b.go("a", above)
-    found = estimate_mass(b.trace(), Conversion("Force2Mass", "bottle", "mass", recording, b.t))
+    b.convert("Force2Mass", "bottle", "mass", recording)
+    found = weighed(b.trace())
     assert found.value[0] == pytest.approx(MASS, rel=3e-3)
 
 
 def test_same_trace_same_estimate(weighing, noises):
-    assert estimate_mass(*weighing(MASS, noises["lab"], 7)) == estimate_mass(
-        *weighing(MASS, noises["lab"], 7)
-    )
+    first, second = (weighed(weighing(MASS, noises["lab"], 7)) for _ in range(2))
+    assert first == second

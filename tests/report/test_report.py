@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from palpate.estimation.estimate import Estimate
+from palpate.estimation.estimate import Estimate, Part, not_identified
 from palpate.parameter import Parameter
 from palpate.pictures.renderer import png
 from palpate.planning.plan import Node, Plan
@@ -136,12 +136,13 @@ def test_hostile_names_are_text(data: ReportData, tmp_path: Path) -> None:
     window = Recording("gripper_forces", 1.0, 2.0, context, HOSTILE)
     estimate = Estimate(
         parameter,
+        "1",
         (1.0,),
         (0.1,),
         ((0.8, 1.2),),
         HOSTILE,
         (window,),
-        components={HOSTILE: (1.0, 0.1)},
+        parts={HOSTILE: Part(1.0, 0.1)},
     )
     assert data.trace is not None
     leaf = LeafRun("tree.children[0]", HOSTILE, HOSTILE, 0.0, 1.0, "FAILURE", HOSTILE)
@@ -202,9 +203,7 @@ def test_an_aborted_run_says_why_and_shows_the_stop(data: ReportData, tmp_path: 
     failed = replace(data.trace.leaves[3], status="FAILURE", message="unexpected contact of 21 N")
     stop = LeafRun("stop", "OpenGripper", "OpenGripper()", 8.0, 9.0, "SUCCESS", "open to 80 mm")
     trace = replace(data.trace, leaves=(*done, failed, stop), recordings=(), conversions=())
-    lost = Estimate(
-        Parameter("table", "height"), (), (), (), "The run ended before.", (), "not identified"
-    )
+    lost = not_identified(Parameter("table", "height"), "m", "The run ended before.")
     page = page_of(
         replace(
             data,
@@ -259,6 +258,7 @@ def test_a_diff_is_coloured_within_the_line(data: ReportData, tmp_path: Path) ->
 def test_vectors_have_a_bar_for_each_component(data: ReportData, tmp_path: Path) -> None:
     com = Estimate(
         Parameter("hammer", "com"),
+        "m",
         (0.01, -0.002, 0.09),
         (0.001,) * 3,
         ((0.008, 0.012), (-0.004, 0.0), (0.088, 0.092)),

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from palpate import __version__
-from palpate.estimation.estimate import Estimate, not_identified
+from palpate.estimation.estimate import Estimate, Part, not_identified
 from palpate.execution.rehearsal import Rehearsal
 from palpate.execution.runner import Execution
 from palpate.parameter import Parameter
@@ -36,12 +36,13 @@ TREE = Node(
 PLAN = Plan((MASS,), TREE, "The cup is weighed.", "symbolic", ("the friction is known",))
 WEIGHED = Estimate(
     MASS,
+    "kg",
     (0.2541,),
     (0.0008,),
     ((0.2525, 0.2557),),
     "Weighed.",
     (),
-    components={"single-shot": (0.262, 0.02)},
+    parts={"single-shot": Part(0.262, 0.02)},
 )
 EXECUTION = Execution(
     Trace(Samples.empty(), (), (), (), Hand(0.009, 0.15, 0.01, 1e-4)),
@@ -150,14 +151,16 @@ def test_a_scalar_is_a_number_and_a_vector_a_list() -> None:
         "verdict": "identified",
         "components": {"single-shot": {"value": 0.262, "std": 0.02}},
     }
-    com = parameter_json(Estimate(COM, (0.1, 0.0, 0.2), (0.01,) * 3, ((0.0, 0.2),) * 3, "", ()))
+    com = parameter_json(
+        Estimate(COM, "m", (0.1, 0.0, 0.2), (0.01,) * 3, ((0.0, 0.2),) * 3, "", ())
+    )
     assert com["value"] == [0.1, 0.0, 0.2]
     assert com["ci95"] == [[0.0, 0.2]] * 3
 
 
 @pytest.mark.parametrize("parameter", [MASS, COM])
 def test_what_is_not_identified_has_no_value(parameter: Parameter) -> None:
-    found = parameter_json(not_identified(parameter, "It slipped."))
+    found = parameter_json(not_identified(parameter, "1", "It slipped."))
     assert (found["value"], found["std"], found["ci95"]) == (None, None, None)
     assert (found["verdict"], found["method"]) == ("not identified", "It slipped.")
 
@@ -166,7 +169,7 @@ def test_what_is_not_identified_has_no_value(parameter: Parameter) -> None:
     ("changes", "status"),
     [
         ({}, "complete"),
-        ({"estimates": (not_identified(MASS, ""),)}, "failed"),
+        ({"estimates": (not_identified(MASS, "kg", ""),)}, "failed"),
         ({"estimates": ()}, "failed"),
         ({"estimates": (replace(WEIGHED, verdict="prior-dominated"),)}, "complete"),
         ({"execution": replace(EXECUTION, status="stopped", stopped_by="slip")}, "aborted"),

@@ -101,6 +101,6 @@ def _allowed(parameter: Parameter, truth: np.ndarray) -> float:
 def _assert_static(estimate: Estimate, outcome: Outcome) -> None:
     assert outcome.footage is not None
     truth = outcome.footage.model.numeric(f"static_friction_{estimate.parameter.object}").data[0]
-    static, _ = estimate.components["static"]
+    static = estimate.parts["static"].value
     assert abs(static - truth) <= STATIC, (static, truth)
     assert static > estimate.value[0]

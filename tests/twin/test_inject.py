@@ -13,8 +13,9 @@ from hypothesis import strategies as st
 from lxml import etree
 
 from palpate.errors import InputError
-from palpate.estimation.estimate import Estimate
+from palpate.estimation.estimate import Estimate, Part
 from palpate.parameter import Parameter
+from palpate.quantities.quantity import QUANTITIES
 from palpate.scene.load import load_scene, parse_scene
 from palpate.twin.inject import complete, inject, unfilled
 
@@ -48,16 +49,17 @@ def estimate(
     *value: float,
     std: float = 0.001,
     method: str = "by touch",
-    **components: tuple[float, float],
+    **parts: Part,
 ) -> Estimate:
     return Estimate(
         Parameter(name, quantity),
+        QUANTITIES[quantity].unit if quantity in QUANTITIES else "1",
         value,
         (std,) * len(value),
         tuple((v - 2 * std, v + 2 * std) for v in value),
         method,
         (),
-        components=components,
+        parts=parts,
     )
 
 
@@ -87,11 +89,11 @@ def test_only_the_answered_numbers_change() -> None:
 def test_records_go_into_custom() -> None:
     records = [
         estimate("bottle", "mass", 0.25412, std=0.0008, method='weighed "twice" <well> & cleanly'),
-        estimate("bottle", "friction", 0.34, static=(0.41, 0.02)),
+        estimate("bottle", "friction", 0.34, static=Part(0.41, 0.02)),
     ]
     text = inject(
         SCENE,
-        {r.parameter: r.value for r in records} | {Parameter("table", "height"): (0.18,)},
+        {r.parameter: tuple(r.value) for r in records} | {Parameter("table", "height"): (0.18,)},
         records,
     )
     model = mujoco.MjModel.from_xml_string(text)
@@ -108,9 +110,9 @@ def test_records_go_into_custom() -> None:
 
 def test_numbers_have_the_digits_their_deviation_deserves() -> None:
     records = [estimate("bottle", "mass", 0.2541234567, std=0.02)]
-    assert 'mass="0.254"' in inject(SCENE, {records[0].parameter: records[0].value}, records)
+    assert 'mass="0.254"' in inject(SCENE, {records[0].parameter: tuple(records[0].value)}, records)
     exact = [estimate("bottle", "mass", 0.2541234567, std=0.0)]
-    assert 'mass="0.2541235"' in inject(SCENE, {exact[0].parameter: exact[0].value}, exact)
+    assert 'mass="0.2541235"' in inject(SCENE, {exact[0].parameter: tuple(exact[0].value)}, exact)
 
 
 def test_measuring_again_updates_the_record_in_place() -> None:
@@ -144,7 +146,9 @@ def test_an_existing_custom_is_continued() -> None:
 
 def test_com_makes_an_inertial_that_moves_the_balance() -> None:
     records = [estimate("bottle", "com", 0.001, 0.0, -0.03), estimate("bottle", "mass", 0.2)]
-    values = {r.parameter: r.value for r in records} | {Parameter("table", "height"): (0.18,)}
+    values = {r.parameter: tuple(r.value) for r in records} | {
+        Parameter("table", "height"): (0.18,)
+    }
     text = inject(SCENE, values, records)
     bottle = body(text, "bottle")
     assert bottle.ipos == pytest.approx([0.001, 0, -0.03])
@@ -409,7 +413,7 @@ def test_any_style_of_text_survives(case: tuple[str, str, set[str]]) -> None:
     assert {g.quantity for g in scene.missing()} == missing
     known = {"height": ("table", (0.41,)), "mass": (name, (0.254,)), "friction": (name, (0.33,))}
     records = [estimate(known[q][0], q, *known[q][1]) for q in sorted(missing)]
-    after = inject(text, {r.parameter: r.value for r in records}, records)
+    after = inject(text, {r.parameter: tuple(r.value) for r in records}, records)
     model = mujoco.MjModel.from_xml_string(after)
     before, now = strip(text), strip(after)
     assert [tag for tag, _ in before] == [tag for tag, _ in now]

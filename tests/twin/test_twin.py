@@ -31,6 +31,7 @@ def scene(pos: str = "0.5 0 0.05", poses: str | None = None) -> Scene:
 def estimate(parameter: Parameter, *value: float) -> Estimate:
     return Estimate(
         parameter,
+        "kg" if parameter.quantity == "mass" else "m",
         value,
         (1e-3,) * len(value),
         tuple((v - 2e-3, v + 2e-3) for v in value),
@@ -59,7 +60,7 @@ def test_only_the_gap_is_closed() -> None:
 
 
 def test_what_is_not_identified_stays_open() -> None:
-    twin = build(scene(), not_identified(Parameter("cup", "mass"), "It slipped."))
+    twin = build(scene(), not_identified(Parameter("cup", "mass"), "kg", "It slipped."))
     assert twin.text == SCENE.format(pos="0.5 0 0.05")
     assert twin.diff == ""
 

@@ -13,7 +13,8 @@ from pathlib import Path
 from statistics import fmean, stdev
 from typing import ClassVar
 
-from palpate.estimation.estimate import Estimate, not_identified
+from palpate.estimation.estimate import Estimate, not_identified, not_measured
+from palpate.mjcf.body import Body
 from palpate.parameter import Parameter
 from palpate.quantities.quantity import Quantity
 from palpate.trace.recording import Conversion, Recording
@@ -40,6 +41,7 @@ TEMPERATURE = Quantity(
     size=1,
     subject="object",
     how="hold the thermometer over the object, then MeasureTemperature",
+    estimators={"mean": f"{__name__}:estimate_temperature"},
 )
 
 
@@ -91,25 +93,25 @@ class MeasureTemperature(ConversionPrimitive):
         )
         return f"{subject} {fmean(recording.reading):.1f} °C"
 
-    @classmethod
-    def estimate(cls, trace: Trace, conversion: Conversion) -> Estimate:
-        parameter, readings = (
-            Parameter(conversion.object, TEMPERATURE.id),
-            conversion.recording.reading,
-        )
-        if not readings:
-            return not_identified(parameter, "The thermometer gave no reading.")
-        value = fmean(readings)
-        scatter = stdev(readings) / math.sqrt(len(readings)) if len(readings) > 1 else 0.0
-        std = math.hypot(ACCURACY, scatter)
-        return Estimate(
-            parameter,
-            (value,),
-            (std,),
-            ((value - 1.96 * std, value + 1.96 * std),),
-            f"Mean of {len(readings)} thermometer readings.",
-            (conversion.recording,),
-        )
+
+def estimate_temperature(trace: Trace, parameter: Parameter, body: Body | None) -> Estimate:
+    """Mean of the readings, whose scatter adds to the instrument's accuracy."""
+    recording = trace.converted(parameter)
+    if recording is None:
+        return not_measured(parameter, TEMPERATURE.unit)
+    readings = recording.reading
+    if not readings:
+        return not_identified(parameter, TEMPERATURE.unit, "The thermometer gave no reading.")
+    scatter = stdev(readings) / math.sqrt(len(readings)) if len(readings) > 1 else 0.0
+    method = f"Mean of {len(readings)} thermometer readings."
+    return Estimate.normal(
+        parameter,
+        TEMPERATURE.unit,
+        fmean(readings),
+        math.hypot(ACCURACY, scatter),
+        method,
+        (recording,),
+    )
 
 
 def _latest_readings() -> tuple[float, ...]:

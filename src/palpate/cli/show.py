@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Callable, Generator, Iterator
+from collections.abc import Callable, Generator, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -78,16 +78,14 @@ def _show_rejection(outcome: Outcome) -> None:
 
 
 def _show_estimates(outcome: Outcome) -> None:
-    from palpate.quantities.quantity import quantity
-
     table = Table(box=None, header_style="dim", pad_edge=False)
     for heading in ("object", "quantity", "value", "± std", "95 % interval", "verdict"):
         table.add_column(heading, no_wrap=True)
     if outcome.cell:
         table.add_column("truth", style="dim", no_wrap=True)
     for estimate in outcome.estimates:
-        unit = quantity(estimate.parameter.quantity).unit.removesuffix("1")
-        value = f"[bold]{_numbers(estimate.value)}[/] {unit}" if estimate.value else "–"
+        unit = estimate.unit.removesuffix("1")
+        value = f"[bold]{_numbers(estimate.value)}[/] {unit}" if estimate.has_value else "–"
         row = [
             escape(estimate.parameter.object),
             estimate.parameter.quantity,
@@ -107,7 +105,7 @@ def _show_estimates(outcome: Outcome) -> None:
         out.print(f"[bold red]stopped[/] {escape(outcome.execution.stopped_by)}")
 
 
-def _numbers(values: tuple[float, ...], digits: int = 5) -> str:
+def _numbers(values: Iterable[float], digits: int = 5) -> str:
     """One number a line."""
     return "\n".join(f"{v:.{digits}g}" for v in values)
 

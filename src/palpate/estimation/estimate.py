@@ -1,44 +1,184 @@
-"""What an estimator returns: a value that knows how sure it is."""
+"""What an estimator returns: a value that knows its unit and how sure it is."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from html import escape
 from typing import Literal
 
+import numpy as np
+from numpy.typing import ArrayLike
+
+from palpate.geometry.pose import Array
 from palpate.parameter import Parameter
 from palpate.trace.recording import Recording
 
 Verdict = Literal["identified", "prior-dominated", "not identified"]
 
+Z95 = 1.96
+"""Half width of the central 95 % interval of a normal distribution, in standard deviations."""
+
 
 @dataclass(frozen=True, slots=True)
+class Part:
+    """A further value that came with an estimate, e.g. the static beside the dynamic friction.
+
+    `unit` is None where it is the estimate's own.
+    """
+
+    value: float
+    std: float
+    unit: str | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Estimate:
-    """A measured quantity.
+    """A measured quantity. Most estimators make it with `normal`; the arrays are read-only.
 
     Attributes:
-        value, std: one number per component, in the quantity's unit; empty when nothing is known.
-        ci95: (low, high) per component.
-        method: one sentence for people: what was done with which recordings.
+        parameter: what it is an estimate of.
+        unit: SI unit of `value`, `std` and `ci95`, as printed; `1` where there is none.
+        value: (n,) one number per component; empty when not identified.
+        std: (n,) standard deviations.
+        ci95: (n, 2) low and high end of each component's central 95 % interval.
+        method: a sentence or two for people: what was done with which recordings.
         evidence: the recordings it rests on, for the report's plots.
-        components: named further values, e.g. `{"static": (0.41, 0.02), "dynamic": (0.34, 0.01)}`
-            as (value, std), or `{"single-shot": (0.262, 0.02)}` for comparison.
+        verdict: `identified`; `prior-dominated` where what was believed before says as much as the
+            recordings; `not identified`, which has no value.
+        parts: further values by name, e.g. `static` and `dynamic`; `components` in `result.json`.
     """
 
     parameter: Parameter
-    value: tuple[float, ...]
-    std: tuple[float, ...]
-    ci95: tuple[tuple[float, float], ...]
+    unit: str
+    value: Array
+    std: Array
+    ci95: Array
     method: str
-    evidence: tuple[Recording, ...]
+    evidence: tuple[Recording, ...] = ()
     verdict: Verdict = "identified"
-    components: Mapping[str, tuple[float, float]] = field(
-        default_factory=dict[str, tuple[float, float]]
-    )
+    parts: Mapping[str, Part] = field(default_factory=dict[str, Part])
+
+    @classmethod
+    def normal(
+        cls,
+        parameter: Parameter,
+        unit: str,
+        value: ArrayLike,
+        std: ArrayLike,
+        method: str,
+        evidence: tuple[Recording, ...] = (),
+        verdict: Verdict = "identified",
+        parts: Mapping[str, Part] | None = None,
+        least: float = -math.inf,
+    ) -> Estimate:
+        """With the interval of a normal distribution, cut off below `least`."""
+        ci95 = interval95(value, std, least)
+        values, stds = np.atleast_1d(value), np.atleast_1d(std)
+        return cls(parameter, unit, values, stds, ci95, method, evidence, verdict, parts or {})
+
+    def __post_init__(self) -> None:
+        for name, shape in (("value", -1), ("std", -1), ("ci95", (-1, 2))):
+            numbers = np.array(getattr(self, name), dtype=np.float64).reshape(shape)
+            numbers.flags.writeable = False
+            object.__setattr__(self, name, numbers)
+        if not len(self.value) == len(self.std) == len(self.ci95):
+            raise ValueError(f"{self.parameter}: value, std and ci95 differ in length")
+        if self.has_value == (self.verdict == "not identified"):
+            raise ValueError(f"{self.parameter}: {self.verdict}, with value {self.value}")
+
+    @property
+    def has_value(self) -> bool:
+        """Whether there is a value; not when it is not identified."""
+        return len(self.value) > 0
+
+    def z_score(self, truth: ArrayLike) -> Array:
+        """(n,) error in standard deviations, for a `truth` that is known in this unit."""
+        return (self.value - np.atleast_1d(truth)) / self.std
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Estimate):
+            return NotImplemented
+        arrays = zip(self._arrays(), other._arrays(), strict=True)
+        return self._plain() == other._plain() and all(np.array_equal(a, b) for a, b in arrays)
+
+    def _arrays(self) -> tuple[Array, Array, Array]:
+        return self.value, self.std, self.ci95
+
+    def _plain(self) -> tuple[object, ...]:
+        return self.parameter, self.unit, self.method, self.evidence, self.verdict, self.parts
+
+    def __repr__(self) -> str:
+        if not self.has_value:
+            return f"<{self.parameter}: {self.verdict}>"
+        values, stds = _columns(self.value, self.std)
+        text = f"{self.parameter} = {_joined(values)} ± {_joined(stds)}{_suffix(self.unit)}"
+        if len(self.value) == 1:
+            low, high = self._bounds(0)
+            text += f", 95 % [{low}, {high}]"
+        return f"<{text}, {self.verdict}>"
+
+    def _repr_html_(self) -> str:
+        """A small table, one row a component, for notebooks."""
+        heading = f"{escape(str(self.parameter))}: {self.verdict}"
+        if not self.has_value:
+            return f"<p>{heading}. {escape(self.method)}</p>"
+        rows: list[str] = []
+        for i, (value, std) in enumerate(zip(*_columns(self.value, self.std), strict=True)):
+            interval = " … ".join(self._bounds(i))
+            rows.append(f"<tr><td>{value}</td><td>± {std}</td><td>{interval}</td></tr>")
+        columns = f"<tr><th>value{_suffix(escape(self.unit))}</th><th>std</th><th>95 %</th></tr>"
+        return f"<table><caption>{heading}</caption>{columns}{''.join(rows)}</table>"
+
+    def _bounds(self, i: int) -> list[str]:
+        """The ends of a component's interval, with the digits of its value."""
+        return [rounded(bound, float(self.std[i]))[0] for bound in self.ci95[i].tolist()]
 
 
 def not_identified(
-    parameter: Parameter, method: str, evidence: tuple[Recording, ...] = ()
+    parameter: Parameter, unit: str, method: str, evidence: tuple[Recording, ...] = ()
 ) -> Estimate:
     """The honest absence of an estimate: no value at all, and the reason in words."""
-    return Estimate(parameter, (), (), (), method, evidence, "not identified")
+    nothing = np.empty(0)
+    return Estimate(parameter, unit, nothing, nothing, nothing, method, evidence, "not identified")
+
+
+def not_measured(parameter: Parameter, unit: str) -> Estimate:
+    """What is said of a parameter whose conversion never ran."""
+    quantity, name = parameter.quantity, parameter.object
+    return not_identified(
+        parameter, unit, f"The run ended before the {quantity} of {name} was measured."
+    )
+
+
+def interval95(value: ArrayLike, std: ArrayLike, least: float = -math.inf) -> Array:
+    """(n, 2) central 95 % intervals of normal distributions, cut off below `least`."""
+    middle = np.atleast_1d(np.asarray(value, dtype=np.float64))
+    half = Z95 * np.atleast_1d(np.asarray(std, dtype=np.float64))
+    return np.column_stack([np.maximum(middle - half, least), middle + half])
+
+
+def rounded(value: float, std: float) -> tuple[str, str]:
+    """Value and standard deviation, to one digit of the latter, or two where it begins with 1 or
+    2."""
+    if not (math.isfinite(value) and math.isfinite(std) and std > 0):
+        return f"{value:.6g}", f"{std:.2g}"
+    exponent = math.floor(math.log10(std))
+    digits = 1 if std < 3 * 10**exponent else 0
+    decimals = min(max(digits - exponent, 0), 9)
+    return f"{value:.{decimals}f}", f"{std:.{decimals}f}"
+
+
+def _columns(values: Array, stds: Array) -> tuple[list[str], list[str]]:
+    """Values and standard deviations as text, each component with its own digits."""
+    texts = [rounded(v, s) for v, s in zip(values.tolist(), stds.tolist(), strict=True)]
+    return [value for value, _ in texts], [std for _, std in texts]
+
+
+def _joined(numbers: list[str]) -> str:
+    return numbers[0] if len(numbers) == 1 else f"({', '.join(numbers)})"
+
+
+def _suffix(unit: str) -> str:
+    return "" if unit == "1" else f" {unit}"

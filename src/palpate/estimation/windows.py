@@ -9,33 +9,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from palpate.estimation import tuning
 from palpate.geometry.pose import Array, Pose
 from palpate.trace.recording import Recording
 from palpate.trace.samples import Samples, Trace
 
 Mask = NDArray[np.bool_]
-
-SETTLE = 0.15
-"""s after the commanded pose stopped moving: the impedance controller's transient."""
-
-START = 0.06
-"""s before the commanded pose moves on: a smooth start accelerates before it visibly moves."""
-
-STILL_SPEED = 0.001
-"""m/s: below this the TCP counts as at rest."""
-
-NEAR = 0.012
-"""m off the measured pose that a rest may be and still count as the same pose (a loaded arm sags by
-m g / k)."""
-
-NEAR_ANGLE = 0.06
-"""rad, likewise."""
-
-CORRIDOR = 0.02
-"""m beside the line from the grasp to the measured pose that a pass may run."""
-
-CLEARANCE = 0.015
-"""m of the path above the grasp left out: there the support may still carry part of the object."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -96,24 +75,25 @@ def at_rest(samples: Samples) -> Mask:
     t = samples.t
     if len(t) < 2:
         return np.zeros(len(t), dtype=bool)
-    step = np.linalg.norm(np.diff(samples.target_world_tcp[:, :3], axis=0), axis=1) > 1e-6
-    changed = np.concatenate([[False], step])
+    step = np.linalg.norm(np.diff(samples.target_world_tcp[:, :3], axis=0), axis=1)
+    changed = np.concatenate([[False], step > 1e-6])
+    # For every row, when the command changed last and when it will change next.
     last_change = np.maximum.accumulate(np.where(changed, t, -np.inf))
-    slow = np.linalg.norm(samples.twist[:, :3], axis=1) < STILL_SPEED
     next_change = np.minimum.accumulate(np.where(changed, t, np.inf)[::-1])[::-1]
-    return (t - last_change > SETTLE) & (next_change - t > START) & slow
+    slow = np.linalg.norm(samples.twist[:, :3], axis=1) < tuning.STILL_SPEED
+    return (t - last_change > tuning.SETTLE) & (next_change - t > tuning.START) & slow
 
 
 def near(samples: Samples, pose: Pose) -> Mask:
     """Rows where the TCP is at `pose`, up to the sag of a loaded arm."""
-    close = np.linalg.norm(samples.pose_world_tcp[:, :3] - pose.position, axis=1) < NEAR
+    close = np.linalg.norm(samples.pose_world_tcp[:, :3] - pose.position, axis=1) < tuning.NEAR
     return close & aligned(samples, pose)
 
 
 def aligned(samples: Samples, pose: Pose) -> Mask:
     """Rows where the TCP is oriented as in `pose`."""
     dots = np.abs(samples.pose_world_tcp[:, 3:] @ pose.quaternion)
-    return 2.0 * np.arccos(np.minimum(dots, 1.0)) < NEAR_ANGLE
+    return 2.0 * np.arccos(np.minimum(dots, 1.0)) < tuning.NEAR_ANGLE
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -138,8 +118,9 @@ class Path:
         relative = samples.pose_world_tcp[:, :3] - self.origin
         along = relative @ self.axis
         beside = np.linalg.norm(relative - along[:, None] * self.axis, axis=1)
-        clear = (along > min(CLEARANCE, 0.4 * self.length)) & (along < self.length)
-        return clear & (beside < CORRIDOR) & aligned(samples, self.pose)
+        clearance = min(tuning.CLEARANCE, tuning.SHORT_LIFT * self.length)
+        clear = (along > clearance) & (along < self.length)
+        return clear & (beside < tuning.CORRIDOR) & aligned(samples, self.pose)
 
 
 def lift_path(trace: Trace, recording: Recording, load: Load) -> Path | None:
@@ -149,14 +130,16 @@ def lift_path(trace: Trace, recording: Recording, load: Load) -> Path | None:
     window = trace.of(recording)
     if not before or not len(window):
         return None
-    origin = mean_pose(
-        trace.samples.where(slice(_row(trace.samples, before[-1]), None)).where(slice(0, 1))
-    )
+    row = row_at(trace.samples, before[-1])
+    grasp = trace.samples.pose_world_tcp[row, :3]
     measured = mean_pose(window)
-    line = measured.position - origin.position
+    line = measured.position - grasp
     length = float(np.linalg.norm(line))
-    return Path(origin.position, line / length, length, measured) if length > 0.02 else None
+    if length <= tuning.LIFT_MIN:
+        return None
+    return Path(grasp, line / length, length, measured)
 
 
-def _row(samples: Samples, time: float) -> int:
+def row_at(samples: Samples, time: float) -> int:
+    """The first row from `time` on, or the last there is."""
     return min(int(np.searchsorted(samples.t, time)), len(samples) - 1)

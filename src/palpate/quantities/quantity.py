@@ -1,12 +1,13 @@
 """The catalogue of physical quantities: one declaration each, from which everything else derives.
 
-A `Gap` is the thread through the program: a plan promises it, a recording evidences it, an
+A `Parameter` is the thread through the program: a plan promises it, a recording evidences it, an
 estimate discharges it and the twin shows it.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 from palpate.errors import unknown_name
 
@@ -24,6 +25,8 @@ class Quantity:
         subject: what carries it, `object`, `surface` or `gripper`.
         identifiable: whether the vocabulary can measure it at all.
         how: one sentence for prompts and explanations: how it is acquired.
+        estimators: by name, the default first; each `package.module:function`, which is imported
+            when it is used, and keeps to the contract of `palpate.estimation.estimator.Estimator`.
     """
 
     id: str
@@ -34,6 +37,7 @@ class Quantity:
     subject: str
     how: str
     identifiable: bool = True
+    estimators: Mapping[str, str] = field(default_factory=dict[str, str], hash=False)
 
 
 _CATALOGUE = (
@@ -45,6 +49,10 @@ _CATALOGUE = (
         1,
         "object",
         "lift the object clear of its support, MeasureForces while still, then Force2Mass",
+        estimators={
+            "contrast": "palpate.quantities.mass:estimate_mass",
+            "single-shot": "palpate.quantities.mass:estimate_single_shot",
+        },
     ),
     Quantity(
         "height",
@@ -54,6 +62,7 @@ _CATALOGUE = (
         1,
         "surface",
         "MoveUntilContact -z over a free spot, MeasureGripperPose, then Pose2Height",
+        estimators={"loading-curve": "palpate.quantities.height:estimate_height"},
     ),
     Quantity(
         "friction",
@@ -64,6 +73,7 @@ _CATALOGUE = (
         "object",
         "MeasureForces while held still in the air, and in a Parallel with a MovePose that slides the "
         "held object along its support; derived",
+        estimators={"drag": "palpate.quantities.friction:estimate_friction"},
     ),
     Quantity(
         "com",
@@ -81,6 +91,7 @@ _CATALOGUE = (
         3,
         "object",
         "MeasureForces while held still at three grasp offsets along its long axis; derived",
+        estimators={"torque": "palpate.quantities.com:estimate_com"},
     ),
     Quantity(
         "inertia",
@@ -91,6 +102,7 @@ _CATALOGUE = (
         "object",
         "needs dynamic excitation, which no primitive offers",
         identifiable=False,
+        estimators={"none": "palpate.quantities.inertia:estimate_inertia"},
     ),
     Quantity(
         "position",
@@ -100,6 +112,7 @@ _CATALOGUE = (
         2,
         "object",
         "MeasureGripperPose while holding the object, then Pose2Plan",
+        estimators={"fingers": "palpate.quantities.position:estimate_position"},
     ),
     Quantity(
         "velocity",
@@ -109,6 +122,7 @@ _CATALOGUE = (
         3,
         "gripper",
         "MeasureForces in a Parallel with a motion, then Force2Velocity",
+        estimators={"displacement": "palpate.quantities.velocity:estimate_velocity"},
     ),
     Quantity(
         "momentum",
@@ -118,6 +132,7 @@ _CATALOGUE = (
         3,
         "gripper",
         "MeasureForces in a Parallel with a motion while holding an object, then Force2Momentum",
+        estimators={"product": "palpate.quantities.momentum:estimate_momentum"},
     ),
 )
 

@@ -19,7 +19,6 @@ from palpate.pictures.moments import (
     render_scene,
 )
 from palpate.pictures.renderer import gl_available, png
-from palpate.quantities.quantity import quantity
 from palpate.report.data import Measured, ParameterRow, ReportData
 from palpate.report.report import write_report
 from palpate.runs.folder import write_json
@@ -190,8 +189,7 @@ def _parameter_rows(outcome: Outcome) -> list[ParameterRow]:
 def _measured(outcome: Outcome) -> list[Measured]:
     cell = outcome.cell
     return [
-        Measured(e, quantity(e.parameter.quantity).unit, cell.truth(e.parameter) if cell else None)
-        for e in outcome.estimates
+        Measured(e, e.unit, cell.truth(e.parameter) if cell else None) for e in outcome.estimates
     ]
 
 

@@ -16,8 +16,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from palpate.estimation.contact import tip_height
 from palpate.geometry.pose import Array
-from palpate.trace.recording import Hand, LeafRun, Recording
+from palpate.trace.recording import LeafRun, Recording
 from palpate.trace.samples import Samples, Trace
 
 Figure = dict[str, Any]
@@ -93,13 +94,6 @@ def decimate(t: Array, y: Array, limit: int = MAX_POINTS) -> tuple[Array, Array]
     ]
     rows = np.unique(np.array(kept, dtype=int))
     return t[rows], y[rows]
-
-
-def tip_height(samples: Samples, hand: Hand) -> Array:
-    """World z of the fingertips' end, (n,) m."""
-    pose = samples.pose_world_tcp
-    tool_z_up = 1 - 2 * (pose[:, 4] ** 2 + pose[:, 5] ** 2)
-    return pose[:, 2] + hand.tip_offset * tool_z_up
 
 
 def _span(trace: Trace) -> tuple[float, float]:

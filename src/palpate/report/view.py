@@ -3,20 +3,19 @@ rows."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import groupby
 
 import numpy as np
 
-from palpate.estimation.estimate import Estimate
+from palpate.estimation.contact import tip_height
+from palpate.estimation.estimate import Estimate, rounded
 from palpate.geometry.pose import Array
 from palpate.parameter import Parameter
 from palpate.planning.plan import Node, Plan
 from palpate.quantities.quantity import QUANTITIES
 from palpate.report.data import Measured, ParameterRow
-from palpate.report.plots import tip_height
 from palpate.trace.recording import LeafRun, Recording
 from palpate.trace.samples import FORCES, Trace
 from palpate.vocabulary.composites import COMPOSITES
@@ -94,16 +93,6 @@ class Branch:
     children: tuple[Branch, ...]
 
 
-def rounded(value: float, std: float) -> tuple[str, str]:
-    """Value and standard deviation, to one digit of the latter, or two where it begins with 1 or
-    2."""
-    if not (math.isfinite(value) and math.isfinite(std) and std > 0):
-        return f"{value:.6g}", f"{std:.2g}"
-    exponent = math.floor(math.log10(std))
-    decimals = min(max((1 if std < 3 * 10**exponent else 0) - exponent, 0), 9)
-    return f"{value:.{decimals}f}", f"{std:.{decimals}f}"
-
-
 def quantity_label(id: str) -> str:
     """In words, or the id itself where a quantity is not in the catalogue."""
     return QUANTITIES[id].label if id in QUANTITIES else id
@@ -129,10 +118,11 @@ def _card(measured: Measured, trace: Trace | None) -> Card:
     )
     intervals = tuple(
         _interval(*row, measured.unit)
-        for row in zip(axes, e.value, e.std, e.ci95, truths, strict=True)
+        for row in zip(axes, e.value.tolist(), e.std.tolist(), e.ci95.tolist(), truths, strict=True)
     )
     further = tuple(
-        (name, _further(value, std, measured.unit)) for name, (value, std) in e.components.items()
+        (name, _further(part.value, part.std, part.unit or e.unit))
+        for name, part in e.parts.items()
     )
     evidence = tuple(_evidence(r, trace, e.parameter) for r in e.evidence) if trace else ()
     return Card(

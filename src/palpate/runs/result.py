@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 from palpate import __version__
 from palpate.estimation.estimate import Estimate
 from palpate.planning.plan import dump_plan
-from palpate.quantities.quantity import quantity
 
 if TYPE_CHECKING:
     from palpate.pipeline import Outcome
@@ -56,20 +55,20 @@ def parameter_json(estimate: Estimate) -> dict[str, Any]:
     """One estimate; scalars for quantities of one component, lists for the others, null where
     nothing is known."""
 
-    def shape(values: tuple[Any, ...]) -> Any:
-        return values[0] if len(values) == 1 else list(values) or None
+    def shape(numbers: list[Any]) -> Any:
+        return numbers[0] if len(numbers) == 1 else numbers or None
 
     return {
         "object": estimate.parameter.object,
         "quantity": estimate.parameter.quantity,
-        "value": shape(estimate.value),
-        "unit": quantity(estimate.parameter.quantity).unit,
-        "std": shape(estimate.std),
-        "ci95": shape(tuple(list(pair) for pair in estimate.ci95)),
+        "value": shape(estimate.value.tolist()),
+        "unit": estimate.unit,
+        "std": shape(estimate.std.tolist()),
+        "ci95": shape(estimate.ci95.tolist()),
         "method": estimate.method,
         "verdict": estimate.verdict,
         "components": {
-            name: {"value": v, "std": s} for name, (v, s) in estimate.components.items()
+            name: {"value": part.value, "std": part.std} for name, part in estimate.parts.items()
         },
     }
 

@@ -78,18 +78,22 @@ def run_seed(job: Job, seed: int) -> Run:
 
 def _trials(outcome: pipeline.Outcome, seed: int) -> Iterable[Trial]:
     for estimate in outcome.estimates:
-        truth = outcome.cell.truth(estimate.parameter) if outcome.cell and estimate.value else None
-        shot = estimate.components.get("single-shot")
+        truth = (
+            outcome.cell.truth(estimate.parameter) if outcome.cell and estimate.has_value else None
+        )
+        shot = estimate.parts.get("single-shot")
         for i, true_value in enumerate(truth or ()):
+            low, high = estimate.ci95[i].tolist()
             yield Trial(
                 estimate.parameter,
                 i,
                 seed,
-                estimate.value[i],
-                estimate.std[i],
-                *estimate.ci95[i],
+                float(estimate.value[i]),
+                float(estimate.std[i]),
+                low,
+                high,
                 true_value,
-                shot[0] if shot else None,
+                shot.value if shot else None,
             )
 
 

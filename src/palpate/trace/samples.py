@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.geometry.pose import Array
+from palpate.parameter import Parameter
 from palpate.trace.recording import Conversion, Hand, LeafRun, Recording
 
 FORCES = "gripper_forces"
@@ -106,6 +107,14 @@ class Trace:
     def of(self, recording: Recording) -> Samples:
         """The samples of a recording."""
         return self.samples.between(recording.start, recording.end)
+
+    def converted(self, parameter: Parameter) -> Recording | None:
+        """The recording that a conversion last declared to stand for `parameter`; None without
+        one."""
+        for conversion in reversed(self.conversions):
+            if Parameter(conversion.object, conversion.quantity) == parameter:
+                return conversion.recording
+        return None
 
     def leaf_runs(self, *primitives: str, status: str = "SUCCESS") -> Sequence[LeafRun]:
         """Leaves of the named primitives that ended with `status`, in order of time."""

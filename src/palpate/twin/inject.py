@@ -67,7 +67,7 @@ def complete(scene: Scene, estimates: Sequence[Estimate]) -> tuple[str, tuple[st
     """The twin's text, and remarks: what could not be written, and which `?` nobody measured and
     now hold a prior."""
     folder = scene.source.document.folder
-    values = {e.parameter: e.value for e in estimates}
+    values = {e.parameter: tuple(e.value.tolist()) for e in estimates}
     reasons = {parameter: _unfit(scene, parameter, values) for parameter in values}
     fitting = {parameter: value for parameter, value in values.items() if not reasons[parameter]}
     notes = [
@@ -115,7 +115,7 @@ def _unfit(scene: Scene, parameter: Parameter, values: Values) -> str:
 
 
 def _deviations(records: Sequence[Estimate]) -> dict[Parameter, float]:
-    return {record.parameter: min(record.std) for record in records if record.std}
+    return {record.parameter: float(min(record.std)) for record in records if record.has_value}
 
 
 def _target(edit: Edit | Insert) -> Element:
@@ -167,10 +167,11 @@ class _Entry:
 def _entries(records: Iterable[Estimate]) -> Iterator[_Entry]:
     for record in records:
         name = f"palpate_{record.parameter.object}_{record.parameter.quantity}"
-        low, high = zip(*record.ci95, strict=True) if record.ci95 else ((), ())
+        low, high = record.ci95.T
         yield _Entry("numeric", name, _numbers([*record.value, *record.std, *low, *high]))
-        for component, (value, std) in record.components.items():
-            yield _Entry("numeric", f"{name}_{component.replace(' ', '_')}", _numbers([value, std]))
+        for further, part in record.parts.items():
+            numbers = _numbers([part.value, part.std])
+            yield _Entry("numeric", f"{name}_{further.replace(' ', '_')}", numbers)
         yield _Entry("text", f"{name}_method", _printable(record.method) or "measured")
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from palpate.errors import PalpateError
 from palpate.estimation.estimate import Estimate
-from palpate.geometry.pose import Pose
+from palpate.geometry.pose import Array, Pose
 from palpate.scene.load import rearranged, scene_from_text
 from palpate.scene.scene import Scene
 from palpate.trace.samples import Trace
@@ -64,5 +64,5 @@ def _with_measured_positions(scene: Scene, estimates: Sequence[Estimate]) -> Sce
     return rearranged(scene, placed) if placed else scene
 
 
-def _placed(pose_world: Pose, position: tuple[float, ...]) -> Pose:
+def _placed(pose_world: Pose, position: Array) -> Pose:
     return Pose.of((*position, pose_world.position[2]), pose_world.quaternion)

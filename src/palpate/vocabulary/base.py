@@ -15,7 +15,6 @@ from typing import ClassVar, Literal
 
 from pydantic import BaseModel, ConfigDict
 
-from palpate.estimation.estimate import Estimate
 from palpate.quantities.quantity import Quantity
 from palpate.robots.robot import Robot
 from palpate.robots.safety import Expectation, violation
@@ -145,16 +144,12 @@ class Primitive(BaseModel):
 
 
 class ConversionPrimitive(Primitive):
-    """A primitive that turns a buffer into an estimate of `measures`."""
+    """A primitive that declares a buffer to stand for `measures`, whose estimator makes a value of
+    it."""
 
     group: ClassVar[Literal["motion", "gripper", "sensing", "conversion"]] = "conversion"
 
     def subject(self, state: SymbolicState) -> str | None:
         """The object or surface that the buffer's content is about, by its context; None when about
         none."""
-        raise NotImplementedError
-
-    @classmethod
-    def estimate(cls, trace: Trace, conversion: Conversion) -> Estimate:
-        """The estimate, from recordings alone."""
         raise NotImplementedError

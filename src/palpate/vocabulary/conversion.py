@@ -1,18 +1,15 @@
-"""Primitives that turn a buffer into an estimate; each brings its estimator."""
+"""Primitives that declare what a buffer stands for, and have it estimated."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 from typing import ClassVar
 
-from palpate.estimation.estimate import Estimate
 from palpate.parameter import Parameter
-from palpate.quantities import height as surface
-from palpate.quantities import mass
-from palpate.quantities import motion as kinematic
+from palpate.quantities.estimators import estimate_all
 from palpate.quantities.quantity import QUANTITIES, Quantity
 from palpate.trace.recording import Context, Conversion
-from palpate.trace.samples import FORCES, POSE, Trace
+from palpate.trace.samples import FORCES, POSE
 from palpate.vocabulary.base import Blackboard, ConversionPrimitive, LeafFailure, Steps
 from palpate.vocabulary.state import SymbolicState
 
@@ -60,13 +57,15 @@ class _Conversion(ConversionPrimitive):
         conversion = Conversion(
             type(self).__name__, subject, quantity.id, recording, blackboard.robot.state.t
         )
-        found = self.estimate(blackboard.recorder.snapshot(), conversion)
+        trace = blackboard.recorder.snapshot()
+        trace = replace(trace, conversions=(*trace.conversions, conversion))
+        parameter = Parameter(subject, quantity.id)
+        (found,) = estimate_all([parameter], trace, blackboard.scene.bodies)
         if found.verdict == "not identified":
-            raise LeafFailure(f"{found.parameter} is not identified: {found.method}")
+            raise LeafFailure(f"{parameter} is not identified: {found.method}")
         blackboard.recorder.conversions.append(conversion)
-        blackboard.state = replace(
-            blackboard.state, scene=blackboard.scene.learned(found.parameter, found.value)
-        )
+        scene = blackboard.scene.learned(parameter, tuple(found.value.tolist()))
+        blackboard.state = replace(blackboard.state, scene=scene)
         shown = ", ".join(f"{v:.4g} ± {s:.2g}" for v, s in zip(found.value, found.std, strict=True))
         return f"{subject} {quantity.label} {shown} {quantity.unit}"
 
@@ -82,10 +81,6 @@ class Force2Mass(_Conversion):
     def about(self, context: Context) -> str | None:
         return context.holding if context.activity == "still" else None
 
-    @classmethod
-    def estimate(cls, trace: Trace, conversion: Conversion) -> Estimate:
-        return mass.estimate_mass(trace, conversion)
-
 
 class Force2Velocity(_Conversion):
     """Convert `gripper_forces` logged beside a motion into the velocity of the gripper. Irrelevant
@@ -97,10 +92,6 @@ class Force2Velocity(_Conversion):
 
     def about(self, context: Context) -> str | None:
         return (context.holding or GRIPPER) if context.activity in ("moving", "sliding") else None
-
-    @classmethod
-    def estimate(cls, trace: Trace, conversion: Conversion) -> Estimate:
-        return kinematic.estimate_velocity(trace, conversion)
 
 
 class Force2Momentum(_Conversion):
@@ -114,10 +105,6 @@ class Force2Momentum(_Conversion):
     def about(self, context: Context) -> str | None:
         return context.holding if context.activity == "moving" else None
 
-    @classmethod
-    def estimate(cls, trace: Trace, conversion: Conversion) -> Estimate:
-        return kinematic.estimate_momentum(trace, conversion)
-
 
 class Pose2Height(_Conversion):
     """Convert `gripper_pose` logged in contact with a surface into the height of that surface above
@@ -130,10 +117,6 @@ class Pose2Height(_Conversion):
     def about(self, context: Context) -> str | None:
         return context.support if context.activity == "contact" else None
 
-    @classmethod
-    def estimate(cls, trace: Trace, conversion: Conversion) -> Estimate:
-        return surface.estimate_height(trace, conversion)
-
 
 class Pose2Plan(_Conversion):
     """Convert `gripper_pose` logged while an object is held into that object's x-y position."""
@@ -144,7 +127,3 @@ class Pose2Plan(_Conversion):
 
     def about(self, context: Context) -> str | None:
         return context.holding
-
-    @classmethod
-    def estimate(cls, trace: Trace, conversion: Conversion) -> Estimate:
-        return kinematic.estimate_position(trace, conversion)

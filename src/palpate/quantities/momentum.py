@@ -1,0 +1,46 @@
+"""Momentum of a held object."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from palpate.estimation.estimate import Estimate, not_measured
+from palpate.estimation.motion import mean_velocity
+from palpate.estimation.weighing import weigh
+from palpate.mjcf.body import Body
+from palpate.parameter import Parameter
+from palpate.trace.samples import Trace
+
+UNIT = "kg·m/s"
+
+
+def estimate_momentum(trace: Trace, parameter: Parameter, body: Body | None) -> Estimate:
+    """Mean momentum m v of the held object over the recording, world axes.
+
+    The mass comes from the loaded and empty passes and rests of the same trace, so it includes
+    nothing of the hand.
+
+    Raises:
+        ValueError: the recording has fewer than two samples.
+    """
+    recording = trace.converted(parameter)
+    if recording is None:
+        return not_measured(parameter, UNIT)
+    velocity = mean_velocity(trace, recording)
+    weight = weigh(trace, recording)
+    # Of a product of independent factors: the relative variances add, to first order.
+    std = np.hypot(weight.mass * velocity.std, weight.std * velocity.value)
+    method = (
+        "Mean velocity of the recording times the object's mass from the same trace "
+        f"({weight.mass:.3f} kg)."
+    )
+    return Estimate.normal(
+        parameter,
+        UNIT,
+        weight.mass * velocity.value,
+        std,
+        method,
+        (recording,),
+        weight.verdict,
+        {"mass": weight.part},
+    )

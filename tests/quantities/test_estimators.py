@@ -1,0 +1,147 @@
+"""Every promised parameter gets an estimate, or an honest word, from an estimator of one's
+choice."""
+
+import sys
+import types
+from dataclasses import replace
+from importlib.metadata import EntryPoint
+
+import pytest
+
+from palpate.errors import InputError
+from palpate.estimation.estimate import Estimate
+from palpate.parameter import Parameter
+from palpate.quantities import estimators as registry
+from palpate.quantities.estimators import Estimators, estimate_all, known_estimators
+from palpate.quantities.quantity import QUANTITIES
+from palpate.scene.load import parse_scene
+from palpate.trace.recording import Conversion
+
+SCENE = """
+<mujoco>
+  <worldbody>
+    <body name="table" pos="0.4 0 0.08"><geom type="box" size=".5 .5 .02"/></body>
+    <body name="bottle" pos="0.5 0.1 0.2"><freejoint/><geom type="cylinder" size=".03 .1"/></body>
+  </worldbody>
+</mujoco>
+"""
+MASS = Parameter("bottle", "mass")
+
+MINE = '''
+"""An estimator of one's own, in one file: the median instead of a model of the bias."""
+
+import numpy as np
+
+from palpate.estimation.estimate import Estimate, not_measured
+
+
+def estimate_mass(trace, parameter, body):
+    recording = trace.converted(parameter)
+    if recording is None:
+        return not_measured(parameter, "kg")
+    mass = trace.of(recording).wrench[:, 2] / trace.gravity
+    method = f"Median of {len(mass)} samples, {body.name}."
+    return Estimate.normal(parameter, "kg", np.median(mass), mass.std(), method, (recording,))
+'''
+
+
+@pytest.fixture(scope="module")
+def bodies():
+    return parse_scene(SCENE).bodies
+
+
+@pytest.fixture
+def installed(monkeypatch):
+    """A package with an estimator of its own, as an installer leaves it: a module and an entry
+    point."""
+    module = types.ModuleType("my_package")
+    exec(MINE, module.__dict__)
+    monkeypatch.setitem(sys.modules, "my_package", module)
+    entry = EntryPoint("mass.mine", "my_package:estimate_mass", registry.ENTRY_POINTS)
+    monkeypatch.setattr(registry, "entry_points", lambda group: (entry,))
+
+
+def test_converted_and_missing(weighing, noises, bodies):
+    trace = weighing(0.254, noises["none"])
+    mass, height = estimate_all([MASS, Parameter("table", "height")], trace, bodies)
+    assert mass.value[0] == pytest.approx(0.254, rel=3e-3)
+    assert height.verdict == "not identified"
+    assert "before the height of table was measured" in height.method
+
+
+def test_an_estimator_of_ones_own_is_chosen_by_name(weighing, noises, bodies, installed):
+    trace = weighing(0.254, noises["none"])
+    (found,) = estimate_all([MASS], trace, bodies, choice={"mass": "mine"})
+    assert found.value[0] == pytest.approx(0.254, rel=0.02)
+    assert found.method == "Median of 151 samples, bottle."
+    assert known_estimators().names("mass") == ("contrast", "single-shot", "mine")
+    (default,) = estimate_all([MASS], trace, bodies)
+    assert "Vertical force with the object less without it" in default.method
+
+
+def test_the_papers_single_shot_leaves_the_arms_bias_in_and_says_so(weighing, noises, bodies):
+    trace = weighing(0.254, noises["lab"])
+    (found,) = estimate_all([MASS], trace, bodies, choice={"mass": "single-shot"})
+    (contrast,) = estimate_all([MASS], trace, bodies)
+    assert found.value[0] == contrast.parts["single-shot"].value
+    assert found.std[0] > 10 * contrast.std[0]
+    assert "not compared with the empty hand" in found.method
+
+
+@pytest.mark.parametrize(
+    ("choice", "words"),
+    [
+        ({"mass": "other"}, "unknown estimator of mass 'other'; valid: contrast, single-shot"),
+        ({"weight": "contrast"}, "unknown estimator of weight 'contrast'; valid: none"),
+    ],
+)
+def test_an_unknown_choice_lists_the_valid_ones(weighing, noises, bodies, choice, words):
+    with pytest.raises(InputError, match=words):
+        estimate_all([MASS], weighing(0.254, noises["none"]), bodies, choice)
+
+
+def test_an_estimator_that_cannot_be_loaded_is_named(weighing, noises, bodies):
+    broken = Estimators({"mass": {"mine": "no_such_package:estimate"}})
+    with pytest.raises(InputError, match="'no_such_package:estimate' cannot be loaded"):
+        estimate_all([MASS], weighing(0.254, noises["none"]), bodies, estimators=broken)
+
+
+def test_another_partys_quantity_brings_its_own_estimator(weighing, noises, bodies, monkeypatch):
+    parameter = Parameter("bottle", "temperature")
+    trace = weighing(0.254, noises["none"])
+    reading = Conversion(
+        "MeasureTemperature", *parameter_names(parameter), trace.recordings[0], 1.0
+    )
+    trace = replace(trace, conversions=(reading,))
+
+    def thermometer(trace, parameter, body):
+        return Estimate.normal(parameter, "°C", 21.0, 0.5, "read", (trace.converted(parameter),))
+
+    assert estimate_all([parameter], trace, bodies)[0].verdict == "not identified"
+    monkeypatch.setitem(sys.modules, "thermometer", types.SimpleNamespace(estimate=thermometer))
+    own = Estimators({"temperature": {"mean": "thermometer:estimate"}})
+    assert estimate_all([parameter], trace, bodies, estimators=own)[0].value == (21.0,)
+
+
+def parameter_names(parameter):
+    return parameter.object, parameter.quantity
+
+
+def test_inertia_is_not_excited(weighing, noises, bodies):
+    trace = weighing(0.254, noises["none"])
+    (found,) = estimate_all([Parameter("bottle", "inertia")], trace, bodies)
+    assert found.verdict == "not identified"
+    assert "not excited" in found.method
+    assert len(found.value) == 0
+
+
+@pytest.mark.parametrize("quantity", QUANTITIES.values(), ids=lambda q: q.id)
+def test_every_estimator_of_the_catalogue_keeps_to_the_contract(bench, noises, bodies, quantity):
+    b = bench(noises["none"])
+    b.go("somewhere", (0.5, 0.0, 0.3))
+    parameter = Parameter("bottle", quantity.id)
+    for name in known_estimators().names(quantity.id):
+        (found,) = estimate_all([parameter], b.trace(), bodies, {quantity.id: name})
+        assert (found.parameter, found.unit) == (parameter, quantity.unit)
+        assert found.verdict == "not identified"
+        assert found.method
