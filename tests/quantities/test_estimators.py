@@ -4,14 +4,12 @@ choice."""
 import sys
 import types
 from dataclasses import replace
-from importlib.metadata import EntryPoint
 
 import pytest
 
 from palpate.errors import InputError
 from palpate.estimation.estimate import Estimate
 from palpate.parameter import Parameter
-from palpate.quantities import estimators as registry
 from palpate.quantities.estimators import Estimators, estimate_all, known_estimators
 from palpate.quantities.quantity import QUANTITIES
 from palpate.scene.load import parse_scene
@@ -51,14 +49,19 @@ def bodies():
 
 
 @pytest.fixture
-def installed(monkeypatch):
-    """A package with an estimator of its own, as an installer leaves it: a module and an entry
-    point."""
-    module = types.ModuleType("my_package")
-    exec(MINE, module.__dict__)
-    monkeypatch.setitem(sys.modules, "my_package", module)
-    entry = EntryPoint("mass.mine", "my_package:estimate_mass", registry.ENTRY_POINTS)
-    monkeypatch.setattr(registry, "entry_points", lambda group: (entry,))
+def installed(tmp_path, monkeypatch):
+    """A package with an estimator of its own, as an installer leaves it: one file, and metadata
+    with its entry point."""
+    (tmp_path / "my_estimator.py").write_text(MINE, encoding="utf-8")
+    metadata = tmp_path / "my_estimator-1.0.dist-info"
+    metadata.mkdir()
+    (metadata / "METADATA").write_text("Metadata-Version: 2.1\nName: my-estimator\nVersion: 1.0\n")
+    (metadata / "entry_points.txt").write_text(
+        "[palpate.estimators]\nmass.mine = my_estimator:estimate_mass\n"
+    )
+    monkeypatch.syspath_prepend(tmp_path)
+    yield
+    sys.modules.pop("my_estimator", None)
 
 
 def test_converted_and_missing(weighing, noises, bodies):
@@ -74,9 +77,18 @@ def test_an_estimator_of_ones_own_is_chosen_by_name(weighing, noises, bodies, in
     (found,) = estimate_all([MASS], trace, bodies, choice={"mass": "mine"})
     assert found.value[0] == pytest.approx(0.254, rel=0.02)
     assert found.method == "Median of 151 samples, bottle."
+
     assert known_estimators().names("mass") == ("contrast", "single-shot", "mine")
     (default,) = estimate_all([MASS], trace, bodies)
     assert "Vertical force with the object less without it" in default.method
+
+
+def test_an_estimator_is_loaded_when_it_is_used(weighing, noises, bodies, installed):
+    known = known_estimators()
+    estimate_all([MASS], weighing(0.254, noises["none"]), bodies, estimators=known)
+    assert "my_estimator" not in sys.modules
+    known.load("mass", "mine")
+    assert "my_estimator" in sys.modules
 
 
 def test_the_papers_single_shot_leaves_the_arms_bias_in_and_says_so(weighing, noises, bodies):
@@ -109,9 +121,7 @@ def test_an_estimator_that_cannot_be_loaded_is_named(weighing, noises, bodies):
 def test_another_partys_quantity_brings_its_own_estimator(weighing, noises, bodies, monkeypatch):
     parameter = Parameter("bottle", "temperature")
     trace = weighing(0.254, noises["none"])
-    reading = Conversion(
-        "MeasureTemperature", *parameter_names(parameter), trace.recordings[0], 1.0
-    )
+    reading = Conversion("MeasureTemperature", "bottle", "temperature", trace.recordings[0], 1.0)
     trace = replace(trace, conversions=(reading,))
 
     def thermometer(trace, parameter, body):
@@ -121,10 +131,6 @@ def test_another_partys_quantity_brings_its_own_estimator(weighing, noises, bodi
     monkeypatch.setitem(sys.modules, "thermometer", types.SimpleNamespace(estimate=thermometer))
     own = Estimators({"temperature": {"mean": "thermometer:estimate"}})
     assert estimate_all([parameter], trace, bodies, estimators=own)[0].value == (21.0,)
-
-
-def parameter_names(parameter):
-    return parameter.object, parameter.quantity
 
 
 def test_inertia_is_not_excited(weighing, noises, bodies):

@@ -1,5 +1,7 @@
 """Friction from drags: bias, direction, pressure."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -70,3 +72,14 @@ def test_nothing_dragged_nothing_known(weighing, noises):
     found = estimate_friction(trace, PARAMETER, None)
     assert found.verdict == "not identified"
     assert len(found.value) == 0
+
+
+def test_a_friction_that_cannot_be_told_from_none_has_no_value(bench, noises):
+    trace = drag(bench, noises["lab"], 1, CONSTANT)
+    unsure = replace(trace, hand=replace(trace.hand, torque_gain=0.8))
+    found = estimate_friction(unsure, PARAMETER, None)
+    assert found.verdict == "not identified"
+    assert len(found.value) == 0
+    assert not found.parts
+    assert "cannot be told from none" in found.method
+    assert len(found.evidence) == 2
