@@ -9,10 +9,9 @@ from typing import Literal, get_args
 from palpate.errors import InputError, unknown_name
 from palpate.execution.recovery import OnFailure
 from palpate.planning.model.session import ModelSettings
+from palpate.planning.planner import MAX_REQUEST
 
 Noise = Literal["none", "lab", "datasheet"]
-MAX_REQUEST = 4_000
-"""Characters: a request is a sentence or a paragraph, not a document."""
 
 
 @dataclass(frozen=True, slots=True)

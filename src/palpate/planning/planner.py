@@ -12,6 +12,9 @@ from palpate.planning.plan import Plan
 if TYPE_CHECKING:
     from palpate.scene.scene import Scene
 
+MAX_REQUEST = 4_000
+"""Characters: a request is a sentence or a paragraph, not a document."""
+
 
 class Planner(Protocol):
     """f(R, D, I) → plan."""

@@ -11,13 +11,11 @@ from dataclasses import dataclass, field
 
 from palpate.errors import InputError, PlanRejected
 from palpate.parameter import Parameter
+from palpate.planning.planner import MAX_REQUEST
 from palpate.planning.symbolic import lexicon
 from palpate.planning.symbolic.mentions import GRIPPER, Item, Words
 from palpate.quantities.quantity import QUANTITIES
 from palpate.scene.scene import Scene
-
-MAX_REQUEST = 20_000
-"""Characters of a request that are read."""
 
 _TURNS = lexicon.word_set("need want measure determine find estimate tell")
 """Verbs that end a remark about what is known already."""
