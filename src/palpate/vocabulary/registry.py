@@ -4,15 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import cache
-from importlib.metadata import EntryPoint, entry_points
 from types import ModuleType
 from typing import Any
 
-from palpate.errors import InputError, unknown_name
+from palpate.errors import unknown_name
+from palpate.extensions import extensions, public
 from palpate.quantities.quantity import QUANTITIES
 from palpate.vocabulary import core
 from palpate.vocabulary.base import ConversionPrimitive, Primitive
 from palpate.vocabulary.composites import COMPOSITES, Composite
+
+_ABSTRACT = (Primitive, ConversionPrimitive)
 
 
 def converters(quantity: str) -> list[type[Primitive]]:
@@ -74,9 +76,9 @@ def vocabulary() -> Vocabulary:
     """
 
     found: dict[str, type[Primitive]] = _declared(core)
-    for entry in sorted(entry_points(group="palpate.primitives"), key=lambda e: e.name):
-        if entry.value != core.__name__:
-            found = {**_declared(_loaded(entry)), **found}
+    for module in extensions("palpate.primitives"):
+        if module is not core:
+            found = {**_declared(module), **found}
     for cls in found.values():
         if cls.measures is not None:
             QUANTITIES.setdefault(cls.measures.id, cls.measures)
@@ -85,28 +87,13 @@ def vocabulary() -> Vocabulary:
     )
 
 
-def _loaded(entry: EntryPoint) -> ModuleType:
-    try:
-        return entry.load()
-    except Exception as error:
-        raise InputError(
-            f"the primitives '{entry.name}' ({entry.value}) cannot be loaded: {type(error).__name__}: "
-            f"{error}; repair or uninstall the package that brings them"
-        ) from error
-
-
 def _declared(module: ModuleType) -> dict[str, type[Primitive]]:
-    names: list[str] = getattr(
-        module, "__all__", [name for name in vars(module) if not name.startswith("_")]
-    )
-    candidates = [getattr(module, name) for name in names]
-    return {
-        c.__name__: c
-        for c in candidates
-        if isinstance(c, type)
-        and issubclass(c, Primitive)
-        and c not in (Primitive, ConversionPrimitive)
-    }
+    """The concrete primitives that are public in `module`, by name."""
+    found: dict[str, type[Primitive]] = {}
+    for thing in public(module):
+        if isinstance(thing, type) and issubclass(thing, Primitive) and thing not in _ABSTRACT:
+            found[thing.__name__] = thing
+    return found
 
 
 def _order(name: str, core: ModuleType) -> tuple[int, str]:

@@ -1,0 +1,44 @@
+"""What other packages bring: the modules that their entry points name.
+
+Every group works alike (`palpate.primitives`, `palpate.planners`, …): an entry point names a module, and what
+is public in it and of the group's kind is registered.
+
+    [project.entry-points."palpate.planners"]
+    cautious = "my_package.cautious"
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from importlib.metadata import EntryPoint, entry_points
+from types import ModuleType
+
+from palpate.errors import InputError
+
+
+def extensions(group: str) -> Iterator[ModuleType]:
+    """The modules that the entry points of `group` name, in the order of the entry points' names.
+
+    Raises:
+        InputError: a module cannot be loaded; the message names it.
+    """
+    for entry in sorted(entry_points(group=group), key=lambda entry: entry.name):
+        yield _loaded(entry)
+
+
+def public(module: ModuleType) -> list[object]:
+    """What `module` offers: the names in its `__all__`, else all without a leading underscore."""
+    hidden_apart = [name for name in vars(module) if not name.startswith("_")]
+    names: list[str] = getattr(module, "__all__", hidden_apart)
+    return [getattr(module, name) for name in names]
+
+
+def _loaded(entry: EntryPoint) -> ModuleType:
+    kind = entry.group.removeprefix("palpate.")
+    try:
+        return entry.load()
+    except Exception as error:
+        raise InputError(
+            f"the {kind} '{entry.name}' ({entry.value}) cannot be loaded: {type(error).__name__}: "
+            f"{error}; repair or uninstall the package that brings them"
+        ) from error
