@@ -28,8 +28,8 @@ def extensions(group: str) -> Iterator[ModuleType]:
 
 def public(module: ModuleType) -> list[object]:
     """What `module` offers: the names in its `__all__`, else all without a leading underscore."""
-    hidden_apart = [name for name in vars(module) if not name.startswith("_")]
-    names: list[str] = getattr(module, "__all__", hidden_apart)
+    without_underscore = [name for name in vars(module) if not name.startswith("_")]
+    names: list[str] = getattr(module, "__all__", without_underscore)
     return [getattr(module, name) for name in names]
 
 

@@ -11,9 +11,9 @@ from palpate.planning.check.check import Finding, check
 from palpate.planning.model.conversation import Conversation
 from palpate.planning.model.planner import VlmPlanner
 from palpate.planning.plan import Plan
-from palpate.planning.planner import Planner
+from palpate.planning.planner import Planner, PlannerSettings
 from palpate.planning.recorded import ReplayPlanner
-from palpate.planning.registry import make_planner
+from palpate.planning.registry import planners
 from palpate.planning.symbolic.planner import requested
 from palpate.scene.from_picture import DetectedScene, SceneBuilder
 from palpate.scene.load import parse_scene
@@ -48,12 +48,8 @@ def think(job: Job, scene: Scene | None) -> Thought:
         InputError: bad input. Unavailable: the provider.
     """
     poses = read_poses(job.poses) if job.poses else Poses()
-    planner = make_planner(
-        job.planner,
-        remeasure=job.remeasure,
-        model_settings=job.model_settings,
-        template=SceneBuilder(poses),
-    )
+    settings = PlannerSettings(job.remeasure, job.model_settings, SceneBuilder(poses))
+    planner = planners().make(job.planner, settings)
     picture = _picture(planner, job, scene, poses)
     plan = _asked(planner, job, scene, picture)
     seen, conversation = None, None

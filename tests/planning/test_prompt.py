@@ -5,6 +5,7 @@ from typing import ClassVar
 import pytest
 from rs_bpe.bpe import openai
 
+from palpate import extensions
 from palpate.errors import InputError
 from palpate.planning.check.check import check
 from palpate.planning.model.answer import read_answer
@@ -23,7 +24,6 @@ from palpate.scene.from_picture import SceneBuilder
 from palpate.scene.load import load_scene, parse_scene
 from palpate.scene.poses import read_poses
 from palpate.scene.scene import Scene
-from palpate.vocabulary import registry
 from palpate.vocabulary.base import Primitive
 from palpate.vocabulary.registry import vocabulary
 
@@ -103,11 +103,11 @@ def test_a_third_partys_primitive_appears_by_itself(monkeypatch: pytest.MonkeyPa
         __all__: ClassVar = ["Sniff"]
 
     Package.Sniff = Sniff  # type: ignore[attr-defined]
-    ours = list(registry.entry_points(group="palpate.primitives"))
+    ours = list(extensions.entry_points(group="palpate.primitives"))
     theirs = EntryPoint("sniff", "sniff", "palpate.primitives")
     monkeypatch.setattr(EntryPoint, "load", lambda self: Package)
-    monkeypatch.setattr(registry, "entry_points", lambda group: [*ours, theirs])
-    words = registry.vocabulary.__wrapped__()
+    monkeypatch.setattr(extensions, "entry_points", lambda group: [*ours, theirs])
+    words = vocabulary.__wrapped__()
     assert "- Sniff(strength): Smell at what is below the gripper." in system_prompt(words)
 
 

@@ -1,8 +1,14 @@
-"""What a planner is, and how the command line's words become one."""
+"""What a planner is: who turns a request, a scene and pictures into a plan.
+
+A planner of your own is one class with the members of `Planner`, public in a module that an entry point of the
+group `palpate.planners` names. Its `name` is the word after `--planner`. It is made without arguments; one that
+takes an argument (`--planner mine:FILE`) or settings is offered as a `PlannerKind` instead.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
@@ -10,6 +16,8 @@ from palpate.errors import InputError
 from palpate.planning.plan import Plan
 
 if TYPE_CHECKING:
+    from palpate.planning.model.session import ModelSettings
+    from palpate.scene.from_picture import SceneBuilder
     from palpate.scene.scene import Scene
 
 MAX_REQUEST = 4_000
@@ -35,6 +43,52 @@ class Planner(Protocol):
             Unavailable: a provider out of reach.
         """
         ...
+
+
+@dataclass(frozen=True, slots=True)
+class PlannerSettings:
+    """What a planner may be told when it is made.
+
+    Attributes:
+        remeasure: what the request asks is measured even if the scene states it.
+        model_settings: how a model is asked; None for the defaults.
+        builder: makes a scene of what a model saw, where there is none.
+    """
+
+    remeasure: bool = False
+    model_settings: ModelSettings | None = None
+    builder: SceneBuilder | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class PlannerKind:
+    """How a planner is made from what the command line says, `name` or `name:argument`.
+
+    Attributes:
+        name: the word before the colon.
+        make: from the argument (empty where none is given) and the settings.
+        argument: what stands after the colon, for people: `FILE`; empty where nothing may.
+        optional: whether the argument may be left out.
+    """
+
+    name: str
+    make: Callable[[str, PlannerSettings], Planner]
+    argument: str = ""
+    optional: bool = False
+
+    @property
+    def form(self) -> str:
+        """How it is written: `symbolic`, `replay:FILE`."""
+        return f"{self.name}:{self.argument}" if self.argument else self.name
+
+    def accepts(self, spec: str) -> bool:
+        """Whether `spec` is written in that form."""
+        name, _, argument = spec.partition(":")
+        if name != self.name:
+            return False
+        if not self.argument:
+            return spec == name
+        return self.optional or argument != ""
 
 
 def needs_scene(planner: str) -> InputError:

@@ -25,14 +25,14 @@ class ReplayPlanner:
     """A recorded plan, or a recorded conversation whose answers are checked anew.
 
     Attributes:
-        template: makes a scene of what the model saw, for a plan without D.
+        builder: makes a scene of what the model saw, for a plan without D.
         conversation: the dialogue as judged anew, when the file is one.
         seen: what the model saw, when there was no D.
     """
 
     path: Path
     remeasure: bool = False
-    template: SceneBuilder | None = None
+    builder: SceneBuilder | None = None
     conversation: Conversation | None = field(default=None, init=False)
     seen: DetectedScene | None = field(default=None, init=False)
 
@@ -52,15 +52,15 @@ class ReplayPlanner:
         if _is_conversation(text):
             return replace(self._from_conversation(request, scene), planner=self.name)
         proposal = read_proposal(text)
-        if scene is None and proposal.scene and self.template:
-            self.seen = DetectedScene(self.template, proposal.scene)
+        if scene is None and proposal.scene and self.builder:
+            self.seen = DetectedScene(self.builder, proposal.scene)
         return proposal.plan if proposal.plan.planner else replace(proposal.plan, planner="replay")
 
     def _from_conversation(self, request: str | None, scene: Scene | None) -> Plan:
         from palpate.planning.model.conversation import load, replayed
         from palpate.planning.model.planner import VlmPlanner
 
-        judge = VlmPlanner("replay", remeasure=self.remeasure, template=self.template)
+        judge = VlmPlanner("replay", remeasure=self.remeasure, builder=self.builder)
         kept = load(plan_file(self.path))
         self.conversation = replace(kept, rounds=[])
         try:

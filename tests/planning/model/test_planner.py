@@ -50,13 +50,13 @@ def picture(tmp_path: Path) -> Path:
 
 
 def planner(
-    server: Loopback, wire: str = "openai", template: SceneBuilder | None = None, **changes
+    server: Loopback, wire: str = "openai", builder: SceneBuilder | None = None, **changes
 ) -> VlmPlanner:
     model_settings = {
         "base_url": server.url(wire),
         "budget": Budget(seconds=5, attempt_seconds=1),
     } | changes
-    return VlmPlanner(wire, ModelSettings(**model_settings), template=template)
+    return VlmPlanner(wire, ModelSettings(**model_settings), builder=builder)
 
 
 @pytest.mark.parametrize("wire", WIRES)
@@ -281,7 +281,7 @@ CAMERA = "camera: {pos: [1.15, 0, 1.1], quat: [0.6826, 0.18454, 0.18454, 0.6826]
 
 
 def test_without_d_the_scene_is_built_of_what_the_model_saw(picture: Path) -> None:
-    template = SceneBuilder(parse_poses(CAMERA))
+    builder = SceneBuilder(parse_poses(CAMERA))
     things = [
         {"name": "desk", "shape": "plane", "bbox": [0.152, 0.301, 0.848, 0.936], "height": 0.01},
         {"name": "cup", "shape": "cylinder", "bbox": [0.549, 0.347, 0.608, 0.513]},
@@ -291,7 +291,7 @@ def test_without_d_the_scene_is_built_of_what_the_model_saw(picture: Path) -> No
         Says(json.dumps(json.loads(GOOD) | {"scene": things[1:]})),
         Says(json.dumps(json.loads(GOOD) | {"scene": things})),
     ) as server:
-        asked = planner(server, template=template)
+        asked = planner(server, builder=builder)
         plan: Plan = asked.plan(REQUEST, None, [picture])
         told = [request.user for request in server.requests]
     assert "list what the image shows" in told[0]
@@ -305,13 +305,13 @@ def test_without_d_the_scene_is_built_of_what_the_model_saw(picture: Path) -> No
 def test_without_d_a_picture_and_its_camera_are_needed(picture: Path) -> None:
     with Loopback(Says(GOOD)) as server:
         blind = SceneBuilder(parse_poses("{}"))
-        for template, images, word in [
+        for builder, images, word in [
             (None, [picture], "neither a scene"),
             (blind, [], "neither a scene"),
             (blind, [picture], "camera"),
         ]:
             with pytest.raises(InputError, match=word):
-                planner(server, template=template).plan(REQUEST, None, images)
+                planner(server, builder=builder).plan(REQUEST, None, images)
         assert server.requests == []
 
 

@@ -35,8 +35,8 @@ class VlmPlanner:
 
     Attributes:
         model: `PROVIDER:MODEL`, or `PROVIDER` alone for its default.
-        asking: address, form, feedback and budget.
-        template: makes a scene of what the model saw, for a request without D.
+        model_settings: address, form, feedback and budget.
+        builder: makes a scene of what the model saw, for a request without D.
         conversation: the latest dialogue, also when `plan` raised.
         seen: what the model saw, when there was no D.
     """
@@ -44,7 +44,7 @@ class VlmPlanner:
     model: str
     model_settings: ModelSettings = field(default_factory=ModelSettings)
     remeasure: bool = False
-    template: SceneBuilder | None = None
+    builder: SceneBuilder | None = None
     conversation: Conversation | None = field(default=None, init=False)
     seen: DetectedScene | None = field(default=None, init=False)
 
@@ -117,13 +117,13 @@ class VlmPlanner:
 
     def _names(self, images: Sequence[Path]) -> Symbols:
         """The names there are without D."""
-        if self.template is None or not images:
+        if self.builder is None or not images:
             raise InputError(
                 "there is neither a scene nor a picture for the model to look at: give --scene D.xml, or "
                 "--image I.png with its camera in --poses poses.yaml"
             )
-        _ = self.template.camera
-        return self.template.symbols
+        _ = self.builder.camera
+        return self.builder.symbols
 
     def _findings(self, proposal: Proposal, scene: Scene | None, request: str | None) -> list[str]:
         from palpate.planning.check.check import check
@@ -145,7 +145,7 @@ class VlmPlanner:
         ]
 
     def _built(self, objects: tuple[SceneObject, ...]) -> tuple[DetectedScene, Scene]:
-        if self.template is None:
+        if self.builder is None:
             raise InputError(
                 "there is no simulation description to check the plan against; give one with --scene"
             )
@@ -153,5 +153,5 @@ class VlmPlanner:
             raise InputError(
                 "'scene' is missing: there is no D, so list the objects that the image shows"
             )
-        seen = DetectedScene(self.template, objects)
+        seen = DetectedScene(self.builder, objects)
         return seen, seen.scene()
