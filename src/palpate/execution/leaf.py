@@ -155,11 +155,11 @@ class PrimitiveLeaf(Behaviour):
                 self.name,
                 self.started,
                 self.blackboard.robot.state.t,
-                status.name,
+                status.name,  # pyright: ignore[reportArgumentType]
                 message,
                 self.blackboard.state.context(),
             )
-        )  # pyright: ignore[reportArgumentType]
+        )
 
 
 def merged(now: SymbolicState, base: SymbolicState, after: SymbolicState) -> SymbolicState:

@@ -1,8 +1,9 @@
-"""The words of a request: normalised text, number, and the word lists that grounding relies on."""
+"""The words that a request may use, as lists: what they are, not what is made of them."""
 
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 
 
 def word_set(text: str) -> frozenset[str]:
@@ -10,36 +11,41 @@ def word_set(text: str) -> frozenset[str]:
     return frozenset(text.split())
 
 
-UNMEASURABLE: dict[str, str] = {
-    word: label
-    for label, words in {
-        "temperature": "temperature hot warm cold",
-        "volume": "volume capacity",
-        "density": "density",
-        "stiffness": "stiffness stiff softness",
-        "hardness": "hardness hard",
-        "elasticity": "elasticity elastic",
-        "restitution": "restitution bounciness bouncy",
-        "damping": "damping",
-        "viscosity": "viscosity viscous",
-        "fill level": "full empty",
-        "colour": "colour color",
-        "texture": "texture",
-        "roughness": "roughness rough",
-        "material": "material",
-        "pressure": "pressure",
-        "humidity": "humidity moisture wet",
-        "charge": "charge",
-        "conductivity": "conductivity",
-        "price": "price cost expensive",
-        "age": "age old",
-        "smell": "smell taste",
-        "strength": "strength strong",
-        "transparency": "transparency transparent",
-        "sharpness": "sharp sharpness",
-    }.items()
-    for word in words.split()
+def _by_word(labelled: Mapping[str, str]) -> dict[str, str]:
+    """Each word to the label that it stands under."""
+    labels: dict[str, str] = {}
+    for label, words in labelled.items():
+        labels.update(dict.fromkeys(words.split(), label))
+    return labels
+
+
+_NOT_FELT = {
+    "temperature": "temperature hot warm cold",
+    "volume": "volume capacity",
+    "density": "density",
+    "stiffness": "stiffness stiff softness",
+    "hardness": "hardness hard",
+    "elasticity": "elasticity elastic",
+    "restitution": "restitution bounciness bouncy",
+    "damping": "damping",
+    "viscosity": "viscosity viscous",
+    "fill level": "full empty",
+    "colour": "colour color",
+    "texture": "texture",
+    "roughness": "roughness rough",
+    "material": "material",
+    "pressure": "pressure",
+    "humidity": "humidity moisture wet",
+    "charge": "charge",
+    "conductivity": "conductivity",
+    "price": "price cost expensive",
+    "age": "age old",
+    "smell": "smell taste",
+    "strength": "strength strong",
+    "transparency": "transparency transparent",
+    "sharpness": "sharp sharpness",
 }
+UNMEASURABLE = _by_word(_NOT_FELT)
 """Properties people ask for that no touch of this arm can tell, by the words they use."""
 
 ADJECTIVES = word_set(
@@ -53,12 +59,35 @@ COLOURS = word_set(
     "golden gold silver light dark"
 )
 
+# Small words that say which, how many and whose.
+
 DETERMINERS = word_set("the a an this that these those my our your his her their its some any")
 EVERY = word_set("all both each every two three four five six")
+
+# Nouns that fit any object, any surface, the hand itself.
+
 OBJECT_NOUNS = word_set("object thing item body")
 SURFACE_NOUNS = frozenset(("surface",))
 GRIPPER_NOUNS = word_set("gripper hand arm robot")
-PRONOUNS = word_set("it its their them they his her these those this")
+
+# What stands for something said elsewhere.
+
+POSSESSIVES = word_set("its their his her")
+PRONOUNS = word_set("it them they") | POSSESSIVES
+EVERYTHING = word_set("everything anything whatever")
+
+# What ties words together, and what keeps them apart.
+
+LIST = frozenset((",", "and", "or", "plus"))
+"""What stands between the parts of a list."""
+LINKS = word_set("of for between is are was were does do did has have")
+"""Words that tie a quantity to the object after it."""
+WEAK = word_set("place where level grip location")
+"""Synonyms that are quantities only before "of", or, for "where", with nothing stronger in the clause."""
+TURNS = word_set("need want measure determine find estimate tell but")
+"""Words that end a remark about what is known already."""
+BEFORE_WHERE = word_set("me out determine measure and , find see")
+"""Words after which "where" asks for a position."""
 
 GOAL = re.compile(
     r"\b(simulat\w+|digital twin|twin|model\w*|scene|world|calibrat\w+|identif\w+|complete|pour\w*|push\w*|grasp\w*|"
@@ -81,7 +110,9 @@ STOP = word_set(
 )
 """Words that are never the name of an object that is not there."""
 
-_MARKS: tuple[tuple[str, str], ...] = (
+# Each pattern is replaced in the order given, before the words are told apart.
+
+MARKS: tuple[tuple[str, str], ...] = (
     (r"\b(?:do|does|did) not (?:need|want|wish)(?: to)?(?: know| measure)?", " §neg "),
     (
         r"\b(?:with no|without) know\w*|\bnot (?:yet )?kn(?:ow\w*|ew)|\b(?:can|could)\s?not\b",
@@ -107,40 +138,4 @@ _MARKS: tuple[tuple[str, str], ...] = (
         " §neg ",
     ),
 )
-
-
-def tokens(request: str) -> list[str]:
-    """Lower-case words, `'s`, punctuation that separates, and the marks §want §know §was_known
-    §neg.
-
-    Names written as identifiers (`light_blue_box`, `bottle.mass`) come apart into their words.
-    """
-    text = request.lower().replace("’", "'").replace("§", " ")
-    text = re.sub(r"n't\b", " not", text)
-    text = re.sub(r"[_\-/]+", " ", re.sub(r"\s+", " ", text))
-    for pattern, mark in _MARKS:
-        text = re.sub(pattern, mark, text)
-    text = re.sub(r"\.(?=\S)", " ", text)
-    return re.findall(r"§\w+|'s\b|\w+|[,;:.?!]", text)
-
-
-def name_words(name: str) -> tuple[str, ...]:
-    """The words of a body's name: `light_blue_box`, `LightBlueBox`, `light-blue box` are the same
-    three."""
-    return tuple(re.findall(r"[^\W_]+", re.sub(r"(?<=[a-z0-9])(?=[A-Z])", " ", name).lower()))
-
-
-def singulars(word: str) -> tuple[str, ...]:
-    """What `word` may be the plural or the gerund of, itself first."""
-    forms = [word]
-    if word.endswith("ies"):
-        forms.append(word[:-3] + "y")
-    if word.endswith("ves"):
-        forms += [word[:-3] + "f", word[:-3] + "fe"]
-    if word.endswith("es"):
-        forms.append(word[:-2])
-    if word.endswith("s") and not word.endswith("ss"):
-        forms.append(word[:-1])
-    if word.endswith("ing"):
-        forms.append(word[:-3])
-    return tuple(forms)
+"""Turns of phrase that say what is wanted, known or not wanted, with the mark that stands for each."""

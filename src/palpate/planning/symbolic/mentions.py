@@ -3,21 +3,15 @@ roles."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Literal
 
 from palpate.mjcf.body import Body
 from palpate.planning.symbolic import lexicon
-from palpate.planning.symbolic.lexicon import (
-    COLOURS,
-    DETERMINERS,
-    EVERY,
-    STOP,
-    name_words,
-    singulars,
-)
+from palpate.planning.symbolic.lexicon import COLOURS, DETERMINERS, EVERY, STOP
+from palpate.planning.symbolic.tokens import name_words, singulars
 from palpate.quantities.quantity import QUANTITIES
 from palpate.scene.scene import Scene
 
@@ -38,11 +32,8 @@ Kind = Literal[
 GRIPPER = "gripper"
 """The subject of quantities that the empty hand itself has."""
 
-WEAK = lexicon.word_set("place where level grip location")
-"""Synonyms that are quantities only before "of", or, for "where", with nothing stronger in the
-clause."""
-
-_LINKS = lexicon.word_set("of for between is are was were does do did has have")
+LONGEST_PHRASE = 3
+"""Words of the longest synonym of a quantity: "centre of mass"."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,7 +44,7 @@ class Item:
         words: the stretch itself.
         names: what it may stand for: quantity ids, or bodies (several when it is ambiguous or a
             plural).
-        plural: it means all of `names`. possessive: it is followed by `'s`.
+        plural: it means all of `names`.
     """
 
     kind: Kind
@@ -63,36 +54,33 @@ class Item:
 
     @property
     def text(self) -> str:
+        """The stretch as it was said."""
         return " ".join(self.words)
 
     @property
     def links(self) -> bool:
         """Whether this word ties a quantity to the object after it."""
-        return self.kind == "stop" and self.words[0] in _LINKS
+        return self.kind == "stop" and self.words[0] in lexicon.LINKS
+
+    @property
+    def of_quantity(self) -> bool:
+        """Whether it names a property, measurable or not."""
+        return self.kind in ("quantity", "unmeasurable")
 
 
 class Words:
     """The words that name things in one scene."""
 
     def __init__(self, scene: Scene) -> None:
-        self.bodies: Mapping[str, Body] = scene.bodies
         self._own = {name: name_words(name) for name in scene.bodies}
-        self._all = {
-            name: frozenset(w for phrase in body.words for w in phrase.split())
-            | frozenset(self._own[name])
-            for name, body in scene.bodies.items()
-        }
-
-    @cached_property
-    def _phrases(self) -> dict[tuple[str, ...], str]:
-        return {tuple(s.split()): q.id for q in QUANTITIES.values() for s in (*q.synonyms, q.id)}
-
-    @cached_property
-    def _lexicon(self) -> frozenset[str]:
-        words = {word for said in self._all.values() for word in said}
-        return frozenset(
-            words | COLOURS | lexicon.OBJECT_NOUNS | lexicon.SURFACE_NOUNS | lexicon.GRIPPER_NOUNS
-        )
+        self._said = {name: self._said_of(body) for name, body in scene.bodies.items()}
+        self._nouns = _NOUNS.union(*self._said.values())
+        self._named: dict[tuple[str, ...], list[str]] = defaultdict(list)
+        for name, own in self._own.items():
+            self._named[own].append(name)
+        several = [own for own in self._named if len(own) > 1]
+        self._long_names = sorted(several, key=len, reverse=True)
+        self._phrases = _phrases()
 
     def items(self, tokens: Sequence[str]) -> list[Item]:
         """The request as items, in order."""
@@ -102,7 +90,7 @@ class Words:
             item = self._item(tokens, at, found)
             found.append(item)
             at += len(item.words)
-        return _merge_unknown(found)
+        return _without_fillers(_joined(found))
 
     def _item(self, tokens: Sequence[str], at: int, before: Sequence[Item]) -> Item:
         word = tokens[at]
@@ -110,127 +98,173 @@ class Words:
             return Item("mark", (word,))
         if word in ".;:?!":
             return Item("break", (word,))
-        if word in (",", "and", "or", "plus"):
+        if word in lexicon.LIST:
             return Item("list", (word,))
         return (
-            self._named(tokens, at)
+            self._whole_name(tokens, at)
             or self._quantity(tokens, at)
+            or self._unmeasurable(tokens, at)
             or self._mention(tokens, at, before)
             or self._plain(tokens, at)
         )
 
-    def _named(self, tokens: Sequence[str], at: int) -> Item | None:
-        """A body's whole name, longest first; a one-letter name needs no article's look-alike."""
-        for name, own in sorted(self._own.items(), key=lambda pair: -len(pair[1])):
+    def _said_of(self, body: Body) -> frozenset[str]:
+        """Every word that may be said of a body: of its name, its looks and its kind."""
+        said = set(self._own[body.name])
+        for phrase in body.words:
+            said.update(phrase.split())
+        return _KIND_NOUNS[body.role] | said
+
+    def _whole_name(self, tokens: Sequence[str], at: int) -> Item | None:
+        """A body's name of several words, the longest first, together or apart: `redbox`, `red box`.
+
+        A name of one word is a noun like others, for its article tells it from a look-alike: "the
+        can", "can you".
+        """
+        for own in self._long_names:
+            names = (self._named[own][0],)
             joined = "".join(own)
-            if tokens[at] == joined and joined not in STOP and len(own) > 1:
-                return Item("object", (tokens[at],), (name,))
-            if len(own) > 1 and tuple(tokens[at : at + len(own)]) == own:
-                return Item("object", own, (name,))
+            if tokens[at] == joined and joined not in STOP:
+                return Item("object", (joined,), names)
+            if tuple(tokens[at : at + len(own)]) == own:
+                return Item("object", own, names)
         return None
 
     def _quantity(self, tokens: Sequence[str], at: int) -> Item | None:
-        after_how = at > 0 and tokens[at - 1] == "how"
-        for length in (3, 2, 1):
+        """The longest synonym of a quantity at this place, in the singular or the plural."""
+        longest = min(LONGEST_PHRASE, len(tokens) - at)
+        for length in range(longest, 0, -1):
             phrase = tuple(tokens[at : at + length])
-            for form in singulars(phrase[-1]):
-                id = self._phrases.get((*phrase[:-1], form)) or self._phrases.get(
-                    (singulars(phrase[0])[-1], *phrase[1:])
-                )
-                if id and _counts(
-                    form if length == 1 else "", after_how, tokens[at + length : at + length + 1]
-                ):
-                    return Item("quantity", phrase, (id,), plural=form != phrase[-1])
+            for last in singulars(phrase[-1]):
+                id = self._quantity_called(phrase, last)
+                if id and (length > 1 or _counts(last, tokens, at)):
+                    return Item("quantity", phrase, (id,), plural=last != phrase[-1])
+        return None
+
+    def _quantity_called(self, phrase: tuple[str, ...], last: str) -> str | None:
+        """The quantity that `phrase` is a synonym of, with its `last` or its first word in the
+        singular: "balance points", "moments of inertia"."""
+        first = singulars(phrase[0])[-1]
+        found = self._phrases.get((*phrase[:-1], last))
+        return found or self._phrases.get((first, *phrase[1:]))
+
+    def _unmeasurable(self, tokens: Sequence[str], at: int) -> Item | None:
+        """A property that nothing here can measure: "temperature", "how hot"."""
         for form in singulars(tokens[at]):
             label = lexicon.UNMEASURABLE.get(form)
-            if (
-                label
-                and (form not in lexicon.ADJECTIVES or after_how)
-                and form not in self._lexicon
-            ):
+            if label is None or form in self._nouns:
+                continue
+            if form not in lexicon.ADJECTIVES or _after_how(tokens, at):
                 return Item("unmeasurable", (tokens[at],), (label,))
         return None
 
     def _mention(self, tokens: Sequence[str], at: int, before: Sequence[Item]) -> Item | None:
         """The longest run of words that together fit some body; adjectives never stand apart from
         their noun."""
-        run: list[str] = []
         if tokens[at] in STOP and not _is_determined(before):
             return None
-        for word in tokens[at:]:
-            if not any(form in self._lexicon for form in singulars(word)):
-                break
-            if run and not self._fits([*run, word]) and not all(w in COLOURS for w in run):
-                break
-            run.append(word)
+        run = self._run(tokens[at:])
         if not run:
             return None
-        plural = _is_every(before) or run[-1] not in self._lexicon
+        plural = _is_every(before) or run[-1] not in self._nouns
         names = self._matching(run, plural)
-        return Item("object" if names else "unknown", tuple(run), names, plural)
+        return Item("object" if names else "unknown", run, names, plural)
 
-    def _fits(self, words: Sequence[str]) -> bool:
-        return bool(self._matching(words, plural=False))
+    def _run(self, tokens: Sequence[str]) -> tuple[str, ...]:
+        run: tuple[str, ...] = ()
+        for word in tokens:
+            if not self._is_noun(word):
+                break
+            longer = (*run, word)
+            # "light" alone may fit nothing; what counts is whether "light blue box" does.
+            if run and not COLOURS.issuperset(run) and not self._matching(longer, plural=False):
+                break
+            run = longer
+        return run
 
-    def _matching(self, words: Iterable[str], plural: bool) -> tuple[str, ...]:
-        words = tuple(words)
-        exact = tuple(name for name, own in self._own.items() if words == own)
+    def _is_noun(self, word: str) -> bool:
+        return not self._nouns.isdisjoint(singulars(word))
+
+    def _matching(self, words: tuple[str, ...], plural: bool) -> tuple[str, ...]:
+        """The bodies that `words` may mean: the one called exactly so, else those whose name has
+        the noun, else those of which all words may be said."""
+        exact = self._named.get(words)
         if exact and not plural:
-            return exact
-        if words[-1] in lexicon.GRIPPER_NOUNS and not any(
-            words[-1] in own for own in self._own.values()
-        ):
+            return tuple(exact)
+        if self._is_gripper(words[-1]):
             return (GRIPPER,)
-        fits = [name for name in self.bodies if all(self._is_said(word, name) for word in words)]
-        called = [
-            name for name in fits if any(form in self._own[name] for form in singulars(words[-1]))
-        ]
-        return tuple(called or fits)
+        fitting = [name for name in self._own if self._fits(name, words)]
+        noun = singulars(words[-1])
+        called = [name for name in fitting if not set(self._own[name]).isdisjoint(noun)]
+        return tuple(called or fitting)
 
-    def _is_said(self, word: str, name: str) -> bool:
-        return any(
-            form in self._all[name] or _is_class(form, self.bodies[name])
-            for form in singulars(word)
-        )
+    def _is_gripper(self, noun: str) -> bool:
+        """Whether the noun means the robot's hand, and no body of the scene is called so."""
+        taken = any(noun in own for own in self._own.values())
+        return noun in lexicon.GRIPPER_NOUNS and not taken
+
+    def _fits(self, name: str, words: tuple[str, ...]) -> bool:
+        """Whether each of `words` may be said of the body."""
+        said = self._said[name]
+        return not any(said.isdisjoint(singulars(word)) for word in words)
 
     def _plain(self, tokens: Sequence[str], at: int) -> Item:
+        """A word that names nothing by itself."""
         word = tokens[at]
-        if word in ("everything", "anything", "whatever") or (
-            word in EVERY and self._is_alone(tokens, at)
-        ):
+        if word in lexicon.EVERYTHING or self._is_all(tokens, at):
             return Item("everything", (word,))
-        if word in lexicon.PRONOUNS and (
-            word not in DETERMINERS or word in ("its", "their", "his", "her")
-        ):
+        if word in lexicon.PRONOUNS:
             return Item("pronoun", (word,))
-        return Item(
-            "stop"
-            if word in STOP or word in DETERMINERS or word in EVERY or word == "'s"
-            else "word",
-            (word,),
-        )
+        if word in _FILLERS:
+            return Item("stop", (word,))
+        return Item("word", (word,))
 
-    def _is_alone(self, tokens: Sequence[str], at: int) -> bool:
+    def _is_all(self, tokens: Sequence[str], at: int) -> bool:
         """Whether "all", "every" … has no object's noun after it: "all masses", "all that is
         missing"."""
         if tokens[at] not in ("all", "every", "each"):
             return False
-        following = [
-            t
-            for t in tokens[at + 1 : at + 4]
-            if t not in DETERMINERS and t not in ("of", "missing", "unknown")
-        ]
-        return not (following and any(form in self._lexicon for form in singulars(following[0])))
+        for word in tokens[at + 1 : at + 4]:
+            if word not in DETERMINERS and word not in ("of", "missing", "unknown"):
+                return not self._is_noun(word)
+        return True
 
 
-def _counts(synonym: str, after_how: bool, following: Sequence[str]) -> bool:
+_KIND_NOUNS: Mapping[str, frozenset[str]] = {
+    "object": lexicon.OBJECT_NOUNS,
+    "surface": lexicon.SURFACE_NOUNS,
+}
+_NOUNS = COLOURS.union(lexicon.OBJECT_NOUNS, lexicon.SURFACE_NOUNS, lexicon.GRIPPER_NOUNS)
+"""Words that may belong to the name of a thing in any scene."""
+_FILLERS = STOP | DETERMINERS | EVERY | {"'s"}
+_EDGE = Item("break", ("",))
+"""What stands before the first item and after the last."""
+
+
+def _phrases() -> dict[tuple[str, ...], str]:
+    """The words of every synonym to the id of its quantity."""
+    phrases: dict[tuple[str, ...], str] = {}
+    for quantity in QUANTITIES.values():
+        for synonym in (*quantity.synonyms, quantity.id):
+            phrases[tuple(synonym.split())] = quantity.id
+    return phrases
+
+
+def _after_how(tokens: Sequence[str], at: int) -> bool:
+    return at > 0 and tokens[at - 1] == "how"
+
+
+def _counts(synonym: str, tokens: Sequence[str], at: int) -> bool:
     """Whether a one-word synonym is a quantity here, and not an attribute ("the heavy box") or a
-    verb."""
+    verb ("place it")."""
+    following = tokens[at + 1 : at + 2]
+    if not following:
+        return True  # nothing is left that it could describe or act on
     if synonym in lexicon.ADJECTIVES:
-        return after_how
+        return _after_how(tokens, at)
     if synonym == "where":
         return True
-    return synonym not in WEAK or list(following) == ["of"]
+    return synonym not in lexicon.WEAK or following[0] == "of"
 
 
 def _is_every(before: Sequence[Item]) -> bool:
@@ -248,41 +282,38 @@ def _is_determined(before: Sequence[Item]) -> bool:
     return bool(before) and before[-1].text in DETERMINERS | EVERY
 
 
-def _is_class(word: str, body: Body) -> bool:
-    return word in (lexicon.OBJECT_NOUNS if body.role == "object" else lexicon.SURFACE_NOUNS)
-
-
-def _merge_unknown(items: Sequence[Item]) -> list[Item]:
-    """Runs of words that mean nothing here: beside an object they describe it, after a determiner,
-    "of" or before `'s` they name something that the scene does not have."""
-    merged: list[Item] = []
-    for i, item in enumerate(items):
+def _joined(items: Sequence[Item]) -> list[Item]:
+    """Runs of words that mean nothing here as one unknown item each."""
+    joined: list[Item] = []
+    for before, item in zip([_EDGE, *items], items, strict=False):
         if item.kind != "word":
-            merged.append(item)
-            continue
-        if merged and merged[-1].kind == "unknown" and items[i - 1].kind == "word":
-            merged[-1] = Item("unknown", (*merged[-1].words, *item.words))
-            continue
-        merged.append(Item("unknown", item.words))
-    return [
-        item
-        for i, item in enumerate(merged)
-        if item.kind != "unknown" or item.names or _stands(merged, i)
-    ]
+            joined.append(item)
+        elif before.kind == "word":
+            joined[-1] = Item("unknown", (*joined[-1].words, *item.words))
+        else:
+            joined.append(Item("unknown", item.words))
+    return joined
 
 
-def _stands(items: Sequence[Item], at: int) -> bool:
-    """Whether an unknown run stands for a thing of its own."""
-    before = items[at - 1] if at else None
-    after = items[at + 1] if at + 1 < len(items) else None
-    if (after and after.kind == "object") or (
-        before and before.kind in ("object", "unknown") and at > 0
-    ):
+def _without_fillers(items: Sequence[Item]) -> list[Item]:
+    """The items without those unknown words that only describe or fill."""
+    padded = [_EDGE, *items, _EDGE]
+    kept: list[Item] = []
+    for before, item, after in zip(padded, items, padded[2:], strict=False):
+        if item.kind != "unknown" or _stands(before, after):
+            kept.append(item)
+    return kept
+
+
+def _stands(before: Item, after: Item) -> bool:
+    """Whether an unknown run between these two names something that the scene does not have.
+
+    Beside an object it describes it ("the steel hammer"); after a determiner, "of", a list or a
+    quantity, or before `'s`, it stands for a thing of its own ("the mass of the spoon").
+    """
+    if after.kind == "object" or before.kind in ("object", "unknown"):
         return False
-    determined = before is not None and (
-        before.text in DETERMINERS | EVERY
-        or before.links
-        or before.kind == "list"
-        or before.kind in ("quantity", "unmeasurable")
-    )
-    return determined or (after is not None and after.text == "'s")
+    if after.text == "'s":
+        return True
+    determined = before.text in DETERMINERS | EVERY
+    return determined or before.links or before.kind == "list" or before.of_quantity

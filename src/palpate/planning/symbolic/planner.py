@@ -1,5 +1,5 @@
-"""The embedded planner: grounds R, reads the gap from D, and chains a tree backwards from what it
-needs.
+"""The embedded planner: grounds the request, reads what the scene misses, and chains a tree backwards
+from what it needs.
 
 It needs no key and no network, and it knows what it does not know.
 """
@@ -28,7 +28,7 @@ from palpate.vocabulary.registry import vocabulary
 
 @dataclass(frozen=True, slots=True)
 class Assembled:
-    """A tree, the gaps it yields, and one sentence for each that it cannot."""
+    """A tree, the parameters it yields, and one sentence for each that it cannot."""
 
     tree: Node | None
     measured: tuple[Parameter, ...]
@@ -37,15 +37,15 @@ class Assembled:
 
 @dataclass(frozen=True, slots=True)
 class SymbolicPlanner:
-    """Plans from words and geometry alone. `remeasure`: what R asks is measured even if D states
-    it."""
+    """Plans from words and geometry alone. `remeasure`: what the request asks is measured even if the
+    scene states it."""
 
     remeasure: bool = False
     name: str = "symbolic"
 
     def plan(self, request: str | None, scene: Scene | None, images: Sequence[Path] = ()) -> Plan:
-        """The minimal plan for what R asks and D misses; without R, for everything D misses. Images
-        are not used.
+        """The minimal plan for what the request asks and the scene misses; without a request, for
+        everything it misses. Images are not used.
 
         Raises:
             InputError: no scene, empty or too long a request, or it names objects that are not
@@ -54,28 +54,23 @@ class SymbolicPlanner:
         if scene is None:
             raise needs_scene(self.name)
         vocabulary()  # registers the quantities that third parties measure
-        asked = Grounded(scene.missing()) if request is None else ground(request, scene)
-        known = [
-            parameter
-            for parameter in asked.asked
-            if not self.remeasure and _is_known(parameter, scene)
-        ]
-        wanted = [parameter for parameter in asked.asked if parameter not in known]
+        asked = _asked(request, scene)
+        known, wanted = _known_apart(asked.asked, scene, self.remeasure)
         cannot = [*asked.cannot, *_unidentifiable(wanted)]
-        made = assemble(
-            scene,
-            [parameter for parameter in wanted if QUANTITIES[parameter.quantity].identifiable],
-        )
+        made = assemble(scene, _identifiable(wanted))
         if made.failed and not made.measured:
             raise PlanRejected(" ".join([*made.failed, *cannot]))
-        notes = tuple(_known_note(parameter, scene) for parameter in known)
+        notes = [_known_note(parameter, scene) for parameter in known]
         sentences = [*asked.remarks, *_explained(made), *notes, *made.failed, *cannot]
+        remarks = [*notes, *made.failed]
+        if made.measured:
+            remarks += cannot
         return Plan(
-            made.measured,
-            made.tree,
-            " ".join(sentences) or "Nothing is missing.",
-            self.name,
-            (*notes, *made.failed, *(cannot if made.measured else ())),
+            parameters=made.measured,
+            tree=made.tree,
+            explanation=" ".join(sentences) or "Nothing is missing.",
+            planner=self.name,
+            notes=tuple(remarks),
             satisfied=not (wanted or cannot or made.failed),
         )
 
@@ -83,50 +78,64 @@ class SymbolicPlanner:
 def requested(
     request: str | None, scene: Scene, remeasure: bool = False
 ) -> tuple[Parameter, ...] | None:
-    """The gaps that a plan for R in this scene must measure, no more and no fewer.
+    """The parameters that a plan for the request in this scene must measure, no more and no fewer.
 
-    None where that is not certain: something in R is not understood or is read into it, or cannot
-    be measured.
+    None where that is not certain: something in the request is not understood or is read into it,
+    or cannot be measured.
     """
     vocabulary()
     try:
-        asked = Grounded(scene.missing()) if request is None else ground(request, scene)
+        asked = _asked(request, scene)
     except (InputError, PlanRejected):
         return None
-    wanted = [
-        parameter
-        for parameter in asked.asked
-        if QUANTITIES[parameter.quantity].identifiable
-        and (remeasure or not _is_known(parameter, scene))
-    ]
+    _, unknown = _known_apart(asked.asked, scene, remeasure)
+    wanted = _identifiable(unknown)
     if asked.remarks or asked.cannot or not wanted or assemble(scene, wanted).failed:
         return None
     return tuple(wanted)
 
 
 def assemble(scene: Scene, parameters: Iterable[Parameter]) -> Assembled:
-    """One tree for all gaps that can be measured, those of one thing together."""
+    """One tree for all parameters that can be measured, those of one thing together."""
     chainer = Backchainer(scene)
     chainer.go_home()
     measured: list[Parameter] = []
     failed: list[str] = []
-    surfaces_first = sorted(
-        parameters, key=lambda parameter: parameter.object not in scene.surfaces
-    )
-    for name, group in groupby(surfaces_first, key=lambda parameter: parameter.object):
+    surfaces_first = sorted(parameters, key=lambda wanted: wanted.object not in scene.surfaces)
+    for name, group in groupby(surfaces_first, key=lambda wanted: wanted.object):
         done, reasons = _measure(chainer, name, list(group))
         measured += done
         failed += reasons
     chainer.go_home()
-    return Assembled(
-        chainer.tree() if measured else None, tuple(measured), tuple(dict.fromkeys(failed))
-    )
+    tree = chainer.tree() if measured else None
+    return Assembled(tree, tuple(measured), tuple(dict.fromkeys(failed)))
+
+
+def _asked(request: str | None, scene: Scene) -> Grounded:
+    """What the request asks for; without one, all that the scene misses."""
+    if request is None:
+        return Grounded(scene.missing())
+    return ground(request, scene)
+
+
+def _known_apart(
+    parameters: Iterable[Parameter], scene: Scene, remeasure: bool
+) -> tuple[list[Parameter], list[Parameter]]:
+    """Those that the scene states, and those that are to be measured."""
+    known: list[Parameter] = []
+    wanted: list[Parameter] = []
+    for parameter in parameters:
+        if _is_known(parameter, scene) and not remeasure:
+            known.append(parameter)
+        else:
+            wanted.append(parameter)
+    return known, wanted
 
 
 def _measure(
     chainer: Backchainer, name: str, parameters: list[Parameter]
 ) -> tuple[list[Parameter], list[str]]:
-    """As many of one thing's gaps as can be had, and why not the others."""
+    """As many of one thing's parameters as can be had, and why not the others."""
     reason = _obstacle(chainer.scene, name)
     if reason:
         return [], [f"{_spoken(parameters)} cannot be measured: {reason}."]
@@ -136,14 +145,28 @@ def _measure(
     except PlanRejected as rejection:
         if len(parameters) == 1:
             return [], [f"{_spoken(parameters)} cannot be measured: {rejection}."]
-    possible = [
-        parameter
-        for parameter in parameters
-        if not _measure(Backchainer.at_home(chainer.scene), name, [parameter])[1]
-    ]
-    failed = [parameter for parameter in parameters if parameter not in possible]
-    done, reasons = _measure(chainer, name, possible) if possible and failed else ([], [])
-    return done, [*reasons, *([f"{_spoken(failed)} cannot be measured."] if failed else [])]
+    # Together they cannot be had: those that can be had alone are tried once more.
+    possible, impossible = _possible_apart(chainer.scene, name, parameters)
+    failed = [f"{_spoken(impossible)} cannot be measured."] if impossible else []
+    if not possible or not impossible:
+        return [], failed
+    done, reasons = _measure(chainer, name, possible)
+    return done, [*reasons, *failed]
+
+
+def _possible_apart(
+    scene: Scene, name: str, parameters: Iterable[Parameter]
+) -> tuple[list[Parameter], list[Parameter]]:
+    """Those that could be measured with nothing else to do, and those that could not."""
+    possible: list[Parameter] = []
+    impossible: list[Parameter] = []
+    for parameter in parameters:
+        _, reasons = _measure(Backchainer.at_home(scene), name, [parameter])
+        if reasons:
+            impossible.append(parameter)
+        else:
+            possible.append(parameter)
+    return possible, impossible
 
 
 def _obstacle(scene: Scene, name: str) -> str:
@@ -168,10 +191,8 @@ def _obstacle(scene: Scene, name: str) -> str:
 
 
 def _is_known(parameter: Parameter, scene: Scene) -> bool:
-    return (
-        parameter.object in scene.bodies
-        and parameter.quantity in scene.bodies[parameter.object].known
-    )
+    body = scene.bodies.get(parameter.object)
+    return body is not None and parameter.quantity in body.known
 
 
 def _known_note(parameter: Parameter, scene: Scene) -> str:
@@ -184,18 +205,25 @@ def _known_note(parameter: Parameter, scene: Scene) -> str:
     )
 
 
+def _identifiable(parameters: Iterable[Parameter]) -> list[Parameter]:
+    return [wanted for wanted in parameters if QUANTITIES[wanted.quantity].identifiable]
+
+
 def _unidentifiable(parameters: Iterable[Parameter]) -> list[str]:
-    return [
-        f"{_spoken([parameter])} cannot be measured: {QUANTITIES[parameter.quantity].how}."
-        for parameter in parameters
-        if not QUANTITIES[parameter.quantity].identifiable
-    ]
+    """One sentence for each parameter that the vocabulary cannot measure at all."""
+    sentences: list[str] = []
+    for parameter in parameters:
+        quantity = QUANTITIES[parameter.quantity]
+        if not quantity.identifiable:
+            sentences.append(f"{_spoken([parameter])} cannot be measured: {quantity.how}.")
+    return sentences
 
 
 def _spoken(parameters: Sequence[Parameter]) -> str:
-    """The gaps in words: "The mass and sliding friction of 'mug'"."""
+    """The parameters of one object in words: "The mass and sliding friction of 'mug'"."""
     labels = [QUANTITIES[parameter.quantity].label for parameter in parameters]
-    listed = labels[0] if len(labels) == 1 else f"{', '.join(labels[:-1])} and {labels[-1]}"
+    *others, last = labels
+    listed = f"{', '.join(others)} and {last}" if others else last
     return f"The {listed} of '{parameters[0].object}'"
 
 
@@ -203,17 +231,31 @@ def _explained(made: Assembled) -> list[str]:
     """What is measured and how, one sentence a quantity, and what is carried out of the way."""
     if made.tree is None:
         return []
-    sentences = [f"To be measured: {', '.join(str(parameter) for parameter in made.measured)}."]
-    for id in dict.fromkeys(parameter.quantity for parameter in made.measured):
-        names = ", ".join(
-            f"'{parameter.object}'" for parameter in made.measured if parameter.quantity == id
-        )
-        how = QUANTITIES[id].how.removesuffix("; derived")
-        derived = ", and the value is derived from the recordings" if id in DERIVED else ""
-        sentences.append(f"{QUANTITIES[id].label.capitalize()} of {names}: {how}{derived}.")
-    poses = [str(value) for _, leaf in leaves(made.tree) for _, value in leaf.args]
-    carried = dict.fromkeys(p.removesuffix("_temporary") for p in poses if p.endswith("_temporary"))
-    sentences += [
-        f"'{name}' is in the way; it is carried to a free place and back." for name in carried
-    ]
+    sentences = [f"To be measured: {', '.join(str(wanted) for wanted in made.measured)}."]
+    objects: dict[str, list[str]] = {}
+    for parameter in made.measured:
+        objects.setdefault(parameter.quantity, []).append(f"'{parameter.object}'")
+    for id, names in objects.items():
+        sentences.append(_acquired(id, names))
+    for name in _carried(made.tree):
+        sentences.append(f"'{name}' is in the way; it is carried to a free place and back.")
     return [*sentences, "Everything is put back where it was."]
+
+
+def _acquired(id: str, names: Sequence[str]) -> str:
+    """How a quantity of the named objects is measured."""
+    quantity = QUANTITIES[id]
+    how = quantity.how.removesuffix("; derived")
+    derived = ", and the value is derived from the recordings" if id in DERIVED else ""
+    return f"{quantity.label.capitalize()} of {', '.join(names)}: {how}{derived}."
+
+
+def _carried(tree: Node) -> list[str]:
+    """The objects that are put on a free place for a while, in the order of the tree."""
+    carried: dict[str, None] = {}
+    for _, leaf in leaves(tree):
+        for _, value in leaf.args:
+            name = str(value).removesuffix("_temporary")
+            if name != str(value):
+                carried[name] = None
+    return list(carried)

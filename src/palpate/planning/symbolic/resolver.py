@@ -1,0 +1,197 @@
+"""From mentions to the parameters of a scene, with what stands in the way."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NoReturn
+
+from palpate.errors import InputError, PlanRejected
+from palpate.parameter import Parameter
+from palpate.planning.symbolic import lexicon
+from palpate.planning.symbolic.mentions import GRIPPER, Item
+from palpate.quantities.quantity import QUANTITIES
+from palpate.scene.scene import Scene
+
+
+class Resolver:
+    """What mentions mean in one scene.
+
+    Attributes:
+        cannot: one sentence for each thing that was asked and that no plan can measure.
+    """
+
+    def __init__(self, scene: Scene) -> None:
+        self.scene = scene
+        self.cannot: list[str] = []
+
+    def parameters(self, quantity: Item, objects: Sequence[Item]) -> list[Parameter]:
+        """The parameters of one quantity said of some objects (of all that miss it, when none is
+        named).
+
+        Raises:
+            InputError: an object that the scene does not have. PlanRejected: one of several.
+        """
+        id = quantity.names[0]
+        if quantity.kind == "unmeasurable" or not QUANTITIES[id].identifiable:
+            self.cannot.append(self._not_measurable(id))
+            return []
+        if not objects:
+            return self._missing_or_all(id)
+        if any(item.kind == "everything" for item in objects):
+            return self._of_all(id)
+        for item in objects:
+            if item.kind == "unknown":
+                raise self._not_there(item)
+        found: list[Parameter] = []
+        for item in objects:
+            found += [Parameter(name, id) for name in self._chosen(item, id)]
+        if not found:
+            self.cannot.append(self._wrong_subject(id, objects))
+        return found
+
+    def can_have(self, objects: Sequence[Item], quantity: Item) -> bool:
+        """Whether one of `objects` can have `quantity`."""
+        id = quantity.names[0]
+        for item in objects:
+            if item.kind in ("everything", "unknown") or id not in QUANTITIES:
+                return True
+            if any(self._carries(name, id) for name in item.names):
+                return True
+        return False
+
+    def exclusions(self, quantity: Item | None, objects: Sequence[Item]) -> list[Parameter]:
+        """The parameters that "except …" or "we know …" takes out: of one quantity, or, where none
+        is named, of all."""
+        ids = list(QUANTITIES)
+        if quantity is not None:
+            ids = [id for id in quantity.names if id in QUANTITIES]
+        excluded: list[Parameter] = []
+        for id in ids:
+            if quantity is not None and not objects:
+                excluded += self._of_all(id)
+            for item in objects:
+                names = self.scene.bodies if item.kind == "everything" else item.names
+                excluded += [Parameter(name, id) for name in names]
+        return excluded
+
+    def without_quantity(self, request: str, alone: Sequence[Item]) -> tuple[list[Parameter], str]:
+        """What a request means that names objects, a goal or "everything", but no quantity, and how
+        it was read.
+
+        Raises:
+            InputError: it names only objects that the scene does not have. PlanRejected: one of
+                several.
+        """
+        unknown = [item for item in alone if item.kind == "unknown"]
+        if unknown and not any(item.names for item in alone):
+            raise self._not_there(unknown[0])
+        properties = [item for item in alone if item.kind == "unmeasurable"]
+        if properties:
+            self.cannot += [self._not_measurable(item.names[0]) for item in properties]
+            return [], ""
+        mentioned: list[str] = []
+        for item in alone:
+            mentioned += self._chosen(item, None)
+        missing = list(self.scene.missing())
+        if mentioned:
+            return self._missing_of(list(dict.fromkeys(mentioned)), missing)
+        everything = any(item.kind == "everything" for item in alone)
+        if everything or lexicon.GOAL.search(request.lower()):
+            return missing, "Everything that the scene misses is meant."
+        return [], ""
+
+    def ordered(self, parameters: Sequence[Parameter]) -> list[Parameter]:
+        """Each once: surfaces first, then objects, both in document order; quantities as in the
+        catalogue."""
+        names = [*self.scene.surfaces, *self.scene.objects, GRIPPER]
+        ids = list(QUANTITIES)
+
+        def place(parameter: Parameter) -> tuple[int, int]:
+            return names.index(parameter.object), ids.index(parameter.quantity)
+
+        return sorted(dict.fromkeys(parameters), key=place)
+
+    def reject(self, request: str) -> NoReturn:
+        """Nothing was understood.
+
+        Raises:
+            PlanRejected: always; it says what can be asked.
+        """
+        shown = " ".join(request.split())[:80]
+        raise PlanRejected(
+            f"nothing in '{shown}' names a quantity or an object of this scene; ask for "
+            f"{_measurable()} of {self._listed_bodies()}"
+        )
+
+    def _chosen(self, item: Item, id: str | None) -> list[str]:
+        """The bodies that a mention means, of those that can have the quantity.
+
+        Raises:
+            PlanRejected: it may be one of several.
+        """
+        names = [name for name in item.names if id is None or self._carries(name, id)]
+        if item.plural or len(names) <= 1:
+            return names
+        choices = " or ".join(f"'{name}'" for name in names)
+        what = f"the {QUANTITIES[id].label} of " if id else ""
+        raise PlanRejected(
+            f"'the {item.text}' may be {choices}; name one, e.g. '{what}{names[0]}', or ask for all of "
+            f"them, e.g. '{what}all of {', '.join(names)}'"
+        )
+
+    def _missing_of(
+        self, names: Sequence[str], missing: Sequence[Parameter]
+    ) -> tuple[list[Parameter], str]:
+        parameters = [parameter for parameter in missing if parameter.object in names]
+        listed = ", ".join(names)
+        end = "." if parameters else f"; nothing of {listed} is missing."
+        return parameters, (
+            f"The request names no quantity, so everything the scene misses of {listed} is meant{end}"
+        )
+
+    def _missing_or_all(self, id: str) -> list[Parameter]:
+        missing = [parameter for parameter in self.scene.missing() if parameter.quantity == id]
+        return missing or self._of_all(id)
+
+    def _of_all(self, id: str) -> list[Parameter]:
+        return [Parameter(name, id) for name in self._carriers(id)]
+
+    def _carriers(self, id: str) -> list[str]:
+        """What can have the quantity; of the gripper's own, the empty hand."""
+        if QUANTITIES[id].subject == "gripper":
+            return [GRIPPER]
+        return [name for name in self.scene.bodies if self._carries(name, id)]
+
+    def _carries(self, name: str, id: str) -> bool:
+        """Whether a body can have the quantity; what the gripper can have, what it holds can too."""
+        subject = QUANTITIES[id].subject
+        if name == GRIPPER:
+            return subject == "gripper"
+        if subject == "gripper":
+            return name in self.scene.objects
+        return subject == self.scene.bodies[name].role
+
+    def _not_measurable(self, id: str) -> str:
+        reason, label = "no primitive of the robot senses it", id
+        if id in QUANTITIES:
+            reason, label = QUANTITIES[id].how, QUANTITIES[id].label
+        return f"The {label} cannot be measured: {reason}; what can be is {_measurable()}."
+
+    def _wrong_subject(self, id: str, objects: Sequence[Item]) -> str:
+        subject = QUANTITIES[id].subject
+        article = "an" if subject[0] in "aeiou" else "a"
+        carriers = ", ".join(self._carriers(id)) or "none here"
+        return (
+            f"The {QUANTITIES[id].label} of '{objects[0].text}' cannot be measured: it is measured of "
+            f"{article} {subject} ({carriers})."
+        )
+
+    def _not_there(self, item: Item) -> InputError:
+        return InputError(f"the scene has no '{item.text}'; it has {self._listed_bodies()}")
+
+    def _listed_bodies(self) -> str:
+        return ", ".join(self.scene.bodies) or "no objects at all"
+
+
+def _measurable() -> str:
+    return ", ".join(q.label for q in QUANTITIES.values() if q.identifiable)
