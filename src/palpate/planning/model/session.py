@@ -1,7 +1,11 @@
 """One dialogue with a provider through pydantic-ai: messages, retries, deadlines, errors in plain
 words.
 
-The home of the model SDK, which is loaded when a model is asked, never before.
+The home of the model SDK, which is loaded when a model is asked, never before. Of pydantic-ai this takes the request
+alone. Its `Agent` fences feedback and adds a note about the fence to the system prompt, which then is not the one that
+was recorded; it ends at a refusal or an answer cut short instead of telling the model; and its `UsageLimits` throw away
+the answer that reaches a limit, be it a valid plan. Its retrying transport sees a status, not that a quota is used up,
+and does not repeat a body that breaks off.
 """
 
 from __future__ import annotations
@@ -14,15 +18,16 @@ from typing import TYPE_CHECKING, Any
 
 from palpate.errors import PalpateError, Unavailable
 from palpate.planning.model.conversation import FEEDBACK_ROUNDS, Answer, Conversation
+from palpate.planning.model.failures import NOT_THE_API, TOO_LARGE, may_pass, reason
 from palpate.planning.model.picture import Picture
 from palpate.planning.model.provider import Provider, redact
+from palpate.planning.model.sdk import sdk_model
 from palpate.planning.model.wire import bounded_client, is_too_large
 
 if TYPE_CHECKING:
-    import httpx2
     from pydantic_ai.exceptions import ModelAPIError
     from pydantic_ai.messages import ModelMessage, ModelResponse
-    from pydantic_ai.models import Model, ModelRequestParameters
+    from pydantic_ai.models import ModelRequestParameters
     from pydantic_ai.settings import ModelSettings as RequestSettings
 
 BACKOFF = (1.0, 2.0, 4.0, 8.0)
@@ -30,8 +35,6 @@ BACKOFF = (1.0, 2.0, 4.0, 8.0)
 waits."""
 LONGEST_ANSWER = 16_000
 """Tokens of one answer, reasoning included."""
-TOO_LARGE = "the reply is larger than any plan; check the base URL"
-NOT_THE_API = "the reply is not in the form of this provider's API; check the base URL"
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,43 +116,52 @@ class Session:
 
     async def _exchange(self, message: str) -> tuple[ModelResponse, int]:
         """The response to `message`, repeated where that helps, and how many requests it took."""
-        from pydantic_ai.direct import model_request
         from pydantic_ai.exceptions import ModelAPIError
 
         self.messages.append(self._request(message))
         for attempt in range(1, len(BACKOFF) + 2):
-            async with bounded_client(self.budget.attempt_seconds) as client:
-                try:
-                    response = await model_request(
-                        _model(self.provider, self.model, self.address, client),
-                        self.messages,
-                        model_settings=self._settings(),
-                        model_request_parameters=self._parameters(),
-                    )
-                except ModelAPIError as error:
-                    wait = self._wait(error, attempt)
-                except (ImportError, PalpateError):
-                    raise
-                except (
-                    Exception
-                ) as error:  # the SDKs raise their own kinds on answers they do not understand
-                    raise self._failure(TOO_LARGE if is_too_large(error) else NOT_THE_API) from None
-                else:
-                    response = _without_keys(response)
-                    self.messages.append(response)
-                    return response, attempt
+            try:
+                response = _without_keys(await self._response())
+            except ModelAPIError as error:
+                wait = self._wait(error, attempt)
+            else:
+                self.messages.append(response)
+                return response, attempt
             await asyncio.sleep(wait)
         raise AssertionError("unreachable: _wait raises after the last attempt")
+
+    async def _response(self) -> ModelResponse:
+        """The response to the messages so far, from one request.
+
+        Raises:
+            ModelAPIError: the provider failed or refused. Unavailable: what came back is not its API.
+        """
+        from pydantic_ai.direct import model_request
+        from pydantic_ai.exceptions import ModelAPIError
+
+        async with bounded_client(self.budget.attempt_seconds) as client:
+            try:
+                return await model_request(
+                    sdk_model(self.provider, self.model, self.address, client),
+                    self.messages,
+                    model_settings=self._settings(),
+                    model_request_parameters=self._parameters(),
+                )
+            except (ModelAPIError, ImportError, PalpateError):
+                raise
+            except Exception as error:
+                # the SDKs raise kinds of their own on answers that they do not understand
+                if is_too_large(error):
+                    raise self._failure(TOO_LARGE) from None
+                raise self._failure(NOT_THE_API) from None
 
     def _request(self, message: str) -> ModelMessage:
         from pydantic_ai.messages import BinaryContent, ModelRequest, UserContent, UserPromptPart
 
-        pictures = (
-            []
-            if self.messages
-            else [BinaryContent(p.data, media_type=p.media_type) for p in self.pictures]
-        )
-        content: list[UserContent] = [message, *pictures]
+        content: list[UserContent] = [message]
+        if not self.messages:  # the pictures go with the first message
+            for picture in self.pictures:
+                content.append(BinaryContent(picture.data, media_type=picture.media_type))
         return ModelRequest([UserPromptPart(content)], instructions=self.system or None)
 
     def _settings(self) -> RequestSettings:
@@ -176,91 +188,36 @@ class Session:
         Raises:
             Unavailable: repeating does not help, or there is no time for it.
         """
-        reason = _reason(error, self.provider, self.model)
-        if not _passing(error):
-            raise self._failure(reason) from None
+        what = reason(error, self.provider, self.model)
+        if not may_pass(error):
+            raise self._failure(what) from None
         if attempt > len(BACKOFF):
-            raise self._failure(f"{reason}, {attempt} times") from None
-        wait = BACKOFF[attempt - 1] if error.retry_after is None else max(0.0, error.retry_after)
+            raise self._failure(f"{what}, {attempt} times") from None
+        wait = BACKOFF[attempt - 1]
+        if error.retry_after is not None:
+            wait = max(0.0, error.retry_after)
+            what += f" and asks to wait {wait:.0f} s"
         left = self.deadline - time.monotonic()
-        if wait >= left:
-            asked = "" if error.retry_after is None else f" and asks to wait {wait:.0f} s"
-            raise self._failure(
-                f"{reason}{asked}; {max(0.0, left):.0f} s of {self.budget.seconds:.0f} s are left"
-            ) from None
-        return wait
+        if wait < left:
+            return wait
+        of_budget = f"{max(0.0, left):.0f} s of {self.budget.seconds:.0f} s are left"
+        raise self._failure(f"{what}; {of_budget}") from None
 
     def _failure(self, reason: str) -> Unavailable:
         return Unavailable(redact(f"{self.provider.name}:{self.model}: {reason}"))
 
 
-def _model(
-    provider: Provider, model: str, address: str | None, client: httpx2.AsyncClient
-) -> Model:
-    """The SDK's model behind `provider`, asked through `client`."""
-    if provider.name == "google":
-        from pydantic_ai.models.google import GoogleModel
-        from pydantic_ai.providers.google import GoogleProvider
-
-        return GoogleModel(
-            model,
-            provider=GoogleProvider(api_key=provider.key(), http_client=client, base_url=address),
-        )
-    if provider.name == "anthropic":
-        from pydantic_ai.models.anthropic import AnthropicModel
-        from pydantic_ai.providers.anthropic import AnthropicProvider
-
-        return AnthropicModel(
-            model,
-            provider=AnthropicProvider(
-                api_key=provider.key(), http_client=client, base_url=address
-            ),
-        )
-    return _chat_model(provider, model, address, client)
-
-
-def _chat_model(
-    provider: Provider, model: str, address: str | None, client: httpx2.AsyncClient
-) -> Model:
-    """A model behind OpenAI chat completions, OpenAI's own or another server's."""
-    from pydantic_ai.models.openai import OpenAIChatModel
-    from pydantic_ai.providers.ollama import OllamaProvider
-    from pydantic_ai.providers.openai import OpenAIProvider
-    from pydantic_ai.providers.openai_compatible import OpenAICompatibleProvider
-    from pydantic_ai.providers.vllm import VLLMProvider
-
-    key = provider.key()
-    if provider.name == "openai":
-        return OpenAIChatModel(
-            model, provider=OpenAIProvider(base_url=address, api_key=key, http_client=client)
-        )
-    if provider.name == "ollama":
-        return OpenAIChatModel(
-            model, provider=OllamaProvider(base_url=address, api_key=key, http_client=client)
-        )
-    if provider.name == "vllm":
-        return OpenAIChatModel(
-            model, provider=VLLMProvider(base_url=address, api_key=key, http_client=client)
-        )
-    assert address is not None
-    return OpenAIChatModel(
-        model,
-        provider=OpenAICompatibleProvider(
-            "compatible", base_url=address, api_key=key, http_client=client
-        ),
-    )
-
-
 def _without_keys(response: ModelResponse) -> ModelResponse:
-    from pydantic_ai.messages import TextPart
+    """The response as it may be kept, without any key that it repeats."""
+    from pydantic_ai.messages import ModelResponsePart, TextPart
 
-    return replace(
-        response,
-        parts=[
-            replace(part, content=redact(part.content)) if isinstance(part, TextPart) else part
-            for part in response.parts
-        ],
-    )
+    parts: list[ModelResponsePart] = []
+    for part in response.parts:
+        if isinstance(part, TextPart):
+            parts.append(replace(part, content=redact(part.content)))
+        else:
+            parts.append(part)
+    return replace(response, parts=parts)
 
 
 def _answer(response: ModelResponse, seconds: float, requests: int) -> Answer:
@@ -288,46 +245,3 @@ def _cost(response: ModelResponse) -> float | None:
         return float(response.cost().total_price)
     except (LookupError, ValueError, AssertionError):
         return None
-
-
-def _passing(error: ModelAPIError) -> bool:
-    """Whether the same request may succeed a little later."""
-    from pydantic_ai import exceptions as e
-
-    kinds = (
-        e.ModelRateLimitError,
-        e.ModelUnavailableError,
-        e.ModelServerError,
-        e.ModelConnectionError,
-        e.ModelRequestTimeout,
-    )
-    return isinstance(error, kinds) and not is_too_large(error)
-
-
-def _reason(error: ModelAPIError, provider: Provider, model: str) -> str:
-    """What went wrong and what to do about it, without the provider's own text where that may be
-    long."""
-    from pydantic_ai import exceptions as e
-
-    status = f" (HTTP {error.status_code})" if isinstance(error, e.ModelHTTPError) else ""
-    if is_too_large(error):
-        return TOO_LARGE
-    if isinstance(error, e.ModelAuthenticationError):
-        return f"the key was refused{status}; check {provider.key_variables[0]} and what it may use"
-    if isinstance(error, e.ModelNotFoundError):
-        return (
-            f"there is no model '{model}' at this address{status}; check the name and the base URL"
-        )
-    if isinstance(error, e.ModelQuotaExceededError):
-        return f"quota or credit is used up{status}; see your account with the provider"
-    if isinstance(error, e.ModelRateLimitError):
-        return f"the provider limits the rate{status}"
-    if isinstance(error, e.ModelRequestTimeout | e.ModelTimeoutError):
-        return "no answer came in time"
-    if isinstance(error, e.ModelConnectionError):
-        return "the provider cannot be reached; check the network and the base URL"
-    if isinstance(error, e.ModelServerError | e.ModelUnavailableError):
-        return f"the provider failed{status}"
-    if not isinstance(error, e.ModelHTTPError):
-        return NOT_THE_API
-    return f"the request was refused{status}: {' '.join(str(error.body).split())[:200]}"
