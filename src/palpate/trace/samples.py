@@ -1,5 +1,5 @@
-"""What the robot felt: timestamped samples, the life of every leaf, and the recordings with their
-context.
+"""What was recorded of an execution: timestamped samples, the life of every leaf, and the recordings
+with their context.
 
 A `Trace` is all that estimation sees. It holds sensed values and the *nominal* robot's kinematics,
 never the truth of a simulated world.
@@ -57,28 +57,20 @@ class Samples:
     @classmethod
     def empty(cls) -> Samples:
         """No rows."""
-        widths = {
-            "t": None,
-            "q": 7,
-            "dq": 7,
-            "tau_ext": 7,
-            "wrench": 6,
-            "pose_world_tcp": 7,
-            "twist": 6,
-            "target_world_tcp": 7,
-            "width": None,
-        }
-        return cls(**{k: np.empty((0,) if w is None else (0, w)) for k, w in widths.items()})
+        scalars, joints = np.empty(0), np.empty((0, 7))
+        pose, wrench = np.empty((0, 7)), np.empty((0, 6))
+        return cls(scalars, joints, joints, joints, wrench, pose, wrench, pose, scalars)
 
     @classmethod
     def concatenate(cls, parts: Iterable[Samples]) -> Samples:
         """All rows of `parts`, in order."""
-        parts = [p for p in parts if len(p)]
+        parts = [part for part in parts if len(part)]
         if not parts:
             return cls.empty()
-        return cls(
-            **{f.name: np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(cls)}
-        )
+        joined: dict[str, Array] = {}
+        for field in fields(cls):
+            joined[field.name] = np.concatenate([getattr(part, field.name) for part in parts])
+        return cls(**joined)
 
     def __len__(self) -> int:
         return len(self.t)
