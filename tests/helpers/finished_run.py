@@ -10,7 +10,7 @@ import pytest
 from palpate.estimation.estimate import Estimate, Part
 from palpate.parameter import Parameter
 from palpate.planning.plan import Node, Plan
-from palpate.report.report import Measured, ParameterRow, ReportData
+from palpate.report.data import Measured, ParameterRow, ReportData
 from palpate.trace.recording import Context, Conversion, Hand, LeafRun, Recording
 from palpate.trace.samples import FORCES, POSE, Samples, Trace
 

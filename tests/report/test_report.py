@@ -18,7 +18,8 @@ from palpate.estimation.estimate import Estimate, Part, not_identified
 from palpate.parameter import Parameter
 from palpate.pictures.renderer import png
 from palpate.planning.plan import Node, Plan
-from palpate.report.report import Measured, ParameterRow, ReportData, write_report
+from palpate.report.data import Measured, ParameterRow, ReportData
+from palpate.report.page import write_report
 from palpate.trace.recording import Context, LeafRun, Recording
 
 HOSTILE = '</script><script>alert(1)</script><img src="http://evil.example/x" onerror=alert(1)>'
@@ -26,7 +27,7 @@ SECTIONS = (
     "The workspace",
     "What was known, what was not",
     "The plan",
-    "What the robot felt",
+    "Forces and motion",
     "The digital twin",
 )
 
@@ -193,7 +194,7 @@ def test_a_bare_run_still_has_a_page(status: str, tmp_path: Path) -> None:
     assert "Heat cannot be felt." in page.text
     assert "Everything that the scene leaves open" in page.text
     assert page.all("img") == page.all("video") == []
-    assert "What the robot felt" not in page.text
+    assert "Forces and motion" not in page.text
     assert (tmp_path / "report.html").stat().st_size < 100_000
 
 

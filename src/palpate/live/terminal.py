@@ -1,11 +1,16 @@
 """A run as it happens, on the terminal: the tree with statuses, robot time, force; plain lines
-elsewhere."""
+elsewhere.
+
+`py_trees.display` draws statuses alone: no durations or messages, no clipping to the screen, and names as
+they come, escape sequences included.
+"""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Iterator
 from types import TracebackType
+from typing import TypeGuard
 
 import numpy as np
 from py_trees.behaviour import Behaviour
@@ -88,9 +93,9 @@ class LiveView:
     def _print_ended(self, view: View) -> None:
         for leaf in view.leaves[self._printed :]:
             line = f"{leaf.end:8.2f} s  {WORDS[leaf.status]:7} {leaf.label}"
-            self._console.print(
-                Text(_clean(f"{line}: {leaf.message}" if leaf.message else line)), soft_wrap=True
-            )
+            if leaf.message:
+                line += f": {leaf.message}"
+            self._console.print(Text(_clean(line)), soft_wrap=True)
         self._printed = len(view.leaves)
 
 
@@ -98,29 +103,26 @@ def render(view: View, room: int) -> Group:
     """The view in at most `room` lines of tree: those around the active leaf, when there are
     more."""
     ended = {leaf.node: leaf for leaf in view.leaves}
-    nodes = list(_walk(view.root))
-    lines = [_line(node, depth, view, ended) for node, depth in nodes]
-    active = max(
-        (i for i, (node, _) in enumerate(nodes) if node.status is not Status.INVALID), default=0
-    )
+    lines: list[Text] = []
+    active = 0
+    for row, (node, depth) in enumerate(_walk(view.root)):
+        lines.append(_line(node, depth, view, ended))
+        if node.status is not Status.INVALID:
+            active = row
     first = min(max(0, active - room // 2), max(0, len(lines) - room))
     return Group(_header(view), *lines[first : first + room], *_stop(view))
 
 
 def _header(view: View) -> Text:
     force = float(np.linalg.norm(view.robot.wrench[:3]))
-    header = Text(
-        f"{view.elapsed:7.1f} s robot time   |F| {force:5.1f} N",
-        "bold",
-        no_wrap=True,
-        overflow="ellipsis",
-    )
-    running = [
-        node.name
-        for node, _ in _walk(view.root)
-        if isinstance(node, PrimitiveLeaf) and node.status is Status.RUNNING
-    ]
+    figures = f"{view.elapsed:7.1f} s robot time   |F| {force:5.1f} N"
+    running = [node.name for node, _ in _walk(view.root) if _is_running(node)]
+    header = Text(figures, "bold", no_wrap=True, overflow="ellipsis")
     return header.append(f"   {_clean(', '.join(running))}", "yellow")
+
+
+def _is_running(node: Behaviour) -> TypeGuard[PrimitiveLeaf]:
+    return isinstance(node, PrimitiveLeaf) and node.status is Status.RUNNING
 
 
 def _stop(view: View) -> Iterator[Text]:
@@ -136,14 +138,18 @@ def _stop(view: View) -> Iterator[Text]:
 
 
 def _line(node: Behaviour, depth: int, view: View, ended: dict[str, LeafRun]) -> Text:
-    run = ended.get(node.node) if isinstance(node, PrimitiveLeaf) else None
-    interrupted = node.status is Status.INVALID and run is not None
-    icon, style = STOPPED if interrupted else ICONS[node.status]
+    """A node with its status, and how long a leaf took or has taken so far."""
+    run = None
+    if isinstance(node, PrimitiveLeaf):
+        run = ended.get(node.node)
+    icon, style = ICONS[node.status]
+    if run is not None and node.status is Status.INVALID:
+        icon, style = STOPPED
     line = Text("  " * depth, no_wrap=True, overflow="ellipsis")
     line.append(f"{icon} {_clean(node.name)}", style)
     if run is not None:
         line.append(f"  {run.end - run.start:.1f} s  {_clean(run.message)}", "dim")
-    elif isinstance(node, PrimitiveLeaf) and node.status is Status.RUNNING:
+    elif _is_running(node):
         line.append(f"  {view.robot.t - node.started:.1f} s", "dim")
     return line
 
@@ -156,4 +162,4 @@ def _walk(node: Behaviour, depth: int = 0) -> Iterator[tuple[Behaviour, int]]:
 
 def _clean(text: str) -> str:
     """Names may come from a model: nothing that a terminal would take for a command."""
-    return "".join(c if c.isprintable() else "�" for c in text)
+    return "".join(character if character.isprintable() else "�" for character in text)

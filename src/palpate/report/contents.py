@@ -20,7 +20,7 @@ from palpate.pictures.moments import (
 )
 from palpate.pictures.renderer import gl_available, png
 from palpate.report.data import Measured, ParameterRow, ReportData
-from palpate.report.report import write_report
+from palpate.report.page import write_report
 from palpate.runs.folder import write_json
 from palpate.runs.result import plan_text, result_json
 from palpate.scene.camera import load_image

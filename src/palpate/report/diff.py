@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import groupby, pairwise
+from itertools import chain, groupby, pairwise
 
 MAX_LINES = 4000
 
@@ -22,15 +22,19 @@ class DiffLine:
 def diff_lines(diff: str) -> list[DiffLine]:
     """Line by line, without the file names; where a line replaces another, what changed within it
     is set apart."""
-    lines = [line for line in diff.splitlines() if not line.startswith(("---", "+++"))][:MAX_LINES]
-    blocks = [
-        [DiffLine(kind, line if kind == "hunk" else line[1:]) for line in group]
-        for kind, group in groupby(lines, key=_kind)
-    ]
+    lines = [line for line in diff.splitlines() if not line.startswith(("---", "+++"))]
+    blocks: list[list[DiffLine]] = []
+    for kind, group in groupby(lines[:MAX_LINES], key=_kind):
+        blocks.append([_plain(kind, line) for line in group])
     for i, (old, new) in enumerate(pairwise(blocks)):
         if (old[0].kind, new[0].kind, len(old)) == ("del", "add", len(new)):
             blocks[i], blocks[i + 1] = _refined(old, new), _refined(new, old)
-    return [line for block in blocks for line in block]
+    return list(chain.from_iterable(blocks))
+
+
+def _plain(kind: str, line: str) -> DiffLine:
+    """A line without its sign; a hunk's head has none."""
+    return DiffLine(kind, line if kind == "hunk" else line[1:])
 
 
 def _kind(line: str) -> str:
@@ -42,15 +46,21 @@ def _text(line: DiffLine) -> str:
 
 
 def _refined(block: Sequence[DiffLine], other: Sequence[DiffLine]) -> list[DiffLine]:
-    return [
-        _apart(mine.kind, _text(mine), _text(theirs))
-        for mine, theirs in zip(block, other, strict=True)
-    ]
+    pairs = zip(block, other, strict=True)
+    return [_apart(mine.kind, _text(mine), _text(theirs)) for mine, theirs in pairs]
 
 
 def _apart(kind: str, text: str, other: str) -> DiffLine:
     """The line with its common beginning and end with `other` set off from the middle."""
-    limit = min(len(text), len(other))
-    head = next((i for i in range(limit) if text[i] != other[i]), limit)
-    tail = next((i for i in range(limit - head) if text[-1 - i] != other[-1 - i]), limit - head)
-    return DiffLine(kind, text[:head], text[head : len(text) - tail], text[len(text) - tail :])
+    head = _shared(text, other)
+    tail = _shared(text[head:][::-1], other[head:][::-1])
+    end = len(text) - tail
+    return DiffLine(kind, text[:head], text[head:end], text[end:])
+
+
+def _shared(text: str, other: str) -> int:
+    """How many characters both begin with."""
+    for i, (mine, theirs) in enumerate(zip(text, other, strict=False)):
+        if mine != theirs:
+            return i
+    return min(len(text), len(other))

@@ -37,10 +37,14 @@ def efficiency_figure(rows: Sequence[Effort], paper: Effort) -> Figure:
     """Actions on the left, robot seconds on the right, a pair of bars per scenario."""
     shown = [*rows, paper]
     opacity = [1.0] * len(rows) + [0.45]
-    actions = [_bars(shown, i, [e.actions[i] for e in shown], "", opacity) for i in range(2)]
-    seconds = [_bars(shown, i, [e.robot_seconds[i] for e in shown], "2", opacity) for i in range(2)]
+    bars: list[Figure] = []
+    for planner in range(2):
+        actions = [effort.actions[planner] for effort in shown]
+        seconds = [effort.robot_seconds[planner] for effort in shown]
+        bars.append(_bars(shown, planner, actions, "", opacity))
+        bars.append(_bars(shown, planner, seconds, "2", opacity))
     return {
-        "data": [*actions, *seconds],
+        "data": bars,
         "layout": {
             "title": {"text": "Intent-driven against exhaustive"},
             "barmode": "group",

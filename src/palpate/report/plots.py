@@ -8,7 +8,7 @@ or dark.
 from __future__ import annotations
 
 import base64
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from html import escape
 from itertools import pairwise
 from typing import Any
@@ -35,6 +35,9 @@ FAILED, STOPPED = "#e5484d", "#b0b4bd"
 
 _FORCE, _HEIGHT, _LEAVES = (0.56, 1.0), (0.17, 0.49), (0.0, 0.09)
 """Share of the figure's height that each row takes."""
+
+NARROWEST = 0.05
+"""s: a leaf that took no time is still seen."""
 
 
 def timeline(trace: Trace, windows: Mapping[Recording, str], groups: Mapping[str, str]) -> Figure:
@@ -89,17 +92,24 @@ def decimate(t: Array, y: Array, limit: int = MAX_POINTS) -> tuple[Array, Array]
     if len(t) <= limit:
         return t, y
     edges = np.linspace(0, len(t), limit // 2 + 1).astype(int)
-    kept = [
-        start + f(y[start:stop]) for start, stop in pairwise(edges) for f in (np.argmin, np.argmax)
-    ]
+    kept: list[int] = []
+    for start, stop in pairwise(edges):
+        block = y[start:stop]
+        kept += [start + int(block.argmin()), start + int(block.argmax())]
     rows = np.unique(np.array(kept, dtype=int))
     return t[rows], y[rows]
 
 
 def _span(trace: Trace) -> tuple[float, float]:
-    times = [*trace.samples.t[[0, -1]].tolist()] if len(trace.samples) else []
-    times += [t for leaf in trace.leaves for t in (leaf.start, leaf.end)]
-    return (min(times), max(times)) if times else (0.0, 1.0)
+    """Beginning and end of what was recorded, robot time (s)."""
+    times: list[float] = []
+    if len(trace.samples):
+        times += trace.samples.t[[0, -1]].tolist()
+    for leaf in trace.leaves:
+        times += [leaf.start, leaf.end]
+    if not times:
+        return 0.0, 1.0
+    return min(times), max(times)
 
 
 def _line(name: str, t: Array, y: Array, colour: str, axis: str = "y", **more: Any) -> Figure:
@@ -146,8 +156,8 @@ def _heights(trace: Trace) -> list[Figure]:
 
 def _contacts(trace: Trace) -> list[Figure]:
     """Where guarded motions met something."""
-    touches = [leaf for leaf in trace.leaf_runs("MoveUntilContact") if len(trace.samples)]
-    if not touches:
+    touches = trace.leaf_runs("MoveUntilContact")
+    if not touches or not len(trace.samples):
         return []
     times = np.array([leaf.end for leaf in touches])
     heights = np.interp(times, trace.samples.t, tip_height(trace.samples, trace.hand))
@@ -165,34 +175,45 @@ def _contacts(trace: Trace) -> list[Figure]:
 
 
 def _leaf_bars(leaves: Sequence[LeafRun], groups: Mapping[str, str]) -> Figure:
-    colours = [_leaf_colour(leaf, groups) for leaf in leaves]
+    """A bar per leaf, from its first tick to its last."""
+    starts: list[float] = []
+    durations: list[float] = []
+    names: list[str] = []
+    colours: list[str] = []
+    hover: list[tuple[str, str, float]] = []
+    for leaf in leaves:
+        duration = leaf.end - leaf.start
+        starts.append(leaf.start)
+        durations.append(max(duration, NARROWEST))
+        names.append(escape(leaf.primitive))
+        colours.append(_leaf_colour(leaf, groups))
+        hover.append((escape(leaf.label), leaf.status.lower(), round(duration, 2)))
     return {
         "type": "bar",
         "orientation": "h",
         "name": "leaf",
         "yaxis": "y3",
         "showlegend": False,
-        "base": [leaf.start for leaf in leaves],
-        "x": [max(leaf.end - leaf.start, 0.05) for leaf in leaves],
+        "base": starts,
+        "x": durations,
         "y": _lanes(leaves),
-        "text": [escape(leaf.primitive) for leaf in leaves],
+        "text": names,
         "textposition": "inside",
         "insidetextanchor": "middle",
         "textangle": 0,
         "insidetextfont": {"color": "#fff"},
         "marker": {"color": colours, "line": {"width": 1, "color": "rgba(255,255,255,0.7)"}},
-        "customdata": [
-            [escape(leaf.label), leaf.status.lower(), round(leaf.end - leaf.start, 2)]
-            for leaf in leaves
-        ],
+        "customdata": hover,
         "hovertemplate": "%{customdata[0]}: %{customdata[1]}, %{customdata[2]} s<extra></extra>",
     }
 
 
 def _leaf_colour(leaf: LeafRun, groups: Mapping[str, str]) -> str:
-    if leaf.status == "SUCCESS":
-        return GROUPS.get(groups.get(leaf.primitive, ""), NORM)
-    return FAILED if leaf.status == "FAILURE" else STOPPED
+    if leaf.status == "FAILURE":
+        return FAILED
+    if leaf.status == "INVALID":
+        return STOPPED
+    return GROUPS.get(groups.get(leaf.primitive, ""), NORM)
 
 
 def _lanes(leaves: Sequence[LeafRun]) -> list[int]:
@@ -200,64 +221,53 @@ def _lanes(leaves: Sequence[LeafRun]) -> list[int]:
     busy_until: list[float] = []
     lanes: list[int] = []
     for leaf in leaves:
-        lane = next(
-            (i for i, end in enumerate(busy_until) if end <= leaf.start + 1e-6), len(busy_until)
-        )
+        lane = _first_free(busy_until, leaf.start + 1e-6)
         busy_until[lane : lane + 1] = [leaf.end]
         lanes.append(lane)
     return lanes
 
 
+def _first_free(busy_until: Sequence[float], time: float) -> int:
+    """The first place that is free at `time`, or the one after the last."""
+    for place, end in enumerate(busy_until):
+        if end <= time:
+            return place
+    return len(busy_until)
+
+
 def _boundaries(leaves: Sequence[LeafRun]) -> list[Figure]:
-    return [
-        {
-            "type": "line",
-            "xref": "x",
-            "yref": "paper",
-            "x0": t,
-            "x1": t,
-            "y0": _LEAVES[1],
-            "y1": 1,
-            "layer": "below",
-            "line": {"color": FAINT, "width": 0.6, "dash": "dot"},
-        }
-        for t in sorted({leaf.start for leaf in leaves})
-    ]
+    """A dotted line where each leaf starts, through the rows above the leaves."""
+    style = {"color": FAINT, "width": 0.6, "dash": "dot"}
+    starts = sorted({leaf.start for leaf in leaves})
+    return [_shape("line", t, t, _LEAVES[1], line=style) for t in starts]
 
 
-def _shades(windows: Mapping[Recording, str]) -> list[Figure]:
-    return [
-        {
-            "type": "rect",
-            "xref": "x",
-            "yref": "paper",
-            "x0": r.start,
-            "x1": r.end,
-            "y0": _HEIGHT[0],
-            "y1": 1,
-            "layer": "below",
-            "fillcolor": MARK,
-            "opacity": 0.16,
-            "line": {"color": MARK, "width": 1},
-        }
-        for r in windows
-    ]
+def _shades(windows: Iterable[Recording]) -> list[Figure]:
+    """A shaded box for each recording."""
+    style = {"fillcolor": MARK, "opacity": 0.16, "line": {"color": MARK, "width": 1}}
+    return [_shape("rect", r.start, r.end, _HEIGHT[0], **style) for r in windows]
+
+
+def _shape(kind: str, start: float, end: float, bottom: float, **style: Any) -> Figure:
+    """Behind the curves from `start` to `end` (s), from `bottom` (of the figure's height) up."""
+    place = {"x0": start, "x1": end, "y0": bottom, "y1": 1}
+    return {"type": kind, "xref": "x", "yref": "paper", "layer": "below", **place, **style}
 
 
 def _names(windows: Mapping[Recording, str], span: float) -> list[Figure]:
     """A name above each window; where two would collide, the later goes a line lower."""
-    ends = [-np.inf] * 3
+    taken_until = [-np.inf] * 3
     out: list[Figure] = []
     for recording, name in sorted(windows.items(), key=lambda item: item[0].start):
-        level = next((i for i, end in enumerate(ends) if recording.start >= end), len(ends) - 1)
-        ends[level] = recording.start + span * 0.008 * (len(name) + 2)
+        line = min(_first_free(taken_until, recording.start), len(taken_until) - 1)
+        taken_until[line] = recording.start + span * 0.008 * (len(name) + 2)
         out.append(
             {
                 "xref": "x",
                 "yref": "paper",
                 "x": recording.start,
                 "y": 1,
-                "yshift": -15 * level,
+                "yshift": -15 * line,
                 "text": escape(name),
                 "showarrow": False,
                 "xanchor": "left",

@@ -1,0 +1,84 @@
+"""What the page carries within itself: scripts, pictures, and the policy that lets it run nothing
+else."""
+
+from __future__ import annotations
+
+import base64
+import gzip
+import hashlib
+import io
+from functools import cache
+from importlib.resources import files
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from markupsafe import Markup
+    from PIL import Image
+
+MAX_IMAGE = 400_000
+"""Bytes: larger pictures are scaled down to `IMAGE_WIDTH` and stored as JPEG."""
+IMAGE_WIDTH = 1280
+
+
+@cache
+def plotly() -> tuple[Markup, str]:
+    """plotly.js, gzipped and in base64 (a third of its size), and the hash of its text for the
+    page's policy."""
+    from markupsafe import Markup
+
+    source = (files("plotly") / "package_data" / "plotly.min.js").read_bytes()
+    packed = base64.b64encode(gzip.compress(source, 9, mtime=0)).decode()
+    return Markup(packed), _sha256(source)
+
+
+@cache
+def script() -> Markup:
+    """The page's own script."""
+    from markupsafe import Markup
+
+    return Markup((files("palpate.report") / "report.js").read_text(encoding="utf-8"))
+
+
+def policy() -> str:
+    """Content security policy: only the page's own scripts run, and nothing is ever fetched."""
+    own, plots = _sha256(script().encode()), plotly()[1]
+    return (
+        "default-src 'none'; img-src data: blob:; media-src data:; "
+        f"style-src 'unsafe-inline'; script-src {own} {plots}"
+    )
+
+
+def _sha256(content: bytes) -> str:
+    return f"'sha256-{base64.b64encode(hashlib.sha256(content).digest()).decode()}'"
+
+
+def video_uri(mp4: bytes | None) -> str | None:
+    """A film as a data URI."""
+    return _uri("video/mp4", mp4) if mp4 else None
+
+
+def picture_uri(picture: bytes | None) -> str | None:
+    """A picture as a data URI; None when there is none or it cannot be read."""
+    from PIL import Image
+
+    if not picture:
+        return None
+    try:
+        with Image.open(io.BytesIO(picture), formats=("PNG", "JPEG")) as image:
+            if len(picture) > MAX_IMAGE:
+                return _uri("image/jpeg", _scaled(image))
+            return _uri(f"image/{(image.format or 'png').lower()}", picture)
+    except (OSError, ValueError, Image.DecompressionBombError):
+        return None
+
+
+def _scaled(picture: Image.Image) -> bytes:
+    image = picture.convert("RGB")
+    image.thumbnail((IMAGE_WIDTH, IMAGE_WIDTH))
+    buffer = io.BytesIO()
+    image.save(buffer, "JPEG", quality=86)
+    return buffer.getvalue()
+
+
+def _uri(mime: str, content: bytes) -> str:
+    return f"data:{mime};base64,{base64.b64encode(content).decode()}"

@@ -1,0 +1,157 @@
+"""Estimates as cards: value, error, interval on a bar, and where a world is simulated its truth."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from palpate.estimation.estimate import rounded
+from palpate.report.data import Measured
+from palpate.report.evidence import Evidence, evidence, quantity_label
+from palpate.report.numbers import error_text, with_spread, with_unit
+from palpate.trace.samples import Trace
+
+AXES = {2: ("x", "y"), 3: ("x", "y", "z"), 6: ("xx", "yy", "zz", "xy", "xz", "yz")}
+"""Names of the components of a vector, and of a symmetric tensor in MuJoCo's `fullinertia`
+order."""
+
+MARGIN = 1.35
+"""Half widths of the interval from the middle of a bar to its end."""
+
+OFF_SCALE = 5.0
+"""A truth farther than so many interval half widths is drawn at the edge, lest the interval
+vanish."""
+
+
+@dataclass(frozen=True, slots=True)
+class Truth:
+    """What is so in the simulated world; `at` in per cent of the bar."""
+
+    value: str
+    at: float
+    error: str
+    covered: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Interval:
+    """One component of an estimate; the interval's `left` and `width` in per cent of the bar, in
+    whose middle the value stands."""
+
+    axis: str
+    value: str
+    std: str
+    low: str
+    high: str
+    left: float
+    width: float
+    truth: Truth | None
+
+
+@dataclass(frozen=True, slots=True)
+class Card:
+    """An estimate as it is printed."""
+
+    object: str
+    quantity: str
+    unit: str
+    verdict: str
+    method: str
+    intervals: tuple[Interval, ...]
+    further: tuple[tuple[str, str], ...]
+    evidence: tuple[Evidence, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class _Bar:
+    """A bar with a value in its middle that reaches `reach` to either side."""
+
+    middle: float
+    reach: float
+
+    def place(self, value: float) -> float:
+        """Per cent from the left end, at one of the ends where the value is off the bar."""
+        share = 50 + 50 * (value - self.middle) / self.reach
+        return round(min(max(share, 0.0), 100.0), 2)
+
+
+def cards(measured: Sequence[Measured], trace: Trace | None) -> list[Card]:
+    """One per estimate."""
+    return [_card(m, trace) for m in measured]
+
+
+def _card(measured: Measured, trace: Trace | None) -> Card:
+    estimate, unit = measured.estimate, measured.unit
+    further: list[tuple[str, str]] = []
+    for name, part in estimate.parts.items():
+        further.append((name, with_spread(part.value, part.std, part.unit or unit)))
+    windows: list[Evidence] = []
+    if trace is not None:
+        windows = [evidence(recording, trace) for recording in estimate.evidence]
+    return Card(
+        estimate.parameter.object,
+        quantity_label(estimate.parameter.quantity),
+        "" if unit == "1" else unit,
+        estimate.verdict,
+        estimate.method,
+        _intervals(measured),
+        tuple(further),
+        tuple(windows),
+    )
+
+
+def _intervals(measured: Measured) -> tuple[Interval, ...]:
+    estimate = measured.estimate
+    count = len(estimate.value)
+    axes = AXES.get(count, ("",) * count)
+    truths: Sequence[float | None] = measured.truth or ()
+    if len(truths) != count:
+        truths = (None,) * count
+    rows = zip(
+        axes,
+        estimate.value.tolist(),
+        estimate.std.tolist(),
+        estimate.ci95.tolist(),
+        truths,
+        strict=True,
+    )
+    return tuple(_interval(*row, measured.unit) for row in rows)
+
+
+def _interval(
+    axis: str, value: float, std: float, ci: tuple[float, float], truth: float | None, unit: str
+) -> Interval:
+    shown, spread = rounded(value, std)
+    low, _ = rounded(ci[0], std)
+    high, _ = rounded(ci[1], std)
+    bar = _bar(value, ci, truth)
+    left, right = bar.place(ci[0]), bar.place(ci[1])
+    revealed = None
+    if truth is not None:
+        error = error_text(value, truth, unit, relative=not axis)
+        covered = ci[0] <= truth <= ci[1]
+        revealed = Truth(f"{truth:.6g}", bar.place(truth), error, covered)
+    return Interval(axis, shown, spread, low, high, left, round(right - left, 2), revealed)
+
+
+def _bar(value: float, ci: tuple[float, float], truth: float | None) -> _Bar:
+    """The interval with some air beside it, and the truth too unless it is far away."""
+    half = max((ci[1] - ci[0]) / 2, 1e-12)
+    reach = MARGIN * half
+    if truth is not None:
+        reach = max(reach, min(1.2 * abs(truth - value), OFF_SCALE * half))
+    return _Bar(value, reach)
+
+
+def in_words(measured: Sequence[Measured]) -> tuple[str, str]:
+    """What was unknown, and what it is: two captions."""
+    unknown: list[str] = []
+    known: list[str] = []
+    for card in cards(measured, None):
+        if not card.intervals:
+            continue
+        name = f"{card.object} {card.quantity}"
+        values = " ".join(interval.value for interval in card.intervals)
+        unknown.append(f"{name} ?")
+        known.append(with_unit(f"{name} {values}", card.unit))
+    return ", ".join(unknown), ", ".join(known)

@@ -1,0 +1,125 @@
+"""Measured windows: what each recording is evidence of, and what it shows at a glance."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from palpate.estimation.contact import tip_height
+from palpate.estimation.estimate import Estimate, rounded
+from palpate.geometry.pose import Array
+from palpate.parameter import Parameter
+from palpate.quantities.quantity import QUANTITIES
+from palpate.trace.recording import Context, Recording
+from palpate.trace.samples import FORCES, Trace
+
+POINTS = 80
+"""Of a small curve: enough for its shape on a phone."""
+
+
+@dataclass(frozen=True, slots=True)
+class Evidence:
+    """A measured window: when, in which situation, what was read, and its signal as an SVG polyline
+    in 100 x 24."""
+
+    what: str
+    when: str
+    reading: str
+    line: str
+
+
+class _Signal(NamedTuple):
+    """What a recording shows at a glance."""
+
+    name: str
+    unit: str
+    values: Array
+
+
+def quantity_label(id: str) -> str:
+    """In words, or the id itself where a quantity is not in the catalogue."""
+    return QUANTITIES[id].label if id in QUANTITIES else id
+
+
+def windows(trace: Trace, estimates: Sequence[Estimate]) -> dict[Recording, str]:
+    """Every recording with the names of what it is evidence of, or with its situation."""
+    names: dict[Recording, list[str]] = {recording: [] for recording in trace.recordings}
+    for recording, parameter in _claims(trace, estimates):
+        name = f"{parameter.object} {quantity_label(parameter.quantity)}"
+        if recording in names and name not in names[recording]:
+            names[recording].append(name)
+    return {
+        recording: ", ".join(names[recording]) or _situation(recording.context)
+        for recording in trace.recordings
+    }
+
+
+def _claims(trace: Trace, estimates: Sequence[Estimate]) -> list[tuple[Recording, Parameter]]:
+    """What a recording is said to be evidence of: by an estimate, and by a conversion."""
+    claims: list[tuple[Recording, Parameter]] = []
+    for estimate in estimates:
+        claims += [(recording, estimate.parameter) for recording in estimate.evidence]
+    for conversion in trace.conversions:
+        parameter = Parameter(conversion.object, conversion.quantity)
+        claims.append((conversion.recording, parameter))
+    return claims
+
+
+def _situation(context: Context) -> str:
+    about = context.holding or context.support or ""
+    return f"{context.activity} {about}".strip()
+
+
+def evidence(recording: Recording, trace: Trace) -> Evidence:
+    """One measured window."""
+    signal = _signal(recording, trace)
+    return Evidence(
+        _in_words(recording.context),
+        f"{recording.start:.2f}–{recording.end:.2f} s",
+        _reading(signal),
+        _polyline(signal.values),
+    )
+
+
+def _in_words(context: Context) -> str:
+    words: list[str] = [context.activity]
+    if context.holding:
+        words.append(f"holding {context.holding}")
+    if context.support:
+        words.append(f"on {context.support}")
+    if context.at:
+        words.append(f"at {context.at}")
+    return ", ".join(words)
+
+
+def _signal(recording: Recording, trace: Trace) -> _Signal:
+    if recording.reading:
+        return _Signal("reading", "", np.array(recording.reading))
+    samples = trace.of(recording)
+    if recording.buffer == FORCES:
+        return _Signal("Fz", " N", samples.wrench[:, 2])
+    return _Signal("fingertips z", " m", tip_height(samples, trace.hand))
+
+
+def _reading(signal: _Signal) -> str:
+    count = len(signal.values)
+    if not count:
+        return "no samples"
+    mean, std = rounded(float(signal.values.mean()), float(signal.values.std()))
+    samples = "1 sample" if count == 1 else f"{count} samples"
+    return f"{signal.name} = {mean} ± {std}{signal.unit}, {samples}"
+
+
+def _polyline(signal: Array) -> str:
+    """The signal's block means in a box 100 wide and 24 high, upwards."""
+    if len(signal) < 2:
+        return ""
+    blocks = np.array_split(signal, min(POINTS, len(signal)))
+    means = np.array([block.mean() for block in blocks])
+    span = float(np.ptp(means)) or 1.0
+    across = np.linspace(0, 100, len(means))
+    down = 22 - 20 * (means - means.min()) / span
+    return " ".join(f"{x:.1f},{y:.1f}" for x, y in zip(across, down, strict=True))

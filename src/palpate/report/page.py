@@ -1,0 +1,118 @@
+"""The report: one HTML page that holds everything and asks nothing of the network."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from palpate.report.assets import picture_uri, plotly, policy, script, video_uri
+from palpate.report.cards import cards, in_words
+from palpate.report.data import ReportData
+from palpate.report.diff import diff_lines
+from palpate.report.evidence import windows
+from palpate.report.plots import FAILED, GROUPS, Figure, timeline
+from palpate.report.tables import parameter_groups
+from palpate.report.tree import aftermath, branches, primitive_groups
+
+if TYPE_CHECKING:
+    from jinja2 import Template
+
+VERDICTS = {
+    "complete": "Complete",
+    "rejected": "Not measured",
+    "aborted": "Stopped safely",
+    "failed": "Incomplete",
+}
+
+SAFE_PATH = re.compile(r"[\w.-]+(/[\w.-]+)*")
+"""What the page links to: files beside it, nothing with a scheme."""
+
+
+def write_report(path: Path, data: ReportData) -> None:
+    """Write the page to `path`."""
+    path.write_text(render_report(data), encoding="utf-8")
+
+
+def render_report(data: ReportData) -> str:
+    """The page's HTML."""
+    return _template().render(
+        data=data,
+        verdict=VERDICTS[data.status],
+        verdict_line=_verdict_line(data),
+        actions=_actions(data),
+        cards=cards(data.measured, data.trace),
+        captions=in_words(data.measured),
+        parameters=parameter_groups(data.parameters, data.measured),
+        tree=branches(data.plan, data.trace),
+        aftermath=aftermath(data.plan, data.trace),
+        diff=diff_lines(data.twin_diff),
+        files=_linked(data.files),
+        group_colours=GROUPS,
+        failed=FAILED,
+        policy=policy(),
+        script=script(),
+        **_pictures(data),
+        **_figure(data),
+    )
+
+
+def _verdict_line(data: ReportData) -> str:
+    """The run in one sentence."""
+    if data.status == "rejected":
+        return "The arm did not move."
+    if data.plan.satisfied:
+        return "Nothing is missing: the arm did not move."
+    if data.status == "aborted":
+        return data.stopped_by or "The robot stopped before the plan was finished."
+    found = sum(m.estimate.verdict != "not identified" for m in data.measured)
+    wanted = max(len(data.plan.parameters), len(data.measured))
+    unknowns = "unknown" if wanted == 1 else "unknowns"
+    return f"{found} of {wanted} {unknowns} measured."
+
+
+def _actions(data: ReportData) -> int:
+    """Leaves of the plan."""
+    if data.plan.tree is None:
+        return 0
+    return sum(not node.children for _, node in data.plan.tree.walk())
+
+
+def _pictures(data: ReportData) -> dict[str, Any]:
+    return {
+        "workspace": picture_uri(data.workspace),
+        "before": picture_uri(data.before),
+        "after": picture_uri(data.after),
+        "video": video_uri(data.video),
+    }
+
+
+def _figure(data: ReportData) -> dict[str, Any]:
+    """The timeline and what draws it, where anything was executed."""
+    figure: Figure | None = None
+    library = ""
+    if data.trace is not None and len(data.trace.samples):
+        named = windows(data.trace, [m.estimate for m in data.measured])
+        figure = timeline(data.trace, named, primitive_groups())
+        library, _ = plotly()
+    return {"figure": figure, "plotly": library}
+
+
+def _linked(names: Sequence[str]) -> list[str]:
+    return [name for name in names if SAFE_PATH.fullmatch(name) and ".." not in name]
+
+
+@cache
+def _template() -> Template:
+    from jinja2 import Environment, PackageLoader, StrictUndefined, select_autoescape
+
+    environment = Environment(
+        loader=PackageLoader("palpate.report", "."),
+        autoescape=select_autoescape(),
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    return environment.get_template("template.html")

@@ -1,0 +1,59 @@
+"""What the scene states and what it leaves open, as rows of a table."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from palpate.estimation.estimate import rounded
+from palpate.parameter import Parameter
+from palpate.quantities.quantity import QUANTITIES
+from palpate.report.data import Measured, ParameterRow
+from palpate.report.evidence import quantity_label
+from palpate.report.numbers import plain, with_unit
+
+UNSTATED = {"known": "–", "missing": "?", "assumed": "as of uniform density"}
+"""What stands for a value that there is none of."""
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """A parameter in words, with its value before and after as text."""
+
+    quantity: str
+    state: str
+    value: str
+    asked: bool
+
+
+def parameter_groups(
+    rows: Sequence[ParameterRow], measured: Sequence[Measured]
+) -> dict[str, list[Row]]:
+    """Rows by the object they are about."""
+    found: dict[Parameter, Measured] = {}
+    for m in measured:
+        if m.estimate.verdict != "not identified":
+            found[m.estimate.parameter] = m
+    groups: dict[str, list[Row]] = {}
+    for row in rows:
+        shown = Row(quantity_label(row.quantity), row.state, _value(row, found), row.asked)
+        groups.setdefault(row.object, []).append(shown)
+    return groups
+
+
+def _value(row: ParameterRow, found: Mapping[Parameter, Measured]) -> str:
+    """What the scene says, and behind an arrow what was measured."""
+    unit = QUANTITIES[row.quantity].unit if row.quantity in QUANTITIES else ""
+    before = plain(row.value) if row.value else UNSTATED[row.state]
+    now = found.get(Parameter(row.object, row.quantity))
+    if now is not None:
+        return with_unit(f"{before} → {_measured(now)}", unit)
+    if row.value:
+        return with_unit(before, unit)
+    return before
+
+
+def _measured(measured: Measured) -> str:
+    estimate = measured.estimate
+    pairs = zip(estimate.value.tolist(), estimate.std.tolist(), strict=True)
+    return " ".join(rounded(value, std)[0] for value, std in pairs)
