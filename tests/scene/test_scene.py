@@ -209,16 +209,29 @@ def test_a_turned_box_covers_its_own_points_and_spans_its_corners(
     assert not body.covers(max(c[0] for c in corners) + 0.01, inside[1])
 
 
-def test_fifteen_objects_load_quickly() -> None:
-    objects = "".join(
+def crowd(count: int) -> str:
+    return TABLE + "".join(
         f'<body name="o{i}" pos="{0.35 + 0.13 * (i % 3)} {-0.4 + 0.2 * (i // 3)} 0.45" euler="0 0 {7 * i}"><freejoint/>'
         f'<geom type="{("box", "cylinder", "capsule")[i % 3]}" size="0.02 0.05 0.05"/></body>'
-        for i in range(15)
+        for i in range(count)
     )
-    text = TABLE + objects
-    scene(text)
-    start = time.perf_counter()
-    found = scene(text)
-    assert time.perf_counter() - start < 0.6, "0.09 s is usual; the bound allows for a busy machine"
+
+
+def seconds(text: str) -> float:
+    """To load `text`, the quickest of three times."""
+    times: list[float] = []
+    for _ in range(3):
+        start = time.perf_counter()
+        scene(text)
+        times.append(time.perf_counter() - start)
+    return min(times)
+
+
+def test_loading_time_grows_no_faster_than_the_scene() -> None:
+    assert seconds(crowd(15)) < 6 * seconds(crowd(5)), "3 times as many objects"
+
+
+def test_fifteen_objects_are_all_read() -> None:
+    found = scene(crowd(15))
     assert len(found.missing()) == 31
     assert found.symbols.ungraspable == {}

@@ -26,9 +26,9 @@ def _environment(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(session_module, "BACKOFF", (0.01,))
 
 
-def settings(server: Loopback, **changes) -> Settings:
+def settings(server: Loopback, rounds: int = 0, **changes) -> Settings:
     model_settings = ModelSettings(
-        base_url=server.url("openai"), budget=Budget(seconds=20), rounds=changes.pop("rounds", 0)
+        base_url=server.url("openai"), budget=Budget(seconds=20), rounds=rounds
     )
     return Settings(**{"noise": "none", "model_settings": model_settings} | changes)
 

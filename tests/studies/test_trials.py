@@ -1,6 +1,5 @@
 import json
 import threading
-import time
 from pathlib import Path
 
 import pytest
@@ -39,13 +38,14 @@ def test_every_trial_is_made_once_and_kept(tmp_path: Path) -> None:
 
 def test_several_are_in_flight_but_no_more_than_asked(tmp_path: Path) -> None:
     lock, now, most = threading.Lock(), 0, 0
+    four = threading.Barrier(4, timeout=60)
 
     def slow(trial: Trial) -> Record:
         nonlocal now, most
         with lock:
             now += 1
             most = max(most, now)
-        time.sleep(0.02)
+        four.wait()
         with lock:
             now -= 1
         return good(trial)
