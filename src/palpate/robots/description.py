@@ -95,6 +95,11 @@ class RobotDescription:
     sensors: Sensors
     postures: tuple[Array, ...]
 
+    @property
+    def tip(self) -> float:
+        """m from the TCP to the end of the fingertips: where the pads end in the MJCF."""
+        return self.nominal.tip_offset
+
     def __repr__(self) -> str:
         limits, hand = self.limits, self.hand
         return f"<arm {self.name}: {self.label}, {limits.payload:g} kg, opens {hand.opening:g} m>"

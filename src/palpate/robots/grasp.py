@@ -23,7 +23,7 @@ from palpate.geometry.outline import (
     unit,
 )
 from palpate.geometry.pose import Array, Pose
-from palpate.robots.sheet import ParallelHand
+from palpate.robots.description import RobotDescription
 
 SPARE = 0.004
 """m: what must remain of the opening, for errors of the pose."""
@@ -53,7 +53,7 @@ class Grasp:
 
 
 def derive_grasp(
-    hand: ParallelHand,
+    arm: RobotDescription,
     geoms: Sequence[Convex],
     obstacles: Sequence[Obstacle],
     yaw: float,
@@ -66,14 +66,14 @@ def derive_grasp(
     """
     cloud = np.concatenate([g.points for g in geoms])
     bottom, top = float(cloud[:, 2].min()), float(cloud[:, 2].max())
-    obstacles = _around(hand, cloud, obstacles)
+    obstacles = _around(arm, cloud, obstacles)
     best: Grasp | None = None
-    for height in _heights(hand, bottom, top):
-        lowest, highest = height - hand.tip, height + hand.tip
+    for height in _heights(arm, bottom, top):
+        lowest, highest = height - arm.tip, height + arm.tip
         outlines = [o for g in geoms if len(o := slab(g, lowest, highest)) > 2]
-        nearby, tall = above(obstacles, lowest), above(obstacles, height + hand.palm)
+        nearby, tall = above(obstacles, lowest), above(obstacles, height + arm.hand.palm)
         found = [
-            _along(hand, outlines, angle, height, nearby, tall, base)
+            _along(arm, outlines, angle, height, nearby, tall, base)
             for angle in _angles(outlines, yaw, base)
         ]
         best = min(found if best is None else [*found, best], key=_badness, default=None)
@@ -82,9 +82,9 @@ def derive_grasp(
     return best or _nothing(cloud, yaw, base)
 
 
-def _around(hand: ParallelHand, cloud: Array, obstacles: Sequence[Obstacle]) -> list[Obstacle]:
+def _around(arm: RobotDescription, cloud: Array, obstacles: Sequence[Obstacle]) -> list[Obstacle]:
     """Those that the hand could touch while it grasps."""
-    width = 2 * hand.half_extents[1]
+    width = 2 * arm.hand.half_extents[1]
     low, high = cloud.min(axis=0)[:2] - width, cloud.max(axis=0)[:2] + width
     return [
         o
@@ -93,9 +93,9 @@ def _around(hand: ParallelHand, cloud: Array, obstacles: Sequence[Obstacle]) -> 
     ]
 
 
-def _heights(hand: ParallelHand, bottom: float, top: float) -> list[float]:
+def _heights(arm: RobotDescription, bottom: float, top: float) -> list[float]:
     """Heights of the TCP to try: near the top of tall objects, the middle of flat ones."""
-    lowest = bottom + hand.tip + GROUND
+    lowest = bottom + arm.tip + GROUND
     heights = [max(top - min(depth, (top - bottom) / 2), lowest) for depth in (DEPTH, 0.02, 0.045)]
     return list(dict.fromkeys(heights))
 
@@ -119,7 +119,7 @@ def _angles(outlines: Sequence[Array], yaw: float, base: Pose) -> list[float]:
 
 
 def _along(
-    hand: ParallelHand,
+    arm: RobotDescription,
     outlines: Sequence[Array],
     angle: float,
     height: float,
@@ -136,9 +136,9 @@ def _along(
     stations: Array = start + step * np.arange(count + 1, dtype=float)
     low, high = profile(outlines, along, across, stations)
     facing = (np.abs(np.gradient(low, step)) <= SLANT) & (np.abs(np.gradient(high, step)) <= SLANT)
-    window = max(int(np.ceil(hand.pad / step)), 1)
+    window = max(int(np.ceil(arm.hand.pad / step)), 1)
     low, high = _spread(low, window, np.fmin), _spread(high, window, np.fmax)
-    fits = facing & (high - low <= hand.opening - SPARE)
+    fits = facing & (high - low <= arm.hand.opening - SPARE)
     middle = (ends.max() + ends.min()) / 2
     at, slack = _best_station(stations, fits, middle)
     wide = float(np.interp(at, stations, high - low))
@@ -148,10 +148,10 @@ def _along(
         if fits.any()
         else (
             f"it is {wide * 1000:.0f} mm wide where the hand could close; the hand takes "
-            f"{hand.opening * 1000:.0f} mm less {SPARE * 1000:.0f} mm to spare"
+            f"{arm.hand.opening * 1000:.0f} mm less {SPARE * 1000:.0f} mm to spare"
         )
     )
-    if not problem and _hand_blocked(hand, centre, across, nearby, tall):
+    if not problem and _hand_blocked(arm, centre, across, nearby, tall):
         problem = "its neighbours leave no room for the hand"
     return Grasp(_tool_pose(centre, height, angle, base), wide, slack, problem)
 
@@ -178,17 +178,17 @@ def _best_station(stations: Array, fits: NDArray[np.bool_], middle: float) -> tu
 
 
 def _hand_blocked(
-    hand: ParallelHand,
+    arm: RobotDescription,
     centre: Array,
     across: Array,
     nearby: Sequence[Array],
     tall: Sequence[Array],
 ) -> bool:
     """Whether the opened fingers, or the palm above them, would be in a neighbour."""
-    reach = hand.opening / 2 + hand.finger / 2
-    finger = rectangle(np.zeros(2), across, hand.finger / 2, hand.pad)
+    reach = arm.hand.opening / 2 + arm.hand.finger / 2
+    finger = rectangle(np.zeros(2), across, arm.hand.finger / 2, arm.hand.pad)
     spots = np.array([centre + reach * across, centre - reach * across])
-    palm = rectangle(np.zeros(2), across, hand.half_extents[1], hand.half_extents[0])
+    palm = rectangle(np.zeros(2), across, arm.hand.half_extents[1], arm.hand.half_extents[0])
     return bool(
         clearance(finger, spots, nearby).min() < 0.002
         or clearance(palm, centre[None], tall).min() < 0.002

@@ -97,7 +97,7 @@ class ParallelHand(Section):
         fingers: the two slides. opening: m between the open fingers.
         speed: m/s per finger. force: N, of both fingers together.
         overclose: m per finger beyond touching, to which the drive closes.
-        tip: m from the TCP to the end of the fingertips. palm: m from the TCP up to the palm.
+        palm: m from the TCP up to the palm.
         half_extents: m, of the hand along tool x and tool y.
         pad: m, half the width of a finger's pad. finger: m, a finger's thickness along the closing
             direction.
@@ -111,7 +111,6 @@ class ParallelHand(Section):
     speed: Size
     force: Size
     overclose: Share
-    tip: Size
     palm: Size
     half_extents: tuple[Size, Size]
     pad: Size

@@ -209,12 +209,13 @@ def _grasp(geometry: Geometry, name: str) -> Grasp:
     yaw = float(np.arctan2(rotation[1, level], rotation[0, level]))
     support = geometry.support(name)
     names = (name,) if support is None else (name, support)
-    hand = geometry.arm.hand
-    found = derive_grasp(hand, geometry.objects[name], geometry.others(*names), yaw, geometry.base)
+    found = derive_grasp(
+        geometry.arm, geometry.objects[name], geometry.others(*names), yaw, geometry.base
+    )
     if not found.problem:
         return found
     cleared = geometry.others(*names, *geometry.objects)
-    return derive_grasp(hand, geometry.objects[name], cleared, yaw, geometry.base)
+    return derive_grasp(geometry.arm, geometry.objects[name], cleared, yaw, geometry.base)
 
 
 def _approach(geometry: Geometry, name: str) -> Pose | None:
