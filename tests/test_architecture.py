@@ -103,7 +103,6 @@ def room(module: str) -> str:
 UPWARDS = {
     ("cells.simulated", "settings"),
     ("cells.view", "settings"),
-    ("geometry.inertia", "mjcf.edits"),
 }
 """Imports that still point the wrong way."""
 

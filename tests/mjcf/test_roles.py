@@ -6,7 +6,7 @@ import pytest
 
 from palpate.errors import InputError
 from palpate.mjcf.document import parse_document
-from palpate.mjcf.roles import inventory
+from palpate.mjcf.roles import find_roles
 from palpate.scene.load import parse_scene
 from palpate.scene.scene import Scene
 
@@ -242,7 +242,7 @@ def test_missing_is_in_document_order() -> None:
 
 def test_bodies_inside_plain_frames_are_found() -> None:
     document = parse_document(f"<mujoco><worldbody><frame>{cup('')}</frame></worldbody></mujoco>")
-    assert list(inventory(document).objects) == ["cup"]
+    assert list(find_roles(document).objects) == ["cup"]
 
 
 def test_a_plane_without_a_name_is_the_floor() -> None:

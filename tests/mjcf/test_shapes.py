@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from palpate.mjcf.document import parse_document
-from palpate.mjcf.roles import inventory
+from palpate.mjcf.roles import find_roles
 from palpate.mjcf.shapes import Shapes, compile_shapes, geom_volume, hull_edges, hull_points
 
 KINDS = {"box": 3, "cylinder": 2, "capsule": 2, "sphere": 1, "ellipsoid": 3}
@@ -17,7 +17,7 @@ KINDS = {"box": 3, "cylinder": 2, "capsule": 2, "sphere": 1, "ellipsoid": 3}
 
 def shapes(world: str, before: str = "") -> Shapes:
     document = parse_document(f"<mujoco>{before}<worldbody>{world}</worldbody></mujoco>")
-    return compile_shapes(document, inventory(document), [])
+    return compile_shapes(document, find_roles(document), [])
 
 
 @given(st.sampled_from(sorted(KINDS)), st.tuples(*[st.floats(0.01, 0.2)] * 3))

@@ -63,7 +63,7 @@ def test_the_system_prompt_is_compact() -> None:
 
 
 def test_every_primitive_composite_and_quantity_is_in_it() -> None:
-    from palpate.quantities.quantity import QUANTITIES
+    from palpate.quantities.catalogue import catalogue
 
     system = system_prompt(vocabulary())
     for name in [*vocabulary().primitives, *vocabulary().composites]:
@@ -71,7 +71,7 @@ def test_every_primitive_composite_and_quantity_is_in_it() -> None:
     for cls in vocabulary().primitives.values():
         assert cls.summary() in system
         assert all((field.description or "?") in system for field in cls.model_fields.values())
-    for quantity in QUANTITIES.values():
+    for quantity in catalogue().values():
         assert f"\n- {quantity.id}" in system
     assert "{{" not in system
 

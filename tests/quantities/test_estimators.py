@@ -10,8 +10,8 @@ import pytest
 from palpate.errors import InputError
 from palpate.estimation.estimate import Estimate
 from palpate.parameter import Parameter
+from palpate.quantities.catalogue import catalogue
 from palpate.quantities.estimators import Estimators, estimate_all, known_estimators
-from palpate.quantities.quantity import QUANTITIES
 from palpate.scene.load import parse_scene
 from palpate.trace.recording import Conversion
 
@@ -141,7 +141,7 @@ def test_inertia_is_not_excited(weighing, noises, bodies):
     assert len(found.value) == 0
 
 
-@pytest.mark.parametrize("quantity", QUANTITIES.values(), ids=lambda q: q.id)
+@pytest.mark.parametrize("quantity", catalogue().values(), ids=lambda q: q.id)
 def test_every_estimator_of_the_catalogue_keeps_to_the_contract(bench, noises, bodies, quantity):
     b = bench(noises["none"])
     b.go("somewhere", (0.5, 0.0, 0.3))

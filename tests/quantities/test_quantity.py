@@ -6,11 +6,11 @@ import pytest
 
 from palpate.errors import InputError
 from palpate.parameter import Parameter
-from palpate.quantities.quantity import QUANTITIES, quantity
+from palpate.quantities.catalogue import catalogue
 
 
 def test_ids_are_the_contract_with_scripts() -> None:
-    assert list(QUANTITIES)[:8] == [
+    assert list(catalogue())[:8] == [
         "mass",
         "height",
         "friction",
@@ -20,33 +20,33 @@ def test_ids_are_the_contract_with_scripts() -> None:
         "velocity",
         "momentum",
     ]
-    assert all(name == q.id for name, q in QUANTITIES.items())
+    assert all(name == q.id for name, q in catalogue().items())
 
 
-@pytest.mark.parametrize("entry", QUANTITIES.values(), ids=lambda q: q.id)
+@pytest.mark.parametrize("entry", catalogue().values(), ids=lambda q: q.id)
 def test_every_entry_is_complete(entry) -> None:
     assert entry.subject in ("object", "surface", "gripper")
     assert entry.size >= 1
     assert entry.unit
     assert entry.how
-    assert all(word == word.lower() for word in entry.synonyms)
+    assert all(word == word.lower() for word in entry.words["en"])
 
 
 def test_a_word_means_one_quantity() -> None:
-    words = [word for q in QUANTITIES.values() for word in q.synonyms]
+    words = [word for q in catalogue().values() for word in q.words["en"]]
     assert sorted(set(words)) == sorted(words)
 
 
 def test_what_cannot_be_excited_is_marked() -> None:
-    assert [q.id for q in QUANTITIES.values() if not q.identifiable] == ["inertia"]
+    assert [q.id for q in catalogue().values() if not q.identifiable] == ["inertia"]
 
 
 def test_an_unknown_quantity_lists_the_valid_ones() -> None:
-    assert quantity("mass").unit == "kg"
+    assert catalogue().named("mass").unit == "kg"
     with pytest.raises(
         InputError, match=r"unknown quantity 'weight'; valid: com, friction, height"
     ):
-        quantity("weight")
+        catalogue().named("weight")
 
 
 def test_gaps_are_values() -> None:

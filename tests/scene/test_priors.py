@@ -6,8 +6,8 @@ import pytest
 
 from palpate.cells.draw import draw_truth
 from palpate.parameter import Parameter
+from palpate.quantities.mass import PRIOR_MASS
 from palpate.scene.load import parse_scene
-from palpate.scene.priors import PRIOR_MASS
 
 TEXT = """<mujoco><worldbody>
   <geom name="table" type="box" pos="0.5 0 ?" size="0.3 0.4 0.02"/>

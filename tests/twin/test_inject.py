@@ -15,7 +15,7 @@ from lxml import etree
 from palpate.errors import InputError
 from palpate.estimation.estimate import Estimate, Part
 from palpate.parameter import Parameter
-from palpate.quantities.quantity import QUANTITIES
+from palpate.quantities.catalogue import catalogue
 from palpate.scene.load import load_scene, parse_scene
 from palpate.twin.inject import complete, inject, unfilled
 
@@ -53,7 +53,7 @@ def estimate(
 ) -> Estimate:
     return Estimate(
         Parameter(name, quantity),
-        QUANTITIES[quantity].unit if quantity in QUANTITIES else "1",
+        catalogue()[quantity].unit if quantity in catalogue() else "1",
         value,
         (std,) * len(value),
         tuple((v - 2 * std, v + 2 * std) for v in value),

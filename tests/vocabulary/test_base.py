@@ -10,7 +10,7 @@ import pytest
 from pydantic import ValidationError
 
 from palpate.errors import InputError
-from palpate.quantities.quantity import QUANTITIES
+from palpate.quantities.catalogue import catalogue
 from palpate.vocabulary import core
 from palpate.vocabulary.base import ConversionPrimitive, Primitive
 from palpate.vocabulary.registry import vocabulary
@@ -22,6 +22,11 @@ from palpate.quantities.quantity import Quantity
 from palpate.vocabulary.motion import MovePose
 from palpate.vocabulary.base import ConversionPrimitive, Primitive
 
+class Odour(Quantity):
+    id, unit, subject = "smell", "ou", "object"
+    words = {"en": ("smell", "odour")}
+    how = "Sniff"
+
 class _Instrument(Primitive):
     """Not for plans."""
     group: ClassVar = "sensing"
@@ -32,29 +37,30 @@ class Sniff(_Instrument):
 
 class Smell(ConversionPrimitive):
     """Say how it smells."""
-    measures: ClassVar = Quantity("smell", "ou", "smell", ("smell", "odour"), 1, "object", "Sniff, then Smell")
+    measures: ClassVar = Odour
 '''
 
 
 @pytest.fixture
 def installed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[[str], None]]:
     """Install a package with one entry point; it is gone after the test."""
-    known = dict(QUANTITIES)
 
     def install(source: str) -> None:
         info = tmp_path / "palpate_nose-1.0.dist-info"
         info.mkdir()
         (info / "METADATA").write_text("Metadata-Version: 2.1\nName: palpate-nose\nVersion: 1.0\n")
-        (info / "entry_points.txt").write_text("[palpate.primitives]\nnose = palpate_nose\n")
+        groups = ("palpate.primitives", "palpate.quantities")
+        entries = "".join(f"[{group}]\nnose = palpate_nose\n" for group in groups)
+        (info / "entry_points.txt").write_text(entries)
         (tmp_path / "palpate_nose.py").write_text(source)
         monkeypatch.syspath_prepend(tmp_path)
         monkeypatch.delitem(sys.modules, "palpate_nose", raising=False)
         vocabulary.cache_clear()
+        catalogue.cache_clear()
 
     yield install
     vocabulary.cache_clear()
-    QUANTITIES.clear()
-    QUANTITIES.update(known)
+    catalogue.cache_clear()
 
 
 def test_palpates_own_come_first_in_reading_order() -> None:
@@ -69,7 +75,7 @@ def test_a_third_partys_primitives_are_found_and_its_quantity_with_them(
     words = vocabulary()
     assert [name for name in words.primitives if name not in core.__all__] == ["Smell", "Sniff"]
     assert words.primitives["MovePose"] is core.MovePose
-    assert QUANTITIES["smell"].unit == "ou"
+    assert catalogue()["smell"].unit == "ou"
     assert words.make("Sniff", {"seconds": 2.0}).label == "Sniff(2.0)"
 
 
@@ -126,7 +132,7 @@ def test_every_primitive_says_what_it_does_and_who_it_is(cls: type[Primitive]) -
     assert all(field.description for field in cls.model_fields.values())
     assert issubclass(cls, ConversionPrimitive) == (cls.measures is not None)
     if cls.measures is not None:
-        assert QUANTITIES[cls.measures.id] is cls.measures
+        assert type(catalogue()[cls.measures.id]) is cls.measures
 
 
 def test_a_label_is_what_people_read() -> None:

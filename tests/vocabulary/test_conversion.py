@@ -62,7 +62,9 @@ def test_an_empty_or_foreign_buffer_is_refused_with_the_remedy(start, cls) -> No
     other = replace(start, buffers={POSE if cls.reads == FORCES else FORCES: STILL})
     assert cls().requires(other) == cls().requires(start)
     idle = replace(start, buffers={cls.reads: Context("still")})
-    assert f"was not logged {cls.needs}" in cls().requires(idle)[0]
+    complaint = cls().requires(idle)[0]
+    assert f"is no evidence of a {cls.measures.label}" in complaint
+    assert all(evidence.how in complaint for evidence in cls.measures.evidence)
 
 
 @pytest.fixture(scope="module")

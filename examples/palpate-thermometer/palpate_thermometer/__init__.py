@@ -1,4 +1,4 @@
-"""A third party's primitive: one class is all it takes.
+"""A third party's primitive and its quantity: one class each is all it takes.
 
 The thermometer is a digital one that appends its readings, in °C, one a line, to a file, as serial
 loggers do. The environment variable `PALPATE_THERMOMETER` names that file.
@@ -22,7 +22,7 @@ from palpate.trace.samples import Trace
 from palpate.vocabulary.base import Blackboard, ConversionPrimitive, LeafFailure, Steps
 from palpate.vocabulary.state import SymbolicState
 
-__all__ = ["MeasureTemperature"]
+__all__ = ["MeasureTemperature", "Temperature"]
 
 LOG = "PALPATE_THERMOMETER"
 TOOL = "thermometer"
@@ -33,16 +33,16 @@ ACCURACY = 0.1
 TAIL = 5
 """Latest readings that are averaged."""
 
-TEMPERATURE = Quantity(
-    id="temperature",
-    unit="°C",
-    label="temperature",
-    synonyms=("temperature", "warm", "cold", "hot"),
-    size=1,
-    subject="object",
-    how="hold the thermometer over the object, then MeasureTemperature",
-    estimators={"mean": f"{__name__}:estimate_temperature"},
-)
+
+class Temperature(Quantity):
+    """What a thermometer shows; MJCF has no place for it."""
+
+    id = "temperature"
+    unit = "°C"
+    subject = "object"
+    words: ClassVar = {"en": ("temperature", "warm", "cold", "hot")}
+    how = "hold the thermometer over the object"
+    estimators: ClassVar = {"mean": f"{__name__}:estimate_temperature"}
 
 
 class MeasureTemperature(ConversionPrimitive):
@@ -50,7 +50,7 @@ class MeasureTemperature(ConversionPrimitive):
     object's probe pose, then measure; one reading is the temperature of the object below."""
 
     writes: ClassVar[str | None] = "temperature_readings"
-    measures: ClassVar[Quantity | None] = TEMPERATURE
+    measures: ClassVar[type[Quantity] | None] = Temperature
 
     def subject(self, state: SymbolicState) -> str | None:
         if state.holding != TOOL or state.pose_world_tcp is None:
@@ -68,7 +68,7 @@ class MeasureTemperature(ConversionPrimitive):
     def effects(self, state: SymbolicState) -> SymbolicState:
         subject = self.subject(state)
         return (
-            replace(state, converted=state.converted | {Parameter(subject, TEMPERATURE.id)})
+            replace(state, converted=state.converted | {Parameter(subject, Temperature.id)})
             if subject
             else state
         )
@@ -88,7 +88,7 @@ class MeasureTemperature(ConversionPrimitive):
         blackboard.recorder.recordings.append(recording)
         blackboard.recorder.conversions.append(
             Conversion(
-                type(self).__name__, subject, TEMPERATURE.id, recording, blackboard.robot.state.t
+                type(self).__name__, subject, Temperature.id, recording, blackboard.robot.state.t
             )
         )
         return f"{subject} {fmean(recording.reading):.1f} °C"
@@ -98,15 +98,15 @@ def estimate_temperature(trace: Trace, parameter: Parameter, body: Body | None) 
     """Mean of the readings, whose scatter adds to the instrument's accuracy."""
     recording = trace.converted(parameter)
     if recording is None:
-        return not_measured(parameter, TEMPERATURE.unit)
+        return not_measured(parameter, Temperature.unit)
     readings = recording.reading
     if not readings:
-        return not_identified(parameter, TEMPERATURE.unit, "The thermometer gave no reading.")
+        return not_identified(parameter, Temperature.unit, "The thermometer gave no reading.")
     scatter = stdev(readings) / math.sqrt(len(readings)) if len(readings) > 1 else 0.0
     method = f"Mean of {len(readings)} thermometer readings."
     return Estimate.normal(
         parameter,
-        TEMPERATURE.unit,
+        Temperature.unit,
         fmean(readings),
         math.hypot(ACCURACY, scatter),
         method,

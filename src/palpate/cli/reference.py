@@ -6,9 +6,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from palpate.planning.check.check import RULES
-from palpate.quantities.quantity import QUANTITIES
+from palpate.quantities.catalogue import catalogue
 from palpate.vocabulary.base import Primitive
-from palpate.vocabulary.registry import Vocabulary, vocabulary
+from palpate.vocabulary.registry import Vocabulary, acquisition, vocabulary
 
 HEAD = """# The vocabulary
 
@@ -24,7 +24,9 @@ def page(words: Vocabulary) -> str:
     parts += [f"### {c.name} `{c.symbol}`\n\n{c.summary}\n" for c in words.composites.values()]
     parts.append("## Quantities\n\n| id | unit | what | how it is acquired |\n|---|---|---|---|")
     parts.append(
-        "\n".join(f"| `{q.id}` | {q.unit} | {q.label} | {q.how} |" for q in QUANTITIES.values())
+        "\n".join(
+            f"| `{q.id}` | {q.unit} | {q.label} | {acquisition(q)} |" for q in catalogue().values()
+        )
         + "\n"
     )
     parts.append("## Rules of the check\n\n| rule | what it finds |\n|---|---|")

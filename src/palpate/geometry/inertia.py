@@ -7,7 +7,6 @@ from collections.abc import Sequence
 import numpy as np
 
 from palpate.geometry.pose import Array, Pose
-from palpate.mjcf.edits import number
 
 
 def rotation(quaternion: Array) -> Array:
@@ -31,12 +30,3 @@ def components(tensor: Array) -> list[float]:
     """xx yy zz xy xz yz of a (3, 3) tensor."""
     rows, columns = (0, 1, 2, 0, 0, 1), (0, 1, 2, 1, 2, 2)
     return [float(v) for v in tensor[rows, columns]]
-
-
-def inertia_attributes(tensor: Array) -> dict[str, str]:
-    """`diaginertia`, or `fullinertia` where the axes are not the body's."""
-    parts = components(tensor)
-    level = max(abs(p) for p in parts)
-    if max(abs(p) for p in parts[3:]) < 1e-5 * level:
-        return {"diaginertia": " ".join(number(p) for p in parts[:3])}
-    return {"fullinertia": " ".join(number(p) for p in parts)}

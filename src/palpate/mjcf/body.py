@@ -1,18 +1,130 @@
-"""An object or a surface of the scene."""
+"""An object or a surface: as its file describes it, and as the scene believes it to be."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Literal
+from functools import cached_property
 
 import numpy as np
 
 from palpate.geometry.pose import Array, Pose
+from palpate.mjcf.defaults import Defaults
+from palpate.mjcf.document import Element, has_unknown
+from palpate.mjcf.roles import Elements, Role, has_open_height
+from palpate.mjcf.shapes import Shapes, box_around
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
+class BodyDescription:
+    """An object or a surface as its file describes it: what a quantity is read from and written to.
+
+    Attributes:
+        elements: where it stands in the file.
+        shapes: the compiled scene, stand-ins in place of everything unknown.
+        others: every object and surface of the scene by name, this one among them.
+        given: pose of its frame that came with the scene, which overrules the file.
+        given_top: world z of a surface's top that a given approach pose implies, m.
+    """
+
+    elements: Elements
+    shapes: Shapes
+    others: Mapping[str, BodyDescription]
+    given: Pose | None = None
+    given_top: float | None = None
+
+    @property
+    def name(self) -> str:
+        """As in the MJCF."""
+        return self.elements.name
+
+    @property
+    def role(self) -> Role:
+        """Object or surface."""
+        return self.elements.role
+
+    @property
+    def defaults(self) -> Defaults:
+        """What its elements inherit."""
+        return self.elements.defaults
+
+    @property
+    def given_z(self) -> float | None:
+        """World z of its frame, m, where the file leaves it open and the poses do not."""
+        if self.given is None or not has_unknown(self.elements.element, "pos", 2):
+            return None
+        return float(self.given.position[2])
+
+    @property
+    def pose_world(self) -> Pose:
+        """Of its frame: the body's, or the geom's that stands in the worldbody."""
+        if self.elements.element.tag == "body":
+            return self.shapes.body_pose(self.name)
+        return self.shapes.geom_pose(self.elements.element)
+
+    @cached_property
+    def cloud(self) -> Array:
+        """(k, 3) points of an object's geoms in the world, or of the geom whose top carries."""
+        if self.role == "surface":
+            return self.shapes.points(self.carrier)
+        return self.shapes.cloud(self.elements.colliding)
+
+    @cached_property
+    def carrier(self) -> Element:
+        """The geom of a surface with the largest footprint (the higher of equals)."""
+        return max(self.elements.geoms, key=self._footprint)
+
+    def _footprint(self, geom: Element) -> tuple[float, float]:
+        cloud = self.shapes.points(geom)
+        x, y, _ = cloud.max(axis=0) - cloud.min(axis=0)
+        return round(float(x * y), 6), float(cloud[:, 2].max())
+
+    @property
+    def top_is_open(self) -> bool:
+        """Whether one of the numbers that place a surface's top is `?`."""
+        marked = [has_open_height(geom, self.defaults) for geom in self.elements.geoms]
+        return any(marked) or has_unknown(self.elements.element, "pos", 2)
+
+    @property
+    def top_z(self) -> float:
+        """World z of its highest point, m."""
+        return float(self.cloud[:, 2].max())
+
+    @property
+    def bottom_z(self) -> float:
+        """World z of its lowest point, m."""
+        return float(self.cloud[:, 2].min())
+
+    def box(self) -> tuple[Array, Array]:
+        """Centre and full extents (3,) of the box around it in its own frame, m."""
+        return box_around(self.pose_world, self.cloud)
+
+    def footing(self) -> Array:
+        """(3,) the middle of the bottom of the level box around it, world, m."""
+        low, high = self.cloud.min(axis=0), self.cloud.max(axis=0)
+        return np.array([(low[0] + high[0]) / 2, (low[1] + high[1]) / 2, low[2]])
+
+    def reaches_over(self, point: Array) -> bool:
+        """Whether a point's x-y is within the level box around it."""
+        low, high = self.cloud.min(axis=0), self.cloud.max(axis=0)
+        return bool(np.all(point[:2] >= low[:2]) and np.all(point[:2] <= high[:2]))
+
+    def objects(self) -> list[BodyDescription]:
+        """All objects of the scene."""
+        return [body for body in self.others.values() if body.role == "object"]
+
+    def surfaces(self) -> list[BodyDescription]:
+        """All surfaces of the scene."""
+        return [body for body in self.others.values() if body.role == "surface"]
+
+    def surfaces_below(self) -> list[BodyDescription]:
+        """The surfaces that reach under the middle of an object, however high they are."""
+        middle = (self.cloud.max(axis=0) + self.cloud.min(axis=0)) / 2
+        return [surface for surface in self.surfaces() if surface.reaches_over(middle)]
+
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Body:
     """An object (free joint) or a surface (static, carries things) of the scene.
 
@@ -27,10 +139,11 @@ class Body:
         known: quantity id to value, for what the MJCF states.
         missing: quantity ids that the MJCF leaves out or writes `?`.
         assumed: quantity ids MuJoCo would infer (com, inertia from uniform density).
+        carries: names of the objects that rest on a surface.
     """
 
     name: str
-    role: Literal["object", "surface"]
+    role: Role
     words: frozenset[str]
     pose_world: Pose
     centre: Array
@@ -38,6 +151,7 @@ class Body:
     known: Mapping[str, tuple[float, ...]]
     missing: frozenset[str]
     assumed: frozenset[str] = frozenset()
+    carries: tuple[str, ...] = ()
 
     reach: float = field(init=False)
     """No point of its box is farther than this from its frame's origin, m."""
@@ -46,6 +160,10 @@ class Body:
         object.__setattr__(
             self, "reach", float(np.linalg.norm(self.centre) + np.linalg.norm(self.size) / 2)
         )
+
+    def __repr__(self) -> str:
+        missing = f", missing {', '.join(sorted(self.missing))}" if self.missing else ""
+        return f"<Body '{self.name}': {self.role}{missing}>"
 
     def top_z(self, pose_world: Pose | None = None) -> float:
         """World z of the top of its box, at its believed pose or at `pose_world`, m."""

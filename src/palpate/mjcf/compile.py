@@ -10,9 +10,10 @@ import mujoco
 from lxml import etree
 
 from palpate.errors import InputError
-from palpate.mjcf.document import UNKNOWN, Document, Element, children, copy_root, elements, tokens
+from palpate.mjcf.defaults import answered_elsewhere
+from palpate.mjcf.document import Document, Element, children, copy_root, elements
 from palpate.mjcf.edits import Edit, Insert, apply
-from palpate.mjcf.roles import Inventory
+from palpate.mjcf.roles import Roles
 
 BASE_SITE = "robot_base"
 
@@ -20,14 +21,14 @@ _REFERRING = ("actuator", "sensor", "tendon", "equality", "contact", "deformable
 
 
 def model_tree(
-    document: Document, found: Inventory, edits: Iterable[Edit | Insert]
+    document: Document, roles: Roles, edits: Iterable[Edit | Insert]
 ) -> tuple[Element, dict[Element, Element]]:
     """A copy of the document without robots and keyframes, `edits` applied, and the copy of each
     element."""
     root, twin_of = copy_root(document)
     apply(edits, twin_of)
     _settle_defaults(root)
-    _remove_robots(root, [twin_of[robot] for robot in found.robots])
+    _remove_robots(root, [twin_of[robot] for robot in roles.robots])
     return root, twin_of
 
 
@@ -66,21 +67,8 @@ def refused(error: Exception) -> InputError:
 def _settle_defaults(root: Element) -> None:
     """A `?` in a defaults class has been answered on each element; MuJoCo must not see it."""
     for element in elements(root):
-        for attribute in ("mass", "density", "friction"):
-            parts = tokens(element.get(attribute))
-            if UNKNOWN not in parts:
-                continue
-            if attribute == "friction":
-                filled = (
-                    MUJOCO_FRICTION[i] if p == UNKNOWN else p for i, p in enumerate(parts[:3])
-                )
-                element.set(attribute, " ".join(filled))
-            else:
-                del element.attrib[attribute]
-
-
-MUJOCO_FRICTION = ("1", "0.005", "0.0001")
-"""MuJoCo's default sliding, torsional and rolling friction."""
+        for edit in answered_elsewhere(element):
+            edit.apply(element)
 
 
 def _remove_robots(root: Element, robots: list[Element]) -> None:

@@ -1,8 +1,33 @@
-"""MJCF's defaults classes."""
+"""MJCF's defaults classes, and what MuJoCo takes for an attribute that nobody states."""
 
 from __future__ import annotations
 
-from palpate.mjcf.document import Element
+from collections.abc import Iterator, Mapping
+
+from palpate.mjcf.document import UNKNOWN, Element, tokens
+from palpate.mjcf.edits import Edit
+
+MUJOCO_FRICTION = ("1", "0.005", "0.0001")
+"""MuJoCo's default sliding, torsional and rolling friction."""
+
+INHERITED: Mapping[str, tuple[str, ...] | None] = {
+    "mass": None,
+    "density": None,
+    "friction": MUJOCO_FRICTION,
+}
+"""Attributes of geoms that a defaults class may leave open: the numbers that take the place of a
+`?` once every element has its own, or None where the attribute is left out then."""
+
+
+def answered_elsewhere(element: Element) -> Iterator[Edit]:
+    """What becomes of the `?` in an element's inherited attributes once they mean nothing."""
+    for attribute, usual in INHERITED.items():
+        parts = tokens(element.get(attribute))
+        unknown = [i for i, part in enumerate(parts) if part == UNKNOWN]
+        if unknown and usual is None:
+            yield Edit(element, attribute, None)
+        elif unknown and usual is not None:
+            yield Edit(element, attribute, {i: usual[min(i, 2)] for i in unknown})
 
 
 class Defaults:

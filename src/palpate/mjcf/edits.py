@@ -3,12 +3,12 @@ tree."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
 from lxml import etree
 
-from palpate.mjcf.document import Element, spelled_out, with_tokens
+from palpate.mjcf.document import UNKNOWN, Element, spelled_out, tokens, with_tokens
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,6 +33,14 @@ class Edit:
             spelled_out(self.attribute, self.base if stated is None else stated), self.numbers
         )
 
+    def apply(self, element: Element) -> None:
+        """Make the change in `element`, which need not be the one it was written for."""
+        value = self.value(element.get(self.attribute))
+        if value is None:
+            element.attrib.pop(self.attribute, None)
+        else:
+            element.set(self.attribute, value)
+
 
 @dataclass(frozen=True, slots=True)
 class Insert:
@@ -43,19 +51,59 @@ class Insert:
     attributes: Mapping[str, str]
 
 
-def apply(edits: Iterable[Edit | Insert], twin_of: Mapping[Element, Element]) -> None:
+Change = Edit | Insert
+
+
+@dataclass(frozen=True, slots=True)
+class Slot:
+    """A place in the file where a `?` may stand.
+
+    Attributes:
+        numbers: positions in the attribute; None for all of them.
+        stand_in: text for each open number until it is measured.
+        whole: what the entire attribute is until then, where open numbers cannot stand beside any
+            stated ones.
+    """
+
+    element: Element
+    attribute: str
+    stand_in: str
+    numbers: tuple[int, ...] | None = None
+    whole: tuple[str, ...] | None = None
+
+    def covers(self, number: int) -> bool:
+        """Whether a `?` may stand at this position."""
+        return self.numbers is None or number in self.numbers
+
+    def open_numbers(self, stated: str | None) -> list[int]:
+        """Positions of the `?` in the attribute's text `stated`."""
+        parts = tokens(stated)
+        return [i for i, part in enumerate(parts) if part == UNKNOWN and self.covers(i)]
+
+    def placeholder(self) -> Iterator[Edit]:
+        """The change that lets the scene compile before anything is known."""
+        unknown = self.open_numbers(self.element.get(self.attribute))
+        if unknown and self.whole is not None:
+            yield Edit(self.element, self.attribute, dict(enumerate(self.whole)))
+        elif unknown:
+            yield Edit(self.element, self.attribute, dict.fromkeys(unknown, self.stand_in))
+
+
+def unknown_only(element: Element, attribute: str, texts: Mapping[int, str]) -> dict[int, str]:
+    """Those of `texts` whose number is `?`; all of them when none is (a value measured again)."""
+    parts = tokens(element.get(attribute))
+    unknown = {i: text for i, text in texts.items() if i < len(parts) and parts[i] == UNKNOWN}
+    return unknown or dict(texts)
+
+
+def apply(edits: Iterable[Change], twin_of: Mapping[Element, Element]) -> None:
     """Make the changes in a copy; `twin_of` says which element of the copy stands for each one
     named."""
     for edit in edits:
         if isinstance(edit, Insert):
             twin_of[edit.parent].insert(0, etree.Element(edit.tag, dict(edit.attributes)))
             continue
-        element = twin_of[edit.element]
-        value = edit.value(element.get(edit.attribute))
-        if value is None:
-            element.attrib.pop(edit.attribute, None)
-        else:
-            element.set(edit.attribute, value)
+        edit.apply(twin_of[edit.element])
 
 
 def number(value: float, std: float | None = None) -> str:

@@ -16,7 +16,7 @@ from palpate.geometry.pose import Array, Pose
 from palpate.mjcf.compile import BASE_SITE, compile_model, compile_spec, model_tree
 from palpate.mjcf.document import Document, Element
 from palpate.mjcf.edits import Edit, Insert
-from palpate.mjcf.roles import Inventory, ObjectEntry
+from palpate.mjcf.roles import Roles
 
 INFINITE_PLANE = 10.0
 """m: half extent given to a plane without one."""
@@ -98,13 +98,13 @@ class Shapes:
         )
 
 
-def compile_shapes(document: Document, found: Inventory, edits: Sequence[Edit | Insert]) -> Shapes:
+def compile_shapes(document: Document, roles: Roles, edits: Sequence[Edit | Insert]) -> Shapes:
     """Compile the scene with `edits` and look at it in its initial configuration.
 
     Raises:
         InputError: MuJoCo does not accept the scene.
     """
-    root, twin_of = model_tree(document, found, edits)
+    root, twin_of = model_tree(document, roles, edits)
     names = _name_geoms(twin_of)
     model = compile_model(compile_spec(root, document.folder))
     data = mujoco.MjData(model)
@@ -285,13 +285,6 @@ _OUTLINES: dict[int, Callable[[Array], Array]] = {
 
 RESTING = 0.02
 """m: an object whose bottom is this close to a top stands on it."""
-
-
-def standing_point(shapes: Shapes, thing: ObjectEntry) -> Array:
-    """(3,) the middle of the bottom of the box around an object, world, m."""
-    cloud = shapes.cloud(thing.colliding)
-    low, high = cloud.min(axis=0), cloud.max(axis=0)
-    return np.array([(low[0] + high[0]) / 2, (low[1] + high[1]) / 2, low[2]])
 
 
 def box_around(pose: Pose, cloud: Array) -> tuple[Array, Array]:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -14,12 +15,91 @@ from palpate.estimation.segments import segments
 from palpate.estimation.weighing import uniform_std, weigh
 from palpate.estimation.windows import load_of, mean_pose
 from palpate.geometry.pose import Array, Pose
-from palpate.mjcf.body import Body
+from palpate.mjcf.body import Body, BodyDescription
+from palpate.mjcf.document import UNKNOWN, tokens
+from palpate.mjcf.edits import Slot
+from palpate.mjcf.inertial import Statement, lacks
+from palpate.mjcf.roles import Elements
 from palpate.parameter import Parameter
+from palpate.quantities.evidence import Evidence
+from palpate.quantities.quantity import Prior, Quantity, Status, Values
 from palpate.trace.recording import Recording
 from palpate.trace.samples import FORCES, Trace
 
 UNIT = "m"
+
+TRUE_SHIFT = 0.1
+"""Part of the object's extent by which a hidden centre of mass is off, at most, per axis."""
+
+
+class CentreOfMass(Quantity):
+    """Centre of mass in the body frame, where `<inertial>` has it."""
+
+    id = "com"
+    unit = UNIT
+    subject = "object"
+    label = "centre of mass"
+    words: ClassVar = {
+        "en": (
+            "centre of mass",
+            "center of mass",
+            "centre of gravity",
+            "center of gravity",
+            "com",
+            "cog",
+            "balance point",
+        )
+    }
+    size = 3
+    evidence = (
+        Evidence(
+            FORCES,
+            "MeasureForces while held still at three grasp offsets along its long axis",
+            activity=("still",),
+            holding=True,
+            distinct="grasp",
+            count=3,
+        ),
+    )
+    derived = True
+    estimators: ClassVar = {"torque": "palpate.quantities.com:estimate_com"}
+
+    def status(self, body: BodyDescription) -> Status:
+        if body.elements.inertial is None:
+            return "assumed"
+        return "missing" if lacks(body.elements.inertial, "pos") else "known"
+
+    def known(self, body: BodyDescription) -> tuple[float, ...]:
+        return tuple(float(v) for v in body.shapes.model.body(body.name).ipos)
+
+    def slots(self, elements: Elements) -> Iterator[Slot]:
+        if elements.inertial is not None:
+            yield Slot(elements.inertial, "pos", "0")
+
+    def prior(self, body: BodyDescription, believed: Values) -> Prior:
+        """The middle of the geoms, except for the numbers that are stated."""
+        inertial = body.elements.inertial
+        stated = tokens(None if inertial is None else inertial.get("pos")) or [UNKNOWN] * 3
+        mean: list[float] = []
+        std: list[float] = []
+        for part, centre, extent in zip(stated, *body.box(), strict=True):
+            is_open = part == UNKNOWN
+            mean.append(float(centre) if is_open else float(part))
+            std.append(tuning.COM_PRIOR * max(float(extent), 1e-3) if is_open else 0.0)
+        return Prior(tuple(mean), tuple(std))
+
+    def draw(self, body: Body, prior: Prior, random: np.random.Generator) -> tuple[float, ...]:
+        """Up to `TRUE_SHIFT` of the object's extents off."""
+        scale = TRUE_SHIFT * body.size
+        shift = random.uniform(-scale, scale) * (np.array(prior.std) > 0)
+        return tuple(float(v) for v in np.array(prior.mean) + shift)
+
+    def write(
+        self, body: BodyDescription, value: tuple[float, ...], std: float | None
+    ) -> Iterator[Statement]:
+        """Into `<inertial>`, made when absent, with the inertia of the geoms about the new
+        centre."""
+        yield Statement(com=value, std=std)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -21,7 +21,8 @@ from palpate.estimation.estimate import Estimate, not_identified
 from palpate.estimation.estimator import Estimator, Reference, load_estimator
 from palpate.mjcf.body import Body
 from palpate.parameter import Parameter
-from palpate.quantities.quantity import QUANTITIES, Quantity
+from palpate.quantities.catalogue import catalogue
+from palpate.quantities.quantity import Quantity
 from palpate.trace.samples import Trace
 
 ENTRY_POINTS = "palpate.estimators"
@@ -50,9 +51,11 @@ class Estimators:
         return load_estimator(self.references[quantity][chosen])
 
 
-def known_estimators(catalogue: Mapping[str, Quantity] = QUANTITIES) -> Estimators:
-    """The estimators of a catalogue's quantities, and after them those of the entry points."""
-    references = {id: dict(quantity.estimators) for id, quantity in catalogue.items()}
+def known_estimators(quantities: Mapping[str, Quantity] | None = None) -> Estimators:
+    """The estimators of `quantities`, all installed unless given, and after them those of the entry
+    points."""
+    known = catalogue() if quantities is None else quantities
+    references = {id: dict(quantity.estimators) for id, quantity in known.items()}
     for entry in sorted(entry_points(group=ENTRY_POINTS), key=lambda e: e.name):
         quantity, _, name = entry.name.partition(".")
         references.setdefault(quantity, {}).setdefault(name, entry.value)
@@ -96,6 +99,6 @@ def estimate_all(
 
 
 def _unknown(parameter: Parameter) -> Estimate:
-    known = QUANTITIES.get(parameter.quantity)
+    known = catalogue().get(parameter.quantity)
     unit = known.unit if known else "1"
     return not_identified(parameter, unit, f"No estimator of {parameter.quantity} is known.")

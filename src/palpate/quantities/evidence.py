@@ -1,36 +1,54 @@
-"""What counts as evidence of a quantity."""
+"""What counts as evidence of a quantity, declared once with the quantity.
+
+The check of plans, the symbolic search, the prompt, the conversions and the judgement of studies all
+read it from there.
+"""
 
 from __future__ import annotations
 
-from palpate.parameter import Parameter
-from palpate.trace.recording import Context
-from palpate.trace.samples import FORCES
+from dataclasses import dataclass
+from typing import Literal
 
-COM_GRASPS = 3
-"""Distinct grasps that a centre of mass is derived from."""
+from palpate.trace.recording import Activity, Context
 
-
-DERIVED: dict[str, str] = {
-    "friction": "a MeasureForces while the object is held still, lifted (the normal force is measured against "
-    "it), and one in a Parallel with a MovePose that slides the held object along its support",
-    "com": f"a MeasureForces while the object is held still, lifted, at each of {COM_GRASPS} different grasp poses",
-}
-"""Quantities without a conversion, by id, with the recordings they need."""
+GRIPPER = "gripper"
+"""What a recording is about that is made with empty fingers."""
 
 
-NEEDED = {"friction": 2, "com": COM_GRASPS}
-"""Different pieces of evidence that a derived quantity takes."""
+@dataclass(frozen=True, slots=True)
+class Evidence:
+    """One kind of recording that a quantity is read from.
 
+    Attributes:
+        buffer: what is logged.
+        how: how that is done, in words for prompts and explanations.
+        activity: what goes on meanwhile; anything when empty.
+        holding: whether it is about the object held; otherwise it is about the surface touched, or
+            about what moves, held object or gripper.
+        distinct: what of the context tells several such recordings apart; None when they are all
+            alike.
+        count: how many different ones it takes.
+    """
 
-def piece(parameter: Parameter, buffer: str, context: Context) -> str | None:
-    """Which piece of evidence for a derived quantity a recording is, None when it is none."""
-    if buffer != FORCES or context.holding != parameter.object:
-        return None
-    if parameter.quantity == "friction":
-        return context.activity if context.activity in ("still", "sliding") else None
-    return context.grasp if parameter.quantity == "com" and context.activity == "still" else None
+    buffer: str
+    how: str
+    activity: tuple[Activity, ...] = ()
+    holding: bool = False
+    distinct: Literal["grasp"] | None = None
+    count: int = 1
 
+    def about(self, context: Context) -> str | None:
+        """The object or surface that a recording made in `context` is evidence of; None when it is
+        none."""
+        if self.activity and context.activity not in self.activity:
+            return None
+        if self.holding:
+            return context.holding
+        if context.activity == "contact":
+            return context.support
+        return context.holding or GRIPPER
 
-def supports(parameter: Parameter, buffer: str, context: Context) -> bool:
-    """Whether a recording is evidence for a derived quantity."""
-    return piece(parameter, buffer, context) is not None
+    def key(self, context: Context) -> str | None:
+        """What tells a recording made in `context` apart from others of its kind; None when nothing
+        is known that would."""
+        return context.grasp if self.distinct == "grasp" else ""

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from typing import ClassVar
 
 import numpy as np
 
@@ -10,12 +11,92 @@ from palpate.estimation import tuning
 from palpate.estimation.drag import Drag, dynamic_friction, static_friction, steady_drags
 from palpate.estimation.estimate import Estimate, Part, not_identified
 from palpate.geometry.pose import Array
-from palpate.mjcf.body import Body
+from palpate.mjcf.body import Body, BodyDescription
+from palpate.mjcf.defaults import MUJOCO_FRICTION
+from palpate.mjcf.document import UNKNOWN, Element, tokens
+from palpate.mjcf.edits import Edit, Slot, number
+from palpate.mjcf.roles import Elements
 from palpate.parameter import Parameter
+from palpate.quantities.evidence import Evidence
+from palpate.quantities.quantity import Prior, Quantity, Status, Values
 from palpate.trace.recording import Recording
-from palpate.trace.samples import Trace
+from palpate.trace.samples import FORCES, Trace
 
 UNIT = "1"
+
+PRIOR_FRICTION = 0.5
+"""Of household things on wood and plastics."""
+
+PRIOR_SPREAD = 0.15
+"""1 sigma."""
+
+TRUE_FRICTION = (0.25, 0.7)
+"""Range in which a hidden friction is drawn."""
+
+
+class Friction(Quantity):
+    """Sliding friction of an object: the first number of `friction`, the dynamic coefficient."""
+
+    id = "friction"
+    unit = UNIT
+    subject = "object"
+    label = "sliding friction"
+    words: ClassVar = {"en": ("friction", "slipperiness", "slippery", "grip", "mu")}
+    evidence = (
+        Evidence(
+            FORCES, "MeasureForces while held still in the air", activity=("still",), holding=True
+        ),
+        Evidence(
+            FORCES,
+            "in a Parallel with a MovePose that slides the held object along its support",
+            activity=("sliding",),
+            holding=True,
+        ),
+    )
+    derived = True
+    estimators: ClassVar = {"drag": "palpate.quantities.friction:estimate_friction"}
+
+    def status(self, body: BodyDescription) -> Status:
+        return "missing" if _lacking(body) else "known"
+
+    def known(self, body: BodyDescription) -> tuple[float, ...]:
+        ids = [body.shapes.geom_ids[geom] for geom in body.elements.colliding]
+        return (float(max(body.shapes.model.geom_friction[i][0] for i in ids)),)
+
+    def slots(self, elements: Elements) -> Iterator[Slot]:
+        for geom in elements.geoms:
+            yield Slot(geom, "friction", "1")
+
+    def prior(self, body: BodyDescription, believed: Values) -> Prior:
+        return Prior((PRIOR_FRICTION,), (PRIOR_SPREAD,))
+
+    def draw(self, body: Body, prior: Prior, random: np.random.Generator) -> tuple[float, ...]:
+        return (float(random.uniform(*TRUE_FRICTION)),)
+
+    def write(
+        self, body: BodyDescription, value: tuple[float, ...], std: float | None
+    ) -> Iterator[Edit]:
+        """With `priority="1"`, without which MuJoCo would take the larger of the object's and its
+        support's coefficient."""
+        text = number(value[0], std)
+        for geom in _lacking(body) or body.elements.colliding:
+            base = body.defaults.attribute(geom, "friction") or " ".join(MUJOCO_FRICTION)
+            numbers = {
+                i: MUJOCO_FRICTION[i] for i, part in enumerate(tokens(base)[:3]) if part == UNKNOWN
+            }
+            yield Edit(geom, "friction", {**numbers, 0: text}, base)
+            if not body.defaults.attribute(geom, "priority"):
+                yield Edit(geom, "priority", {0: "1"})
+
+
+def _lacking(body: BodyDescription) -> tuple[Element, ...]:
+    """Geoms whose sliding friction is written `?`; when no geom states any, all that can touch."""
+    geoms = body.elements.colliding
+    stated = {geom: tokens(body.defaults.attribute(geom, "friction")) for geom in geoms}
+    marked = tuple(geom for geom, parts in stated.items() if parts[:1] == [UNKNOWN])
+    if marked or any(stated.values()):
+        return marked
+    return geoms
 
 
 def estimate_friction(trace: Trace, parameter: Parameter, body: Body | None) -> Estimate:

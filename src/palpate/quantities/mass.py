@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from typing import ClassVar
 
 import numpy as np
 
@@ -11,11 +12,76 @@ from palpate.estimation import tuning
 from palpate.estimation.estimate import Estimate, not_identified, not_measured
 from palpate.estimation.segments import Segment, referenced
 from palpate.estimation.weighing import alone, single_shot, weigh
-from palpate.mjcf.body import Body
+from palpate.mjcf.body import Body, BodyDescription
+from palpate.mjcf.edits import Slot
+from palpate.mjcf.inertial import Statement, mass_is_open, mass_of
+from palpate.mjcf.roles import Elements
 from palpate.parameter import Parameter
-from palpate.trace.samples import Trace
+from palpate.quantities.evidence import Evidence
+from palpate.quantities.quantity import Prior, Quantity, Status, Values
+from palpate.trace.samples import FORCES, Trace
 
 UNIT = "kg"
+
+PRIOR_DENSITY = 500.0
+"""kg/m³: between hollow household things and wood."""
+
+PRIOR_MASS = (0.02, 1.5)
+"""kg: bounds of the prior, from a plastic cup to a full bottle."""
+
+PRIOR_FACTOR = 2.0
+"""A hidden mass is drawn within this factor of the prior, and the prior's 1 sigma is half of it."""
+
+
+class Mass(Quantity):
+    """Mass of an object."""
+
+    id = "mass"
+    unit = UNIT
+    subject = "object"
+    words: ClassVar = {"en": ("mass", "weight", "heavy", "weigh", "heaviness")}
+    evidence = (
+        Evidence(
+            FORCES,
+            "lift the object clear of its support, MeasureForces while still",
+            activity=("still",),
+            holding=True,
+        ),
+    )
+    estimators: ClassVar = {
+        "contrast": "palpate.quantities.mass:estimate_mass",
+        "single-shot": "palpate.quantities.mass:estimate_single_shot",
+    }
+
+    def status(self, body: BodyDescription) -> Status:
+        return "missing" if mass_is_open(body) else "known"
+
+    def known(self, body: BodyDescription) -> tuple[float, ...]:
+        return (mass_of(body),)
+
+    def slots(self, elements: Elements) -> Iterator[Slot]:
+        for geom in elements.geoms:
+            yield Slot(geom, "mass", "1")
+            yield Slot(geom, "density", "1000")
+        if elements.inertial is not None:
+            yield Slot(elements.inertial, "mass", "1")
+
+    def prior(self, body: BodyDescription, believed: Values) -> Prior:
+        """Of its volume."""
+        volume = sum(body.shapes.volume(geom) for geom in body.elements.colliding)
+        mass = float(np.clip(volume * PRIOR_DENSITY, *PRIOR_MASS))
+        return Prior((mass,), (0.5 * mass,))
+
+    def draw(self, body: Body, prior: Prior, random: np.random.Generator) -> tuple[float, ...]:
+        """Within `PRIOR_FACTOR` of the prior, evenly on a logarithmic scale."""
+        factor = PRIOR_FACTOR ** random.uniform(-1, 1)
+        return (float(np.clip(prior.mean[0] * factor, *PRIOR_MASS)),)
+
+    def write(
+        self, body: BodyDescription, value: tuple[float, ...], std: float | None
+    ) -> Iterator[Statement]:
+        """Into `<inertial>` where there is one, else on the geoms that lack a mass."""
+        yield Statement(mass=value[0], std=std)
 
 
 def estimate_mass(trace: Trace, parameter: Parameter, body: Body | None) -> Estimate:

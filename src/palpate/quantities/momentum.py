@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import ClassVar
+
 import numpy as np
 
 from palpate.estimation.estimate import Estimate, not_measured
@@ -9,9 +11,30 @@ from palpate.estimation.motion import mean_velocity
 from palpate.estimation.weighing import weigh
 from palpate.mjcf.body import Body
 from palpate.parameter import Parameter
-from palpate.trace.samples import Trace
+from palpate.quantities.evidence import Evidence
+from palpate.quantities.quantity import Quantity
+from palpate.trace.samples import FORCES, Trace
 
 UNIT = "kg·m/s"
+
+
+class Momentum(Quantity):
+    """Mean momentum of what the gripper holds, in world axes."""
+
+    id = "momentum"
+    unit = UNIT
+    subject = "gripper"
+    words: ClassVar = {"en": ("momentum",)}
+    size = 3
+    evidence = (
+        Evidence(
+            FORCES,
+            "MeasureForces in a Parallel with a motion while holding an object",
+            activity=("moving",),
+            holding=True,
+        ),
+    )
+    estimators: ClassVar = {"product": "palpate.quantities.momentum:estimate_momentum"}
 
 
 def estimate_momentum(trace: Trace, parameter: Parameter, body: Body | None) -> Estimate:

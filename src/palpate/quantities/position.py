@@ -2,16 +2,123 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from typing import ClassVar
+
 import numpy as np
 
+from palpate.errors import InputError
 from palpate.estimation import tuning
 from palpate.estimation.estimate import Estimate, not_measured
 from palpate.estimation.windows import mean_pose
-from palpate.mjcf.body import Body
+from palpate.mjcf.body import Body, BodyDescription
+from palpate.mjcf.document import UNKNOWN, Element, has_unknown, label, tokens
+from palpate.mjcf.edits import Edit, Slot, number, unknown_only
+from palpate.mjcf.roles import Elements
 from palpate.parameter import Parameter
-from palpate.trace.samples import Trace
+from palpate.quantities.evidence import Evidence
+from palpate.quantities.quantity import Prior, Quantity, Status, Values
+from palpate.trace.samples import POSE, Trace
 
 UNIT = "m"
+
+PRIOR_POSITION = (0.5, 0.0)
+"""m, of an object whose place nobody gave."""
+
+UNPLACED, PLACED = 0.25, 0.01
+"""m (1 sigma): of a place nobody gave, and of one that came with the poses."""
+
+TRUE_SHIFT = 0.003
+"""m: how far a hidden position is from the believed one, per axis."""
+
+
+class Position(Quantity):
+    """World x and y of the object's frame. An unknown z follows from what the object stands on."""
+
+    id = "position"
+    unit = UNIT
+    subject = "object"
+    words: ClassVar = {"en": ("position", "location", "place", "whereabouts", "where")}
+    size = 2
+    evidence = (Evidence(POSE, "MeasureGripperPose while holding the object", holding=True),)
+    estimators: ClassVar = {"fingers": "palpate.quantities.position:estimate_position"}
+
+    def status(self, body: BodyDescription) -> Status:
+        return "missing" if has_unknown(body.elements.element, "pos", 0, 1) else "known"
+
+    def known(self, body: BodyDescription) -> tuple[float, ...]:
+        x, y, _ = body.pose_world.position
+        return float(x), float(y)
+
+    def slots(self, elements: Elements) -> Iterator[Slot]:
+        yield Slot(elements.element, "pos", "0")
+
+    def prior(self, body: BodyDescription, believed: Values) -> Prior:
+        """Where the poses put it; without them, what the file states, and the middle of the
+        workspace for the rest."""
+        given = None if body.given is None else body.given.position.tolist()
+        stated = tokens(body.elements.element.get("pos"))
+        mean: list[float] = []
+        std: list[float] = []
+        for i in (0, 1):
+            is_open = stated[i] == UNKNOWN
+            if given is not None:
+                mean.append(given[i])
+            else:
+                mean.append(PRIOR_POSITION[i] if is_open else float(stated[i]))
+            spread = UNPLACED if given is None else PLACED
+            std.append(spread if is_open else 0.0)
+        return Prior(tuple(mean), tuple(std))
+
+    def draw(self, body: Body, prior: Prior, random: np.random.Generator) -> tuple[float, ...]:
+        """Up to `TRUE_SHIFT` off."""
+        scale = np.full(2, TRUE_SHIFT)
+        shift = random.uniform(-scale, scale) * (np.array(prior.std) > 0)
+        return tuple(float(v) for v in np.array(prior.mean) + shift)
+
+    def write(
+        self, body: BodyDescription, value: tuple[float, ...], std: float | None
+    ) -> Iterator[Edit]:
+        element = body.elements.element
+        _refuse_frame(element)
+        texts = {i: number(v, std) for i, v in enumerate(value[:2])}
+        yield Edit(element, "pos", unknown_only(element, "pos", texts), "0 0 0")
+
+    def follows(self, body: BodyDescription, believed: Values) -> Iterator[Edit]:
+        """An open z: the object stands where it was given, else on the surface below it."""
+        element = body.elements.element
+        if not has_unknown(element, "pos", 2):
+            return
+        _refuse_frame(element)
+        z = body.given_z
+        if z is None:
+            support = support_z(body, believed)
+            z = None if support is None else support - body.bottom_z
+        if z is not None:
+            yield Edit(element, "pos", {2: number(z)})
+
+
+def support_z(body: BodyDescription, believed: Values) -> float | None:
+    """World z of the highest surface below the middle of an object, the ground without one, m.
+
+    None while the height of a surface below it is unknown.
+    """
+    tops: list[float] = []
+    for surface in body.surfaces_below():
+        height = believed.get(Parameter(surface.name, "height"))
+        if height is None and surface.top_is_open:
+            return None
+        tops.append(surface.top_z if height is None else height[0])
+    return max(tops, default=0.0)
+
+
+def _refuse_frame(element: Element) -> None:
+    parent = element.getparent()
+    if parent is not None and parent.tag == "frame" and set(parent.attrib) - {"childclass", "name"}:
+        raise InputError(
+            f"{label(element)} is inside a <frame> that moves it; write its pos in the world to have "
+            "it measured"
+        )
 
 
 def estimate_position(trace: Trace, parameter: Parameter, body: Body | None) -> Estimate:

@@ -1,150 +1,149 @@
-"""The catalogue of physical quantities: one declaration each, from which everything else derives.
+"""What a physical quantity is to palpate: one class a quantity, from which everything else derives.
 
-A `Parameter` is the thread through the program: a plan promises it, a recording evidences it, an
-estimate discharges it and the twin shows it.
+A quantity says what it is and what it is called, how it is acquired, and where it stands in the
+user's MJCF: whether the file states it, what is believed of it until it is measured, and which
+changes of the file state a value. A subclass declares `id`, `unit` and `subject` and overrides what
+it has: a velocity has no body, a temperature no place in MJCF.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections import Counter
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import ClassVar, Literal
 
-from palpate.errors import unknown_name
+import numpy as np
+
+from palpate.mjcf.body import Body, BodyDescription
+from palpate.mjcf.edits import Change, Edit, Slot
+from palpate.mjcf.inertial import Statement
+from palpate.mjcf.roles import Elements
+from palpate.parameter import Parameter
+from palpate.quantities.evidence import Evidence
+from palpate.trace.recording import Context
+
+Status = Literal["known", "missing", "assumed", "not applicable"]
+"""In the user's file: stated, left out or written `?`, inferred by MuJoCo, or without a place."""
+
+Values = Mapping[Parameter, tuple[float, ...]]
+
+
+Logged = tuple[str, Context]
+"""A recording's buffer and the context in which it was made."""
+
+Piece = tuple[int, str]
+"""Which kind of a quantity's evidence, and which one of that kind."""
 
 
 @dataclass(frozen=True, slots=True)
+class Prior:
+    """What is believed of a quantity before it is measured.
+
+    Attributes:
+        mean: one number a component, in the quantity's unit.
+        std: 1 sigma of each; 0 for a number that the file states.
+    """
+
+    mean: tuple[float, ...]
+    std: tuple[float, ...]
+
+
 class Quantity:
     """A physical quantity that palpate knows by name.
 
     Attributes:
         id: name in plans, results and on the command line.
         unit: SI unit, as printed.
-        label: words for people.
-        synonyms: other words a request may use, singular, lower case.
-        size: number of components of its value.
         subject: what carries it, `object`, `surface` or `gripper`.
+        label: words for people; the id unless declared.
+        words: by language, what a request may call it, singular, lower case.
+        size: number of components of its value.
+        evidence: the recordings that it is read from, all of them needed.
+        derived: whether those recordings are all it takes; otherwise a conversion primitive has to
+            say which of them stands for it.
+        how: for prompts and explanations, how it is acquired; what `evidence` says unless declared.
         identifiable: whether the vocabulary can measure it at all.
-        how: one sentence for prompts and explanations: how it is acquired.
         estimators: by name, the default first; each `package.module:function`, which is imported
             when it is used, and keeps to the contract of `palpate.estimation.estimator.Estimator`.
     """
 
-    id: str
-    unit: str
-    label: str
-    synonyms: tuple[str, ...]
-    size: int
-    subject: str
-    how: str
-    identifiable: bool = True
-    estimators: Mapping[str, str] = field(default_factory=dict[str, str], hash=False)
+    id: ClassVar[str]
+    unit: ClassVar[str]
+    subject: ClassVar[Literal["object", "surface", "gripper"]]
+    label: ClassVar[str]
+    words: ClassVar[Mapping[str, tuple[str, ...]]] = MappingProxyType({})
+    size: ClassVar[int] = 1
+    evidence: ClassVar[tuple[Evidence, ...]] = ()
+    derived: ClassVar[bool] = False
+    how: ClassVar[str]
+    identifiable: ClassVar[bool] = True
+    estimators: ClassVar[Mapping[str, str]] = MappingProxyType({})
 
+    def __init_subclass__(cls) -> None:
+        if "label" not in cls.__dict__ and "id" in cls.__dict__:
+            cls.label = cls.id
+        if "how" not in cls.__dict__:
+            cls.how = ", and ".join(evidence.how for evidence in cls.evidence)
 
-_CATALOGUE = (
-    Quantity(
-        "mass",
-        "kg",
-        "mass",
-        ("mass", "weight", "heavy", "weigh", "heaviness"),
-        1,
-        "object",
-        "lift the object clear of its support, MeasureForces while still, then Force2Mass",
-        estimators={
-            "contrast": "palpate.quantities.mass:estimate_mass",
-            "single-shot": "palpate.quantities.mass:estimate_single_shot",
-        },
-    ),
-    Quantity(
-        "height",
-        "m",
-        "height",
-        ("height", "elevation", "level", "high", "tall"),
-        1,
-        "surface",
-        "MoveUntilContact -z over a free spot, MeasureGripperPose, then Pose2Height",
-        estimators={"loading-curve": "palpate.quantities.height:estimate_height"},
-    ),
-    Quantity(
-        "friction",
-        "1",
-        "sliding friction",
-        ("friction", "slipperiness", "slippery", "grip", "mu"),
-        1,
-        "object",
-        "MeasureForces while held still in the air, and in a Parallel with a MovePose that slides the "
-        "held object along its support; derived",
-        estimators={"drag": "palpate.quantities.friction:estimate_friction"},
-    ),
-    Quantity(
-        "com",
-        "m",
-        "centre of mass",
-        (
-            "centre of mass",
-            "center of mass",
-            "centre of gravity",
-            "center of gravity",
-            "com",
-            "cog",
-            "balance point",
-        ),
-        3,
-        "object",
-        "MeasureForces while held still at three grasp offsets along its long axis; derived",
-        estimators={"torque": "palpate.quantities.com:estimate_com"},
-    ),
-    Quantity(
-        "inertia",
-        "kg·m²",
-        "inertia tensor",
-        ("inertia", "moment of inertia", "moments of inertia", "inertia tensor"),
-        6,
-        "object",
-        "needs dynamic excitation, which no primitive offers",
-        identifiable=False,
-        estimators={"none": "palpate.quantities.inertia:estimate_inertia"},
-    ),
-    Quantity(
-        "position",
-        "m",
-        "position",
-        ("position", "location", "place", "whereabouts", "where"),
-        2,
-        "object",
-        "MeasureGripperPose while holding the object, then Pose2Plan",
-        estimators={"fingers": "palpate.quantities.position:estimate_position"},
-    ),
-    Quantity(
-        "velocity",
-        "m/s",
-        "velocity",
-        ("velocity", "speed"),
-        3,
-        "gripper",
-        "MeasureForces in a Parallel with a motion, then Force2Velocity",
-        estimators={"displacement": "palpate.quantities.velocity:estimate_velocity"},
-    ),
-    Quantity(
-        "momentum",
-        "kg·m/s",
-        "momentum",
-        ("momentum",),
-        3,
-        "gripper",
-        "MeasureForces in a Parallel with a motion while holding an object, then Force2Momentum",
-        estimators={"product": "palpate.quantities.momentum:estimate_momentum"},
-    ),
-)
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__}: {self.label} of a {self.subject}, {self.unit}>"
 
-QUANTITIES: dict[str, Quantity] = {q.id: q for q in _CATALOGUE}
+    def piece(self, parameter: Parameter, buffer: str, context: Context) -> Piece | None:
+        """Which piece of evidence for `parameter`, which is of this quantity, a recording is."""
+        for i, evidence in enumerate(self.evidence):
+            if buffer == evidence.buffer and evidence.about(context) == parameter.object:
+                key = evidence.key(context)
+                return None if key is None else (i, key)
+        return None
 
+    def pieces(self, parameter: Parameter, logged: Iterable[Logged]) -> set[Piece]:
+        """The different pieces of evidence for `parameter` among recordings."""
+        found = {self.piece(parameter, buffer, context) for buffer, context in logged}
+        return {piece for piece in found if piece is not None}
 
-def quantity(id: str) -> Quantity:
-    """The catalogue entry named `id`.
+    def is_evidenced(self, parameter: Parameter, logged: Iterable[Logged]) -> bool:
+        """Whether recordings hold all the evidence that `parameter` takes."""
+        kinds = Counter(kind for kind, _ in self.pieces(parameter, logged))
+        return all(kinds[i] >= evidence.count for i, evidence in enumerate(self.evidence))
 
-    Raises:
-        InputError: no such quantity; the message lists those there are.
-    """
-    if id not in QUANTITIES:
-        raise unknown_name("quantity", id, QUANTITIES)
-    return QUANTITIES[id]
+    def status(self, body: BodyDescription) -> Status:
+        """Whether the file states it of `body`, which is of its subject."""
+        del body
+        return "not applicable"
+
+    def known(self, body: BodyDescription) -> tuple[float, ...]:
+        """The value that the file states; asked only where it does."""
+        raise NotImplementedError(f"{self.id} has no place in MJCF")
+
+    def slots(self, elements: Elements) -> Iterable[Slot]:
+        """Where a `?` may stand for it, and what stands in for that until it is measured."""
+        del elements
+        return ()
+
+    def prior(self, body: BodyDescription, believed: Values) -> Prior:
+        """What is believed of it where it is missing; `believed` holds what is believed of the
+        quantities before it in the catalogue."""
+        raise NotImplementedError(f"{self.id} has no place in MJCF")
+
+    def draw(self, body: Body, prior: Prior, random: np.random.Generator) -> tuple[float, ...]:
+        """A hidden truth for a simulated world, around the prior."""
+        del body, random
+        return prior.mean
+
+    def write(
+        self, body: BodyDescription, value: tuple[float, ...], std: float | None
+    ) -> Iterable[Change | Statement]:
+        """The changes of the file that state `value`; `std` decides how many digits are written.
+
+        Raises:
+            InputError: a value that has no place in this file.
+        """
+        del body, value, std
+        return ()
+
+    def follows(self, body: BodyDescription, believed: Values) -> Iterable[Edit]:
+        """The changes of the file that follow for `body` from what is believed of all others."""
+        del body, believed
+        return ()

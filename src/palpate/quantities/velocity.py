@@ -2,15 +2,35 @@
 
 from __future__ import annotations
 
+from typing import ClassVar
+
 import numpy as np
 
 from palpate.estimation.estimate import Estimate, Part, not_measured
 from palpate.estimation.motion import mean_velocity
 from palpate.mjcf.body import Body
 from palpate.parameter import Parameter
-from palpate.trace.samples import Trace
+from palpate.quantities.evidence import Evidence
+from palpate.quantities.quantity import Quantity
+from palpate.trace.samples import FORCES, Trace
 
 UNIT = "m/s"
+
+
+class Velocity(Quantity):
+    """Mean linear velocity of the gripper in world axes."""
+
+    id = "velocity"
+    unit = UNIT
+    subject = "gripper"
+    words: ClassVar = {"en": ("velocity", "speed")}
+    size = 3
+    evidence = (
+        Evidence(
+            FORCES, "MeasureForces in a Parallel with a motion", activity=("moving", "sliding")
+        ),
+    )
+    estimators: ClassVar = {"displacement": "palpate.quantities.velocity:estimate_velocity"}
 
 
 def estimate_velocity(trace: Trace, parameter: Parameter, body: Body | None) -> Estimate:

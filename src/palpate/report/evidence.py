@@ -12,7 +12,7 @@ from palpate.estimation.contact import tip_height
 from palpate.estimation.estimate import Estimate, rounded
 from palpate.geometry.pose import Array
 from palpate.parameter import Parameter
-from palpate.quantities.quantity import QUANTITIES
+from palpate.quantities.catalogue import catalogue
 from palpate.trace.recording import Context, Recording
 from palpate.trace.samples import FORCES, Trace
 
@@ -41,7 +41,7 @@ class _Signal(NamedTuple):
 
 def quantity_label(id: str) -> str:
     """In words, or the id itself where a quantity is not in the catalogue."""
-    return QUANTITIES[id].label if id in QUANTITIES else id
+    return catalogue()[id].label if id in catalogue() else id
 
 
 def windows(trace: Trace, estimates: Sequence[Estimate]) -> dict[Recording, str]:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from palpate.estimation.estimate import rounded
 from palpate.parameter import Parameter
-from palpate.quantities.quantity import QUANTITIES
+from palpate.quantities.catalogue import catalogue
 from palpate.report.data import Measured, ParameterRow
 from palpate.report.evidence import quantity_label
 from palpate.report.numbers import plain, with_unit
@@ -43,7 +43,7 @@ def parameter_groups(
 
 def _value(row: ParameterRow, found: Mapping[Parameter, Measured]) -> str:
     """What the scene says, and behind an arrow what was measured."""
-    unit = QUANTITIES[row.quantity].unit if row.quantity in QUANTITIES else ""
+    unit = catalogue()[row.quantity].unit if row.quantity in catalogue() else ""
     before = plain(row.value) if row.value else UNSTATED[row.state]
     now = found.get(Parameter(row.object, row.quantity))
     if now is not None:

@@ -23,8 +23,8 @@ from palpate.robots.description import RobotDescription
 from palpate.robots.registry import load_description
 from palpate.scene.camera import Camera
 from palpate.scene.load import parse_scene
+from palpate.scene.places import APPROACH
 from palpate.scene.poses import PoseEntry, Poses
-from palpate.scene.priors import APPROACH
 from palpate.scene.scene import Scene
 from palpate.scene.symbols import DEFAULT_OFFSETS, Symbols, vectors
 

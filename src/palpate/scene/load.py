@@ -5,32 +5,37 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from palpate.geometry.pose import Pose
 from palpate.mjcf.document import Document, parse_document, read_text
+from palpate.quantities.catalogue import Catalogue, catalogue
+from palpate.robots.description import RobotDescription
+from palpate.robots.registry import load_description
+from palpate.scene.named_poses import derive_symbols
+from palpate.scene.poses import PoseEntry, Poses, parse_poses, read_poses
+from palpate.scene.resolve import resolve
 from palpate.scene.scene import Scene
 
-if TYPE_CHECKING:
-    from palpate.robots.description import RobotDescription
-    from palpate.scene.poses import Poses
 
-
-def load_scene(path: Path, poses: Path | None = None, arm: RobotDescription | None = None) -> Scene:
-    """Read an MJCF file, and optionally `poses.yaml`; `arm` is what touches it, None the default.
+def load_scene(
+    path: Path,
+    poses: Path | None = None,
+    arm: RobotDescription | None = None,
+    quantities: Catalogue | None = None,
+) -> Scene:
+    """Read an MJCF file, and optionally `poses.yaml`; `arm` is what touches it, None the default;
+    `quantities` are all that are installed unless given.
 
     Raises:
         InputError: malformed XML, entities, missing or escaping files, names that do not match.
     """
-    from palpate.scene.poses import read_poses
-
     path = Path(path)
     text = read_text(path)
     document = parse_document(text, path.resolve().parent, str(path))
-    entries = read_poses(Path(poses)) if poses is not None else None
-    return _scene(document, path, entries, arm)
+    given = Poses() if poses is None else read_poses(Path(poses))
+    return _scene(document, path, given, arm or load_description(), quantities or catalogue())
 
 
 def parse_scene(
@@ -38,6 +43,7 @@ def parse_scene(
     folder: Path | None = None,
     poses: str | Poses | None = None,
     arm: RobotDescription | None = None,
+    quantities: Catalogue | None = None,
 ) -> Scene:
     """As `load_scene`, from text; `folder` is where relative file names start, `poses` YAML or read
     already.
@@ -45,54 +51,47 @@ def parse_scene(
     Raises:
         InputError: as `load_scene`.
     """
-    from palpate.scene.poses import parse_poses
+    document = parse_document(text, folder)
+    given = parse_poses(poses) if isinstance(poses, str) else poses or Poses()
+    return _scene(document, None, given, arm or load_description(), quantities or catalogue())
 
-    entries = parse_poses(poses) if isinstance(poses, str) else poses
-    return _scene(parse_document(text, folder), None, entries, arm)
 
-
-def scene_from_text(text: str, like: Scene) -> Scene:
-    """Another version of a scene's MJCF (its twin), with the same folder, poses and arm.
+def scene_from_text(text: str, like: Scene, elsewhere: Mapping[str, Pose] | None = None) -> Scene:
+    """Another version of a scene's MJCF (its twin), with the same folder, poses and arm, but for
+    some objects that stand elsewhere: `elsewhere` are poses of their body frames in the world.
 
     Raises:
         InputError: as `load_scene`.
     """
-    document = parse_document(text, like.source.document.folder)
-    return _scene(document, like.path, like.source.poses, like.arm)
+    document = parse_document(text, like.resolved.document.folder)
+    known = like.resolved.poses
+    now = {name: _entry(pose) for name, pose in (elsewhere or {}).items()}
+    poses = known.model_copy(update={"objects": {**known.objects, **now}})
+    return _scene(document, like.path, poses, like.arm, like.catalogue)
 
 
 def rearranged(scene: Scene, poses: Mapping[str, Pose]) -> Scene:
     """The scene with some objects standing elsewhere: `poses` are of their body frames in the
     world."""
-    from palpate.scene.poses import PoseEntry
+    return scene_from_text(scene.text, scene, poses)
 
-    now = {
-        name: PoseEntry.model_validate(
-            {"pos": pose.position.tolist(), "quat": pose.quaternion.tolist()}
-        )
-        for name, pose in poses.items()
-    }
-    known = scene.source.poses
-    document = parse_document(scene.text, scene.source.document.folder)
-    entries = known.model_copy(update={"objects": {**known.objects, **now}})
-    return _scene(document, scene.path, entries, scene.arm)
+
+def _entry(pose: Pose) -> PoseEntry:
+    return PoseEntry.model_validate(
+        {"pos": pose.position.tolist(), "quat": pose.quaternion.tolist()}
+    )
 
 
 def _scene(
     document: Document,
     path: Path | None,
-    poses: Poses | None,
-    arm: RobotDescription | None,
+    poses: Poses,
+    arm: RobotDescription,
+    quantities: Catalogue,
 ) -> Scene:
-    from palpate.robots.registry import load_description
-    from palpate.scene.named_poses import derive_symbols
-    from palpate.scene.poses import Poses
-    from palpate.scene.resolve import resolve
-
-    resolved = resolve(document, poses or Poses())
-    bodies = {body.name: body for body in resolved.bodies()}
+    resolved = resolve(document, poses, quantities)
+    bodies = resolved.bodies()
     base = resolved.shapes.base()
-    arm = arm or load_description()
     return Scene(
         text=document.text,
         path=path,
@@ -101,6 +100,6 @@ def _scene(
         arm=arm,
         pose_world_base=base,
         gravity=float(np.linalg.norm(resolved.shapes.model.opt.gravity)),
-        priors=MappingProxyType(resolved.priors),
-        source=resolved.source,
+        priors=MappingProxyType(resolved.means()),
+        resolved=resolved,
     )

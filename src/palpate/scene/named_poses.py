@@ -14,9 +14,8 @@ from palpate.mjcf.body import Body
 from palpate.mjcf.shapes import RESTING
 from palpate.robots.description import RobotDescription
 from palpate.robots.grasp import Grasp, derive_grasp
-from palpate.scene.places import approach_pose, free_spot
+from palpate.scene.places import APPROACH, approach_pose, free_spot
 from palpate.scene.poses import Offset, Poses
-from palpate.scene.priors import APPROACH
 from palpate.scene.resolve import ResolvedScene
 from palpate.scene.symbols import DEFAULT_OFFSETS, Symbols, vectors
 
@@ -61,29 +60,26 @@ class Geometry:
         arm: RobotDescription,
     ) -> Geometry:
         """From the compiled scene."""
-        shapes, found = resolved.shapes, resolved.source.found
-        objects = {n: [shapes.convex(g) for g in found.objects[n].colliding] for n in found.objects}
-        carriers = {
-            n: shapes.geom_ids[resolved.source.filler.carrier(s)] for n, s in found.surfaces.items()
-        }
-        solids = [(n, Obstacle.of(geom.points)) for n, geoms in objects.items() for geom in geoms]
-        movable = {shapes.geom_ids[g] for thing in found.objects.values() for g in thing.geoms}
-        owner = {i: n for n, i in carriers.items()}
-        solids += [
-            (owner.get(i, ""), Obstacle.of(shapes.geom_points(i)))
-            for i in shapes.solid_geoms()
-            if i not in movable
-        ]
+        shapes = resolved.shapes
+        objects: dict[str, list[Convex]] = {}
+        carriers: dict[str, int] = {}
+        movable: set[int] = set()
+        for name, body in resolved.description.bodies.items():
+            if body.role == "surface":
+                carriers[name] = shapes.geom_ids[body.carrier]
+                continue
+            objects[name] = [shapes.convex(geom) for geom in body.elements.colliding]
+            movable |= {shapes.geom_ids[geom] for geom in body.elements.geoms}
+        solids: list[tuple[str, Obstacle]] = []
+        for name, geoms in objects.items():
+            solids += [(name, Obstacle.of(geom.points)) for geom in geoms]
+        owner = {i: name for name, i in carriers.items()}
+        for i in shapes.solid_geoms():
+            if i not in movable:
+                solids.append((owner.get(i, ""), Obstacle.of(shapes.geom_points(i))))
         clouds = {n: np.concatenate([g.points for g in geoms]) for n, geoms in objects.items()}
-        return cls(
-            objects,
-            clouds,
-            {n: shapes.geom_points(i) for n, i in carriers.items()},
-            solids,
-            bodies,
-            base,
-            arm,
-        )
+        tops = {name: shapes.geom_points(i) for name, i in carriers.items()}
+        return cls(objects, clouds, tops, solids, bodies, base, arm)
 
     def others(self, *names: str) -> list[Obstacle]:
         """Everything solid but the named objects and surfaces."""
@@ -121,7 +117,7 @@ def derive_symbols(
 ) -> Symbols:
     """All names of the scene: those of poses.yaml, and what geometry implies for the rest."""
     geometry = Geometry.of(resolved, bodies, base, arm)
-    entries = resolved.source.poses
+    entries = resolved.poses
     grasps = {name: _grasp(geometry, name) for name in geometry.objects}
     poses = _poses(geometry, grasps, entries)
     later = {

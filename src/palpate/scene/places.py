@@ -15,6 +15,9 @@ from palpate.robots.sheet import Reach
 MARGINS = (0.06, 0.04, 0.02, 0.005)
 """m between the hand and the nearest object; the largest that leaves a spot is used."""
 
+APPROACH = 0.10
+"""m: how far above a surface its approach pose has the TCP."""
+
 STEP = 0.02
 """m: spacing of the grid of candidate spots."""
 

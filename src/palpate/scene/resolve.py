@@ -1,5 +1,4 @@
-"""What a scene's file leads one to believe before anything is touched: priors, poses, boxes, known
-values."""
+"""A scene's file with everything unknown believed: the basis of simulated models and of the twin."""
 
 from __future__ import annotations
 
@@ -7,258 +6,147 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import mujoco
-import numpy as np
 
-from palpate.errors import InputError, unknown_name
-from palpate.geometry.inertia import inertia_components
-from palpate.geometry.pose import Array
-from palpate.mjcf.body import Body
+from palpate.errors import InputError
+from palpate.mjcf.body import Body, BodyDescription
 from palpate.mjcf.compile import compile_spec, model_tree
-from palpate.mjcf.document import Document, Element, has_unknown, label
-from palpate.mjcf.edits import Edit, Insert
-from palpate.mjcf.roles import Inventory, ObjectEntry, SurfaceEntry, inventory
-from palpate.mjcf.shapes import RESTING, Shapes, box_around, compile_shapes, standing_point
+from palpate.mjcf.document import Document, label
+from palpate.mjcf.edits import Change, Edit
+from palpate.mjcf.shapes import RESTING, Shapes, box_around, compile_shapes
 from palpate.parameter import Parameter
-from palpate.scene.fill import Filler, carrier, placeholders
+from palpate.quantities.catalogue import Catalogue
+from palpate.quantities.quantity import Prior, Values
+from palpate.scene.describe import Description, describe
+from palpate.scene.fill import beliefs, changes, completed
 from palpate.scene.poses import Poses
-from palpate.scene.priors import derive_priors
 from palpate.scene.words import thing_words
 
-CARRYING = 0.10
-"""m: a static thing narrower than this is a surface only when something stands on it."""
-
-MOUNT = 0.5
-"""m: what the arm stands on is its mount, and no surface, when it is smaller than this and carries
-nothing else."""
-
-_ORIENTATIONS = ("euler", "axisangle", "xyaxes", "zaxis")
+SHAPELESS = frozenset({"mass", "density", "friction", "priority"})
+"""Attributes of geoms that leave the scene's geometry as it is."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Source:
-    """A parsed scene file that can be completed: the basis of simulated models and of the twin."""
-
-    document: Document
-    found: Inventory
-    filler: Filler
-    overrides: tuple[Edit, ...]
-    poses: Poses
-
-    def edits(self, values: Mapping[Parameter, tuple[float, ...]]) -> list[Edit | Insert]:
-        """Poses that came with the scene, then `values`."""
-        return [*self.overrides, *self.filler.edits(values, {})]
-
-    def spec(
-        self,
-        priors: Mapping[Parameter, tuple[float, ...]],
-        values: Mapping[Parameter, tuple[float, ...]],
-    ) -> mujoco.MjSpec:
-        """An editable model without any robot in which `values` hold, and `priors` for the rest."""
-        root, _ = model_tree(
-            self.document, self.found, self.edits(self.filler.completed(priors, values))
-        )
-        return compile_spec(root, self.document.folder)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
 class ResolvedScene:
-    """A source, what is believed of its unknowns, and the geometry that follows."""
+    """A description, what is believed of its unknowns, and the geometry that follows.
 
-    source: Source
-    priors: dict[Parameter, tuple[float, ...]]
+    Attributes:
+        poses: what came with the scene.
+        priors: of every missing quantity.
+        shapes: compiled with the priors in place.
+    """
+
+    description: Description
+    poses: Poses
+    catalogue: Catalogue
+    priors: Mapping[Parameter, Prior]
     shapes: Shapes
 
-    def bodies(self) -> Iterator[Body]:
-        """Objects and surfaces in document order."""
-        found = self.source.found
-        for name in found.order:
-            if name in found.objects:
-                yield self._object(found.objects[name])
-            elif name in found.surfaces:
-                yield self._surface(found.surfaces[name])
+    def __repr__(self) -> str:
+        return f"<ResolvedScene: {', '.join(self.description.bodies)}>"
 
-    def _object(self, thing: ObjectEntry) -> Body:
-        pose = self.shapes.body_pose(thing.name)
-        centre, size = box_around(pose, self.shapes.cloud(thing.colliding))
+    @property
+    def document(self) -> Document:
+        """The parsed file."""
+        return self.description.document
+
+    def means(self) -> dict[Parameter, tuple[float, ...]]:
+        """The believed values."""
+        return {parameter: prior.mean for parameter, prior in self.priors.items()}
+
+    def completed(self, priors: Values, values: Values) -> dict[Parameter, tuple[float, ...]]:
+        """`values`, and for the other parameters of `priors` what is believed once those are
+        known."""
+        return completed(self.description.bodies, self.catalogue, priors, values)
+
+    def changes(self, values: Values, known: Values) -> list[Change]:
+        """The changes of the file that state `values`; `known` is what they rest on.
+
+        Raises:
+            InputError: a value that has no place in the file.
+        """
+        return list(changes(self.description.bodies, self.catalogue, values, known, {}))
+
+    def spec(self, values: Values) -> mujoco.MjSpec:
+        """An editable model without any robot in which `values` hold, and beliefs for the rest."""
+        stated = self.changes(self.completed(self.means(), values), {})
+        made = [*self.description.placed, *stated]
+        root, _ = model_tree(self.document, self.description.roles, made)
+        return compile_spec(root, self.document.folder)
+
+    def bodies(self) -> dict[str, Body]:
+        """Objects and surfaces by name, in document order."""
+        found: dict[str, Body] = {}
+        for name, body in self.description.bodies.items():
+            found[name] = self._body(replace(body, shapes=self.shapes))
+        objects = [body for body in found.values() if body.role == "object"]
+        for name, body in found.items():
+            if body.role == "surface":
+                found[name] = replace(body, carries=tuple(_resting_on(body, objects)))
+        return found
+
+    def _body(self, body: BodyDescription) -> Body:
+        statuses = {q.id: q.status(body) for q in self.catalogue.of(body.role)}
+        pose = body.pose_world
+        centre, size = box_around(pose, body.cloud)
         return Body(
-            thing.name,
-            "object",
-            self._words(thing.name, thing.geoms),
+            body.name,
+            body.role,
+            self._words(body),
             pose,
             centre,
             size,
-            known_values(self.source.filler, self.shapes, thing),
-            thing.missing,
-            thing.assumed,
+            {id: self.catalogue[id].known(body) for id, s in statuses.items() if s == "known"},
+            frozenset(id for id, status in statuses.items() if status == "missing"),
+            frozenset(id for id, status in statuses.items() if status == "assumed"),
         )
 
-    def _surface(self, surface: SurfaceEntry) -> Body:
-        geom = carrier(self.shapes, surface)
-        is_body = surface.element.tag == "body"
-        pose = (
-            self.shapes.body_pose(surface.name)
-            if is_body
-            else self.shapes.geom_pose(surface.element)
-        )
-        cloud = self.shapes.points(geom)
-        centre, size = box_around(pose, cloud)
-        known = {} if surface.missing else {"height": (float(cloud[:, 2].max()),)}
-        return Body(
-            surface.name,
-            "surface",
-            self._words(surface.name, (geom,), shapes=False),
-            pose,
-            centre,
-            size,
-            known,
-            surface.missing,
-        )
-
-    def _words(self, name: str, geoms: tuple[Element, ...], shapes: bool = True) -> frozenset[str]:
-        return thing_words(
-            name, geoms, self.source.found.defaults, self.source.document.root, shapes
-        )
+    def _words(self, body: BodyDescription) -> frozenset[str]:
+        is_object = body.role == "object"
+        geoms = body.elements.geoms if is_object else (body.carrier,)
+        root = self.document.root
+        return thing_words(body.name, geoms, body.defaults, root, shapes=is_object)
 
 
-def resolve(document: Document, poses: Poses) -> ResolvedScene:
-    """Sort the document, take in the poses, draw the priors and compile the geometry.
+def resolve(document: Document, poses: Poses, catalogue: Catalogue) -> ResolvedScene:
+    """Describe the document's bodies, believe what is missing, and compile the geometry.
 
     Raises:
-        InputError: names that do not match, scenes MuJoCo does not accept.
+        InputError: a `?` where nothing can be measured, names that do not match, scenes MuJoCo does
+            not accept.
     """
-    found = inventory(document)
-    _check_names(poses, found)
-    overrides, given_z = _overrides(poses, found)
-    first = compile_shapes(document, found, [*placeholders(found), *overrides])
-    found = replace(found, surfaces=_carrying(found, first))
-    filler = Filler(found, first, given_z={n: z for n, z in given_z.items() if n in found.objects})
-    source = Source(document, found, filler, tuple(overrides), poses)
-    priors = derive_priors(filler, poses, given_z)
-    shapes = (
-        compile_shapes(document, found, source.edits(priors)) if priors or _open_z(found) else first
-    )
-    _check_heights(filler, shapes, priors)
-    return ResolvedScene(source, priors, shapes)
+    description = describe(document, poses, catalogue)
+    priors = beliefs(description.bodies, catalogue)
+    resolved = ResolvedScene(description, poses, catalogue, priors, description.shapes)
+    stated = resolved.changes(resolved.means(), {})
+    if any(_moves_something(change) for change in stated):
+        edits = [*description.placed, *stated]
+        resolved = replace(resolved, shapes=compile_shapes(document, description.roles, edits))
+    _check_heights(resolved)
+    return resolved
 
 
-def known_values(
-    filler: Filler, shapes: Shapes, thing: ObjectEntry
-) -> dict[str, tuple[float, ...]]:
-    """What the MJCF states of an object."""
-    body = shapes.model.body(thing.name)
-    known: dict[str, tuple[float, ...]] = {}
-    if "mass" not in thing.missing:
-        known["mass"] = (filler.mass(thing),)
-    if "friction" not in thing.missing:
-        ids = [shapes.geom_ids[geom] for geom in thing.colliding]
-        known["friction"] = (float(max(shapes.model.geom_friction[i][0] for i in ids)),)
-    if thing.inertial is not None and "com" not in thing.missing:
-        known["com"] = tuple(float(v) for v in body.ipos)
-    if thing.inertial is not None and "inertia" not in thing.missing:
-        known["inertia"] = inertia_components(body.inertia, body.iquat)
-    if "position" not in thing.missing:
-        x, y, _ = shapes.body_pose(thing.name).position
-        known["position"] = (float(x), float(y))
-    return known
+def _moves_something(change: Change) -> bool:
+    """Whether a change may show in the scene's geometry; a mass or a friction does not, and the
+    stand-in is as good for looking."""
+    return not (isinstance(change, Edit) and change.attribute in SHAPELESS)
 
 
-def _check_names(poses: Poses, found: Inventory) -> None:
-    for name in poses.objects:
-        if name not in found.order:
-            raise unknown_name("object in poses", name, found.order)
-    for name in poses.grasps:
-        if name not in found.objects:
-            raise unknown_name("object in grasps", name, found.objects)
+def _resting_on(surface: Body, objects: list[Body]) -> Iterator[str]:
+    for body in objects:
+        x, y, _ = body.pose_world.position.tolist()
+        if surface.covers(x, y) and abs(body.bottom_z() - surface.top_z()) < RESTING:
+            yield body.name
 
 
-def _overrides(poses: Poses, found: Inventory) -> tuple[list[Edit], dict[str, float]]:
-    """Edits that put bodies where the poses say, and the z of those whose own is `?`."""
-    edits: list[Edit] = []
-    given_z: dict[str, float] = {}
-    for name, entry in poses.objects.items():
-        element = (found.objects.get(name) or found.surfaces[name]).element
-        _require_in_world(element)
-        open_z = has_unknown(element, "pos", 2)
-        if open_z:
-            given_z[name] = entry.pos[2]
-        pose = entry.body_pose()
-        numbers = {
-            i: repr(float(v)) for i, v in enumerate(pose.position) if not (i == 2 and open_z)
-        }
-        edits += [Edit(element, a, None) for a in _ORIENTATIONS if element.get(a) is not None]
-        edits += [
-            Edit(element, "pos", numbers, "0 0 0"),
-            Edit(
-                element,
-                "quat",
-                {i: repr(float(v)) for i, v in enumerate(pose.quaternion)},
-                "1 0 0 0",
-            ),
-        ]
-    return edits, given_z
-
-
-def _require_in_world(element: Element) -> None:
-    parent = element.getparent()
-    if parent is None or parent.tag != "worldbody" or element.get("fromto"):
-        raise InputError(
-            f"{label(element)} is not placed by its own pos in the worldbody, so poses cannot move it"
-        )
-
-
-def _open_z(found: Inventory) -> bool:
-    return any(has_unknown(thing.element, "pos", 2) for thing in found.objects.values())
-
-
-def _carrying(found: Inventory, shapes: Shapes) -> dict[str, SurfaceEntry]:
-    bottoms = {name: standing_point(shapes, thing) for name, thing in found.objects.items()}
-    return {
-        name: surface
-        for name, surface in found.surfaces.items()
-        if surface.missing or _is_surface(surface, shapes, list(bottoms.values()))
-    }
-
-
-def _is_surface(surface: SurfaceEntry, shapes: Shapes, standing: list[Array]) -> bool:
-    geom = carrier(shapes, surface)
-    cloud = shapes.points(geom)
-    low, high = cloud.min(axis=0), cloud.max(axis=0)
-    if not _level(shapes, geom):
-        return False
-
-    def carries(point: Array) -> bool:
-        inside = np.all(point[:2] >= low[:2]) and np.all(point[:2] <= high[:2])
-        return bool(inside and abs(point[2] - high[2]) < RESTING)
-
-    if any(carries(point) for point in standing):
-        return True
-    extent = (high - low)[:2]
-    return bool(np.min(extent) >= CARRYING) and not (
-        np.max(extent) < MOUNT and carries(shapes.base().position)
-    )
-
-
-def _level(shapes: Shapes, geom: Element) -> bool:
-    """Whether the geom has a level face on top."""
-    kind = int(shapes.model.geom_type[shapes.geom_ids[geom]])
-    up = np.abs(shapes.data.geom_xmat[shapes.geom_ids[geom]].reshape(3, 3)[2])
-    if kind == mujoco.mjtGeom.mjGEOM_BOX:
-        return bool(up.max() > 0.999)
-    if kind in (mujoco.mjtGeom.mjGEOM_CYLINDER, mujoco.mjtGeom.mjGEOM_PLANE):
-        return bool(up[2] > 0.999)
-    return kind in (mujoco.mjtGeom.mjGEOM_MESH, mujoco.mjtGeom.mjGEOM_HFIELD)
-
-
-def _check_heights(
-    filler: Filler, shapes: Shapes, priors: Mapping[Parameter, tuple[float, ...]]
-) -> None:
-    for parameter, value in priors.items():
-        if parameter.quantity != "height":
+def _check_heights(resolved: ResolvedScene) -> None:
+    """A believed height must show in the compiled geometry."""
+    for body in resolved.description.bodies.values():
+        believed = resolved.priors.get(Parameter(body.name, "height"))
+        if believed is None:
             continue
-        surface = filler.found.surfaces[parameter.object]
-        top = float(shapes.points(carrier(filler.shapes, surface))[:, 2].max())
-        if abs(top - value[0]) > 1e-4:
+        top = float(resolved.shapes.points(body.carrier)[:, 2].max())
+        if abs(top - believed.mean[0]) > 1e-4:
             raise InputError(
-                f"the unknown number of {label(surface.element)} does not raise its top straight up; "
-                f"`?` needs an upright box, cylinder or plane"
+                f"the unknown number of {label(body.elements.element)} does not raise its top "
+                "straight up; `?` needs an upright box, cylinder or plane"
             )

@@ -11,17 +11,17 @@ from palpate.errors import unknown_name
 from palpate.geometry.pose import Pose
 from palpate.mjcf.body import Body
 from palpate.parameter import Parameter
-from palpate.quantities.quantity import QUANTITIES
+from palpate.quantities.catalogue import Catalogue
 
 if TYPE_CHECKING:
     import mujoco
 
     from palpate.robots.description import RobotDescription
-    from palpate.scene.resolve import Source
+    from palpate.scene.resolve import ResolvedScene
     from palpate.scene.symbols import Symbols
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Scene:
     """An incomplete simulation description with the poses that came with it.
 
@@ -35,7 +35,7 @@ class Scene:
             stands, else the origin).
         gravity: m/s^2, magnitude.
         priors: what is believed of every missing quantity before it is measured.
-        source: the parsed file, for `spec` and the twin.
+        resolved: the file it was read from, which can be completed: for `spec` and the twin.
         refit: of a scene seen in a picture: the scene anew, when contact has told a surface's
             height (m).
     """
@@ -48,7 +48,7 @@ class Scene:
     pose_world_base: Pose
     gravity: float
     priors: Mapping[Parameter, tuple[float, ...]]
-    source: Source
+    resolved: ResolvedScene
     refit: Callable[[str, float], Scene] | None = None
 
     objects: Mapping[str, Body] = field(init=False)
@@ -62,10 +62,30 @@ class Scene:
                 self, name, {n: body for n, body in self.bodies.items() if body.role == role}
             )
 
+    def __repr__(self) -> str:
+        counted = [
+            _counted(len(self.objects), "object"),
+            _counted(len(self.surfaces), "surface"),
+            f"{len(self.missing())} missing",
+        ]
+        return f"<Scene '{self.name}': {', '.join(counted)}>"
+
+    @property
+    def name(self) -> str:
+        """The file's, else the one that the MJCF gives itself."""
+        if self.path is not None:
+            return self.path.stem
+        return self.resolved.document.root.get("model") or "scene"
+
+    @property
+    def catalogue(self) -> Catalogue:
+        """The quantities it was read for."""
+        return self.resolved.catalogue
+
     @property
     def files(self) -> tuple[Path, ...]:
         """Every other file the MJCF needs (includes, meshes, textures), absolute."""
-        return self.source.document.files
+        return self.resolved.document.files
 
     def body(self, name: str) -> Body:
         """The object or surface named `name`.
@@ -78,24 +98,26 @@ class Scene:
         return self.bodies[name]
 
     def learned(self, parameter: Parameter, value: tuple[float, ...]) -> Scene:
-        """What is believed of the cell once `gap` has been measured: a scene seen in a picture gets
-        new shapes."""
-        return (
-            self.refit(parameter.object, value[0])
-            if self.refit and parameter.quantity == "height"
-            else self
-        )
+        """What is believed of the cell once a parameter has been measured: a scene seen in a
+        picture gets new shapes."""
+        if self.refit is not None and parameter.quantity == "height":
+            return self.refit(parameter.object, value[0])
+        return self
 
     def missing(self) -> tuple[Parameter, ...]:
         """Everything the MJCF does not state, in document order ("everything missing")."""
         return tuple(
             Parameter(body.name, quantity)
             for body in self.bodies.values()
-            for quantity in QUANTITIES
+            for quantity in self.catalogue
             if quantity in body.missing
         )
 
     def spec(self, values: Mapping[Parameter, tuple[float, ...]] | None = None) -> mujoco.MjSpec:
         """The scene as an editable model without any robot, unknowns filled from `values`, else
         from priors."""
-        return self.source.spec(self.priors, values or {})
+        return self.resolved.spec(values or {})
+
+
+def _counted(number: int, noun: str) -> str:
+    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"

@@ -7,7 +7,8 @@ from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 
 from palpate.parameter import Parameter
-from palpate.quantities.evidence import DERIVED, NEEDED, piece, supports
+from palpate.quantities.catalogue import catalogue
+from palpate.trace.recording import Recording
 from palpate.trace.samples import Trace
 
 
@@ -55,20 +56,27 @@ def judge(
 def _derived(trace: Trace, expected: Collection[Parameter]) -> Iterable[Parameter]:
     """The expected derived quantities for which the raw forces were logged."""
     for parameter in expected:
-        pieces = {piece(parameter, r.buffer, r.context) for r in trace.recordings} - {None}
-        if parameter.quantity in DERIVED and len(pieces) >= NEEDED[parameter.quantity]:
+        quantity = catalogue()[parameter.quantity]
+        logged = [(r.buffer, r.context) for r in trace.recordings]
+        if quantity.derived and quantity.is_evidenced(parameter, logged):
             yield parameter
 
 
 def _unused(trace: Trace, expected: Collection[Parameter]) -> list[str]:
     """Nodes of recordings that neither a conversion nor an expected derived quantity rests on."""
     converted = {(c.recording.buffer, c.recording.start) for c in trace.conversions}
-    return [
-        r.node
-        for r in trace.recordings
-        if (r.buffer, r.start) not in converted
-        and not any(supports(parameter, r.buffer, r.context) for parameter in expected)
-    ]
+    unused: list[str] = []
+    for recording in trace.recordings:
+        is_converted = (recording.buffer, recording.start) in converted
+        if not is_converted and not _is_evidence(recording, expected):
+            unused.append(recording.node)
+    return unused
+
+
+def _is_evidence(recording: Recording, expected: Collection[Parameter]) -> bool:
+    """Whether one of the expected derived quantities rests on a recording."""
+    pieces = [catalogue().piece(p, recording.buffer, recording.context) for p in expected]
+    return any(piece is not None for piece in pieces)
 
 
 def _grasped(trace: Trace) -> set[str]:

@@ -1,6 +1,6 @@
 """Estimates into the user's own MJCF text: a minimal change that leaves every other byte alone.
 
-What is written where is decided in `palpate.scene.fill`. Every estimate is also recorded in
+What is written where, each quantity says (`palpate.scene.fill`). Every estimate is also recorded in
 `<custom>`:
 
 - numeric `palpate_<object>_<quantity>`: value, standard deviation, low and high end of the 95 %
@@ -13,7 +13,7 @@ What is written where is decided in `palpate.scene.fill`. Every estimate is also
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 from lxml import etree
@@ -21,24 +21,17 @@ from lxml import etree
 from palpate.errors import InputError
 from palpate.estimation.estimate import Estimate
 from palpate.mjcf import spans
-from palpate.mjcf.compile import MUJOCO_FRICTION
-from palpate.mjcf.document import (
-    UNKNOWN,
-    Document,
-    Element,
-    elements,
-    parse_document,
-    parse_xml,
-    tokens,
-)
-from palpate.mjcf.edits import Edit, Insert
-from palpate.mjcf.roles import inventory, marked
+from palpate.mjcf.body import BodyDescription
+from palpate.mjcf.defaults import answered_elsewhere
+from palpate.mjcf.document import Document, Element, elements, parse_document, parse_xml
+from palpate.mjcf.edits import Change, Edit, Insert, Slot
 from palpate.parameter import Parameter
+from palpate.quantities.catalogue import Catalogue, catalogue
+from palpate.quantities.quantity import Quantity, Values
+from palpate.scene.describe import Description, describe
+from palpate.scene.fill import changes
 from palpate.scene.poses import Poses
-from palpate.scene.resolve import Source, resolve
 from palpate.scene.scene import Scene
-
-Values = Mapping[Parameter, tuple[float, ...]]
 
 
 def inject(
@@ -53,102 +46,113 @@ def inject(
     Raises:
         InputError: not a usable scene, or a value that has no place in it.
     """
-    document = parse_document(text, folder)
-    source = resolve(document, Poses()).source
-    source = replace(source, filler=replace(source.filler, std=_deviations(records)))
-    edits = [*source.filler.edits(values, {}), *_leftovers(source, values)]
-    if any(_target(edit) not in document.index for edit in edits):
-        assert folder is not None
-        return inject(spans.inline_includes(text, folder), values, records, folder)
-    return _written(document, edits, list(_entries(records)))
+    description = describe(parse_document(text, folder), Poses(), catalogue())
+    return _injected(description, catalogue(), values, records)
 
 
 def complete(scene: Scene, estimates: Sequence[Estimate]) -> tuple[str, tuple[str, ...]]:
     """The twin's text, and remarks: what could not be written, and which `?` nobody measured and
     now hold a prior."""
-    folder = scene.source.document.folder
     values = {e.parameter: tuple(e.value.tolist()) for e in estimates}
-    reasons = {parameter: _unfit(scene, parameter, values) for parameter in values}
-    fitting = {parameter: value for parameter, value in values.items() if not reasons[parameter]}
-    notes = [
-        f"{parameter} is not in the twin: {reason}"
-        for parameter, reason in reasons.items()
-        if reason
-    ]
-    open_parameters = [
-        parameter for parameter in unfilled(scene.text, folder) if parameter not in fitting
-    ]
-    filled = scene.source.filler.completed(
-        {parameter: scene.priors[parameter] for parameter in open_parameters}, fitting
-    )
-    notes += [
-        f"{parameter} was not measured; the twin holds the assumed value {_numbers(filled[parameter])}"
-        for parameter in open_parameters
-    ]
-    text = inject(scene.text, filled, [e for e in estimates if e.parameter in fitting], folder)
-    return text, tuple(notes)
+    fitting: dict[Parameter, tuple[float, ...]] = {}
+    notes: list[str] = []
+    description = _without_poses(scene)
+    marked = _marked(description, scene.catalogue)
+    for parameter, value in values.items():
+        reason = _unfit(scene, parameter, values, marked)
+        if reason:
+            notes.append(f"{parameter} is not in the twin: {reason}")
+        else:
+            fitting[parameter] = value
+    unmeasured = [parameter for parameter in marked if parameter not in fitting]
+    filled = scene.resolved.completed({p: scene.priors[p] for p in unmeasured}, fitting)
+    for parameter in unmeasured:
+        assumed = _numbers(filled[parameter])
+        notes.append(f"{parameter} was not measured; the twin holds the assumed value {assumed}")
+    records = [e for e in estimates if e.parameter in fitting]
+    return _injected(description, scene.catalogue, filled, records), tuple(notes)
 
 
 def unfilled(text: str, folder: Path | None = None) -> list[Parameter]:
     """What is written `?` and hence must be answered before MuJoCo reads the file, in document
     order."""
-    found = inventory(parse_document(text, folder))
-    parameters = marked(found)
-    return sorted(
-        (Parameter(*parameter) for parameter in parameters),
-        key=lambda parameter: (found.order.index(parameter.object), parameter.quantity),
-    )
+    return _marked(describe(parse_document(text, folder), Poses(), catalogue()), catalogue())
 
 
-def _unfit(scene: Scene, parameter: Parameter, values: Values) -> str:
-    """Why a value cannot be written, or nothing."""
-    needed = {
-        g: v
-        for g, v in values.items()
-        if g.object == parameter.object and g.quantity in (parameter.quantity, "mass")
-    }
+def _without_poses(scene: Scene) -> Description:
+    """The scene's file without the poses that came with it, which the twin's text leaves out."""
+    if not scene.resolved.description.placed:
+        return scene.resolved.description
+    return describe(scene.resolved.document, Poses(), scene.catalogue)
+
+
+def _marked(description: Description, quantities: Catalogue) -> list[Parameter]:
+    found: list[Parameter] = []
+    for body in description.bodies.values():
+        marked = [q.id for q in quantities.of(body.role) if _is_marked(body, q)]
+        found += [Parameter(body.name, id) for id in sorted(marked)]
+    return found
+
+
+def _is_marked(body: BodyDescription, quantity: Quantity) -> bool:
+    """Whether a quantity is missing and written `?`, so that the file does not compile without
+    it."""
+    if quantity.status(body) != "missing":
+        return False
+    slots = quantity.slots(body.elements)
+    return any(slot.open_numbers(_stated(body, slot)) for slot in slots)
+
+
+def _stated(body: BodyDescription, slot: Slot) -> str | None:
+    return body.defaults.attribute(slot.element, slot.attribute)
+
+
+def _unfit(scene: Scene, parameter: Parameter, values: Values, marked: Sequence[Parameter]) -> str:
+    """Why a value cannot be written beside what else the twin will hold, or nothing."""
+    others = {p: scene.priors[p] for p in marked} | {**values}
+    del others[parameter]
     try:
-        scene.source.filler.edits(needed, scene.priors)
+        scene.resolved.changes({parameter: values[parameter]}, others)
     except InputError as error:
         return str(error)
     return ""
 
 
-def _deviations(records: Sequence[Estimate]) -> dict[Parameter, float]:
-    return {record.parameter: float(min(record.std)) for record in records if record.has_value}
+def _injected(
+    description: Description, quantities: Catalogue, values: Values, records: Sequence[Estimate]
+) -> str:
+    document = description.document
+    std = {record.parameter: float(min(record.std)) for record in records if record.has_value}
+    edits = list(changes(description.bodies, quantities, values, {}, std))
+    edits += _leftovers(description, quantities, values, edits)
+    if any(_target(edit) not in document.index for edit in edits):
+        assert document.folder is not None
+        text = spans.inline_includes(document.text, document.folder)
+        return inject(text, values, records, document.folder)
+    return _written(document, edits, list(_entries(records)))
 
 
-def _target(edit: Edit | Insert) -> Element:
+def _target(edit: Change) -> Element:
     return edit.parent if isinstance(edit, Insert) else edit.element
 
 
-def _leftovers(source: Source, values: Values) -> Iterator[Edit]:
+def _leftovers(
+    description: Description, quantities: Catalogue, values: Values, edits: Sequence[Change]
+) -> Iterator[Edit]:
     """A `?` that no longer means anything once every mass, or friction, is known: in a defaults
     class, mostly."""
-    still = {
-        quantity
-        for name, quantity in marked(source.found)
-        if Parameter(name, quantity) not in values
-    }
-    things = source.found.objects.values()
-    answered = {(g, a) for thing in things for g in thing.unweighed for a in ("mass", "density")}
-    answered |= {(g, "friction") for thing in things for g in thing.missing_friction}
-    for geom in (e for e in elements(source.document.root) if e.tag == "geom"):
-        for attribute, quantity in (
-            ("mass", "mass"),
-            ("density", "mass"),
-            ("friction", "friction"),
-        ):
-            open_numbers = [
-                i for i, part in enumerate(tokens(geom.get(attribute))) if part == UNKNOWN
-            ]
-            if open_numbers and quantity not in still and (geom, attribute) not in answered:
-                numbers = (
-                    {i: MUJOCO_FRICTION[min(i, 2)] for i in open_numbers}
-                    if attribute == "friction"
-                    else None
-                )
-                yield Edit(geom, attribute, numbers)
+    answered = {(e.element, e.attribute) for e in edits if isinstance(e, Edit)}
+    needed: set[str] = set()
+    for parameter in _marked(description, quantities):
+        if parameter not in values:
+            elements_of = description.bodies[parameter.object].elements
+            slots = quantities[parameter.quantity].slots(elements_of)
+            needed |= {slot.attribute for slot in slots}
+    for geom in elements(description.document.root):
+        for edit in answered_elsewhere(geom):
+            is_answered = (geom, edit.attribute) in answered
+            if geom.tag == "geom" and edit.attribute not in needed and not is_answered:
+                yield edit
 
 
 @dataclass(frozen=True, slots=True)
@@ -183,7 +187,7 @@ def _printable(text: str) -> str:
     return " ".join("".join(c if c.isprintable() else " " for c in text).split())[:1000]
 
 
-def _written(document: Document, edits: Sequence[Edit | Insert], entries: list[_Entry]) -> str:
+def _written(document: Document, edits: Sequence[Change], entries: list[_Entry]) -> str:
     """The main text with the changes made, read again to make sure that nothing else has
     changed."""
     tags = spans.scan(document.text)
@@ -206,7 +210,7 @@ def _written(document: Document, edits: Sequence[Edit | Insert], entries: list[_
 
 
 def _attribute_values(
-    document: Document, edits: Sequence[Edit | Insert], data: bytes, tags: Sequence[spans.Tag]
+    document: Document, edits: Sequence[Change], data: bytes, tags: Sequence[spans.Tag]
 ) -> dict[tuple[int, str], str | None]:
     """New text of each changed attribute, by number of its element; several edits of one attribute
     add up."""

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 from palpate.errors import PalpateError
 from palpate.estimation.estimate import Estimate
-from palpate.geometry.pose import Array, Pose
-from palpate.scene.load import rearranged, scene_from_text
+from palpate.geometry.pose import Pose
+from palpate.scene.load import scene_from_text
 from palpate.scene.scene import Scene
 from palpate.trace.samples import Trace
 from palpate.twin.inject import complete
@@ -47,22 +47,21 @@ def build_twin(scene: Scene, estimates: Sequence[Estimate], trace: Trace, replay
         )
     )
     try:
-        twin = scene_from_text(text, _with_measured_positions(scene, identified))
+        twin = scene_from_text(text, scene, _measured_places(scene, identified))
         marks = validate(twin, scene, trace, replay)
     except PalpateError as error:
         return Twin(text, diff, (*notes, f"the twin was not simulated: {error}"), None)
     return Twin(text, diff, tuple(notes), marks, twin)
 
 
-def _with_measured_positions(scene: Scene, estimates: Sequence[Estimate]) -> Scene:
-    """The scene whose poses, which overrule the MJCF's, do not overrule what was measured."""
-    placed = {
-        e.parameter.object: _placed(scene.body(e.parameter.object).pose_world, e.value)
-        for e in estimates
-        if e.parameter.quantity == "position"
-    }
-    return rearranged(scene, placed) if placed else scene
-
-
-def _placed(pose_world: Pose, position: Array) -> Pose:
-    return Pose.of((*position, pose_world.position[2]), pose_world.quaternion)
+def _measured_places(scene: Scene, estimates: Sequence[Estimate]) -> dict[str, Pose]:
+    """Where objects were found to be: the poses that came with the scene overrule the MJCF, but not
+    what was measured."""
+    found: dict[str, Pose] = {}
+    for estimate in estimates:
+        if estimate.parameter.quantity == "position":
+            name = estimate.parameter.object
+            pose_world = scene.body(name).pose_world
+            position = (*estimate.value.tolist(), pose_world.position[2])
+            found[name] = Pose.of(position, pose_world.quaternion)
+    return found

@@ -93,8 +93,8 @@ class Primitive(BaseModel):
     group: ClassVar[Literal["motion", "gripper", "sensing", "conversion"]]
     reads: ClassVar[str | None] = None
     writes: ClassVar[str | None] = None
-    measures: ClassVar[Quantity | None] = None
-    """What a conversion yields; a quantity the catalogue lacks is added to it on registration."""
+    measures: ClassVar[type[Quantity] | None] = None
+    """What a conversion yields: a quantity of the catalogue."""
     timeout: ClassVar[float] = 30.0
     """Robot time in s after which the leaf fails."""
 

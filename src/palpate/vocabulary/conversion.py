@@ -7,24 +7,30 @@ from typing import ClassVar
 
 from palpate.parameter import Parameter
 from palpate.quantities.estimators import estimate_all
-from palpate.quantities.quantity import QUANTITIES, Quantity
+from palpate.quantities.height import Height
+from palpate.quantities.mass import Mass
+from palpate.quantities.momentum import Momentum
+from palpate.quantities.position import Position
+from palpate.quantities.quantity import Quantity
+from palpate.quantities.velocity import Velocity
 from palpate.trace.recording import Context, Conversion
 from palpate.trace.samples import FORCES, POSE
 from palpate.vocabulary.base import Blackboard, ConversionPrimitive, LeafFailure, Steps
 from palpate.vocabulary.state import SymbolicState
 
-GRIPPER = "gripper"
-"""The subject of a velocity or momentum measured with empty fingers."""
-
 
 class _Conversion(ConversionPrimitive):
     """What all conversions share: they read one buffer, whose context says what it is about."""
 
-    needs: ClassVar[str]
-
     def about(self, context: Context) -> str | None:
-        """The subject of a buffer written in `context`; None when it is not what this converts."""
-        raise NotImplementedError
+        """The subject of a buffer written in `context`; None when that is no evidence of what this
+        measures."""
+        assert self.measures is not None
+        for evidence in self.measures.evidence:
+            subject = evidence.about(context)
+            if evidence.buffer == self.reads and subject is not None:
+                return subject
+        return None
 
     def subject(self, state: SymbolicState) -> str | None:
         context = state.buffers.get(self.reads or "")
@@ -34,9 +40,10 @@ class _Conversion(ConversionPrimitive):
         if self.reads not in state.buffers:
             writer = "MeasureForces" if self.reads == FORCES else "MeasureGripperPose"
             return [f"`{self.reads}` is empty; {writer} must come before {type(self).__name__}"]
-        if self.subject(state) is None:
+        if self.subject(state) is None and self.measures is not None:
             return [
-                f"`{self.reads}` was not logged {self.needs}, so {type(self).__name__} has nothing to convert"
+                f"what `{self.reads}` holds is no evidence of a {self.measures.label}, so "
+                f"{type(self).__name__} has nothing to convert; first {self.measures.how}"
             ]
         return []
 
@@ -75,11 +82,7 @@ class Force2Mass(_Conversion):
     object was held still, lifted and balanced; not when it hangs tilted off its centre."""
 
     reads: ClassVar[str | None] = FORCES
-    measures: ClassVar[Quantity | None] = QUANTITIES["mass"]
-    needs: ClassVar[str] = "while an object was held still and lifted"
-
-    def about(self, context: Context) -> str | None:
-        return context.holding if context.activity == "still" else None
+    measures: ClassVar[type[Quantity] | None] = Mass
 
 
 class Force2Velocity(_Conversion):
@@ -87,11 +90,7 @@ class Force2Velocity(_Conversion):
     for anything static."""
 
     reads: ClassVar[str | None] = FORCES
-    measures: ClassVar[Quantity | None] = QUANTITIES["velocity"]
-    needs: ClassVar[str] = "beside a motion in a Parallel"
-
-    def about(self, context: Context) -> str | None:
-        return (context.holding or GRIPPER) if context.activity in ("moving", "sliding") else None
+    measures: ClassVar[type[Quantity] | None] = Velocity
 
 
 class Force2Momentum(_Conversion):
@@ -99,11 +98,7 @@ class Force2Momentum(_Conversion):
     Irrelevant for anything static."""
 
     reads: ClassVar[str | None] = FORCES
-    measures: ClassVar[Quantity | None] = QUANTITIES["momentum"]
-    needs: ClassVar[str] = "beside a motion of a held, lifted object in a Parallel"
-
-    def about(self, context: Context) -> str | None:
-        return context.holding if context.activity == "moving" else None
+    measures: ClassVar[type[Quantity] | None] = Momentum
 
 
 class Pose2Height(_Conversion):
@@ -111,19 +106,11 @@ class Pose2Height(_Conversion):
     the world's origin."""
 
     reads: ClassVar[str | None] = POSE
-    measures: ClassVar[Quantity | None] = QUANTITIES["height"]
-    needs: ClassVar[str] = "in contact with a surface after MoveUntilContact -z"
-
-    def about(self, context: Context) -> str | None:
-        return context.support if context.activity == "contact" else None
+    measures: ClassVar[type[Quantity] | None] = Height
 
 
 class Pose2Plan(_Conversion):
     """Convert `gripper_pose` logged while an object is held into that object's x-y position."""
 
     reads: ClassVar[str | None] = POSE
-    measures: ClassVar[Quantity | None] = QUANTITIES["position"]
-    needs: ClassVar[str] = "while an object was held"
-
-    def about(self, context: Context) -> str | None:
-        return context.holding
+    measures: ClassVar[type[Quantity] | None] = Position

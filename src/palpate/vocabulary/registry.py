@@ -7,9 +7,10 @@ from functools import cache
 from types import ModuleType
 from typing import Any
 
-from palpate.errors import unknown_name
+from palpate.errors import InputError, unknown_name
 from palpate.extensions import extensions, public
-from palpate.quantities.quantity import QUANTITIES
+from palpate.quantities.catalogue import GROUP, catalogue
+from palpate.quantities.quantity import Quantity
 from palpate.vocabulary import core
 from palpate.vocabulary.base import ConversionPrimitive, Primitive
 from palpate.vocabulary.composites import COMPOSITES, Composite
@@ -24,6 +25,15 @@ def converters(quantity: str) -> list[type[Primitive]]:
         for cls in vocabulary().primitives.values()
         if cls.measures is not None and cls.measures.id == quantity
     ]
+
+
+def acquisition(quantity: Quantity) -> str:
+    """How a quantity is acquired, in words: its evidence, and then the conversion or what else
+    follows."""
+    if quantity.derived:
+        return f"{quantity.how}; derived"
+    names = [cls.__name__ for cls in converters(quantity.id)]
+    return f"{quantity.how}, then {names[0]}" if names else quantity.how
 
 
 def sensors(buffer: str | None) -> list[type[Primitive]]:
@@ -72,7 +82,8 @@ def vocabulary() -> Vocabulary:
     class name.
 
     Raises:
-        InputError: an entry point's module cannot be loaded; the message names it.
+        InputError: an entry point's module cannot be loaded, or a conversion measures a quantity
+            that the catalogue lacks; the message names it.
     """
 
     found: dict[str, type[Primitive]] = _declared(core)
@@ -80,11 +91,18 @@ def vocabulary() -> Vocabulary:
         if module is not core:
             found = {**_declared(module), **found}
     for cls in found.values():
-        if cls.measures is not None:
-            QUANTITIES.setdefault(cls.measures.id, cls.measures)
+        _require_known(cls)
     return Vocabulary(
         dict(sorted(found.items(), key=lambda item: _order(item[0], core))), COMPOSITES
     )
+
+
+def _require_known(cls: type[Primitive]) -> None:
+    if cls.measures is not None and cls.measures.id not in catalogue():
+        raise InputError(
+            f"{cls.__name__} measures '{cls.measures.id}', which is no quantity of the catalogue; the "
+            f"package that brings it must name its module in the entry-point group {GROUP}"
+        )
 
 
 def _declared(module: ModuleType) -> dict[str, type[Primitive]]:

@@ -13,11 +13,10 @@ from palpate.planning.check.measured import measured
 from palpate.planning.check.walk import Finding, Reach, Walk, static_findings
 from palpate.planning.plan import Plan
 from palpate.planning.symbolic.mentions import GRIPPER
-from palpate.quantities.evidence import DERIVED
-from palpate.quantities.quantity import QUANTITIES
+from palpate.quantities.catalogue import catalogue
 from palpate.scene.scene import Scene
 from palpate.vocabulary.admissible.clearance import needed_away
-from palpate.vocabulary.registry import vocabulary
+from palpate.vocabulary.registry import acquisition
 from palpate.vocabulary.state import SymbolicState
 
 __all__ = ["MAX_FINDINGS", "RULES", "Finding", "check"]
@@ -105,22 +104,21 @@ def _without_tree(plan: Plan) -> Iterator[Finding]:
 
 
 def _parameters(plan: Plan, scene: Scene | None, remeasure: bool) -> Iterator[Finding]:
-    vocabulary()  # registers the quantities that third parties measure
     for i, parameter in enumerate(plan.parameters):
         path = f"parameters[{i}]"
         if parameter in plan.parameters[:i]:
             yield Finding(path, "duplicate-parameter", f"{parameter} is listed twice; list it once")
-        if parameter.quantity not in QUANTITIES:
+        if parameter.quantity not in catalogue():
             yield Finding(
                 path,
                 "unknown-parameter",
-                f"'{parameter.quantity[:80]}' is not a quantity; valid: {', '.join(QUANTITIES)}",
+                f"'{parameter.quantity[:80]}' is not a quantity; valid: {', '.join(catalogue())}",
             )
-        elif not QUANTITIES[parameter.quantity].identifiable:
+        elif not catalogue()[parameter.quantity].identifiable:
             yield Finding(
                 path,
                 "unmeasurable",
-                f"{parameter} cannot be measured: {QUANTITIES[parameter.quantity].how}; remove it "
+                f"{parameter} cannot be measured: {catalogue()[parameter.quantity].how}; remove it "
                 "and say so in the explanation",
             )
         elif scene is not None:
@@ -128,7 +126,7 @@ def _parameters(plan: Plan, scene: Scene | None, remeasure: bool) -> Iterator[Fi
 
 
 def _of_body(parameter: Parameter, path: str, scene: Scene, remeasure: bool) -> Iterator[Finding]:
-    quantity = QUANTITIES[parameter.quantity]
+    quantity = catalogue()[parameter.quantity]
     if parameter.object not in scene.bodies:
         if not (parameter.object == GRIPPER and quantity.subject == GRIPPER):
             yield Finding(
@@ -208,11 +206,11 @@ def _minimal(plan: Plan, walk: Walk, scene: Scene, remeasure: bool) -> Iterator[
 def _end(plan: Plan, state: SymbolicState) -> Iterator[Finding]:
     for i, parameter in enumerate(plan.parameters):
         if (
-            parameter.quantity in QUANTITIES
-            and QUANTITIES[parameter.quantity].identifiable
+            parameter.quantity in catalogue()
+            and catalogue()[parameter.quantity].identifiable
             and not measured(parameter, state)
         ):
-            how = DERIVED.get(parameter.quantity, QUANTITIES[parameter.quantity].how)
+            how = acquisition(catalogue()[parameter.quantity])
             yield Finding(
                 f"parameters[{i}]",
                 "undischarged",

@@ -1,22 +1,25 @@
-"""When is a gap discharged? By its conversion, or, for a derived quantity, by the recordings it is
-derived from."""
+"""When is a parameter measured? By its conversion, or, for a derived quantity, by the recordings it
+is derived from."""
 
 from __future__ import annotations
 
 from palpate.parameter import Parameter
-from palpate.quantities.evidence import DERIVED, NEEDED, piece
+from palpate.quantities.catalogue import catalogue
 from palpate.vocabulary.state import SymbolicState
 
 
 def amount(parameter: Parameter, state: SymbolicState) -> int:
-    """How much of the evidence for `gap` there is."""
+    """How much of the evidence for `parameter` there is: more is nearer to it."""
+    quantity = catalogue()[parameter.quantity]
+    needed = sum(evidence.count for evidence in quantity.evidence)
     if parameter in state.converted:
-        return max(NEEDED.values())
-    return len({piece(parameter, buffer, context) for buffer, context in state.logged} - {None})
+        return max(needed, 1)
+    return len(quantity.pieces(parameter, state.logged)) if quantity.derived else 0
 
 
 def measured(parameter: Parameter, state: SymbolicState) -> bool:
-    """Whether what was recorded and converted so far yields `gap`."""
-    if parameter.quantity not in DERIVED:
-        return parameter in state.converted
-    return amount(parameter, state) >= NEEDED[parameter.quantity]
+    """Whether what was recorded and converted so far yields `parameter`."""
+    if parameter in state.converted:
+        return True
+    quantity = catalogue()[parameter.quantity]
+    return quantity.derived and quantity.is_evidenced(parameter, state.logged)

@@ -14,7 +14,8 @@ from palpate.geometry.pose import Pose
 from palpate.parameter import Parameter
 from palpate.planning.nodes import during, leaves, primitive_of
 from palpate.planning.plan import Node
-from palpate.quantities.evidence import DERIVED, piece
+from palpate.quantities.catalogue import catalogue
+from palpate.quantities.quantity import Piece
 from palpate.scene.scene import Scene
 from palpate.trace.recording import Context
 from palpate.vocabulary.admissible.clearance import TOUCH, motion_to, straddled
@@ -177,17 +178,17 @@ class Walk:
 
     def unused_recordings(self, parameters: Iterable[Parameter]) -> Iterator[str]:
         """Paths of sensing leaves that neither a conversion nor a derived parameter needs."""
-        derived = [parameter for parameter in parameters if parameter.quantity in DERIVED]
-        seen: set[tuple[Parameter, str | None]] = set()
+        wanted = list(parameters)
+        seen: set[tuple[Parameter, Piece]] = set()
         for recorded in self._recorded:
-            pieces = {
-                parameter: piece(parameter, recorded.buffer, recorded.context)
-                for parameter in derived
-            }
-            keys = {(parameter, found) for parameter, found in pieces.items() if found is not None}
-            if not recorded.used and keys <= seen:
+            new: set[tuple[Parameter, Piece]] = set()
+            for parameter in wanted:
+                piece = catalogue().piece(parameter, recorded.buffer, recorded.context)
+                if piece is not None:
+                    new.add((parameter, piece))
+            if not recorded.used and new <= seen:
                 yield recorded.path
-            seen |= keys
+            seen |= new
 
     def tools(self, parameters: Iterable[Parameter]) -> set[str]:
         """Objects that were held while a parameter of something else was measured."""

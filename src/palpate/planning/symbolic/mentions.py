@@ -12,7 +12,7 @@ from palpate.mjcf.body import Body
 from palpate.planning.symbolic import lexicon
 from palpate.planning.symbolic.lexicon import COLOURS, DETERMINERS, EVERY, STOP
 from palpate.planning.symbolic.tokens import name_words, singulars
-from palpate.quantities.quantity import QUANTITIES
+from palpate.quantities.catalogue import catalogue
 from palpate.scene.scene import Scene
 
 Kind = Literal[
@@ -244,8 +244,8 @@ _EDGE = Item("break", ("",))
 def _phrases() -> dict[tuple[str, ...], str]:
     """The words of every synonym to the id of its quantity."""
     phrases: dict[tuple[str, ...], str] = {}
-    for quantity in QUANTITIES.values():
-        for synonym in (*quantity.synonyms, quantity.id):
+    for quantity in catalogue().values():
+        for synonym in (*quantity.words.get("en", ()), quantity.id):
             phrases[tuple(synonym.split())] = quantity.id
     return phrases
 

@@ -19,11 +19,10 @@ from palpate.planning.planner import needs_scene
 from palpate.planning.symbolic.grounding import Grounded, ground
 from palpate.planning.symbolic.mentions import GRIPPER
 from palpate.planning.symbolic.search import Backchainer
-from palpate.quantities.evidence import DERIVED
-from palpate.quantities.quantity import QUANTITIES
+from palpate.quantities.catalogue import catalogue
 from palpate.robots.kinematics import reachable
 from palpate.scene.scene import Scene
-from palpate.vocabulary.registry import vocabulary
+from palpate.vocabulary.registry import acquisition, vocabulary
 
 
 @dataclass(frozen=True, slots=True)
@@ -197,7 +196,7 @@ def _is_known(parameter: Parameter, scene: Scene) -> bool:
 
 def _known_note(parameter: Parameter, scene: Scene) -> str:
     value = ", ".join(f"{v:.6g}" for v in scene.bodies[parameter.object].known[parameter.quantity])
-    quantity = QUANTITIES[parameter.quantity]
+    quantity = catalogue()[parameter.quantity]
     unit = "" if quantity.unit == "1" else f" {quantity.unit}"
     return (
         f"{_spoken([parameter])} is stated by the scene ({value}{unit}) and not measured again "
@@ -206,14 +205,14 @@ def _known_note(parameter: Parameter, scene: Scene) -> str:
 
 
 def _identifiable(parameters: Iterable[Parameter]) -> list[Parameter]:
-    return [wanted for wanted in parameters if QUANTITIES[wanted.quantity].identifiable]
+    return [wanted for wanted in parameters if catalogue()[wanted.quantity].identifiable]
 
 
 def _unidentifiable(parameters: Iterable[Parameter]) -> list[str]:
     """One sentence for each parameter that the vocabulary cannot measure at all."""
     sentences: list[str] = []
     for parameter in parameters:
-        quantity = QUANTITIES[parameter.quantity]
+        quantity = catalogue()[parameter.quantity]
         if not quantity.identifiable:
             sentences.append(f"{_spoken([parameter])} cannot be measured: {quantity.how}.")
     return sentences
@@ -221,7 +220,7 @@ def _unidentifiable(parameters: Iterable[Parameter]) -> list[str]:
 
 def _spoken(parameters: Sequence[Parameter]) -> str:
     """The parameters of one object in words: "The mass and sliding friction of 'mug'"."""
-    labels = [QUANTITIES[parameter.quantity].label for parameter in parameters]
+    labels = [catalogue()[parameter.quantity].label for parameter in parameters]
     *others, last = labels
     listed = f"{', '.join(others)} and {last}" if others else last
     return f"The {listed} of '{parameters[0].object}'"
@@ -244,10 +243,11 @@ def _explained(made: Assembled) -> list[str]:
 
 def _acquired(id: str, names: Sequence[str]) -> str:
     """How a quantity of the named objects is measured."""
-    quantity = QUANTITIES[id]
-    how = quantity.how.removesuffix("; derived")
-    derived = ", and the value is derived from the recordings" if id in DERIVED else ""
-    return f"{quantity.label.capitalize()} of {', '.join(names)}: {how}{derived}."
+    quantity = catalogue()[id]
+    how = acquisition(quantity)
+    if quantity.derived:
+        how = f"{quantity.how}, and the value is derived from the recordings"
+    return f"{quantity.label.capitalize()} of {', '.join(names)}: {how}."
 
 
 def _carried(tree: Node) -> list[str]:

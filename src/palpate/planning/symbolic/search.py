@@ -22,9 +22,8 @@ from palpate.parameter import Parameter
 from palpate.planning.check.measured import amount, measured
 from palpate.planning.nodes import beside, during, node_of
 from palpate.planning.plan import Node
-from palpate.quantities.evidence import DERIVED, supports
+from palpate.quantities.catalogue import catalogue
 from palpate.scene.scene import Scene
-from palpate.trace.samples import FORCES
 from palpate.vocabulary.admissible.clearance import Motion, blockers, motion_to, straddled
 from palpate.vocabulary.base import Primitive
 from palpate.vocabulary.registry import converters, sensors, vocabulary
@@ -275,8 +274,12 @@ def _chain(
 
 def _chains(quantity: str) -> Iterator[tuple[Primitive, ...]]:
     """Sensing and conversion that end in `quantity`."""
-    if quantity in DERIVED:
-        yield from ((s,) for cls in sensors(FORCES) for s in _grounded(cls, {}))
+    known = catalogue()[quantity]
+    if known.derived:
+        for buffer in dict.fromkeys(evidence.buffer for evidence in known.evidence):
+            for cls in sensors(buffer):
+                for sensing in _grounded(cls, {}):
+                    yield (sensing,)
     for cls in converters(quantity):
         for conversion in _grounded(cls, {}):
             if cls.reads is None:
@@ -301,10 +304,13 @@ def _yields(parameter: Parameter, steps: Iterable[Step], state: SymbolicState) -
 def _may_concern(parameter: Parameter, step: Step, state: SymbolicState) -> bool:
     """Whether what a step records may be evidence for a derived gap: a quick look before the step
     is tried."""
-    if parameter.quantity not in DERIVED:
+    if not catalogue()[parameter.quantity].derived:
         return True
     context = during([p for p in step.primitives if p.claims], state).context()
-    return any(supports(parameter, p.writes, context) for p in step.primitives if p.writes)
+    for primitive in step.primitives:
+        if primitive.writes and catalogue().piece(parameter, primitive.writes, context):
+            return True
+    return False
 
 
 def _applied(step: Step, state: SymbolicState) -> SymbolicState | None:

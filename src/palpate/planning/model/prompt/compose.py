@@ -15,7 +15,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from palpate.errors import InputError, unknown_name
-from palpate.quantities.quantity import QUANTITIES, Quantity
+from palpate.quantities.catalogue import catalogue
+from palpate.quantities.quantity import Quantity
+from palpate.vocabulary.registry import acquisition
 
 if TYPE_CHECKING:
     from palpate.geometry.pose import Array, Pose
@@ -136,7 +138,7 @@ def _filled(file: str, vocabulary: Vocabulary) -> str:
         "general": [_primitive_entry(p) for p in primitives if p.group != "conversion"],
         "conversion": [_primitive_entry(p) for p in primitives if p.group == "conversion"],
         "composites": [f"- {c.name}: {c.summary}" for c in vocabulary.composites.values()],
-        "quantities": [_quantity_entry(q) for q in QUANTITIES.values()],
+        "quantities": [_quantity_entry(q) for q in catalogue().values()],
     }
     for name, lines in entries.items():
         text = text.replace(f"{{{{{name}}}}}", "\n".join(lines))
@@ -160,7 +162,7 @@ def _quantity_entry(quantity: Quantity) -> str:
     subject = {"gripper": "the held object or of `gripper`", "object": "an object"}.get(
         quantity.subject, f"a {quantity.subject}"
     )
-    return f"- {quantity.id}{unit}, of {subject}{kind}: {quantity.how}"
+    return f"- {quantity.id}{unit}, of {subject}{kind}: {acquisition(quantity)}"
 
 
 def _request(request: str) -> str:

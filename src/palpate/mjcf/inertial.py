@@ -1,0 +1,249 @@
+"""The one `<inertial>` of an object: where its mass, centre of mass and inertia stand.
+
+Without an `<inertial>`, MuJoCo infers all three from the geoms. A mass alone is then written on the
+geoms that lack one, shared by volume; a centre of mass or an inertia makes a new `<inertial>`,
+which has to state all three.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from palpate.errors import InputError
+from palpate.geometry.inertia import components, rotation, tensor_of
+from palpate.geometry.pose import Array
+from palpate.mjcf.body import BodyDescription
+from palpate.mjcf.document import UNKNOWN, Element, has_unknown, tokens
+from palpate.mjcf.edits import Change, Edit, Insert, number, unknown_only
+
+INERTIAS = ("diaginertia", "fullinertia")
+
+
+@dataclass(frozen=True, slots=True)
+class Statement:
+    """What is to be stated of an object's inertia; several of them make one `<inertial>`.
+
+    Attributes:
+        mass: kg. com: (3,) m, in the body frame. inertia: xx yy zz xy xz yz about it, kg m².
+        std: standard deviation, which decides how many digits are written.
+    """
+
+    mass: float | None = None
+    com: tuple[float, ...] | None = None
+    inertia: tuple[float, ...] | None = None
+    std: float | None = None
+
+
+def unweighed_geoms(body: BodyDescription) -> tuple[Element, ...]:
+    """Geoms that carry a missing mass: those marked `?`; else, when no geom states a mass or
+    density above zero, all that do not state zero."""
+    if body.elements.inertial is not None:
+        return ()
+    stated = {geom: _stated_weights(body, geom) for geom in body.elements.geoms}
+    marked = [geom for geom, texts in stated.items() if UNKNOWN in tokens(" ".join(texts))]
+    if marked:
+        return tuple(marked)
+    for texts in stated.values():
+        if any(_number(text) > 0 for text in texts):
+            return ()
+    return tuple(geom for geom, texts in stated.items() if not texts)
+
+
+def _stated_weights(body: BodyDescription, geom: Element) -> list[str]:
+    stated = [body.defaults.attribute(geom, name) for name in ("mass", "density")]
+    return [text for text in stated if text is not None]
+
+
+def _number(text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        return 0.0
+
+
+def mass_is_open(body: BodyDescription) -> bool:
+    """Whether nothing states the object's mass."""
+    inertial = body.elements.inertial
+    if inertial is None:
+        return bool(unweighed_geoms(body))
+    return lacks(inertial, "mass")
+
+
+def inertia_is_open(inertial: Element) -> bool:
+    """Whether an `<inertial>` leaves its inertia open."""
+    stated = [name for name in INERTIAS if inertial.get(name) is not None]
+    return not stated or any(has_unknown(inertial, name) for name in stated)
+
+
+def lacks(inertial: Element, attribute: str) -> bool:
+    """Whether an `<inertial>` does not state all numbers of an attribute."""
+    return inertial.get(attribute) is None or has_unknown(inertial, attribute)
+
+
+def mass_of(body: BodyDescription) -> float:
+    """The object's mass as the file states it (or a stand-in), kg."""
+    inertial = body.elements.inertial
+    if inertial is not None and inertial.get("mass") not in (None, UNKNOWN):
+        return float(inertial.get("mass") or 0)
+    model = body.shapes.model
+    return float(model.body_subtreemass[model.body(body.name).id])
+
+
+def com_of(body: BodyDescription) -> tuple[float, ...]:
+    """Centre of mass in the body frame, as MuJoCo has it, m."""
+    return tuple(float(v) for v in body.shapes.model.body(body.name).ipos)
+
+
+def inertia_for(body: BodyDescription, mass: float, com: Sequence[float]) -> tuple[float, ...]:
+    """xx yy zz xy xz yz about `com` (body frame, m), kg m², of the geoms scaled to `mass` (kg)."""
+    return tuple(components(_tensor(body, mass, np.array(com))))
+
+
+def _tensor(body: BodyDescription, mass: float, com: Array) -> Array:
+    """(3, 3) about `com` in body axes: the geoms' own inertia, or their box's where an `<inertial>`
+    hides it, moved by the parallel axis theorem."""
+    compiled = body.elements.inertial is None
+    tensor, centre = _of_geoms(body, mass) if compiled else _of_box(body, mass)
+    offset = com - centre
+    return tensor + mass * (offset @ offset * np.eye(3) - np.outer(offset, offset))
+
+
+def _of_geoms(body: BodyDescription, mass: float) -> tuple[Array, Array]:
+    compiled = body.shapes.model.body(body.name)
+    axes = rotation(np.asarray(compiled.iquat))
+    scale = mass / float(compiled.mass[0])
+    tensor = axes @ np.diag(np.asarray(compiled.inertia)) @ axes.T * scale
+    return tensor, np.asarray(compiled.ipos)
+
+
+def _of_box(body: BodyDescription, mass: float) -> tuple[Array, Array]:
+    to_body = body.shapes.body_pose(body.name).inverse()
+    cloud = np.array([to_body.apply(point) for point in body.shapes.cloud(body.elements.geoms)])
+    low, high = cloud.min(axis=0), cloud.max(axis=0)
+    squares = (high - low) ** 2
+    return np.diag(mass / 12 * (squares.sum() - squares)), (high + low) / 2
+
+
+def written(
+    body: BodyDescription, stated: Sequence[Statement], known: Iterable[Statement]
+) -> Iterator[Change]:
+    """The changes that state all of `stated` at once; `known` is what they rest on but leave alone.
+
+    Raises:
+        InputError: a mass that is none, or an `<inertial>` that cannot be made.
+    """
+    mine = _Together(stated)
+    if mine.com is not None or mine.inertia is not None:
+        yield from _inertial(body, mine, _Together(known))
+    elif mine.mass is not None:
+        yield from _mass(body, mine.mass, mine.mass_std)
+
+
+class _Together:
+    """Several statements as one."""
+
+    def __init__(self, statements: Iterable[Statement]) -> None:
+        self.mass: float | None = None
+        self.mass_std: float | None = None
+        self.com: tuple[float, ...] | None = None
+        self.com_std: float | None = None
+        self.inertia: tuple[float, ...] | None = None
+        for statement in statements:
+            if statement.mass is not None:
+                self.mass, self.mass_std = statement.mass, statement.std
+            if statement.com is not None:
+                self.com, self.com_std = statement.com, statement.std
+            if statement.inertia is not None:
+                self.inertia = statement.inertia
+
+
+def _mass(body: BodyDescription, mass: float, std: float | None) -> Iterator[Edit]:
+    if mass <= 0:
+        raise InputError(
+            f"a mass of {mass:.6g} kg for '{body.name}' cannot be written; it must be above zero"
+        )
+    if body.elements.inertial is not None:
+        yield Edit(body.elements.inertial, "mass", {0: number(mass, std)})
+        return
+    geoms = unweighed_geoms(body) or body.elements.geoms
+    volumes = np.array([max(body.shapes.volume(geom), 1e-12) for geom in geoms])
+    own = max(mass - _mass_beside(body, geoms), 1e-6)
+    for geom, volume in zip(geoms, volumes, strict=True):
+        share = own * float(volume / volumes.sum())
+        if UNKNOWN in tokens(geom.get("density")):
+            yield Edit(geom, "density", {0: number(share / float(volume))})
+        else:
+            digits = std if len(geoms) == 1 else None
+            yield Edit(geom, "mass", {0: number(share, digits)})
+
+
+def _mass_beside(body: BodyDescription, geoms: Sequence[Element]) -> float:
+    """Mass of the object's other geoms, kg."""
+    total = 0.0
+    for geom in body.elements.geoms:
+        if geom not in geoms:
+            mass = body.defaults.attribute(geom, "mass")
+            density = body.defaults.attribute(geom, "density") or "1000"
+            total += float(mass) if mass else float(density) * body.shapes.volume(geom)
+    return total
+
+
+def _inertial(body: BodyDescription, mine: _Together, known: _Together) -> Iterator[Change]:
+    if any(element.tag == "body" for element in body.elements.element.iterdescendants()):
+        raise InputError(
+            f"'{body.name}' is made of several bodies; MJCF has no one place for its centre of mass"
+        )
+    mass = _mass_for(body, mine, known)
+    com = np.array(mine.com or known.com or com_of(body))
+    tensor = tensor_of(mine.inertia) if mine.inertia is not None else _tensor(body, mass, com)
+    pos = {i: number(float(v), mine.com_std) for i, v in enumerate(com)}
+    mass_text = number(mass, mine.mass_std)
+    if body.elements.inertial is None:
+        stated = {"pos": " ".join(pos.values()), "mass": mass_text}
+        attributes = {**stated, **_inertia_attributes(tensor)}
+        yield Insert(body.elements.element, "inertial", attributes)
+        yield from _weights_answered(body, mass)
+        return
+    inertial = body.elements.inertial
+    if mine.com is not None:
+        yield Edit(inertial, "pos", unknown_only(inertial, "pos", pos), "? ? ?")
+    if mine.mass is not None:
+        yield Edit(inertial, "mass", {0: mass_text})
+    if inertia_is_open(inertial) or mine.inertia is not None:
+        yield _inertia_stated(inertial, tensor)
+
+
+def _mass_for(body: BodyDescription, mine: _Together, known: _Together) -> float:
+    given = known.mass if mine.mass is None else mine.mass
+    if given is None and mass_is_open(body):
+        raise InputError(f"the centre of mass of '{body.name}' cannot be written without its mass")
+    return mass_of(body) if given is None else given
+
+
+def _weights_answered(body: BodyDescription, mass: float) -> Iterator[Edit]:
+    """A `?` on the geoms, which a new `<inertial>` makes meaningless, becomes a number."""
+    geoms = unweighed_geoms(body)
+    for geom in geoms:
+        for attribute in ("mass", "density"):
+            if UNKNOWN in tokens(geom.get(attribute)):
+                yield Edit(geom, attribute, {0: number(mass / len(geoms))})
+
+
+def _inertia_attributes(tensor: Array) -> dict[str, str]:
+    """`diaginertia`, or `fullinertia` where the axes are not the body's."""
+    parts = components(tensor)
+    level = max(abs(part) for part in parts)
+    if max(abs(part) for part in parts[3:]) < 1e-5 * level:
+        return {"diaginertia": " ".join(number(part) for part in parts[:3])}
+    return {"fullinertia": " ".join(number(part) for part in parts)}
+
+
+def _inertia_stated(inertial: Element, tensor: Array) -> Edit:
+    texts = {i: number(part) for i, part in enumerate(components(tensor))}
+    if inertial.get("fullinertia") is not None:
+        return Edit(inertial, "fullinertia", unknown_only(inertial, "fullinertia", texts))
+    diagonal = {i: text for i, text in texts.items() if i < 3}
+    return Edit(inertial, "diaginertia", unknown_only(inertial, "diaginertia", diagonal), "? ? ?")

@@ -1,0 +1,97 @@
+"""The catalogue of quantities: palpate's own, then those of installed packages."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from functools import cache
+from typing import TypeGuard
+
+from palpate.errors import unknown_name
+from palpate.extensions import extensions, public
+from palpate.parameter import Parameter
+from palpate.quantities.com import CentreOfMass
+from palpate.quantities.friction import Friction
+from palpate.quantities.height import Height
+from palpate.quantities.inertia import Inertia
+from palpate.quantities.mass import Mass
+from palpate.quantities.momentum import Momentum
+from palpate.quantities.position import Position
+from palpate.quantities.quantity import Piece, Quantity
+from palpate.quantities.velocity import Velocity
+from palpate.trace.recording import Context
+
+GROUP = "palpate.quantities"
+"""Entry points of this group name modules; every public `Quantity` in them that has an id is
+taken up."""
+
+OWN: tuple[type[Quantity], ...] = (
+    Mass,
+    Height,
+    Friction,
+    CentreOfMass,
+    Inertia,
+    Position,
+    Velocity,
+    Momentum,
+)
+"""In the order in which beliefs build on one another and results are listed."""
+
+
+class Catalogue(Mapping[str, Quantity]):
+    """Quantities by id, in their order."""
+
+    def __init__(self, quantities: Iterable[Quantity]) -> None:
+        self._by_id: dict[str, Quantity] = {}
+        for quantity in quantities:
+            self._by_id.setdefault(quantity.id, quantity)
+
+    def __getitem__(self, id: str) -> Quantity:
+        return self._by_id[id]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._by_id)
+
+    def __len__(self) -> int:
+        return len(self._by_id)
+
+    def __repr__(self) -> str:
+        return f"<Catalogue: {', '.join(self)}>"
+
+    def named(self, id: str) -> Quantity:
+        """The quantity with this id.
+
+        Raises:
+            InputError: there is none; the message lists those there are.
+        """
+        if id not in self._by_id:
+            raise unknown_name("quantity", id, self)
+        return self._by_id[id]
+
+    def of(self, subject: str) -> list[Quantity]:
+        """The quantities that a kind of subject carries."""
+        return [quantity for quantity in self.values() if quantity.subject == subject]
+
+    def piece(self, parameter: Parameter, buffer: str, context: Context) -> Piece | None:
+        """Which piece of what a derived parameter rests on a recording is; None when it is none, or
+        when a conversion has to say so."""
+        quantity = self.get(parameter.quantity)
+        if quantity is None or not quantity.derived:
+            return None
+        return quantity.piece(parameter, buffer, context)
+
+
+@cache
+def catalogue() -> Catalogue:
+    """Everything installed.
+
+    Raises:
+        InputError: an entry point's module cannot be loaded; the message names it.
+    """
+    found = list(OWN)
+    for module in extensions(GROUP):
+        found += [thing for thing in public(module) if _is_complete(thing)]
+    return Catalogue(cls() for cls in found)
+
+
+def _is_complete(thing: object) -> TypeGuard[type[Quantity]]:
+    return isinstance(thing, type) and issubclass(thing, Quantity) and "id" in dir(thing)

@@ -1,0 +1,183 @@
+"""The objects and surfaces of a document as it describes them, with the poses that came along."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from palpate.errors import InputError, unknown_name
+from palpate.geometry.pose import Array
+from palpate.mjcf.body import BodyDescription
+from palpate.mjcf.defaults import INHERITED
+from palpate.mjcf.document import UNKNOWN, Document, Element, elements, has_unknown, label, tokens
+from palpate.mjcf.edits import Edit, Slot
+from palpate.mjcf.roles import Roles, find_roles
+from palpate.mjcf.shapes import RESTING, Shapes, compile_shapes
+from palpate.quantities.catalogue import Catalogue
+from palpate.scene.places import APPROACH
+from palpate.scene.poses import Poses
+
+CARRYING = 0.10
+"""m: a static thing narrower than this is a surface only when something stands on it."""
+
+MOUNT = 0.5
+"""m: what the arm stands on is its mount, and no surface, when it is smaller than this and carries
+nothing else."""
+
+_ORIENTATIONS = ("euler", "axisangle", "xyaxes", "zaxis")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Description:
+    """A document whose elements have their roles and its bodies their geometry.
+
+    Attributes:
+        shapes: compiled with stand-ins for everything unknown.
+        bodies: objects and surfaces by name, in document order.
+        placed: the changes that put bodies where the poses say.
+    """
+
+    document: Document
+    roles: Roles
+    shapes: Shapes
+    bodies: dict[str, BodyDescription]
+    placed: tuple[Edit, ...]
+
+
+def describe(document: Document, poses: Poses, catalogue: Catalogue) -> Description:
+    """Sort a document, take in the poses, and compile it once with stand-ins.
+
+    Raises:
+        InputError: a `?` where nothing can be measured, names that do not match, scenes MuJoCo does
+            not accept.
+    """
+    roles = find_roles(document)
+    slots = list(_slots(roles, catalogue))
+    _refuse_other_unknowns(document, roles, slots)
+    _check_names(poses, roles)
+    placed = tuple(_placements(poses, roles))
+    stand_ins = [edit for slot in slots for edit in slot.placeholder()]
+    shapes = compile_shapes(document, roles, [*stand_ins, *placed])
+    bodies = _described(roles, shapes, poses)
+    return Description(document, roles, shapes, bodies, placed)
+
+
+def _described(roles: Roles, shapes: Shapes, poses: Poses) -> dict[str, BodyDescription]:
+    found: dict[str, BodyDescription] = {}
+    for name, body in roles.bodies.items():
+        given = poses.objects.get(name)
+        approach = poses.places.get(f"{name}_approach")
+        found[name] = BodyDescription(
+            body,
+            shapes,
+            found,
+            given=None if given is None else given.body_pose(),
+            given_top=None if approach is None else approach.pos[2] - APPROACH,
+        )
+    standing = [body.footing() for body in found.values() if body.role == "object"]
+    for name, body in list(found.items()):
+        if body.role == "surface" and not _is_surface(body, standing):
+            del found[name]
+    return found
+
+
+def _slots(roles: Roles, catalogue: Catalogue) -> Iterator[Slot]:
+    for body in roles.bodies.values():
+        for quantity in catalogue.of(body.role):
+            yield from quantity.slots(body)
+
+
+def _refuse_other_unknowns(document: Document, roles: Roles, slots: Iterable[Slot]) -> None:
+    allowed: dict[tuple[Element, str], list[Slot]] = {}
+    for slot in slots:
+        allowed.setdefault((slot.element, slot.attribute), []).append(slot)
+    robot = {element for root in roles.robots for element in elements(root)}
+    for element in elements(document.root):
+        for attribute, value in element.items():
+            if UNKNOWN not in tokens(str(value)) or element in robot or attribute == "name":
+                continue
+            if attribute in INHERITED and _in_default(element):
+                continue
+            here = allowed.get((element, str(attribute)), [])
+            if not _all_covered(str(value), here):
+                raise InputError(
+                    f'{label(element)}: {attribute}="{str(value)[:60]}" cannot be measured; `?` may '
+                    "stand for an object's mass, density, friction, <inertial> and pos; of a "
+                    "surface only the height can be measured: z in pos, or half height in size"
+                )
+
+
+def _all_covered(value: str, slots: list[Slot]) -> bool:
+    unknown = [i for i, part in enumerate(tokens(value)) if part == UNKNOWN]
+    return all(any(slot.covers(i) for slot in slots) for i in unknown)
+
+
+def _in_default(element: Element) -> bool:
+    return next(element.iterancestors("default"), None) is not None
+
+
+def _check_names(poses: Poses, roles: Roles) -> None:
+    for name in poses.objects:
+        if name not in roles.bodies:
+            raise unknown_name("object in poses", name, roles.bodies)
+    for name in poses.grasps:
+        if name not in roles.objects:
+            raise unknown_name("object in grasps", name, roles.objects)
+
+
+def _placements(poses: Poses, roles: Roles) -> Iterator[Edit]:
+    """Changes that put bodies where the poses say, but for a z that the file writes `?`."""
+    for name, entry in poses.objects.items():
+        element = roles.bodies[name].element
+        _require_in_world(element)
+        pose = entry.body_pose()
+        position = {i: repr(float(v)) for i, v in enumerate(pose.position)}
+        if has_unknown(element, "pos", 2):
+            del position[2]
+        for attribute in _ORIENTATIONS:
+            if element.get(attribute) is not None:
+                yield Edit(element, attribute, None)
+        quaternion = {i: repr(float(v)) for i, v in enumerate(pose.quaternion)}
+        yield Edit(element, "pos", position, "0 0 0")
+        yield Edit(element, "quat", quaternion, "1 0 0 0")
+
+
+def _require_in_world(element: Element) -> None:
+    parent = element.getparent()
+    if parent is None or parent.tag != "worldbody" or element.get("fromto"):
+        raise InputError(
+            f"{label(element)} is not placed by its own pos in the worldbody, so poses cannot move "
+            "it"
+        )
+
+
+def _is_surface(body: BodyDescription, standing: list[Array]) -> bool:
+    """Whether it has a level top that is wide enough or carries one of the `standing` points, and
+    is not just what the arm is mounted on."""
+    if body.top_is_open:
+        return True
+    if not _is_level(body.shapes, body.carrier):
+        return False
+    if any(_carries(body, point) for point in standing):
+        return True
+    extent = (body.cloud.max(axis=0) - body.cloud.min(axis=0))[:2]
+    is_mount = np.max(extent) < MOUNT and _carries(body, body.shapes.base().position)
+    return bool(np.min(extent) >= CARRYING) and not is_mount
+
+
+def _carries(surface: BodyDescription, point: Array) -> bool:
+    return surface.reaches_over(point) and bool(abs(point[2] - surface.top_z) < RESTING)
+
+
+def _is_level(shapes: Shapes, geom: Element) -> bool:
+    """Whether the geom has a level face on top."""
+    kind = int(shapes.model.geom_type[shapes.geom_ids[geom]])
+    up = np.abs(shapes.data.geom_xmat[shapes.geom_ids[geom]].reshape(3, 3)[2])
+    if kind == mujoco.mjtGeom.mjGEOM_BOX:
+        return bool(up.max() > 0.999)
+    if kind in (mujoco.mjtGeom.mjGEOM_CYLINDER, mujoco.mjtGeom.mjGEOM_PLANE):
+        return bool(up[2] > 0.999)
+    return kind in (mujoco.mjtGeom.mjGEOM_MESH, mujoco.mjtGeom.mjGEOM_HFIELD)
