@@ -15,7 +15,7 @@ from palpate import pipeline
 from palpate.parameter import Parameter
 from palpate.pictures.renderer import gl_available
 from palpate.scene.load import load_scene
-from palpate.settings import Job
+from palpate.settings import Settings
 from palpate.studies.accuracy import run_seed
 
 BASE = '<site name="robot_base"/>'
@@ -80,7 +80,7 @@ MEASURED = {
 @pytest.mark.parametrize("case", MEASURED.values(), ids=MEASURED.keys())
 def test_is_measured(case: Mapping[str, Any], tmp_path: Path) -> None:
     scene = write(tmp_path, **case)
-    run = run_seed(Job(scene=scene, noise="none"), 1)
+    run = run_seed(Settings(scene=scene, noise="none"), 1)
     assert run.status == "complete"
     (trial,) = run.trials
     assert trial.parameter == MASS
@@ -91,7 +91,7 @@ def test_is_measured(case: Mapping[str, Any], tmp_path: Path) -> None:
 def test_a_table_of_unknown_height_and_what_stands_on_it(at: str, tmp_path: Path) -> None:
     table = '<body name="table" pos="0.5 0 ?"><geom type="box" size=".4 .6 .02"/></body>'
     scene = write(tmp_path, (table, cup(at)))
-    run = run_seed(Job(scene=scene, noise="none"), 1)
+    run = run_seed(Settings(scene=scene, noise="none"), 1)
     assert run.status == "complete"
     height, mass = run.trials
     assert height.parameter == Parameter("table", "height")
@@ -101,11 +101,11 @@ def test_a_table_of_unknown_height_and_what_stands_on_it(at: str, tmp_path: Path
 
 @pytest.mark.parametrize("bodies", [(), (TABLE,)], ids=["empty", "only a table"])
 def test_where_nothing_is_missing_nothing_moves(bodies: tuple[str, ...], tmp_path: Path) -> None:
-    job = Job(scene=write(tmp_path, bodies))
-    outcome = pipeline.measure(pipeline.think(job, pipeline.look(job)))
-    assert outcome.execution is None
-    assert outcome.plan.parameters == ()
-    assert outcome.plan.explanation == "Nothing is missing."
+    settings = Settings(scene=write(tmp_path, bodies))
+    run = pipeline.measure(pipeline.plan(settings, pipeline.load(settings)))
+    assert run.execution is None
+    assert run.plan.parameters == ()
+    assert run.plan.explanation == "Nothing is missing."
 
 
 def test_any_name_goes_through_to_every_file(
@@ -115,8 +115,8 @@ def test_any_name_goes_through_to_every_file(
     name = NASTY.replace("&", "&amp;").replace("<", "&lt;").replace('"', "&quot;")
     scene = write(tmp_path, (TABLE, cup().replace('name="cup"', f'name="{name}"')))
     out = tmp_path / "out"
-    outcome = pipeline.run(Job(scene=scene, noise="none", out=out))
-    assert outcome.status == "complete"
+    run = pipeline.run(Settings(scene=scene, noise="none", out=out))
+    assert run.status == "complete"
     (found,) = json.loads((out / "result.json").read_text(encoding="utf-8"))["parameters"]
     assert found["object"] == NASTY
     assert load_scene(out / "twin.xml").body(NASTY).known["mass"][0] == pytest.approx(
@@ -130,12 +130,12 @@ def test_any_name_goes_through_to_every_file(
 def test_what_the_gripper_does_has_no_place_in_the_twin(tmp_path: Path) -> None:
     scene = write(tmp_path, (TABLE, cup()))
     out = tmp_path / "out"
-    outcome = pipeline.run(
-        Job(request="the velocity of the gripper", scene=scene, noise="none", out=out)
+    run = pipeline.run(
+        Settings(request="the velocity of the gripper", scene=scene, noise="none", out=out)
     )
-    assert outcome.status == "complete"
-    assert outcome.twin is not None
-    assert outcome.twin.notes[0].startswith("gripper.velocity is not in the twin")
+    assert run.status == "complete"
+    assert run.twin is not None
+    assert run.twin.notes[0].startswith("gripper.velocity is not in the twin")
     pictures = {path.name for path in (out / "images").iterdir()}
     if gl_available()[0]:
         assert {"before.png", "after.png"} <= pictures

@@ -88,20 +88,22 @@ def test_trace_can_be_read_again(folder: Path) -> None:
 
 
 def test_same_seed_same_result_bit_for_bit() -> None:
-    job = scenario("bottle_and_table").job(noise="datasheet")
-    first, second, other = run_seed(job, 3), run_seed(job, 3), run_seed(job, 4)
+    settings = scenario("bottle_and_table").settings(noise="datasheet")
+    first, second, other = run_seed(settings, 3), run_seed(settings, 3), run_seed(settings, 4)
     assert first == second
     assert first.trials[1].value != other.trials[1].value
 
 
 def test_every_stage_can_start_from_the_folder(folder: Path, tmp_path: Path) -> None:
     out = tmp_path / "again"
-    job = scenario("bottle_and_table").job(out=out, planner=f"replay:{folder / 'plan.json'}")
-    outcome = pipeline.run(replace(job))
-    assert outcome.status == "complete"
+    settings = scenario("bottle_and_table").settings(
+        out=out, planner=f"replay:{folder / 'plan.json'}"
+    )
+    run = pipeline.run(replace(settings))
+    assert run.status == "complete"
     assert (
-        outcome.plan.parameters
-        == pipeline.run(replace(job, out=tmp_path / "third")).plan.parameters
+        run.plan.parameters
+        == pipeline.run(replace(settings, out=tmp_path / "third")).plan.parameters
     )
 
 

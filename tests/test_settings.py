@@ -1,4 +1,4 @@
-"""What a job refuses before anything is done."""
+"""What settings refuse before anything is done."""
 
 from __future__ import annotations
 
@@ -9,27 +9,28 @@ from typing import Any, get_args
 import pytest
 
 from palpate.errors import InputError
+from palpate.planning.planner import MAX_REQUEST
 from palpate.robots.simulated import noise as sensors
-from palpate.settings import MAX_REQUEST, Job, Noise
+from palpate.settings import Noise, Settings
 
 D = Path("scene.xml")
 
 
 @pytest.mark.parametrize(
-    "job",
+    "settings",
     [
-        Job(request="the mass of the bottle"),
-        Job(scene=D),
-        Job(request="mass", scene=D),
-        Job(planner="replay:plan.json"),
-        Job(request="x" * MAX_REQUEST, scene=D),
-        Job(scene=D, world=D),
-        Job(scene=D, robot="franka://10.0.0.1"),
-        *(Job(scene=D, noise=noise) for noise in get_args(Noise)),
+        Settings(request="the mass of the bottle"),
+        Settings(scene=D),
+        Settings(request="mass", scene=D),
+        Settings(planner="replay:plan.json"),
+        Settings(request="x" * MAX_REQUEST, scene=D),
+        Settings(scene=D, world=D),
+        Settings(scene=D, robot="franka://10.0.0.1"),
+        *(Settings(scene=D, noise=noise) for noise in get_args(Noise)),
     ],
 )
-def test_what_makes_sense_passes_unchanged(job: Job) -> None:
-    assert job.checked() == job
+def test_what_makes_sense_passes_unchanged(settings: Settings) -> None:
+    assert settings.checked() == settings
 
 
 @pytest.mark.parametrize(
@@ -40,19 +41,19 @@ def test_what_makes_sense_passes_unchanged(job: Job) -> None:
         ({"request": "x" * (MAX_REQUEST + 1)}, f"has {MAX_REQUEST + 1} characters"),
         ({"noise": "loud"}, "unknown noise 'loud'; valid: datasheet, lab, none"),
         ({"on_failure": "panic"}, "unknown policy for failures 'panic'; valid: replan, skip, stop"),
-        ({"world": D, "robot": "franka://host"}, "--world and --robot exclude each other"),
-        ({"seed": -1}, "--seed must not be negative"),
+        ({"world": D, "robot": "franka://host"}, "world= and robot= exclude each other"),
+        ({"seed": -1}, "seed= must not be negative"),
     ],
 )
 def test_what_does_not_is_named(changes: dict[str, Any], message: str) -> None:
     with pytest.raises(InputError, match=message):
-        replace(Job(scene=D), **changes).checked()
+        replace(Settings(scene=D), **changes).checked()
 
 
 def test_an_existing_folder_is_refused_at_once(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="exists already: choose another --out"):
-        Job(scene=D, out=tmp_path).checked()
-    assert Job(scene=D, out=tmp_path / "new").checked().out == tmp_path / "new"
+    with pytest.raises(InputError, match="exists already: choose another out="):
+        Settings(scene=D, out=tmp_path).checked()
+    assert Settings(scene=D, out=tmp_path / "new").checked().out == tmp_path / "new"
 
 
 def test_the_sensor_worlds_are_the_robots() -> None:

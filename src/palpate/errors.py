@@ -1,6 +1,13 @@
-"""Every error palpate raises on purpose, each with the exit status the command line gives it.
+"""Everything that palpate raises on purpose.
 
-A message names the thing, lists the valid choices where there are any, and says what to do.
+    PalpateError
+    ├── InputError          the caller's files, names or arguments are not usable
+    ├── PlanRejected        no plan exists for the request, or none passed the check
+    ├── ExecutionAborted    the robot stopped, or was not allowed to move
+    └── Unavailable         a planner's provider, or a robot, is out of reach
+
+A message names the thing, lists the valid choices where there are any, and says what to do. It names
+arguments as they are written in Python, `scene=D.xml`; the command line makes flags of them.
 """
 
 from __future__ import annotations
@@ -9,34 +16,23 @@ from collections.abc import Iterable
 
 
 class PalpateError(Exception):
-    """Base of the tree. `exit_code` is the process exit status (see the command line reference)."""
-
-    exit_code: int = 1
+    """Base of the tree."""
 
 
 class InputError(PalpateError):
-    """The user's files, names or options are not usable (exit 2)."""
-
-    exit_code = 2
+    """The caller's files, names or arguments are not usable."""
 
 
 class PlanRejected(PalpateError):
-    """No plan exists for the request, or none passed the check (exit 3). The text is the
-    explanation."""
-
-    exit_code = 3
+    """No plan exists for the request, or none passed the check. The text is the explanation."""
 
 
 class ExecutionAborted(PalpateError):
-    """The robot stopped safely before the plan was finished (exit 4)."""
-
-    exit_code = 4
+    """The robot stopped safely before the plan was finished, or was not allowed to move."""
 
 
 class Unavailable(PalpateError):
-    """A planner's provider, or a robot, could not be reached or used (exit 5)."""
-
-    exit_code = 5
+    """A planner's provider, or a robot, could not be reached or used."""
 
 
 def unknown_name(kind: str, name: str, valid: Iterable[str], hint: str = "") -> InputError:

@@ -1,16 +1,45 @@
-"""One unknown: the thread through the program."""
+"""One unknown: the thread through everything."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
+from palpate.errors import InputError
 
-@dataclass(frozen=True, slots=True, order=True)
+_set = object.__setattr__
+
+
+@dataclass(frozen=True, slots=True, order=True, init=False, repr=False)
 class Parameter:
-    """One unknown: a quantity of a named object of the scene."""
+    """One unknown: a quantity of a named object of the scene.
+
+    `Parameter("mug", "mass")` and `Parameter("mug.mass")` are the same; a name is split at its last
+    dot, so that an object's name may hold dots itself.
+    """
 
     object: str
     quantity: str
 
+    def __init__(self, object: str, quantity: str | None = None) -> None:
+        """A parameter by its two names, or by both in one.
+
+        Raises:
+            InputError: one name alone, and no quantity in it.
+        """
+        if quantity is None:
+            object, quantity = _split(object)
+        _set(self, "object", object)
+        _set(self, "quantity", quantity)
+
     def __str__(self) -> str:
         return f"{self.object}.{self.quantity}"
+
+    def __repr__(self) -> str:
+        return f"Parameter('{self}')"
+
+
+def _split(name: str) -> tuple[str, str]:
+    owner, _, quantity = name.rpartition(".")
+    if not owner or not quantity:
+        raise InputError(f"'{name}' names no parameter: write OBJECT.QUANTITY, e.g. 'mug.mass'")
+    return owner, quantity

@@ -1,21 +1,25 @@
-"""What the user hands over: one frozen description of a run."""
+"""What the user hands over: one frozen description of a run, and its form in `request.json`."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Literal, get_args
+from typing import Any, Literal, get_args
+from urllib.parse import urlsplit, urlunsplit
 
+from palpate import __version__
 from palpate.errors import InputError, unknown_name
 from palpate.execution.recovery import OnFailure
-from palpate.planning.model.session import ModelSettings
+from palpate.planning.model.session import Budget, ModelSettings
 from palpate.planning.planner import MAX_REQUEST
+from palpate.robots.registry import DEFAULT
 
 Noise = Literal["none", "lab", "datasheet"]
 
 
 @dataclass(frozen=True, slots=True)
-class Job:
+class Settings:
     """R, D, I and where to run.
 
     Attributes:
@@ -25,13 +29,14 @@ class Job:
         world: MJCF of the hidden simulated world; None simulates D with its unknowns drawn from
             priors.
         robot: URL of a real robot; None is the embedded one.
+        arm: the arm's description, by name or folder.
         planner: `symbolic`, `exhaustive`, `replay:FILE` or `PROVIDER:MODEL`.
         noise: sensor world of the embedded robot. seed: of everything random in it.
         out: run folder to make; must not exist.
         remeasure: measure what R asks even if D states it.
-        on_failure: what to do when the tree fails (see `palpate.recovery`).
-        asking: how a model is asked, where the planner is one.
+        on_failure: what to do when the tree fails (see `palpate.execution.recovery`).
         rehearse: execute the plan in simulation first; None means only before a real robot moves.
+        model_settings: how a model is asked, where the planner is one.
     """
 
     request: str | None = None
@@ -40,6 +45,7 @@ class Job:
     images: tuple[Path, ...] = ()
     world: Path | None = None
     robot: str | None = None
+    arm: str = DEFAULT
     planner: str = "symbolic"
     noise: Noise = "lab"
     seed: int = 0
@@ -49,35 +55,108 @@ class Job:
     rehearse: bool | None = None
     model_settings: ModelSettings = field(default_factory=ModelSettings)
 
-    def checked(self) -> Job:
-        """This job, once nothing is found wrong with it.
+    def checked(self) -> Settings:
+        """These settings, once nothing is found wrong with them.
 
         Raises:
-            InputError: nothing asked, or a value out of range.
+            InputError: nothing asked, or a value out of range; the message names the argument.
         """
         if self.request is None and self.scene is None and not self.planner.startswith("replay:"):
             raise InputError(
-                "nothing to do: give a request (-r TEXT), a scene (--scene D.xml), or both"
+                "nothing to do: give a request (request=TEXT), a scene (scene=D.xml), or both"
             )
-        if self.request is not None and not self.request.strip():
-            raise InputError(
-                "the request is empty: say what you want to simulate, e.g. -r 'the mass of the bottle'"
-            )
-        if self.request is not None and len(self.request) > MAX_REQUEST:
-            raise InputError(
-                f"the request has {len(self.request)} characters, at most {MAX_REQUEST} are read: "
-                "say it in a sentence or two"
-            )
+        if self.request is not None:
+            _check_request(self.request)
         if self.noise not in get_args(Noise):
             raise unknown_name("noise", self.noise, get_args(Noise))
         if self.on_failure not in get_args(OnFailure):
             raise unknown_name("policy for failures", self.on_failure, get_args(OnFailure))
         if self.world is not None and self.robot is not None:
-            raise InputError("--world and --robot exclude each other: a run is simulated or real")
+            raise InputError("world= and robot= exclude each other: a run is simulated or real")
         if self.seed < 0:
-            raise InputError(f"--seed must not be negative, not {self.seed}")
+            raise InputError(f"seed= must not be negative, not {self.seed}")
         if self.out is not None and self.out.exists():
             raise InputError(
-                f"'{self.out}' exists already: choose another --out, nothing is overwritten"
+                f"'{self.out}' exists already: choose another out=, nothing is overwritten"
             )
         return self
+
+
+def _check_request(request: str) -> None:
+    if not request.strip():
+        raise InputError(
+            "the request is empty: say what you want to simulate, e.g. 'the mass of the bottle'"
+        )
+    if len(request) > MAX_REQUEST:
+        raise InputError(
+            f"the request has {len(request)} characters, at most {MAX_REQUEST} are read: "
+            "say it in a sentence or two"
+        )
+
+
+def request_json(settings: Settings) -> dict[str, Any]:
+    """The content of `request.json`: what was asked, enough to run it again."""
+
+    def shown(path: Path | None) -> str | None:
+        return str(path.absolute()) if path else None
+
+    return {
+        "request": settings.request,
+        "scene": shown(settings.scene),
+        "poses": shown(settings.poses),
+        "images": [shown(path) for path in settings.images],
+        "world": shown(settings.world),
+        "robot": settings.robot,
+        "arm": settings.arm,
+        "planner": settings.planner,
+        "noise": settings.noise,
+        "seed": settings.seed,
+        "remeasure": settings.remeasure,
+        "on_failure": settings.on_failure,
+        "rehearse": settings.rehearse,
+        "asking": _model_settings_json(settings.model_settings),
+        "palpate": __version__,
+    }
+
+
+def settings_from(document: Mapping[str, Any]) -> Settings:
+    """The settings that `request_json` wrote; what the document leaves out has its default.
+
+    Raises:
+        InputError: it is not such a document.
+    """
+
+    def path(name: str) -> Path | None:
+        value = document.get(name)
+        return Path(value) if value else None
+
+    plain = ("request", "robot", "arm", "planner", "noise", "seed", "remeasure", "on_failure")
+    given = {name: document[name] for name in (*plain, "rehearse") if name in document}
+    try:
+        return Settings(
+            **given,
+            scene=path("scene"),
+            poses=path("poses"),
+            world=path("world"),
+            images=tuple(Path(image) for image in document.get("images", ())),
+            model_settings=_model_settings_from(document.get("asking", {})),
+        )
+    except (TypeError, ValueError) as error:
+        raise InputError(f"request.json is not one that palpate wrote: {error}") from None
+
+
+def _model_settings_json(model_settings: ModelSettings) -> dict[str, Any]:
+    """How a model was asked, without whatever an address may hold besides the address."""
+    url = urlsplit(model_settings.base_url or "")
+    host = url.netloc.rpartition("@")[2]
+    return asdict(model_settings) | {
+        "without": sorted(model_settings.without),
+        "base_url": urlunsplit((url.scheme, host, url.path, "", "")) or None,
+    }
+
+
+def _model_settings_from(document: Mapping[str, Any]) -> ModelSettings:
+    fields = dict(document)
+    budget = Budget(**fields.pop("budget", {}))
+    without = frozenset(fields.pop("without", ()))
+    return ModelSettings(**fields, without=without, budget=budget)

@@ -7,11 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from palpate.cells.simulated import simulated_cell
-from palpate.errors import InputError, Unavailable
+from palpate.cells.simulated import SEEN_TOLERANCE, simulated_cell
+from palpate.errors import InputError
 from palpate.parameter import Parameter
 from palpate.scene.load import parse_scene
-from palpate.settings import Job
 
 CELL = """<mujoco>{option}<worldbody>
   <site name="robot_base"/>
@@ -41,7 +40,7 @@ def world_file(folder: Path, **changes: str) -> Path:
 
 def test_without_a_world_the_unknowns_are_drawn_the_same_for_the_same_seed() -> None:
     scene = parse_scene(text())
-    one, again, other = (simulated_cell(Job(seed=seed), scene) for seed in (1, 1, 2))
+    one, again, other = (simulated_cell(scene, seed=seed) for seed in (1, 1, 2))
     assert one.world is scene
     assert set(one.drawn) == {Parameter("cup", "mass"), Parameter("table", "height")}
     assert one.drawn == again.drawn
@@ -52,8 +51,8 @@ def test_without_a_world_the_unknowns_are_drawn_the_same_for_the_same_seed() -> 
 
 
 def test_the_drawn_truth_is_what_the_world_is_made_of() -> None:
-    cell = simulated_cell(Job(seed=3), parse_scene(text()))
-    model = cell.robot(Job(seed=3, noise="none")).world.model
+    cell = simulated_cell(parse_scene(text()), noise="none", seed=3)
+    model = cell.robot().world.model
     assert model.body("cup").mass[0] == pytest.approx(
         cell.truth(Parameter("cup", "mass"))[0], rel=1e-6
     )
@@ -62,7 +61,7 @@ def test_the_drawn_truth_is_what_the_world_is_made_of() -> None:
 
 
 def test_a_worlds_file_holds_the_truth(tmp_path: Path) -> None:
-    cell = simulated_cell(Job(scene=Path("d"), world=world_file(tmp_path)), parse_scene(text()))
+    cell = simulated_cell(parse_scene(text()), world_file(tmp_path))
     assert cell.drawn == {}
     assert cell.truth(Parameter("cup", "mass")) == (0.3,)
     assert cell.truth(Parameter("table", "height")) == pytest.approx((0.0,))
@@ -88,21 +87,17 @@ def test_a_worlds_file_holds_the_truth(tmp_path: Path) -> None:
 def test_a_world_that_is_not_the_scenes_is_refused(
     tmp_path: Path, changes: dict[str, str], message: str
 ) -> None:
-    job = Job(scene=Path("d"), world=world_file(tmp_path, **changes))
+    world = world_file(tmp_path, **changes)
     with pytest.raises(InputError, match=f"scene and world do not match: {message}"):
-        simulated_cell(job, parse_scene(text()))
+        simulated_cell(parse_scene(text()), world)
 
 
 def test_what_was_seen_in_a_picture_may_be_less_exact(tmp_path: Path) -> None:
     world = world_file(tmp_path, size=".03 .04 .06")
-    assert simulated_cell(Job(world=world), parse_scene(text())).world.objects.keys() == {"cup"}
+    cell = simulated_cell(parse_scene(text()), world, tolerance=SEEN_TOLERANCE)
+    assert cell.world.objects.keys() == {"cup"}
     with pytest.raises(InputError, match="do not match"):
-        simulated_cell(Job(scene=Path("d"), world=world), parse_scene(text()))
-
-
-def test_a_robot_that_is_not_there_is_unavailable() -> None:
-    with pytest.raises(Unavailable, match="no driver for 'franka://host'"):
-        simulated_cell(Job(robot="franka://host"), parse_scene(text()))
+        simulated_cell(parse_scene(text()), world)
 
 
 @pytest.mark.parametrize(
@@ -117,14 +112,14 @@ def test_a_robot_that_is_not_there_is_unavailable() -> None:
 )
 def test_a_world_in_which_nothing_can_be_weighed_is_refused(option: str, message: str) -> None:
     option = f"<option {option}/>" if ">" not in option else f"<option{option}>"
-    cell = simulated_cell(Job(), parse_scene(text(option=option)))
+    cell = simulated_cell(parse_scene(text(option=option)))
     with pytest.raises(InputError, match=message):
-        cell.robot(Job())
+        cell.robot()
 
 
 def test_on_the_moon_things_are_lighter() -> None:
-    cell = simulated_cell(Job(), parse_scene(text(option='<option gravity="0 0 -1.62"/>')))
-    robot = cell.robot(Job(noise="none"))
+    scene = parse_scene(text(option='<option gravity="0 0 -1.62"/>'))
+    robot = simulated_cell(scene, noise="none").robot()
     assert robot.gravity == pytest.approx(1.62)
     robot.advance(0.2)
     assert np.abs(robot.state.wrench).max() < 1e-6

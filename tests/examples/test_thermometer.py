@@ -17,7 +17,7 @@ from palpate.scenarios.catalogue import scenario
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "palpate-thermometer"
 PLAN = EXAMPLE / "plan.json"
-JOB = scenario("thermometer").job()
+JOB = scenario("thermometer").settings()
 D = ["--scene", str(JOB.scene), "--poses", str(JOB.poses)]
 R = ["--request", str(JOB.request)]
 W = ["--world", str(JOB.world), "--planner", f"replay:{PLAN}", "--out", "run"]

@@ -17,9 +17,10 @@ from palpate.parameter import Parameter
 from palpate.planning.plan import Node, Plan
 from palpate.planning.symbolic.planner import assemble
 from palpate.robots.registry import load_description
+from palpate.runs.run import Run
 from palpate.scene.load import parse_scene, rearranged
 from palpate.scene.scene import Scene
-from palpate.settings import Job
+from palpate.settings import Settings
 from palpate.trace.recording import Context, LeafRun
 from palpate.trace.samples import Samples, Trace
 from palpate.vocabulary.base import Blackboard, LeafFailure, Primitive, Steps
@@ -54,7 +55,7 @@ def scene() -> Scene:
 def execute(
     scene: Scene, plan: Plan, policy: OnFailure, words: Vocabulary | None = None
 ) -> Execution:
-    robot = SimulatedCell(parse_scene(WORLD), {}, "").robot(Job(noise="lab"))
+    robot = SimulatedCell(parse_scene(WORLD), noise="lab").robot()
 
     def attempt(plan: Plan, scene: Scene, robot: object) -> Execution:
         return run(plan, scene, robot, words=words)  # type: ignore[arg-type]
@@ -164,6 +165,6 @@ def test_failing_rehearsal_keeps_the_arm_still(
     )
     tree = assemble(scene, [Parameter("dry", "mass")]).tree
     plan = Plan((Parameter("dry", "mass"),), tree, "")
-    outcome = pipeline.practise(pipeline.Outcome(Job(rehearse=True), heavy, plan))
-    assert [f.rule for f in outcome.findings] == ["rehearsal"]
-    assert pipeline.measure(outcome).execution is None
+    run = pipeline.rehearse(Run(Settings(rehearse=True), heavy, plan))
+    assert [f.rule for f in run.findings] == ["rehearsal"]
+    assert pipeline.measure(run).execution is None

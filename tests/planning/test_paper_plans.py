@@ -6,6 +6,7 @@ import pytest
 from palpate import pipeline
 from palpate.planning.check.check import check
 from palpate.planning.recorded import load_plan
+from palpate.runs.run import Run
 from palpate.scenarios.catalogue import scenario
 from palpate.studies.judgement import judge
 
@@ -16,12 +17,13 @@ FIGURES = {"bottle_and_table": 17, "one_missing_mass": 12, "friction": 15, "hamm
 @pytest.mark.parametrize("name", FIGURES)
 def test_the_papers_tree_passes_the_check_and_acquires_exactly_what_is_asked(name: str) -> None:
     task = scenario(name)
-    job = task.job(noise="none").checked()
-    scene, plan = pipeline.look(job), load_plan(task.folder / "plans" / "paper.json")
+    settings = task.settings(noise="none").checked()
+    scene, plan = pipeline.load(settings), load_plan(task.folder / "plans" / "paper.json")
     assert scene is not None
     assert check(plan, scene) == ()
     assert set(plan.parameters) == set(task.expects)
-    execution = pipeline.measure(pipeline.Outcome(job, scene, plan)).execution
-    assert execution is not None
-    assert (execution.status, execution.actions) == ("complete", FIGURES[name])
-    assert judge(execution.trace, task.expects).success
+    run = pipeline.measure(Run(settings, scene, plan))
+    assert run.execution is not None
+    assert run.trace is not None
+    assert (run.execution.status, run.execution.actions) == ("complete", FIGURES[name])
+    assert judge(run.trace, task.expects).success

@@ -40,12 +40,17 @@ def scene() -> Scene:
 
 
 def prompt_of(name: str) -> Prompt:
-    job = scenario(name).job()
-    if job.scene is not None:
-        return compose(vocabulary(), job.request or "", load_scene(job.scene, job.poses))
-    assert job.poses is not None
+    settings = scenario(name).settings()
+    if settings.scene is not None:
+        return compose(
+            vocabulary(), settings.request or "", load_scene(settings.scene, settings.poses)
+        )
+    assert settings.poses is not None
     return compose(
-        vocabulary(), job.request or "", None, symbols=SceneBuilder(read_poses(job.poses)).symbols
+        vocabulary(),
+        settings.request or "",
+        None,
+        symbols=SceneBuilder(read_poses(settings.poses)).symbols,
     )
 
 
@@ -83,8 +88,8 @@ def test_it_names_nothing_of_a_bundled_scenario() -> None:
         if name != "actions"
     )
     for name in names():
-        job = scenario(name).job()
-        for body in load_scene(job.scene, job.poses).bodies if job.scene else ():
+        settings = scenario(name).settings()
+        for body in load_scene(settings.scene, settings.poses).bodies if settings.scene else ():
             assert f"{body}_pose" not in text
 
 

@@ -12,19 +12,15 @@ import pytest
 from palpate import __version__
 from palpate.estimation.estimate import Estimate, Part, not_identified
 from palpate.execution.rehearsal import Rehearsal
-from palpate.execution.runner import Execution
 from palpate.parameter import Parameter
-from palpate.pipeline import Outcome, Status
 from palpate.planning.check.check import Finding
 from palpate.planning.plan import Node, Plan
 from palpate.runs.result import parameter_json, result_json
+from palpate.runs.run import Ending, Run, Status
 from palpate.scene.load import parse_scene
-from palpate.settings import Job
-from palpate.trace.recording import Hand
-from palpate.trace.samples import Samples, Trace
+from palpate.settings import Settings
 from palpate.twin.twin import Twin
 from palpate.twin.validate import Residual, Validation
-from palpate.vocabulary.state import SymbolicState
 
 SCENE = parse_scene("<mujoco><worldbody/></mujoco>")
 MASS, COM = Parameter("cup", "mass"), Parameter("cup", "com")
@@ -44,31 +40,22 @@ WEIGHED = Estimate(
     (),
     parts={"single-shot": Part(0.262, 0.02)},
 )
-EXECUTION = Execution(
-    Trace(Samples.empty(), (), (), (), Hand(0.009, 0.15, 0.01, 1e-4)),
-    "complete",
-    None,
-    SymbolicState(SCENE),
-    3,
-    31.20004,
-    4.00006,
-    ("bad luck",),
-)
+EXECUTION = Ending("complete", None, 3, 31.20004, 4.00006, ("bad luck",))
 TWIN = Twin(
     "<mujoco/>",
     "",
     ("a note",),
     Validation(True, 1e-5, Residual(0.02, None), Residual(None, None, "stopped")),
 )
-REJECTED = Outcome(
-    Job(request="the mass of the cup", seed=7), SCENE, replace(PLAN, tree=None, parameters=())
+REJECTED = Run(
+    Settings(request="the mass of the cup", seed=7), SCENE, replace(PLAN, tree=None, parameters=())
 )
 COMPLETE = replace(REJECTED, plan=PLAN, execution=EXECUTION, estimates=(WEIGHED,), twin=TWIN)
 
 
-def result(outcome: Outcome, folder: Path | None = None) -> dict[str, Any]:
+def result(run: Run, folder: Path | None = None) -> dict[str, Any]:
     """As a script reads it."""
-    return json.loads(json.dumps(result_json(outcome, folder), allow_nan=False))
+    return json.loads(json.dumps(result_json(run, folder), allow_nan=False))
 
 
 def test_a_complete_run(tmp_path: Path) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 from palpate import pipeline
 from palpate.estimation.estimate import Estimate
 from palpate.parameter import Parameter
-from palpate.pipeline import Outcome
+from palpate.runs.run import Run
 from palpate.scenarios.catalogue import Scenario
 from palpate.studies.judgement import judge
 
@@ -27,30 +27,31 @@ SETTLED = 30
 """Frame, at 30 Hz, by which everything stands as the world let it."""
 
 
-def executed(scenario: Scenario, plan: str | None = None) -> Outcome:
+def executed(scenario: Scenario, plan: str | None = None) -> Run:
     """A run at `--noise lab`, by the scenario's planner or by one of its recorded plans."""
-    job = (scenario.job(planner=f"replay:{plan}") if plan else scenario.job()).checked()
-    return pipeline.measure(pipeline.think(job, pipeline.look(job)))
+    settings = (
+        scenario.settings(planner=f"replay:{plan}") if plan else scenario.settings()
+    ).checked()
+    return pipeline.measure(pipeline.plan(settings, pipeline.load(settings)))
 
 
 def assert_acquired(
-    outcome: Outcome, expected: Collection[Parameter], may_touch: Collection[str] = ()
+    run: Run, expected: Collection[Parameter], may_touch: Collection[str] = ()
 ) -> None:
     """From the trace alone: the right sensing on the right objects, nothing redundant, no safety
     stop."""
-    assert outcome.findings == ()
-    assert outcome.execution is not None
-    assert outcome.execution.stopped_by is None
-    judgement = judge(outcome.execution.trace, expected, may_touch)
+    assert run.findings == ()
+    assert run.execution is not None
+    assert run.execution.stopped_by is None
+    judgement = judge(run.trace, expected, may_touch)
     assert judgement.success, judgement.reason
 
 
-def assert_near_truth(outcome: Outcome) -> None:
+def assert_near_truth(run: Run) -> None:
     """Every estimate is within the tolerance of its quantity; the truth is looked up only now."""
-    assert outcome.cell is not None
-    assert {estimate.parameter for estimate in outcome.estimates} == set(outcome.plan.parameters)
-    for estimate in outcome.estimates:
-        truth = np.array(outcome.cell.truth(estimate.parameter))
+    assert {estimate.parameter for estimate in run.estimates} == set(run.plan.parameters)
+    for estimate in run.estimates:
+        truth = np.array(run.truth[estimate.parameter])
         error = np.abs(np.array(estimate.value) - truth)
         if estimate.parameter.quantity == "com":
             error = error[:2]
@@ -60,27 +61,27 @@ def assert_near_truth(outcome: Outcome) -> None:
             truth,
         )
         if estimate.parameter.quantity == "friction":
-            _assert_static(estimate, outcome)
+            _assert_static(estimate, run)
 
 
-def assert_restored(outcome: Outcome) -> None:
+def assert_restored(run: Run) -> None:
     """Every object is back, upright, where it stood before the arm came near it."""
-    for name, (distance, tilt) in displacements(outcome).items():
+    for name, (distance, tilt) in displacements(run).items():
         assert distance < MOVED, (name, distance)
         assert tilt < np.radians(2.0), (name, tilt)
 
 
-def displacements(outcome: Outcome) -> dict[str, tuple[float, float]]:
+def displacements(run: Run) -> dict[str, tuple[float, float]]:
     """How far (m) and how much turned (rad) each object ends from where it stood."""
-    assert outcome.footage is not None
-    (_, first), (_, last) = outcome.footage.frames[SETTLED], outcome.footage.frames[-1]
-    return {name: between(first, last, joint_of(outcome, name)) for name in outcome.scene.objects}
+    assert run.footage is not None
+    (_, first), (_, last) = run.footage.frames[SETTLED], run.footage.frames[-1]
+    return {name: between(first, last, joint_of(run, name)) for name in run.scene.objects}
 
 
-def joint_of(outcome: Outcome, name: str) -> slice:
+def joint_of(run: Run, name: str) -> slice:
     """Where an object's pose is in the world's configuration."""
-    assert outcome.footage is not None
-    model = outcome.footage.model
+    assert run.footage is not None
+    model = run.footage.model
     start = int(model.jnt_qposadr[model.body(name).jntadr[0]])
     return slice(start, start + 7)
 
@@ -98,9 +99,9 @@ def _allowed(parameter: Parameter, truth: np.ndarray) -> float:
     return TOLERANCE[parameter.quantity]
 
 
-def _assert_static(estimate: Estimate, outcome: Outcome) -> None:
-    assert outcome.footage is not None
-    truth = outcome.footage.model.numeric(f"static_friction_{estimate.parameter.object}").data[0]
+def _assert_static(estimate: Estimate, run: Run) -> None:
+    assert run.footage is not None
+    truth = run.footage.model.numeric(f"static_friction_{estimate.parameter.object}").data[0]
     static = estimate.parts["static"].value
     assert abs(static - truth) <= STATIC, (static, truth)
     assert static > estimate.value[0]

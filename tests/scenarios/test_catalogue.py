@@ -17,16 +17,16 @@ IN_THE_WAY = {"occlusion": {"red_box"}, "thermometer": {"thermometer"}}
 @pytest.mark.parametrize("name", [name for name in names() if not name.startswith("mishaps/")])
 def test_a_scenario_ends_as_it_should(name: str) -> None:
     chosen = scenario(name)
-    outcome = executed(chosen)
-    assert outcome.status == chosen.status, outcome.plan.explanation
+    run = executed(chosen)
+    assert run.status == chosen.status, run.plan.explanation
     if chosen.status == "rejected":
-        assert outcome.execution is outcome.footage is None
-        assert outcome.plan.explanation
+        assert run.execution is run.footage is None
+        assert run.plan.explanation
         return
-    assert set(outcome.plan.parameters) == set(chosen.expects)
-    assert_acquired(outcome, chosen.expects, IN_THE_WAY.get(name, ()))
-    assert_near_truth(outcome)
-    assert_restored(outcome)
+    assert set(run.plan.parameters) == set(chosen.expects)
+    assert_acquired(run, chosen.expects, IN_THE_WAY.get(name, ()))
+    assert_near_truth(run)
+    assert_restored(run)
 
 
 def test_unknown_scenario_lists_those_there_are() -> None:
@@ -43,8 +43,8 @@ def test_a_group_of_scenarios_lists_its_sub_cases() -> None:
 
 def test_a_sub_case_shares_the_files_that_it_has_not_got_itself() -> None:
     photo, rendering = (
-        scenario("synthetic_and_real").job(),
-        scenario("synthetic_and_real/rendering").job(),
+        scenario("synthetic_and_real").settings(),
+        scenario("synthetic_and_real/rendering").settings(),
     )
     assert (photo.scene, photo.world) == (rendering.scene, rendering.world)
     assert photo.images != rendering.images
@@ -54,6 +54,6 @@ def test_a_sub_case_shares_the_files_that_it_has_not_got_itself() -> None:
 def test_recorded_plans_are_chosen_by_name() -> None:
     hammer = scenario("hammer")
     assert set(hammer.plans) == {"model", "paper"}
-    assert hammer.job(planner="replay:paper").planner == f"replay:{hammer.plans['paper']}"
-    assert hammer.job(planner="replay:elsewhere.json").planner == "replay:elsewhere.json"
-    assert hammer.job().planner == "symbolic"
+    assert hammer.settings(planner="replay:paper").planner == f"replay:{hammer.plans['paper']}"
+    assert hammer.settings(planner="replay:elsewhere.json").planner == "replay:elsewhere.json"
+    assert hammer.settings().planner == "symbolic"

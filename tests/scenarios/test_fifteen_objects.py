@@ -16,11 +16,11 @@ FIFTEEN = scenario("fifteen_objects")
 
 
 def test_one_parallel_for_fifteen_manipulations_is_refused() -> None:
-    job = FIFTEEN.job(planner="replay:parallel").checked()
-    outcome = pipeline.measure(pipeline.think(job, pipeline.look(job)))
-    assert outcome.status == "rejected"
-    assert outcome.execution is None
-    owners = [f.message for f in outcome.findings if f.rule == "one-owner"]
+    settings = FIFTEEN.settings(planner="replay:parallel").checked()
+    made = pipeline.measure(pipeline.plan(settings, pipeline.load(settings)))
+    assert made.status == "rejected"
+    assert made.execution is None
+    owners = [f.message for f in made.findings if f.rule == "one-owner"]
     assert any(
         "leaves would move the arm at once" in message and "Sequence" in message
         for message in owners
@@ -29,10 +29,10 @@ def test_one_parallel_for_fifteen_manipulations_is_refused() -> None:
 
 
 def test_forced_past_the_check_the_first_motion_has_the_arm_and_the_others_fail() -> None:
-    job = FIFTEEN.job().checked()
-    scene, plan = pipeline.look(job), load_plan(FIFTEEN.plans["parallel"])
+    settings = FIFTEEN.settings().checked()
+    scene, plan = pipeline.load(settings), load_plan(FIFTEEN.plans["parallel"])
     assert scene is not None
-    robot = simulated_cell(job, scene).robot(job)
+    robot = simulated_cell(scene, settings.world).robot()
     before = {name: robot.world.true_pose(name) for name in scene.objects}
     done = run(plan, scene, robot)
 

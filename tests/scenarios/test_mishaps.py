@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from palpate import pipeline
+from palpate.cli.exits import EXIT
 from palpate.scenarios.catalogue import scenario
 
 from .judge import between, executed, joint_of
@@ -27,20 +28,22 @@ REJECTED = {
 
 @pytest.mark.parametrize("name", STOPPED)
 def test_a_mishap_while_moving_ends_in_a_controlled_stop(name: str) -> None:
-    outcome = executed(scenario(f"mishaps/{name}"))
-    execution, footage = outcome.execution, outcome.footage
+    run = executed(scenario(f"mishaps/{name}"))
+    execution, footage, trace = run.execution, run.footage, run.trace
     assert execution is not None
     assert footage is not None
-    assert pipeline.EXIT[outcome.status] == 4
+    assert trace is not None
+    assert run.final_state is not None
+    assert EXIT[run.status] == 4
     assert STOPPED[name] in (execution.stopped_by or "")
-    failed = [leaf for leaf in execution.trace.leaves if leaf.status == "FAILURE"]
+    failed = [leaf for leaf in trace.leaves if leaf.status == "FAILURE"]
     assert [leaf.primitive for leaf in failed] == ["MovePose"]
-    assert execution.trace.conversions == ()
-    assert all(estimate.verdict == "not identified" for estimate in outcome.estimates)
-    assert execution.final_state.holding is None
-    assert np.linalg.norm(execution.trace.samples.twist[-1, :3]) < 0.01
+    assert trace.conversions == ()
+    assert all(estimate.verdict == "not identified" for estimate in run.estimates)
+    assert run.final_state.holding is None
+    assert np.linalg.norm(trace.samples.twist[-1, :3]) < 0.01
 
-    joint = joint_of(outcome, "bottle")
+    joint = joint_of(run, "bottle")
     stood = footage.frames[3][1]
     for _, now in footage.frames:
         distance, tilt = between(stood, now, joint)
@@ -53,10 +56,10 @@ def test_a_mishap_while_moving_ends_in_a_controlled_stop(name: str) -> None:
 
 @pytest.mark.parametrize("name", REJECTED)
 def test_a_mishap_in_the_plan_or_the_request_is_a_rejection_and_nothing_moves(name: str) -> None:
-    outcome = executed(scenario(f"mishaps/{name}"))
-    assert pipeline.EXIT[outcome.status] == 3
-    assert outcome.execution is outcome.footage is None
-    said = " ".join([outcome.plan.explanation, *(finding.message for finding in outcome.findings)])
+    run = executed(scenario(f"mishaps/{name}"))
+    assert EXIT[run.status] == 3
+    assert run.execution is run.footage is None
+    said = " ".join([run.plan.explanation, *(finding.message for finding in run.findings)])
     assert REJECTED[name] in said
 
 
@@ -65,7 +68,7 @@ def test_a_mishap_in_the_plan_or_the_request_is_a_rejection_and_nothing_moves(na
 )
 def test_the_reason_is_in_the_result(name: str, reason: str, tmp_path: Path) -> None:
     folder = tmp_path / "run"
-    pipeline.run(scenario(f"mishaps/{name}").job(out=folder))
+    pipeline.run(scenario(f"mishaps/{name}").settings(out=folder))
     assert reason in json.dumps(
         json.loads((folder / "result.json").read_text("utf-8")), ensure_ascii=False
     )

@@ -26,19 +26,19 @@ RECORDED = [
 @pytest.mark.parametrize(("name", "plan"), RECORDED)
 def test_a_recorded_plan_acquires_exactly_what_is_missing(name: str, plan: str) -> None:
     chosen = scenario(name)
-    outcome = executed(chosen, plan)
-    assert outcome.status == "complete"
-    assert set(outcome.plan.parameters) == set(chosen.expects)
-    assert_acquired(outcome, chosen.expects, IN_THE_WAY.get(name, ()))
-    assert_near_truth(outcome)
-    assert_restored(outcome)
+    run = executed(chosen, plan)
+    assert run.status == "complete"
+    assert set(run.plan.parameters) == set(chosen.expects)
+    assert_acquired(run, chosen.expects, IN_THE_WAY.get(name, ()))
+    assert_near_truth(run)
+    assert_restored(run)
 
 
 @pytest.mark.parametrize("name", SYMBOLIC)
 def test_a_models_plan_is_not_the_planners(name: str) -> None:
     chosen = scenario(name)
-    job = chosen.job()
-    planned = pipeline.think(job, pipeline.look(job)).plan
+    settings = chosen.settings()
+    planned = pipeline.plan(settings, pipeline.load(settings)).plan
     recorded = load_plan(chosen.plans["model"])
     assert planned.tree is not None
     assert recorded.tree is not None

@@ -13,18 +13,18 @@ from palpate.pictures.renderer import gl_available
 from palpate.planning.model.prompt.compose import Prompt, compose
 from palpate.planning.recorded import load_plan
 from palpate.scenarios.catalogue import scenario
-from palpate.settings import Job
+from palpate.settings import Settings
 from palpate.vocabulary.registry import vocabulary
 
 PHOTO, RENDERING = scenario("synthetic_and_real"), scenario("synthetic_and_real/rendering")
 
 
-def prompt(job: Job) -> Prompt:
-    return compose(vocabulary(), job.request or "", pipeline.look(job), job.images)
+def prompt(settings: Settings) -> Prompt:
+    return compose(vocabulary(), settings.request or "", pipeline.load(settings), settings.images)
 
 
 def test_only_the_picture_differs_in_what_is_sent() -> None:
-    photo, rendering = prompt(PHOTO.job()), prompt(RENDERING.job())
+    photo, rendering = prompt(PHOTO.settings()), prompt(RENDERING.settings())
     assert photo.system.encode() == rendering.system.encode()
     assert photo.user == rendering.user
     (one,), (other,) = photo.images, rendering.images

@@ -10,7 +10,7 @@ from palpate.planning.model import session as session_module
 from palpate.planning.model.session import Budget, ModelSettings
 from palpate.scenarios.catalogue import scenario
 from palpate.studies.ablation import CONFIGURATIONS, PAPER, ablation, without
-from palpate.studies.attempt import Settings
+from palpate.studies.attempt import Conditions
 from palpate.studies.repeatability import repeatability
 from palpate.studies.trials import read_records, table
 
@@ -26,11 +26,11 @@ def _environment(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(session_module, "BACKOFF", (0.01,))
 
 
-def settings(server: Loopback, rounds: int = 0, **changes) -> Settings:
+def settings(server: Loopback, rounds: int = 0, **changes) -> Conditions:
     model_settings = ModelSettings(
         base_url=server.url("openai"), budget=Budget(seconds=20), rounds=rounds
     )
-    return Settings(**{"noise": "none", "model_settings": model_settings} | changes)
+    return Conditions(**{"noise": "none", "model_settings": model_settings} | changes)
 
 
 def model(request: Request) -> Reply:
@@ -121,13 +121,15 @@ def test_models_are_compared_on_the_same_task(tmp_path: Path) -> None:
 def test_any_planner_can_be_studied(tmp_path: Path) -> None:
     plan = scenario(NAME).folder / "plans" / "paper.json"
     planners = ["symbolic", f"replay:{plan}"]
-    records = repeatability(NAME, planners, tmp_path / "r.jsonl", Settings(noise="none"), trials=1)
+    records = repeatability(
+        NAME, planners, tmp_path / "r.jsonl", Conditions(noise="none"), trials=1
+    )
     assert [(r.syntax, r.valid, r.success) for r in records] == [(True, True, True)] * 2
 
 
 def test_a_plan_that_measures_too_much_is_no_success(tmp_path: Path) -> None:
     records = repeatability(
-        NAME, ["exhaustive"], tmp_path / "r.jsonl", Settings(noise="none"), trials=1
+        NAME, ["exhaustive"], tmp_path / "r.jsonl", Conditions(noise="none"), trials=1
     )
     assert (records[0].syntax, records[0].success) == (True, False)
 
@@ -143,4 +145,4 @@ def test_bad_names_are_told(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="full"):
         without("no soul")
     with pytest.raises(InputError, match=NAME):
-        repeatability("nowhere", ["symbolic"], tmp_path / "r.jsonl", Settings(), trials=1)
+        repeatability("nowhere", ["symbolic"], tmp_path / "r.jsonl", Conditions(), trials=1)

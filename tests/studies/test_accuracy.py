@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from palpate.parameter import Parameter
-from palpate.settings import Job
-from palpate.studies.accuracy import Run, Trial, accuracy, run_seed, summarise
+from palpate.settings import Settings
+from palpate.studies.accuracy import SeedRun, Trial, accuracy, run_seed, summarise
 
 MASS = Parameter("cup", "mass")
 CELL = """<mujoco><worldbody>
@@ -20,19 +20,19 @@ CELL = """<mujoco><worldbody>
 
 
 @pytest.fixture
-def job(tmp_path: Path) -> Job:
+def settings(tmp_path: Path) -> Settings:
     files = {"scene": 'friction="0.5"', "world": 'mass="0.3" friction="0.5"'}
     for name, cup in files.items():
         (tmp_path / f"{name}.xml").write_text(CELL.format(cup=cup), encoding="utf-8")
-    return Job(scene=tmp_path / "scene.xml", world=tmp_path / "world.xml")
+    return Settings(scene=tmp_path / "scene.xml", world=tmp_path / "world.xml")
 
 
 def trial(seed: int, value: float, std: float = 0.01, shot: float | None = None) -> Trial:
     return Trial(MASS, 0, seed, value, std, value - 0.02, value + 0.02, 0.3, shot)
 
 
-def test_seeds_are_independent_runs_of_one_world(job: Job) -> None:
-    runs = accuracy(job, [1, 2])
+def test_seeds_are_independent_runs_of_one_world(settings: Settings) -> None:
+    runs = accuracy(settings, [1, 2])
     assert [(run.seed, run.status) for run in runs] == [(1, "complete"), (2, "complete")]
     (first,), (second,) = (run.trials for run in runs)
     assert first.parameter == second.parameter == MASS
@@ -42,30 +42,30 @@ def test_seeds_are_independent_runs_of_one_world(job: Job) -> None:
         abs(t.value - 0.3) < 0.015 and t.std < 0.01 and t.single_shot is not None
         for t in (first, second)
     )
-    assert run_seed(job, 1) == runs[0]
+    assert run_seed(settings, 1) == runs[0]
 
 
-def test_a_run_that_identifies_nothing_has_no_trials(job: Job) -> None:
-    assert job.world is not None
+def test_a_run_that_identifies_nothing_has_no_trials(settings: Settings) -> None:
+    assert settings.world is not None
     elsewhere = CELL.format(cup='mass="0.3"').replace(
         'name="cup" pos="0.5 0.1', 'name="cup" pos="0.3 0.4'
     )
-    job.world.write_text(elsewhere, encoding="utf-8")
-    run = run_seed(job, 0)
+    settings.world.write_text(elsewhere, encoding="utf-8")
+    run = run_seed(settings, 0)
     assert run.status == "aborted"
     assert run.trials == ()
     assert run.actions > 3
     assert summarise([run]) == []
 
 
-def test_a_rejected_plan_moves_nothing(job: Job) -> None:
-    run = run_seed(replace(job, request="the inertia of the cup"), 0)
-    assert run == Run(0, "rejected", 0, 0.0, ())
+def test_a_rejected_plan_moves_nothing(settings: Settings) -> None:
+    run = run_seed(replace(settings, request="the inertia of the cup"), 0)
+    assert run == SeedRun(0, "rejected", 0, 0.0, ())
 
 
 def test_the_summary_is_over_seeds() -> None:
     runs = [
-        Run(i, "complete", 12, 20.0, (trial(i, value, shot=value + 0.05),))
+        SeedRun(i, "complete", 12, 20.0, (trial(i, value, shot=value + 0.05),))
         for i, value in enumerate((0.29, 0.31, 0.33))
     ]
     (row,) = summarise(runs)
@@ -80,7 +80,7 @@ def test_the_summary_is_over_seeds() -> None:
 
 
 def test_one_run_has_no_scatter() -> None:
-    (row,) = summarise([Run(0, "complete", 12, 20.0, (trial(0, 0.31),))])
+    (row,) = summarise([SeedRun(0, "complete", 12, 20.0, (trial(0, 0.31),))])
     assert row.sd == 0.0
     assert row.single_shot_sd is None
 
@@ -91,5 +91,5 @@ def test_components_have_rows_of_their_own() -> None:
         replace(trial(0, 0.1 * i), parameter=com, component=i, truth=0.1 * i) for i in range(3)
     )
     assert [
-        (row.component, row.bias) for row in summarise([Run(0, "complete", 1, 1.0, trials)])
+        (row.component, row.bias) for row in summarise([SeedRun(0, "complete", 1, 1.0, trials)])
     ] == [(0, 0.0), (1, 0.0), (2, 0.0)]

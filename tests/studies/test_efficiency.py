@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from palpate.scenarios.catalogue import scenario
-from palpate.studies.accuracy import Run
+from palpate.studies.accuracy import SeedRun
 from palpate.studies.efficiency import Comparison, comparable, efficiency
 
 
@@ -20,9 +20,9 @@ def test_only_scenarios_that_the_symbolic_planner_completes_are_compared() -> No
 
 
 def test_time_saved_is_a_fraction_of_the_exhaustive_runs() -> None:
-    slow, quick = Run(0, "complete", 29, 62.0, ()), Run(0, "complete", 12, 33.0, ())
+    slow, quick = SeedRun(0, "complete", 29, 62.0, ()), SeedRun(0, "complete", 12, 33.0, ())
     assert Comparison("paper", slow, quick).time_saved == pytest.approx(0.468, abs=1e-3)
-    rejected = Run(0, "rejected", 0, 0.0, ())
+    rejected = SeedRun(0, "rejected", 0, 0.0, ())
     assert Comparison("nothing to do", rejected, rejected).time_saved is None
 
 

@@ -16,10 +16,10 @@ from palpate.studies.variety import SCENES, Variety, crowd, frustum
 
 @pytest.mark.parametrize("variety", SCENES, ids=lambda v: v.name)
 def test_scene_and_world_differ_by_the_gaps(variety: Variety, tmp_path: Path) -> None:
-    job = variety.write(tmp_path)
-    assert job.scene is not None
-    assert job.world is not None
-    scene, world = load_scene(job.scene), load_scene(job.world)
+    settings = variety.write(tmp_path)
+    assert settings.scene is not None
+    assert settings.world is not None
+    scene, world = load_scene(settings.scene), load_scene(settings.world)
     assert set(scene.missing()) == set(variety.missing)
     assert world.missing() == ()
     assert (
@@ -35,11 +35,11 @@ def test_scene_and_world_differ_by_the_gaps(variety: Variety, tmp_path: Path) ->
 
 @pytest.mark.parametrize("variety", SCENES, ids=lambda v: v.name)
 def test_every_scene_has_a_plan_that_passes_the_check(variety: Variety, tmp_path: Path) -> None:
-    job = variety.write(tmp_path)
-    outcome = pipeline.think(job, pipeline.look(job))
-    assert outcome.findings == ()
-    assert set(outcome.plan.parameters) == set(variety.missing)
-    assert outcome.plan.actions >= 6
+    settings = variety.write(tmp_path)
+    run = pipeline.plan(settings, pipeline.load(settings))
+    assert run.findings == ()
+    assert set(run.plan.parameters) == set(variety.missing)
+    assert run.plan.actions >= 6
 
 
 def test_a_mesh_on_a_high_shelf_is_weighed(tmp_path: Path) -> None:

@@ -50,8 +50,8 @@ MASS = estimate(Parameter("cup", "mass"), 0.2541)
 def test_only_the_gap_is_closed() -> None:
     twin = build(scene(), MASS)
     kept = [line for line in SCENE.format(pos="0.5 0 0.05").splitlines() if "cup" not in line]
-    assert [line for line in twin.text.splitlines() if line in kept] == kept
-    assert parse_scene(twin.text).body("cup").known["mass"] == (0.2541,)
+    assert [line for line in twin.xml.splitlines() if line in kept] == kept
+    assert parse_scene(twin.xml).body("cup").known["mass"] == (0.2541,)
     assert twin.diff.startswith("--- scene.xml\n+++ twin.xml\n")
     assert '+    <body name="cup"' in twin.diff
     assert twin.notes == ()
@@ -61,7 +61,7 @@ def test_only_the_gap_is_closed() -> None:
 
 def test_what_is_not_identified_stays_open() -> None:
     twin = build(scene(), not_identified(Parameter("cup", "mass"), "kg", "It slipped."))
-    assert twin.text == SCENE.format(pos="0.5 0 0.05")
+    assert twin.xml == SCENE.format(pos="0.5 0 0.05")
     assert twin.diff == ""
 
 
@@ -69,7 +69,7 @@ def test_the_poses_that_came_with_the_scene_hold_for_the_twin() -> None:
     twin = build(scene(poses=POSES), MASS)
     assert twin.scene is not None
     assert twin.scene.body("cup").pose_world.position == pytest.approx([0.45, 0.10, 0.05])
-    assert parse_scene(twin.text).body("cup").pose_world.position == pytest.approx([0.5, 0, 0.05])
+    assert parse_scene(twin.xml).body("cup").pose_world.position == pytest.approx([0.5, 0, 0.05])
 
 
 def test_a_measured_position_overrules_the_poses_that_came_with_the_scene() -> None:
@@ -79,7 +79,7 @@ def test_a_measured_position_overrules_the_poses_that_came_with_the_scene() -> N
         estimate(Parameter("cup", "position"), 0.461, 0.093),
     )
     assert twin.scene is not None
-    for read in (twin.scene, parse_scene(twin.text)):
+    for read in (twin.scene, parse_scene(twin.xml)):
         assert read.body("cup").pose_world.position == pytest.approx([0.461, 0.093, 0.05])
 
 
@@ -87,5 +87,5 @@ def test_a_quantity_of_the_gripper_is_noted_and_not_written() -> None:
     twin = build(scene(), MASS, estimate(Parameter("gripper", "velocity"), 0.1, 0.0, 0.2))
     (note,) = twin.notes
     assert note.startswith("gripper.velocity is not in the twin")
-    assert "velocity" not in twin.text
+    assert "velocity" not in twin.xml
     assert twin.scene is not None

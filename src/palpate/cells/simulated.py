@@ -1,24 +1,30 @@
-"""The cell a run happens in: the embedded world, or a real robot.
+"""The embedded cell: a hidden world made of MJCF, with a simulated arm in it.
 
-The simulated world is hidden. Its truth is a separate question, `truth`, which the pipeline asks
-only after the estimates are made.
+The world is hidden. Its truth is a separate question, `truth`, which the pipeline asks only after
+the estimates are made.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from pathlib import Path
 from typing import TYPE_CHECKING
 
-from palpate.errors import InputError, Unavailable
+from palpate.cells.draw import draw_truth
+from palpate.cells.view import workspace_png
+from palpate.errors import InputError
 from palpate.mjcf.body import Body
 from palpate.parameter import Parameter
+from palpate.pictures.footage import Footage
+from palpate.robots.simulated.noise import Noise
 from palpate.scene.load import load_scene
 from palpate.scene.scene import Scene
-from palpate.settings import Job
 
 if TYPE_CHECKING:
+    from palpate.robots.description import RobotDescription
     from palpate.robots.simulated.robot import MujocoRobot
+    from palpate.scene.poses import CameraEntry
 
 SIZE_TOLERANCE = 0.02
 """m: how far an object's extents in scene and world may differ and still be the same object."""
@@ -28,30 +34,52 @@ SEEN_TOLERANCE = 0.06
 one."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(slots=True, eq=False)
 class SimulatedCell:
-    """A world made of MJCF, with what is true in it.
+    """A world made of MJCF, with what is true in it. Implements `palpate.cells.cell.Cell`.
 
     Attributes:
         world: the world as a scene, nothing missing but what does not matter.
         drawn: values that were drawn from priors, for a world made from D.
         description: for the report.
+        noise: sensor world of the robot. seed: of everything random in it.
     """
 
     world: Scene
-    drawn: Mapping[Parameter, tuple[float, ...]]
-    description: str
+    drawn: Mapping[Parameter, tuple[float, ...]] = field(
+        default_factory=dict[Parameter, tuple[float, ...]]
+    )
+    description: str = "simulated world"
+    noise: Noise = "lab"
+    seed: int = 0
+    _robot: MujocoRobot | None = field(default=None, init=False, repr=False)
 
-    def robot(self, job: Job) -> MujocoRobot:
-        """The embedded arm in this world."""
+    @property
+    def simulated(self) -> bool:
+        """Always."""
+        return True
+
+    def picture(self, camera: CameraEntry | None = None) -> bytes | None:
+        """See `Cell`. None without a usable OpenGL."""
+        return workspace_png(self.world.spec(self.drawn), tuple(self.world.bodies), camera)
+
+    def robot(self) -> MujocoRobot:
+        """A new arm in a new copy of the world."""
         from palpate.pictures.renderer import add_lights
         from palpate.robots.simulated.robot import MujocoRobot
 
         spec = self.world.spec(self.drawn)
         add_lights(spec)
-        return MujocoRobot(
-            spec, self.world.pose_world_base, self.world.arm, noise=job.noise, seed=job.seed
-        )
+        base, arm = self.world.pose_world_base, self.world.arm
+        self._robot = MujocoRobot(spec, base, arm, noise=self.noise, seed=self.seed)
+        return self._robot
+
+    def footage(self) -> Footage | None:
+        """See `Cell`: the 30 Hz camera's configurations of the world."""
+        if self._robot is None:
+            return None
+        world = self._robot.world
+        return Footage(world.model, tuple(world.frames))
 
     def truth(self, parameter: Parameter) -> tuple[float, ...] | None:
         """What is true in the world, or None where it is not defined. Ask after estimating."""
@@ -61,25 +89,34 @@ class SimulatedCell:
         return body.known.get(parameter.quantity) if body else None
 
 
-def simulated_cell(job: Job, scene: Scene) -> SimulatedCell:
-    """The hidden world of a job.
+def simulated_cell(
+    scene: Scene | None,
+    world: Path | None = None,
+    *,
+    noise: Noise = "lab",
+    seed: int = 0,
+    tolerance: float = SIZE_TOLERANCE,
+    arm: RobotDescription | None = None,
+) -> SimulatedCell:
+    """The hidden world for a scene: an MJCF file, or, without one, the scene itself with its
+    unknowns drawn from priors.
+
+    Without a scene the world is taken as it is, with `arm` in it, to be looked at.
 
     Raises:
-        InputError: the world does not match the scene.
-        Unavailable: the job names a real robot, which this build cannot reach.
+        InputError: neither scene nor world; or the world does not match the scene within
+            `tolerance` m.
     """
-    if job.robot is not None:
-        raise Unavailable(f"no driver for '{job.robot}': leave --robot out to use the embedded FR3")
-    if job.world is None:
-        from palpate.cells.draw import draw_truth
-
-        drawn = draw_truth(scene, job.seed)
-        return SimulatedCell(
-            scene, drawn, "simulated from the scene, its unknowns drawn from priors"
-        )
-    world = load_scene(job.world, arm=scene.arm)
-    _match(scene, world, SIZE_TOLERANCE if job.scene else SEEN_TOLERANCE)
-    return SimulatedCell(world, {}, f"simulated world {job.world.name}")
+    if world is not None:
+        hidden = load_scene(world, arm=scene.arm if scene is not None else arm)
+        if scene is not None:
+            _match(scene, hidden, tolerance)
+        return SimulatedCell(hidden, {}, f"simulated world {world.name}", noise, seed)
+    if scene is None:
+        raise InputError("a simulated cell needs a scene or a world to be made of")
+    drawn = draw_truth(scene, seed)
+    made_of = "simulated from the scene, its unknowns drawn from priors"
+    return SimulatedCell(scene, drawn, made_of, noise, seed)
 
 
 def _match(scene: Scene, world: Scene, tolerance: float) -> None:

@@ -8,11 +8,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
-from palpate.cells.simulated import simulated_cell
 from palpate.pictures.renderer import Painter, add_lights, extent, gl_available, png
-from palpate.scene.load import load_scene
-from palpate.scene.scene import Scene
-from palpate.settings import Job
 
 if TYPE_CHECKING:
     from mujoco import MjSpec
@@ -27,28 +23,23 @@ TAKEN = "palpate_camera"
 WIDTH, HEIGHT = 1024, 768
 
 
-def workspace_png(job: Job, scene: Scene | None, camera: CameraEntry | None = None) -> bytes | None:
-    """The simulated workspace before anything moves, as PNG, seen by `camera` if there is one.
+def workspace_png(
+    world: MjSpec, bodies: tuple[str, ...], camera: CameraEntry | None = None
+) -> bytes | None:
+    """A simulated workspace before anything moves, as PNG, seen by `camera`, else by the world's
+    own camera, else by one that has all `bodies` in view.
 
-    None where there is nothing simulated to look at, or no usable OpenGL.
+    `world` gets lights. None without a usable OpenGL.
     """
-    if job.robot is not None or not gl_available()[0]:
-        return None
-    if scene is not None:
-        cell = simulated_cell(job, scene)
-        return _painted(cell.world.spec(cell.drawn), tuple(cell.world.bodies), camera)
-    if job.world is None:
-        return None
-    world = load_scene(job.world)
-    return _painted(world.spec(), tuple(world.bodies), camera)
+    return _painted(world, bodies, camera) if gl_available()[0] else None
 
 
 @contextmanager
-def image_files(job: Job, taken: bytes | None) -> Generator[tuple[Path, ...]]:
-    """The job's images, or the picture that was taken of its workspace as a file while the block
-    runs."""
-    if job.images or taken is None:
-        yield job.images
+def image_files(given: tuple[Path, ...], taken: bytes | None) -> Generator[tuple[Path, ...]]:
+    """The images that were given, or the picture that was taken of the workspace as a file while
+    the block runs."""
+    if given or taken is None:
+        yield given
         return
     with TemporaryDirectory() as folder:
         path = Path(folder) / "workspace.png"

@@ -12,12 +12,12 @@ import typer
 
 from palpate import __version__
 from palpate.cli import study
+from palpate.cli.exits import EXIT, exit_status, in_flags
 from palpate.errors import PalpateError
 
 if TYPE_CHECKING:
-    from palpate.pipeline import Outcome
     from palpate.planning.model.session import ModelSettings
-    from palpate.settings import Job
+    from palpate.settings import Settings
 
 app = typer.Typer(
     name="palpate",
@@ -125,18 +125,19 @@ def main() -> None:
 
 def fail(error: PalpateError) -> NoReturn:
     """Print the error where it belongs and leave with its status."""
+    status, message = exit_status(error), in_flags(str(error))
     if "--json" in sys.argv:
         print(
             json.dumps(
                 {
-                    "status": "rejected" if error.exit_code == 3 else "failed",
-                    "error": {"message": str(error), "exit_status": error.exit_code},
+                    "status": "rejected" if status == 3 else "failed",
+                    "error": {"message": message, "exit_status": status},
                 },
                 ensure_ascii=False,
             )
         )
-    print(f"palpate: {error}", file=sys.stderr)
-    sys.exit(error.exit_code)
+    print(f"palpate: {message}", file=sys.stderr)
+    sys.exit(status)
 
 
 def usage(error: Any) -> NoReturn:
@@ -189,7 +190,9 @@ def demo(
         "out": out,
         "model_settings": _model_settings(options),
     }
-    carry_out(scenario(name).job(**changes, **({"planner": planner} if planner else {})), as_json)
+    carry_out(
+        scenario(name).settings(**changes, **({"planner": planner} if planner else {})), as_json
+    )
 
 
 @app.command()
@@ -226,7 +229,7 @@ def run(
     budget_dollars: Dollars = 2,
 ) -> None:
     """Measure what is missing and write the twin and the report."""
-    carry_out(_job(locals()), as_json, yes)
+    carry_out(_settings(locals()), as_json, yes)
 
 
 @app.command()
@@ -265,11 +268,10 @@ def plan(
     from palpate import pipeline
     from palpate.cli.show import show_plan
 
-    job = _job({**locals(), "out": None}).checked()
-    outcome = pipeline.think(job, pipeline.look(job))
-    show_plan(outcome, as_json, out)
-    ready = outcome.plan.satisfied or (outcome.plan.tree is not None and not outcome.findings)
-    raise typer.Exit(0 if ready else 3)
+    settings = _settings({**locals(), "out": None}).checked()
+    made = pipeline.plan(settings, pipeline.load(settings))
+    show_plan(made, as_json, out)
+    raise typer.Exit(0 if made.plan.satisfied or made.ready else 3)
 
 
 @app.command()
@@ -284,7 +286,7 @@ def prompt(
     """Print what a model would be sent, to read it or to paste it into a chat."""
     from palpate.cli.show import show_prompt
 
-    show_prompt(_job(locals()).checked(), as_json)
+    show_prompt(_settings(locals()).checked(), as_json)
 
 
 @app.command()
@@ -322,7 +324,7 @@ def execute(
     """Execute a plan that exists already."""
     from palpate.planning.recorded import plan_file
 
-    carry_out(_job({**locals(), "planner": f"replay:{plan_file(plan)}"}), as_json, yes)
+    carry_out(_settings({**locals(), "planner": f"replay:{plan_file(plan)}"}), as_json, yes)
 
 
 @app.command()
@@ -344,15 +346,15 @@ def doctor() -> None:
     raise typer.Exit(examine())
 
 
-def _job(options: dict[str, Any]) -> Job:
-    from palpate.settings import Job
+def _settings(options: dict[str, Any]) -> Settings:
+    from palpate.settings import Settings
 
-    fields = {k: v for k, v in options.items() if k in Job.__dataclass_fields__}
+    fields = {k: v for k, v in options.items() if k in Settings.__dataclass_fields__}
     fields["images"] = tuple(options.get("image") or ())
     fields["model_settings"] = _model_settings(options)
     if "noise" in fields:
         fields["noise"] = fields["noise"].value
-    return Job(**fields)
+    return Settings(**fields)
 
 
 def _model_settings(options: dict[str, Any]) -> ModelSettings:
@@ -375,16 +377,16 @@ def _model_settings(options: dict[str, Any]) -> ModelSettings:
     )
 
 
-def carry_out(job: Job, as_json: bool, yes: bool = False) -> None:
-    """Run a job with a live view on stderr, print the result, leave with its exit status."""
+def carry_out(settings: Settings, as_json: bool, yes: bool = False) -> None:
+    """Run with a live view on stderr, print the result, leave with its exit status."""
     from palpate.cli.show import confirm_plan, live_view, show_outcome
-    from palpate.pipeline import EXIT, unasked
     from palpate.pipeline import run as run_pipeline
+    from palpate.pipeline import unasked
 
     with live_view() as (observer, say):
-        outcome: Outcome = run_pipeline(job, observer, say, unasked if yes else confirm_plan)
-    show_outcome(outcome, as_json)
-    raise typer.Exit(EXIT[outcome.status])
+        made = run_pipeline(settings, observer, say, unasked if yes else confirm_plan)
+    show_outcome(made, as_json)
+    raise typer.Exit(EXIT[made.status])
 
 
 if __name__ == "__main__":

@@ -16,11 +16,11 @@ from rich.text import Text
 if TYPE_CHECKING:
     from palpate.execution.runner import Observer
     from palpate.mjcf.body import Body
-    from palpate.pipeline import Outcome
     from palpate.planning.check.check import Finding
     from palpate.planning.plan import Node, Plan
+    from palpate.runs.run import Run
     from palpate.scene.scene import Scene
-    from palpate.settings import Job
+    from palpate.settings import Settings
 
 out = Console(highlight=False)
 err = Console(stderr=True, highlight=False)
@@ -40,25 +40,25 @@ def live_view() -> Generator[tuple[Observer, Callable[[str], None]]]:
         yield view, view.say
 
 
-def show_outcome(outcome: Outcome, as_json: bool) -> None:
+def show_outcome(run: Run, as_json: bool) -> None:
     """The result: values with error bars, and where the files are."""
     from palpate.pictures.renderer import gl_available
     from palpate.runs.result import result_json
 
     if as_json:
-        print_json(result_json(outcome, outcome.folder))
+        print_json(result_json(run, run.folder))
         return
-    if outcome.status == "rejected":
-        _show_rejection(outcome)
-    elif outcome.execution is None:
+    if run.status == "rejected":
+        _show_rejection(run)
+    elif run.execution is None:
         out.print("[bold green]nothing is missing[/]")
     else:
-        _show_estimates(outcome)
-    for note in outcome.plan.notes:
+        _show_estimates(run)
+    for note in run.plan.notes:
         out.print(f"[dim]note[/] {escape(note)}")
-    out.print(f"[dim]run folder[/]  {outcome.folder}", soft_wrap=True)
-    if outcome.folder:
-        out.print(f"[dim]report[/]      {outcome.folder / 'report.html'}", soft_wrap=True)
+    out.print(f"[dim]run folder[/]  {run.folder}", soft_wrap=True)
+    if run.folder:
+        out.print(f"[dim]report[/]      {run.folder / 'report.html'}", soft_wrap=True)
     pictures, remedy = gl_available()
     if not pictures:
         out.print(f"[dim]no pictures[/] {escape(remedy)}", soft_wrap=True)
@@ -71,19 +71,19 @@ def escape(text: str) -> str:
     return rich_escape(text)
 
 
-def _show_rejection(outcome: Outcome) -> None:
-    out.print("[bold yellow]no plan[/]", escape(outcome.plan.explanation))
-    for finding in outcome.findings:
+def _show_rejection(run: Run) -> None:
+    out.print("[bold yellow]no plan[/]", escape(run.plan.explanation))
+    for finding in run.findings:
         out.print(f"  [yellow]{finding.rule}[/] {escape(finding.path)}: {escape(finding.message)}")
 
 
-def _show_estimates(outcome: Outcome) -> None:
+def _show_estimates(run: Run) -> None:
     table = Table(box=None, header_style="dim", pad_edge=False)
     for heading in ("object", "quantity", "value", "± std", "95 % interval", "verdict"):
         table.add_column(heading, no_wrap=True)
-    if outcome.cell:
+    if run.simulated:
         table.add_column("truth", style="dim", no_wrap=True)
-    for estimate in outcome.estimates:
+    for estimate in run.estimates:
         unit = estimate.unit.removesuffix("1")
         value = f"[bold]{_numbers(estimate.value)}[/] {unit}" if estimate.has_value else "–"
         row = [
@@ -94,15 +94,15 @@ def _show_estimates(outcome: Outcome) -> None:
             "\n".join(f"{low:.5g} … {high:.5g}" for low, high in estimate.ci95),
             estimate.verdict,
         ]
-        if outcome.cell:
-            truth = outcome.cell.truth(estimate.parameter)
+        if run.simulated:
+            truth = run.truth.get(estimate.parameter)
             row.append(_numbers(truth) if truth else "–")
         table.add_row(*row)
     out.print(table)
-    for setback in outcome.execution.setbacks if outcome.execution else ():
+    for setback in run.execution.setbacks if run.execution else ():
         out.print(f"[yellow]went on after[/] {escape(setback)}")
-    if outcome.execution and outcome.execution.stopped_by:
-        out.print(f"[bold red]stopped[/] {escape(outcome.execution.stopped_by)}")
+    if run.execution and run.execution.stopped_by:
+        out.print(f"[bold red]stopped[/] {escape(run.execution.stopped_by)}")
 
 
 def _numbers(values: Iterable[float], digits: int = 5) -> str:
@@ -178,36 +178,40 @@ def _body_json(body: Body) -> dict[str, Any]:
     }
 
 
-def show_plan(outcome: Outcome, as_json: bool, file: Path | None) -> None:
+def show_plan(run: Run, as_json: bool, file: Path | None) -> None:
     """A plan: parameters, tree in the paper's notation, explanation, findings."""
     from palpate.runs.result import plan_text
 
     if file:
-        file.write_text(plan_text(outcome), encoding="utf-8")
+        file.write_text(plan_text(run), encoding="utf-8")
     if as_json:
         print_json(
-            json.loads(plan_text(outcome))
-            | {"findings": [finding_json(f) for f in outcome.findings]}
+            json.loads(plan_text(run)) | {"findings": [finding_json(f) for f in run.findings]}
         )
         return
-    _print_plan(outcome.plan, out)
-    for finding in outcome.findings:
+    _print_plan(run.plan, out)
+    for finding in run.findings:
         out.print(f"[yellow]{finding.rule}[/] {finding.path}: {escape(finding.message)}")
 
 
-def show_prompt(job: Job, as_json: bool) -> None:
+def show_prompt(settings: Settings, as_json: bool) -> None:
     """System prompt, user message and images, as they would be sent."""
-    from palpate.pipeline import look
+    from palpate.pipeline import load
     from palpate.planning.model.prompt.compose import compose
     from palpate.scene.from_picture import SceneBuilder
     from palpate.scene.poses import Poses, read_poses
     from palpate.vocabulary.registry import vocabulary
 
-    scene = look(job)
-    poses = read_poses(job.poses) if job.poses else Poses()
+    scene = load(settings)
+    poses = read_poses(settings.poses) if settings.poses else Poses()
     symbols = SceneBuilder(poses).symbols if scene is None else None
     prompt = compose(
-        vocabulary(), job.request or "", scene, job.images, symbols, job.model_settings.without
+        vocabulary(),
+        settings.request or "",
+        scene,
+        settings.images,
+        symbols,
+        settings.model_settings.without,
     )
     images = [str(path) for path in prompt.images]
     if as_json:
@@ -221,13 +225,15 @@ def show_prompt(job: Job, as_json: bool) -> None:
     )
 
 
-def confirm_plan(outcome: Outcome) -> bool:
+def confirm_plan(run: Run) -> bool:
     """Show the plan and ask whether the robot may move; no answer is a no."""
     import typer
 
-    _print_plan(outcome.plan, err)
+    _print_plan(run.plan, err)
     try:
-        return typer.confirm(f"Let {outcome.job.robot} move? (--yes skips this question)", err=True)
+        return typer.confirm(
+            f"Let {run.settings.robot} move? (--yes skips this question)", err=True
+        )
     except typer.Abort:
         err.print()
         return False

@@ -16,8 +16,8 @@ from rich.table import Table
 from rich.text import Text
 
 if TYPE_CHECKING:
-    from palpate.studies.accuracy import Run, Summary
-    from palpate.studies.attempt import Settings
+    from palpate.studies.accuracy import SeedRun, Summary
+    from palpate.studies.attempt import Conditions
     from palpate.studies.efficiency import Comparison
     from palpate.studies.trials import Rate, Record, Row
 
@@ -71,7 +71,7 @@ def accuracy(
     from palpate.studies.efficiency import comparable
 
     chosen = comparable() if every else names or ["bottle_and_table"]
-    jobs = {name: find(name).job(noise=noise).checked() for name in chosen}
+    jobs = {name: find(name).settings(noise=noise).checked() for name in chosen}
     runs = {name: run_accuracy(job, range(seeds), workers) for name, job in jobs.items()}
     _show_runs(runs, f"--noise {noise}", as_json)
 
@@ -137,9 +137,9 @@ def ablation(
     from palpate.studies.ablation import CONFIGURATIONS, PAPER
     from palpate.studies.ablation import ablation as run_ablation
 
-    settings = _settings(image, noise, base_url, feedback, budget_dollars)
+    conditions = _conditions(image, noise, base_url, feedback, budget_dollars)
     records = run_ablation(
-        scenario, planner, out, settings, trials, configuration or CONFIGURATIONS, workers, _say
+        scenario, planner, out, conditions, trials, configuration or CONFIGURATIONS, workers, _say
     )
     _show_trials(
         records,
@@ -166,8 +166,8 @@ def repeatability(
     from palpate.studies.repeatability import PAPER
     from palpate.studies.repeatability import repeatability as run_repeatability
 
-    settings = _settings(image, noise, base_url, feedback, budget_dollars)
-    records = run_repeatability(scenario, planner, out, settings, trials, workers, _say)
+    conditions = _conditions(image, noise, base_url, feedback, budget_dollars)
+    records = run_repeatability(scenario, planner, out, conditions, trials, workers, _say)
     found = {f"{a}/20, {b}/20" for a, b in PAPER.values()}
     _show_trials(records, {"full": "; ".join(sorted(found))}, as_json)
 
@@ -198,14 +198,14 @@ def faults(
     )
 
 
-def _settings(
+def _conditions(
     images: list[Path] | None, noise: str, base_url: str | None, rounds: int, dollars: float
-) -> Settings:
+) -> Conditions:
     from palpate.planning.model.session import Budget, ModelSettings
-    from palpate.studies.attempt import Settings
+    from palpate.studies.attempt import Conditions
 
     model_settings = ModelSettings(base_url=base_url, rounds=rounds, budget=Budget(dollars=dollars))
-    return Settings(tuple(images or ()), noise, model_settings)
+    return Conditions(tuple(images or ()), noise, model_settings)
 
 
 def _say(line: str) -> None:
@@ -267,7 +267,7 @@ def _grid(*headings: str) -> Table:
     return grid
 
 
-def _show_runs(runs: dict[str, list[Run]], title: str, as_json: bool) -> None:
+def _show_runs(runs: dict[str, list[SeedRun]], title: str, as_json: bool) -> None:
     from palpate.cli.show import print_json
     from palpate.studies.accuracy import summarise
 
@@ -304,14 +304,14 @@ def _summary_cells(row: Summary) -> list[str]:
     ]
 
 
-def _endings(runs: list[Run]) -> str:
+def _endings(runs: list[SeedRun]) -> str:
     """How the runs ended, and what they took."""
     counts = Counter(run.status for run in runs)
     ended = ", ".join(f"{n} {status}" for status, n in counts.items())
     return f"  {ended}; {runs[0].actions} actions, {fmean(r.robot_seconds for r in runs):.1f} s"
 
 
-def _runs_json(name: str, runs: list[Run]) -> dict[str, Any]:
+def _runs_json(name: str, runs: list[SeedRun]) -> dict[str, Any]:
     from palpate.studies.accuracy import summarise
 
     return {

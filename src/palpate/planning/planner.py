@@ -94,7 +94,7 @@ class PlannerKind:
 def needs_scene(planner: str) -> InputError:
     """What to tell who wants a planner that cannot look to plan without D."""
     return InputError(
-        f"the {planner} planner needs a scene to work on: give an MJCF with --scene D.xml, or let a "
-        "model look at a picture: --planner PROVIDER:MODEL --image I.png --poses poses.yaml (with its "
+        f"the {planner} planner needs a scene to work on: give an MJCF with scene=D.xml, or let a "
+        "model look at a picture: planner=PROVIDER:MODEL images=I.png poses=poses.yaml (with its "
         "camera)"
     )

@@ -9,7 +9,7 @@ from collections.abc import Generator
 from contextlib import contextmanager
 from datetime import datetime
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 from palpate.errors import InputError
 
@@ -32,7 +32,7 @@ def new_folder(path: Path) -> Generator[Path]:
             scratch folder is kept.
     """
     if path.exists():
-        raise InputError(f"'{path}' exists already: choose another --out, nothing is overwritten")
+        raise InputError(f"'{path}' exists already: choose another out=, nothing is overwritten")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         scratch = Path(tempfile.mkdtemp(prefix=f".{path.name}.", dir=path.parent))
@@ -50,6 +50,25 @@ def new_folder(path: Path) -> Generator[Path]:
         raise InputError(
             f"'{path}' cannot be made any more ({error.strerror}); the run is kept in '{scratch}'"
         ) from error
+
+
+def read_json(path: Path) -> dict[str, Any]:
+    """The JSON object in a run folder's file.
+
+    Raises:
+        InputError: there is no such file, or no object in it.
+    """
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise InputError(
+            f"'{path.parent}' is not a run's folder: '{path.name}' cannot be read ({error.strerror})"
+        ) from None
+    except ValueError as error:
+        raise InputError(f"'{path}' is not JSON: {error}") from None
+    if not isinstance(content, dict):
+        raise InputError(f"'{path}' holds no JSON object")
+    return cast("dict[str, Any]", content)
 
 
 def write_json(path: Path, content: Any) -> None:

@@ -11,44 +11,48 @@ from palpate.estimation.estimate import Estimate
 from palpate.planning.plan import dump_plan
 
 if TYPE_CHECKING:
-    from palpate.pipeline import Outcome
+    from palpate.runs.run import Run
     from palpate.twin.validate import Residual, Validation
 
 
-def result_json(outcome: Outcome, folder: Path | None) -> dict[str, Any]:
+def result_json(run: Run, folder: Path | None) -> dict[str, Any]:
     """The content of `result.json`, which `--json` prints too."""
     return {
-        "status": outcome.status,
-        "request": outcome.job.request,
-        "parameters": [parameter_json(e) for e in outcome.estimates],
+        "status": run.status,
+        "simulated": run.simulated,
+        "request": run.settings.request,
+        "parameters": [parameter_json(e) for e in run.estimates],
         "plan": {
-            "planner": outcome.plan.planner,
-            "actions": outcome.plan.actions,
-            "explanation": outcome.plan.explanation,
-            "notes": list(outcome.plan.notes),
+            "planner": run.plan.planner,
+            "actions": run.plan.actions,
+            "explanation": run.plan.explanation,
+            "notes": list(run.plan.notes),
             "findings": [
-                {"path": f.path, "rule": f.rule, "message": f.message} for f in outcome.findings
+                {"path": f.path, "rule": f.rule, "message": f.message} for f in run.findings
             ],
         },
-        "rehearsal": asdict(outcome.rehearsal) if outcome.rehearsal else None,
-        "execution": _execution_json(outcome),
-        "twin": _twin_json(outcome),
-        "files": _files(outcome, folder),
+        "rehearsal": asdict(run.rehearsal) if run.rehearsal else None,
+        "execution": _execution_json(run),
+        "twin": _twin_json(run),
+        "files": _files(run, folder),
         "provenance": {
             "palpate": __version__,
-            "seed": outcome.job.seed,
-            "noise": outcome.job.noise,
-            "world": outcome.cell.description if outcome.cell else None,
+            "seed": run.settings.seed,
+            "noise": run.settings.noise,
+            "world": run.world,
         },
     }
 
 
-def plan_text(outcome: Outcome) -> str:
+def plan_text(run: Run) -> str:
     """The content of `plan.json`: the plan, what a model saw in the picture, and what it took to
     ask the model."""
-    seen = {"scene": [asdict(thing) for thing in outcome.seen.objects]} if outcome.seen else {}
-    asked = outcome.conversation.summary() if outcome.conversation else {}
-    return dump_plan(outcome.plan, seen | asked)
+    more: dict[str, Any] = {}
+    if run.seen is not None:
+        more["scene"] = [asdict(thing) for thing in run.seen.objects]
+    if run.conversation is not None:
+        more |= run.conversation.summary()
+    return dump_plan(run.plan, more)
 
 
 def parameter_json(estimate: Estimate) -> dict[str, Any]:
@@ -73,8 +77,13 @@ def parameter_json(estimate: Estimate) -> dict[str, Any]:
     }
 
 
-def _execution_json(outcome: Outcome) -> dict[str, Any] | None:
-    done = outcome.execution
+def has_scene_of_its_own(run: Run) -> bool:
+    """Whether the scene came from no file: seen in a picture, or handed over as text."""
+    return run.seen is not None or (run.settings.scene is None and bool(run.scene.bodies))
+
+
+def _execution_json(run: Run) -> dict[str, Any] | None:
+    done = run.execution
     if done is None:
         return None
     return {
@@ -86,12 +95,12 @@ def _execution_json(outcome: Outcome) -> dict[str, Any] | None:
     }
 
 
-def _twin_json(outcome: Outcome) -> dict[str, Any] | None:
-    if outcome.twin is None:
+def _twin_json(run: Run) -> dict[str, Any] | None:
+    if run.twin is None:
         return None
     return {
-        "notes": list(outcome.twin.notes),
-        "validation": _validation_json(outcome.twin.validation),
+        "notes": list(run.twin.notes),
+        "validation": _validation_json(run.twin.validation),
     }
 
 
@@ -110,18 +119,18 @@ def _validation_json(marks: Validation | None) -> dict[str, Any] | None:
     }
 
 
-def _files(outcome: Outcome, folder: Path | None) -> dict[str, str]:
+def _files(run: Run, folder: Path | None) -> dict[str, str]:
     if folder is None:
         return {}
     names = {"request": "request.json", "plan": "plan.json", "report": "report.html"}
-    if outcome.plan.tree:
+    if run.plan.tree:
         names["tree"] = "tree.xml"
-    if outcome.conversation:
+    if run.conversation:
         names["conversation"] = "conversation.json"
-    if outcome.seen:
+    if has_scene_of_its_own(run):
         names["scene"] = "scene.xml"
-    if outcome.execution:
+    if run.execution:
         names["trace"] = "trace.mcap"
-    if outcome.twin:
+    if run.twin:
         names["twin"] = "twin.xml"
     return {kind: str((folder / name).absolute()) for kind, name in names.items()}

@@ -10,11 +10,11 @@ import yaml
 
 from palpate.errors import InputError, unknown_name
 from palpate.parameter import Parameter
-from palpate.settings import Job
+from palpate.settings import Settings
 
 ROOT = Path(__file__).parent
 FILES = {"scene": "scene.xml", "poses": "poses.yaml", "world": "world.xml"}
-"""What a scenario's folder may hold, by field of the `Job`. A sub-case shares what only its
+"""What a scenario's folder may hold, by field of the `Settings`. A sub-case shares what only its
 parent's folder holds."""
 
 
@@ -50,8 +50,8 @@ class Scenario:
         answer."""
         return {file.stem: file for file in sorted(self.folder.glob("plans/*"))}
 
-    def job(self, **changes: Any) -> Job:
-        """The run it stands for; `changes` override single fields of the `Job`.
+    def settings(self, **changes: Any) -> Settings:
+        """The run it stands for; `changes` override single fields of the `Settings`.
 
         `planner="replay:NAME"` names one of `plans`.
         """
@@ -62,7 +62,7 @@ class Scenario:
         recorded = self.plans.get(fields["planner"].removeprefix("replay:"))
         if fields["planner"].startswith("replay:") and recorded:
             fields["planner"] = f"replay:{recorded}"
-        return Job(**fields)
+        return Settings(**fields)
 
 
 def names() -> list[str]:
@@ -92,7 +92,7 @@ def scenario(name: str) -> Scenario:
         title=text["title"],
         story=text["story"].strip(),
         request=(text.get("request") or "").strip() or None,
-        expects=tuple(Parameter(*e.rsplit(".", 1)) for e in text.get("expects", [])),
+        expects=tuple(Parameter(e) for e in text.get("expects", [])),
         planner=planner,
         status=text.get("status", "complete"),
         images=tuple(_file(name, image) for image in text.get("images", [])),

@@ -97,7 +97,7 @@ class SceneBuilder:
         if self.poses.camera is None:
             raise InputError(
                 "a request without a scene needs the camera that took the picture: give its pos, quat, "
-                "fovy and size under 'camera' in --poses poses.yaml, or describe the scene with --scene"
+                "fovy and size under 'camera' in poses=poses.yaml, or describe the scene with scene=D.xml"
             )
         return Camera.of(self.poses.camera)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 
-from palpate.studies.attempt import Settings, attempt, with_image
+from palpate.studies.attempt import Conditions, attempt, with_image
 from palpate.studies.trials import Record, Trial, run_trials
 
 CONFIGURATIONS: dict[str, frozenset[str]] = {
@@ -41,7 +41,7 @@ def ablation(
     scenario: str,
     planners: Sequence[str],
     file: Path,
-    settings: Settings,
+    conditions: Conditions,
     trials: int = TRIALS,
     configurations: Iterable[str] = CONFIGURATIONS,
     in_flight: int = 4,
@@ -53,7 +53,7 @@ def ablation(
         InputError: unknown scenario, planner or configuration. Unavailable: the provider was; what
             is done is kept.
     """
-    settings = with_image(scenario, settings, file)
+    conditions = with_image(scenario, conditions, file)
     wanted = [
         Trial(scenario, planner, configuration, number)
         for planner in planners
@@ -62,7 +62,7 @@ def ablation(
     ]
     return run_trials(
         wanted,
-        lambda trial: attempt(trial, without(trial.configuration), settings),
+        lambda trial: attempt(trial, without(trial.configuration), conditions),
         file,
         in_flight,
         say,

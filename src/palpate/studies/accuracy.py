@@ -10,7 +10,8 @@ from statistics import fmean, stdev
 
 from palpate import pipeline
 from palpate.parameter import Parameter
-from palpate.settings import Job
+from palpate.runs.run import Run
+from palpate.settings import Settings
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,7 +36,7 @@ class Trial:
 
 
 @dataclass(frozen=True, slots=True)
-class Run:
+class SeedRun:
     """One seed: its trials (none of what was not identified), and how the run ended."""
 
     seed: int
@@ -62,25 +63,23 @@ class Summary:
     single_shot_sd: float | None
 
 
-def run_seed(job: Job, seed: int) -> Run:
+def run_seed(settings: Settings, seed: int) -> SeedRun:
     """Plan, execute and estimate once; no twin and no report."""
-    job = replace(job, seed=seed)
-    outcome = pipeline.measure(pipeline.think(job, pipeline.look(job)))
-    done = outcome.execution
-    return Run(
+    settings = replace(settings, seed=seed)
+    run = pipeline.measure(pipeline.plan(settings, pipeline.load(settings)))
+    done = run.execution
+    return SeedRun(
         seed,
-        outcome.status,
+        run.status,
         done.actions if done else 0,
         done.robot_seconds if done else 0.0,
-        tuple(_trials(outcome, seed)),
+        tuple(_trials(run, seed)),
     )
 
 
-def _trials(outcome: pipeline.Outcome, seed: int) -> Iterable[Trial]:
-    for estimate in outcome.estimates:
-        truth = (
-            outcome.cell.truth(estimate.parameter) if outcome.cell and estimate.has_value else None
-        )
+def _trials(run: Run, seed: int) -> Iterable[Trial]:
+    for estimate in run.estimates:
+        truth = run.truth.get(estimate.parameter) if estimate.has_value else None
         shot = estimate.parts.get("single-shot")
         for i, true_value in enumerate(truth or ()):
             low, high = estimate.ci95[i].tolist()
@@ -97,16 +96,16 @@ def _trials(outcome: pipeline.Outcome, seed: int) -> Iterable[Trial]:
             )
 
 
-def accuracy(job: Job, seeds: Sequence[int], workers: int = 1) -> list[Run]:
-    """The job over all seeds, in order; each seed is deterministic whatever the number of
+def accuracy(settings: Settings, seeds: Sequence[int], workers: int = 1) -> list[SeedRun]:
+    """The run over all seeds, in order; each seed is deterministic whatever the number of
     workers."""
     if workers == 1:
-        return [run_seed(job, seed) for seed in seeds]
+        return [run_seed(settings, seed) for seed in seeds]
     with ProcessPoolExecutor(workers) as pool:
-        return list(pool.map(partial(run_seed, job), seeds))
+        return list(pool.map(partial(run_seed, settings), seeds))
 
 
-def summarise(runs: Sequence[Run]) -> list[Summary]:
+def summarise(runs: Sequence[SeedRun]) -> list[Summary]:
     """One row a gap and component, in order of first appearance."""
     groups: dict[tuple[Parameter, int], list[Trial]] = {}
     for trial in (t for run in runs for t in run.trials):

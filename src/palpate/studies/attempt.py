@@ -8,16 +8,15 @@ from pathlib import Path
 from typing import Any, cast
 
 from palpate import pipeline
-from palpate.cells.view import workspace_png
 from palpate.errors import InputError
-from palpate.pipeline import Outcome
 from palpate.planning.model.answer import read_answer
 from palpate.planning.model.session import ModelSettings
 from palpate.planning.plan import Plan
+from palpate.runs.run import Run
 from palpate.scenarios.catalogue import Scenario, scenario
-from palpate.scene.poses import read_poses
+from palpate.scene.poses import Poses, read_poses
 from palpate.scene.scene import Scene
-from palpate.settings import Job
+from palpate.settings import Settings
 from palpate.studies.judgement import Judgement, judge
 from palpate.studies.trials import Record, Trial
 from palpate.vocabulary.base import Blackboard
@@ -26,7 +25,7 @@ from palpate.vocabulary.state import SymbolicState
 
 
 @dataclass(frozen=True, slots=True)
-class Settings:
+class Conditions:
     """What all trials of a study share.
 
     Attributes:
@@ -42,92 +41,91 @@ _executing = threading.Lock()
 """Requests overlap, simulations do not: they would only slow each other down."""
 
 
-def with_image(name: str, settings: Settings, file: Path) -> Settings:
-    """The settings with a picture of the scenario's world, kept beside the results, unless they
+def with_image(name: str, conditions: Conditions, file: Path) -> Conditions:
+    """The conditions with a picture of the scenario's world, kept beside the results, unless they
     have one.
 
     Without a usable OpenGL there is none.
     """
-    if settings.images:
-        return settings
+    if conditions.images:
+        return conditions
     path = file.with_suffix(".png")
     if not path.exists():
-        job = scenario(name).job()
-        content = workspace_png(
-            job, pipeline.look(job), read_poses(job.poses).camera if job.poses else None
-        )
+        settings = scenario(name).settings()
+        poses = read_poses(settings.poses) if settings.poses else Poses()
+        content = pipeline.picture_of(settings, pipeline.load(settings), poses)
         if content is None:
-            return settings
+            return conditions
         path.write_bytes(content)
-    return replace(settings, images=(path,))
+    return replace(conditions, images=(path,))
 
 
-def attempt(trial: Trial, without: frozenset[str], settings: Settings) -> Record:
+def attempt(trial: Trial, without: frozenset[str], conditions: Conditions) -> Record:
     """The record of a trial.
 
     Raises:
         InputError: unknown scenario or planner. Unavailable: the provider.
     """
     task = scenario(trial.scenario)
-    job = _job(task, trial, without, settings)
-    outcome = pipeline.think(job, pipeline.look(job))
-    judgement = None if "text" in without else _judged(outcome, task)
+    settings = _settings(task, trial, without, conditions)
+    run = pipeline.plan(settings, pipeline.load(settings))
+    judgement = None if "text" in without else _judged(run, task)
     return Record(
         trial,
-        _syntax(outcome),
-        _is_valid(outcome),
+        _syntax(run),
+        _is_valid(run),
         judgement.success if judgement else None,
         judgement.reason if judgement else "",
-        _figures(outcome),
+        _figures(run),
     )
 
 
-def _job(task: Scenario, trial: Trial, without: frozenset[str], settings: Settings) -> Job:
-    return task.job(
-        images=settings.images,
-        noise=settings.noise,
+def _settings(
+    task: Scenario, trial: Trial, without: frozenset[str], conditions: Conditions
+) -> Settings:
+    return task.settings(
+        images=conditions.images,
+        noise=conditions.noise,
         seed=trial.number,
         planner=trial.planner,
-        model_settings=replace(settings.model_settings, without=without),
+        model_settings=replace(conditions.model_settings, without=without),
     ).checked()
 
 
-def _judged(outcome: Outcome, task: Scenario) -> Judgement:
-    if not _is_valid(outcome):
-        findings = "; ".join(f.message for f in outcome.findings[:3])
-        return Judgement(False, (findings or outcome.plan.explanation)[:500])
-    if outcome.plan.tree is None:
+def _judged(run: Run, task: Scenario) -> Judgement:
+    if not _is_valid(run):
+        findings = "; ".join(f.message for f in run.findings[:3])
+        return Judgement(False, (findings or run.plan.explanation)[:500])
+    if run.plan.tree is None:
         return Judgement(
             not task.expects,
-            "" if not task.expects else "no tree: " + outcome.plan.explanation[:300],
+            "" if not task.expects else "no tree: " + run.plan.explanation[:300],
         )
     with _executing:
-        execution = pipeline.measure(outcome).execution
-    assert execution is not None
-    return judge(execution.trace, task.expects)
+        trace = pipeline.measure(run).trace
+    assert trace is not None
+    return judge(trace, task.expects)
 
 
-def _is_valid(outcome: Outcome) -> bool:
+def _is_valid(run: Run) -> bool:
     """Whether the plan, or the explanation why there is none, passed the check."""
-    rounds = outcome.conversation.rounds if outcome.conversation else []
-    return not outcome.findings and (not rounds or not rounds[-1].findings)
+    rounds = run.conversation.rounds if run.conversation else []
+    return not run.findings and (not rounds or not rounds[-1].findings)
 
 
-def _figures(outcome: Outcome) -> dict[str, Any]:
-    talk = outcome.conversation
+def _figures(run: Run) -> dict[str, Any]:
+    talk = run.conversation
     return (
         talk.summary()["model"] | {"answers": [r.answer.text for r in talk.rounds]} if talk else {}
     )
 
 
-def _syntax(outcome: Outcome) -> bool:
+def _syntax(run: Run) -> bool:
     """Whether the first answer is a plan that compiles, as it came."""
-    if outcome.conversation is None:
-        return _compiled(outcome.plan, outcome.scene)
+    if run.conversation is None:
+        return _compiled(run.plan, run.scene)
     try:
-        return _compiled(
-            read_answer(outcome.conversation.rounds[0].answer.text).plan, outcome.scene
-        )
+        return _compiled(read_answer(run.conversation.rounds[0].answer.text).plan, run.scene)
     except InputError:
         return False
 

@@ -14,7 +14,7 @@ import mujoco
 
 from palpate import pipeline
 from palpate.cells.simulated import simulated_cell
-from palpate.geometry.pose import Array
+from palpate.pictures.footage import Footage
 from palpate.scenarios.catalogue import scenario
 from palpate.studies.variety import crowd
 
@@ -44,21 +44,24 @@ def closed_loop_ratio() -> float:
     alternated."""
     ratios: list[float] = []
     for seed in range(ROUNDS):
-        job = scenario("bottle_and_table").job(noise="lab", seed=seed)
-        outcome = pipeline.think(job, pipeline.look(job))
-        robot = simulated_cell(job, outcome.scene).robot(job)
-        model = robot.world.model
+        settings = scenario("bottle_and_table").settings(noise="lab", seed=seed)
+        run = pipeline.plan(settings, pipeline.load(settings))
+        cell = simulated_cell(run.scene, settings.world, noise="lab", seed=seed)
+        robot = cell.robot()
         start = time.perf_counter()
-        execution = pipeline.touch(outcome.plan, outcome.scene, robot)
+        execution = pipeline.perform(run.plan, run.scene, robot)
         loop = time.perf_counter() - start
-        steps = round(execution.robot_seconds / model.opt.timestep)
-        ratios.append(loop / _bare(model, robot.world.frames, steps))
+        seen = cell.footage()
+        assert seen is not None
+        steps = round(execution.robot_seconds / seen.model.opt.timestep)
+        ratios.append(loop / _bare(seen, steps))
     return statistics.median(ratios)
 
 
-def _bare(model: mujoco.MjModel, frames: list[tuple[float, Array]], steps: int) -> float:
+def _bare(seen: Footage, steps: int) -> float:
     """Seconds for `steps` bare steps through the same states: restarted at each stored frame of the
     run."""
+    model, frames = seen.model, seen.frames
     data = mujoco.MjData(model)
     chunk = steps // len(frames)
     start = time.perf_counter()
@@ -71,15 +74,14 @@ def _bare(model: mujoco.MjModel, frames: list[tuple[float, Array]], steps: int) 
 
 def planning_seconds(scene_file: Path) -> float:
     """Planning and checking alone, warm imports, cold caches."""
-    from palpate.settings import Job
+    from palpate.settings import Settings
 
-    job = Job(scene=scene_file)
-    scene = pipeline.look(job)
-    pipeline.think(
-        scenario("one_missing_mass").job(), pipeline.look(scenario("one_missing_mass").job())
-    )
+    settings = Settings(scene=scene_file)
+    scene = pipeline.load(settings)
+    small = scenario("one_missing_mass").settings()
+    pipeline.plan(small, pipeline.load(small))
     start = time.perf_counter()
-    pipeline.think(job, scene)
+    pipeline.plan(settings, scene)
     return time.perf_counter() - start
 
 

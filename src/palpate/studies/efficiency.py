@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 from palpate.scenarios.catalogue import names, scenario
-from palpate.studies.accuracy import Run, run_seed
+from palpate.studies.accuracy import SeedRun, run_seed
 
 PAPER = (29, 62.0, 12, 33.0)
 """Exhaustive actions and seconds, intent-driven actions and seconds: section VI-B of the paper."""
@@ -17,8 +17,8 @@ class Comparison:
     """One scenario under both planners."""
 
     scenario: str
-    exhaustive: Run
-    intent: Run
+    exhaustive: SeedRun
+    intent: SeedRun
 
     @property
     def time_saved(self) -> float | None:
@@ -41,5 +41,7 @@ def efficiency(scenarios: Iterable[str], noise: str = "lab", seed: int = 0) -> l
 
 
 def _compare(name: str, noise: str, seed: int) -> Comparison:
-    job = scenario(name).job(noise=noise)
-    return Comparison(name, run_seed(replace(job, planner="exhaustive"), seed), run_seed(job, seed))
+    settings = scenario(name).settings(noise=noise)
+    return Comparison(
+        name, run_seed(replace(settings, planner="exhaustive"), seed), run_seed(settings, seed)
+    )

@@ -79,21 +79,21 @@ def faults(
 def ending(name: str, noise: str, seed: int) -> Ending:
     """Run a mishap once."""
     task = scenario(name)
-    job = task.job(noise=noise, seed=seed).checked()
-    outcome = pipeline.measure(pipeline.think(job, pipeline.look(job)))
-    done = outcome.execution
+    settings = task.settings(noise=noise, seed=seed).checked()
+    run = pipeline.measure(pipeline.plan(settings, pipeline.load(settings)))
+    done = run.execution
     if done is None:
-        reason = "; ".join(f.message for f in outcome.findings) or outcome.plan.explanation
-        return Ending(name, seed, outcome.status, task.status, reason, (), None)
-    fallen = dropped(outcome.footage, tuple(outcome.scene.objects)) if outcome.footage else ()
+        reason = "; ".join(f.message for f in run.findings) or run.plan.explanation
+        return Ending(name, seed, run.status, task.status, reason, (), None)
+    fallen = dropped(run.footage, tuple(run.scene.objects)) if run.footage else ()
     return Ending(
         name,
         seed,
-        outcome.status,
+        run.status,
         task.status,
         done.stopped_by or "",
         fallen,
-        done.final_state.holding,
+        run.final_state.holding if run.final_state else None,
     )
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from palpate.studies.attempt import Settings, attempt, with_image
+from palpate.studies.attempt import Conditions, attempt, with_image
 from palpate.studies.trials import Record, Trial, run_trials
 
 PAPER: dict[str, tuple[int, int]] = {"GPT-4": (20, 20), "Gemini 1.5 Pro": (20, 20)}
@@ -18,7 +18,7 @@ def repeatability(
     scenario: str,
     planners: Sequence[str],
     file: Path,
-    settings: Settings,
+    conditions: Conditions,
     trials: int = TRIALS,
     in_flight: int = 4,
     say: Callable[[str], None] = lambda _: None,
@@ -29,10 +29,10 @@ def repeatability(
         InputError: unknown scenario or planner. Unavailable: the provider was; what is done is
             kept.
     """
-    settings = with_image(scenario, settings, file)
+    conditions = with_image(scenario, conditions, file)
     wanted = [
         Trial(scenario, planner, "full", number) for planner in planners for number in range(trials)
     ]
     return run_trials(
-        wanted, lambda trial: attempt(trial, frozenset(), settings), file, in_flight, say
+        wanted, lambda trial: attempt(trial, frozenset(), conditions), file, in_flight, say
     )

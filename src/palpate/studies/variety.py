@@ -15,8 +15,8 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from palpate.parameter import Parameter
-from palpate.settings import Job
-from palpate.studies.accuracy import Run, run_seed
+from palpate.settings import Settings
+from palpate.studies.accuracy import SeedRun, run_seed
 
 FRUSTUM_SIDES = 12
 
@@ -49,15 +49,15 @@ class Variety:
     things: tuple[Thing, ...]
     missing: tuple[Parameter, ...]
 
-    def write(self, folder: Path) -> Job:
-        """Scene and world in `folder`, and the job that measures what is missing."""
+    def write(self, folder: Path) -> Settings:
+        """Scene and world in `folder`, and the settings that measure what is missing."""
         folder.mkdir(parents=True, exist_ok=True)
         for thing in self.things:
             if thing.shape == "frustum":
                 (folder / f"{thing.name}.obj").write_text(frustum(*thing.size), encoding="utf-8")
         (folder / "world.xml").write_text(self._mjcf(hidden=()), encoding="utf-8")
         (folder / "scene.xml").write_text(self._mjcf(hidden=self.missing), encoding="utf-8")
-        return Job(scene=folder / "scene.xml", world=folder / "world.xml")
+        return Settings(scene=folder / "scene.xml", world=folder / "world.xml")
 
     def _mjcf(self, hidden: tuple[Parameter, ...]) -> str:
         unknown = Parameter("table", "height") in hidden
@@ -204,17 +204,19 @@ SCENES: tuple[Variety, ...] = (
 )
 
 
-def run_all(noise: str, seed: int, workers: int = 1) -> dict[str, Run]:
+def run_all(noise: str, seed: int, workers: int = 1) -> dict[str, SeedRun]:
     """Every scene once, by name."""
     with TemporaryDirectory() as folder:
-        jobs = [replace(s.write(Path(folder) / s.name), noise=noise).checked() for s in SCENES]
+        every = [replace(s.write(Path(folder) / s.name), noise=noise).checked() for s in SCENES]
         if workers == 1:
-            return {s.name: run_seed(job, seed) for s, job in zip(SCENES, jobs, strict=True)}
+            return {
+                s.name: run_seed(settings, seed) for s, settings in zip(SCENES, every, strict=True)
+            }
         with ProcessPoolExecutor(workers) as pool:
             return dict(
                 zip(
                     (s.name for s in SCENES),
-                    pool.map(partial(run_seed, seed=seed), jobs),
+                    pool.map(partial(run_seed, seed=seed), every),
                     strict=True,
                 )
             )
@@ -227,6 +229,6 @@ def crowd(folder: Path, count: int) -> Path:
         Thing(f"box_{i + 1}", "box", (0.02, 0.02, 0.025), 0.05 + 0.02 * i, spot)
         for i, spot in enumerate(spots)
     )
-    job = Variety("crowd", 0.0, 0.0, things, _mass(*(t.name for t in things))).write(folder)
-    assert job.scene is not None
-    return job.scene
+    settings = Variety("crowd", 0.0, 0.0, things, _mass(*(t.name for t in things))).write(folder)
+    assert settings.scene is not None
+    return settings.scene

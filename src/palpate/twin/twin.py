@@ -5,8 +5,11 @@ from __future__ import annotations
 import difflib
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING
 
-from palpate.errors import PalpateError
+from palpate.errors import InputError, PalpateError
 from palpate.estimation.estimate import Estimate
 from palpate.geometry.pose import Pose
 from palpate.scene.load import scene_from_text
@@ -15,43 +18,85 @@ from palpate.trace.samples import Trace
 from palpate.twin.inject import complete
 from palpate.twin.validate import Replay, Validation, validate
 
+if TYPE_CHECKING:
+    from mujoco import MjModel
 
-@dataclass(frozen=True, slots=True, eq=False)
+
+@dataclass(frozen=True, eq=False, repr=False)
 class Twin:
     """The digital twin M = ⟨G, P⟩.
 
     Attributes:
-        text: MJCF. diff: unified diff from the user's file.
+        xml: MJCF. diff: unified diff from the user's file.
         notes: remarks, e.g. which unknowns nobody asked for and hence hold a prior.
         validation: None when the twin could not be simulated; `notes` then says why.
         scene: the twin read back, with the poses that came with the user's scene; None likewise.
     """
 
-    text: str
+    xml: str
     diff: str
     notes: tuple[str, ...]
     validation: Validation | None
     scene: Scene | None = None
+
+    @cached_property
+    def mjmodel(self) -> MjModel:
+        """The twin compiled, without any robot.
+
+        Raises:
+            InputError: the twin cannot be simulated; the message says why.
+        """
+        if self.scene is None:
+            raise InputError("; ".join(self.notes) or "the twin was not simulated")
+        return self.scene.spec().compile()
+
+    def save(self, path: str | Path) -> None:
+        """Write the MJCF to `path`, byte for byte."""
+        Path(path).write_text(self.xml, encoding="utf-8", newline="")
+
+    def __repr__(self) -> str:
+        if self.validation is None:
+            return "<Twin: not simulated>"
+        rest = "comes to rest" if self.validation.settled else "does not come to rest"
+        changes = [line for line in self.diff.splitlines() if line.startswith("+")]
+        return f"<Twin: {len(changes[1:])} lines changed, {rest}>"
 
 
 def build_twin(scene: Scene, estimates: Sequence[Estimate], trace: Trace, replay: Replay) -> Twin:
     """Inject what was identified, then check that the result behaves as recorded."""
     identified = [e for e in estimates if e.verdict != "not identified"]
     text, notes = complete(scene, identified)
-    diff = "".join(
-        difflib.unified_diff(
-            scene.text.splitlines(keepends=True),
-            text.splitlines(keepends=True),
-            "scene.xml",
-            "twin.xml",
-        )
-    )
+    diff = _diff(scene, text)
     try:
         twin = scene_from_text(text, scene, _measured_places(scene, identified))
         marks = validate(twin, scene, trace, replay)
     except PalpateError as error:
         return Twin(text, diff, (*notes, f"the twin was not simulated: {error}"), None)
     return Twin(text, diff, tuple(notes), marks, twin)
+
+
+def read_twin(
+    xml: str,
+    scene: Scene,
+    estimates: Sequence[Estimate],
+    notes: Sequence[str],
+    validation: Validation | None,
+) -> Twin:
+    """The twin of `scene` that was built before, with the marks it got then.
+
+    Raises:
+        InputError: the MJCF does not belong to the scene.
+    """
+    if validation is None or not scene.bodies:
+        return Twin(xml, _diff(scene, xml), tuple(notes), validation)
+    identified = [e for e in estimates if e.verdict != "not identified"]
+    twin = scene_from_text(xml, scene, _measured_places(scene, identified))
+    return Twin(xml, _diff(scene, xml), tuple(notes), validation, twin)
+
+
+def _diff(scene: Scene, text: str) -> str:
+    before, after = scene.text.splitlines(keepends=True), text.splitlines(keepends=True)
+    return "".join(difflib.unified_diff(before, after, "scene.xml", "twin.xml"))
 
 
 def _measured_places(scene: Scene, estimates: Sequence[Estimate]) -> dict[str, Pose]:

@@ -8,6 +8,7 @@ from loopback import MODEL, Fails, Loopback, Reply, Says, Sends, Stalls
 from PIL import Image
 from plans import BAD, GOOD, REQUEST, SCENE, answer, weighing
 
+from palpate.cli.exits import exit_status
 from palpate.errors import InputError, PlanRejected, Unavailable
 from palpate.parameter import Parameter
 from palpate.planning.check.check import check
@@ -109,7 +110,7 @@ def test_an_answer_that_stays_bad_is_rejected_after_three_rounds(kind: str, scen
         asked = planner(server)
         with pytest.raises(PlanRejected, match="4 answer") as caught:
             asked.plan(REQUEST, scene)
-    assert caught.value.exit_code == 3
+    assert exit_status(caught.value) == 3
     assert len(server.requests) == 4
     assert len(str(caught.value)) < 2500
     assert asked.conversation is not None
@@ -147,7 +148,7 @@ def test_a_provider_that_fails_is_unavailable_within_the_budget(
                 REQUEST, scene
             )
     assert time.monotonic() - started < SDK_PATIENCE
-    assert caught.value.exit_code == 5
+    assert exit_status(caught.value) == 5
     assert KEY not in str(caught.value)
 
 

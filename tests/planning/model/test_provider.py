@@ -57,7 +57,7 @@ def test_an_address_must_be_http(url: str) -> None:
 
 def test_a_compatible_server_needs_an_address(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("OPENAI_COMPATIBLE_BASE_URL", raising=False)
-    with pytest.raises(InputError, match="--base-url"):
+    with pytest.raises(InputError, match="base_url="):
         PROVIDERS["compatible"].address(None)
 
 

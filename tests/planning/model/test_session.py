@@ -7,6 +7,7 @@ import time
 import pytest
 from loopback import MODEL, Fails, Loopback, Reply, Says, Sends, Stalls, wire
 
+from palpate.cli.exits import exit_status
 from palpate.errors import Unavailable
 from palpate.planning.model import session as session_module
 from palpate.planning.model.conversation import Conversation
@@ -166,7 +167,7 @@ def test_what_does_not_pass_is_one_clear_error(
 ) -> None:
     with Loopback(reply) as server, pytest.raises(Unavailable, match=told) as caught:
         opened(server, planner).ask("m")
-    assert caught.value.exit_code == 5
+    assert exit_status(caught.value) == 5
     assert len(server.requests) == requests
     assert len(str(caught.value)) < 500
 

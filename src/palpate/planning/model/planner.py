@@ -119,8 +119,8 @@ class VlmPlanner:
         """The names there are without D."""
         if self.builder is None or not images:
             raise InputError(
-                "there is neither a scene nor a picture for the model to look at: give --scene D.xml, or "
-                "--image I.png with its camera in --poses poses.yaml"
+                "there is neither a scene nor a picture for the model to look at: give scene=D.xml, or "
+                "images=I.png with its camera in poses=poses.yaml"
             )
         _ = self.builder.camera
         return self.builder.symbols
@@ -147,7 +147,7 @@ class VlmPlanner:
     def _built(self, objects: tuple[SceneObject, ...]) -> tuple[DetectedScene, Scene]:
         if self.builder is None:
             raise InputError(
-                "there is no simulation description to check the plan against; give one with --scene"
+                "there is no simulation description to check the plan against; give one with scene="
             )
         if not objects:
             raise InputError(

@@ -45,7 +45,7 @@ class Provider:
         if self.key_required and not self.key():
             raise Unavailable(
                 f"the planner '{self.name}' needs a key: set {self.key_variables[0]} in the environment, "
-                "or use --planner symbolic, which needs none"
+                "or use planner=symbolic, which needs none"
             )
 
     def address(self, base_url: str | None) -> str | None:
@@ -57,7 +57,7 @@ class Provider:
         url = base_url or os.environ.get(self.url_variable) or self.url
         if url == "":
             raise InputError(
-                f"the planner '{self.name}' needs an address: give --base-url, or set {self.url_variable}"
+                f"the planner '{self.name}' needs an address: give base_url=URL, or set {self.url_variable}"
             )
         if url is not None and (
             urlsplit(url).scheme not in ("http", "https") or not urlsplit(url).hostname

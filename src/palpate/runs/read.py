@@ -1,0 +1,158 @@
+"""A run read back from its folder."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from palpate.errors import InputError
+from palpate.estimation.estimate import Estimate, Part
+from palpate.execution.rehearsal import Rehearsal
+from palpate.geometry.pose import Array
+from palpate.parameter import Parameter
+from palpate.planning.check.check import Finding
+from palpate.planning.model.conversation import Conversation
+from palpate.planning.recorded import load_proposal
+from palpate.robots.registry import load_description
+from palpate.runs.folder import read_json
+from palpate.runs.run import Ending, Run
+from palpate.scene.from_picture import DetectedScene, SceneBuilder, SceneObject
+from palpate.scene.load import load_scene, parse_scene, scene_from_text
+from palpate.scene.poses import Poses, read_poses
+from palpate.scene.scene import Scene
+from palpate.twin.twin import Twin, read_twin
+from palpate.twin.validate import Residual, Validation
+
+if TYPE_CHECKING:
+    from palpate.settings import Settings
+
+NOTHING = "<mujoco><worldbody/></mujoco>"
+"""The scene of a run whose file is gone, or that never had one."""
+
+
+def read_run(folder: Path, settings: Settings) -> Run:
+    """The run in `folder`, made with `settings`. Its trace is read when first asked for.
+
+    Not kept in a folder, and hence empty: the evidence of estimates (the trace has the recordings),
+    the symbolic state, the camera's footage and the truth. Where the scene's own file has gone since,
+    the scene is empty.
+
+    Raises:
+        InputError: a file is missing or is not of a run.
+    """
+    result = read_json(folder / "result.json")
+    try:
+        return _run(folder, settings, result)
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        raise InputError(
+            f"'{folder}' is not a run's folder: result.json: {type(error).__name__}: {error}"
+        ) from None
+
+
+class Found(NamedTuple):
+    """The run's scene, and what a model saw, where it was made of that."""
+
+    scene: Scene
+    seen: DetectedScene | None = None
+
+
+def _run(folder: Path, settings: Settings, result: dict[str, Any]) -> Run:
+    proposal = load_proposal(folder / "plan.json")
+    found = _found(folder, settings, proposal.scene)
+    estimates = tuple(estimate_from(row) for row in result["parameters"])
+    satisfied = proposal.plan.tree is None and result["status"] == "complete"
+    return Run(
+        settings,
+        found.scene,
+        replace(proposal.plan, satisfied=satisfied),
+        tuple(Finding(**finding) for finding in result["plan"]["findings"]),
+        conversation=_conversation(folder / "conversation.json"),
+        seen=found.seen,
+        rehearsal=_rehearsal(result["rehearsal"]),
+        world=result["provenance"]["world"],
+        simulated=result["simulated"],
+        execution=_ending(result["status"], result["execution"]),
+        estimates=estimates,
+        twin=_twin(folder / "twin.xml", found.scene, estimates, result["twin"]),
+        folder=folder,
+    )
+
+
+def _found(folder: Path, settings: Settings, objects: tuple[SceneObject, ...]) -> Found:
+    """The scene of the folder, else of its own file, else an empty one."""
+    own, arm = folder / "scene.xml", load_description(settings.arm)
+    poses = read_poses(settings.poses) if settings.poses and settings.poses.exists() else Poses()
+    if own.exists() and objects:
+        seen = DetectedScene(SceneBuilder(poses, arm), objects)
+        text = own.read_text(encoding="utf-8")
+        return Found(scene_from_text(text, like=seen.scene()), seen)
+    if own.exists():
+        return Found(parse_scene(own.read_text(encoding="utf-8"), poses=poses, arm=arm))
+    if settings.scene is not None and settings.scene.exists():
+        return Found(load_scene(settings.scene, settings.poses, arm))
+    return Found(parse_scene(NOTHING, arm=arm))
+
+
+def _conversation(file: Path) -> Conversation | None:
+    return Conversation.load(file.read_text(encoding="utf-8")) if file.exists() else None
+
+
+def _rehearsal(document: dict[str, Any] | None) -> Rehearsal | None:
+    return Rehearsal(**document) if document else None
+
+
+def _ending(status: str, document: dict[str, Any] | None) -> Ending | None:
+    if document is None:
+        return None
+    return Ending(
+        "stopped" if status == "aborted" else "complete",
+        document["stopped_by"],
+        document["actions"],
+        document["robot_seconds"],
+        document["wall_seconds"],
+        tuple(document["setbacks"]),
+    )
+
+
+def estimate_from(row: Mapping[str, Any]) -> Estimate:
+    """The estimate of which `parameter_json` made a row."""
+    parts = {name: Part(part["value"], part["std"]) for name, part in row["components"].items()}
+    return Estimate(
+        Parameter(row["object"], row["quantity"]),
+        row["unit"],
+        _numbers(row["value"]),
+        _numbers(row["std"]),
+        _numbers(row["ci95"]),
+        row["method"],
+        verdict=row["verdict"],
+        parts=parts,
+    )
+
+
+def _numbers(document: Any) -> Array:
+    """One number, lists of them, or null, as an array."""
+    return np.array([] if document is None else document, dtype=float)
+
+
+def _twin(
+    file: Path, scene: Scene, estimates: Sequence[Estimate], document: dict[str, Any] | None
+) -> Twin | None:
+    if document is None:
+        return None
+    xml = file.read_bytes().decode("utf-8")
+    return read_twin(xml, scene, estimates, document["notes"], _validation(document["validation"]))
+
+
+def _validation(marks: dict[str, Any] | None) -> Validation | None:
+    if marks is None:
+        return None
+    twin, template = marks["residual_twin"], marks["residual_template"]
+    return Validation(marks["settled"], marks["drift_m"], _residual(twin), _residual(template))
+
+
+def _residual(document: dict[str, Any]) -> Residual:
+    return Residual(document["force_N"], document["position_m"], document["note"])

@@ -1,0 +1,157 @@
+"""A run: what was asked, and all that was made of it, stage by stage."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+from palpate.estimation.estimate import Estimate
+from palpate.execution.rehearsal import Rehearsal
+from palpate.parameter import Parameter
+from palpate.planning.check.check import Finding
+from palpate.planning.plan import Plan
+from palpate.scene.scene import Scene
+from palpate.trace.mcap import read_mcap
+from palpate.trace.samples import Trace
+from palpate.twin.twin import Twin
+
+if TYPE_CHECKING:
+    from palpate.execution.runner import Execution
+    from palpate.pictures.footage import Footage
+    from palpate.planning.model.conversation import Conversation
+    from palpate.scene.from_picture import DetectedScene
+    from palpate.settings import Settings
+    from palpate.vocabulary.state import SymbolicState
+
+Status = Literal["complete", "rejected", "aborted", "failed"]
+TRACE = "trace.mcap"
+"""The trace's file in a run folder."""
+
+
+@dataclass(frozen=True, slots=True)
+class Ending:
+    """How an execution went and ended, as `result.json` tells it.
+
+    Attributes:
+        status: `complete` when the tree succeeded, else `stopped`. stopped_by: why, or None.
+        actions: leaves of the plan that were started.
+        robot_seconds, wall_seconds: how long it took, s.
+        setbacks: why earlier attempts stopped that were gone on from.
+    """
+
+    status: Literal["complete", "stopped"]
+    stopped_by: str | None
+    actions: int
+    robot_seconds: float
+    wall_seconds: float
+    setbacks: tuple[str, ...] = ()
+
+    @classmethod
+    def of(cls, done: Execution) -> Ending:
+        """The figures of an execution."""
+        return cls(
+            done.status,
+            done.stopped_by,
+            done.actions,
+            done.robot_seconds,
+            done.wall_seconds,
+            done.setbacks,
+        )
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Run:
+    """All that a run made. What did not come to be is None or empty.
+
+    Attributes:
+        settings: what was asked. scene: D, or what was made of a picture.
+        plan: without a tree when it was rejected. findings: what the check says against it.
+        conversation: with a model, if one was asked. seen: what it saw, where there was no D.
+        picture: PNG of the workspace that was shown, where no image was given.
+        rehearsal: what a simulation predicted, where one was wanted.
+        world: where the plan was executed, in words. simulated: whether no real thing moved.
+        execution: how the execution ended. final_state: what is believed about the cell then.
+        recorded: everything recorded, unless it lies in the folder (see `trace`).
+        footage: what the cell's camera saw.
+        estimates: one a parameter of the plan. truth: what is so, where somebody knows.
+        twin: the finished scene. folder: where all of this lies.
+    """
+
+    settings: Settings
+    scene: Scene
+    plan: Plan
+    findings: tuple[Finding, ...] = ()
+    conversation: Conversation | None = None
+    seen: DetectedScene | None = None
+    picture: bytes | None = None
+    rehearsal: Rehearsal | None = None
+    world: str | None = None
+    simulated: bool = True
+    execution: Ending | None = None
+    final_state: SymbolicState | None = None
+    recorded: Trace | None = None
+    footage: Footage | None = None
+    estimates: tuple[Estimate, ...] = ()
+    truth: Mapping[Parameter, tuple[float, ...]] = field(
+        default_factory=dict[Parameter, tuple[float, ...]]
+    )
+    twin: Twin | None = None
+    folder: Path | None = None
+
+    @property
+    def ready(self) -> bool:
+        """Whether there is a plan to execute that nothing speaks against."""
+        return self.plan.tree is not None and not self.findings
+
+    @property
+    def status(self) -> Status:
+        """`complete` when every promised parameter is estimated, or nothing is missing."""
+        if self.execution is None:
+            return "complete" if self.plan.satisfied else "rejected"
+        if self.execution.status == "stopped":
+            return "aborted"
+        found = {e.parameter for e in self.estimates if e.verdict != "not identified"}
+        return "complete" if found >= set(self.plan.parameters) else "failed"
+
+    @cached_property
+    def trace(self) -> Trace | None:
+        """Everything recorded, None where nothing was; a run opened from its folder reads the file
+        when first asked.
+
+        Raises:
+            InputError: the file in the folder is not a trace.
+        """
+        if self.recorded is not None or self.execution is None or self.folder is None:
+            return self.recorded
+        return read_mcap(self.folder / TRACE)
+
+    def __getitem__(self, name: str | Parameter) -> Estimate:
+        """The estimate of a parameter: `run["mug.mass"]`.
+
+        Raises:
+            KeyError: nothing of that name was measured; the message lists what was.
+        """
+        wanted = Parameter(name) if isinstance(name, str) else name
+        for estimate in self.estimates:
+            if estimate.parameter == wanted:
+                return estimate
+        measured = ", ".join(str(e.parameter) for e in self.estimates) or "nothing"
+        raise KeyError(f"'{wanted}' was not measured by this run; measured: {measured}")
+
+    def __repr__(self) -> str:
+        made = ", ".join(_brief(e) for e in self.estimates)
+        return f"<Run {self.status}{': ' if made else ''}{made}{self._where()}>"
+
+    def _where(self) -> str:
+        if self.execution is None:
+            return ""
+        return ", simulated" if self.simulated else ", on the real robot"
+
+
+def _brief(estimate: Estimate) -> str:
+    """An estimate in a few characters."""
+    values = " ".join(f"{value:.4g}" for value in estimate.value.tolist())
+    return f"{estimate.parameter} = {values}" if values else f"{estimate.parameter} unknown"
