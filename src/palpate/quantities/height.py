@@ -28,6 +28,9 @@ UNIT = "m"
 PLACEHOLDER = 0.01
 """m: stands for an unknown half height while the scene's shapes are compiled."""
 
+SHOWN = 1e-4
+"""m: a believed height must show in the compiled scene this closely."""
+
 PRIOR_HEIGHT = 0.4
 """m, of a surface on which nothing stands."""
 
@@ -111,6 +114,13 @@ class Height(Quantity):
             yield _raised(geom, rise, std)
         if "body" in unknown:
             yield _raised(element, 0.0 if "geom" in unknown else rise, std)
+
+    def confirm(self, body: BodyDescription, value: tuple[float, ...]) -> None:
+        if abs(body.top_z - value[0]) > SHOWN:
+            raise InputError(
+                f"the unknown number of {label(body.elements.element)} does not raise its top "
+                "straight up; `?` needs an upright box, cylinder or plane"
+            )
 
 
 def _open_places(body: BodyDescription) -> set[str]:

@@ -11,6 +11,7 @@ from palpate.errors import InputError
 from palpate.estimation import tuning
 from palpate.estimation.estimate import Estimate, not_measured
 from palpate.estimation.windows import mean_pose
+from palpate.geometry.pose import Pose
 from palpate.mjcf.body import Body, BodyDescription
 from palpate.mjcf.document import UNKNOWN, Element, has_unknown, label, tokens
 from palpate.mjcf.edits import Edit, Slot, number, unknown_only
@@ -83,6 +84,10 @@ class Position(Quantity):
         _refuse_frame(element)
         texts = {i: number(v, std) for i, v in enumerate(value[:2])}
         yield Edit(element, "pos", unknown_only(element, "pos", texts), "0 0 0")
+
+    def places(self, body: Body, value: tuple[float, ...]) -> Pose | None:
+        x, y = value
+        return Pose.of((x, y, body.pose_world.position[2]), body.pose_world.quaternion)
 
     def follows(self, body: BodyDescription, believed: Values) -> Iterator[Edit]:
         """An open z: the object stands where it was given, else on the surface below it."""

@@ -16,6 +16,7 @@ from typing import ClassVar, Literal
 
 import numpy as np
 
+from palpate.geometry.pose import Pose
 from palpate.mjcf.body import Body, BodyDescription
 from palpate.mjcf.edits import Change, Edit, Slot
 from palpate.mjcf.inertial import Statement
@@ -142,6 +143,20 @@ class Quantity:
         """
         del body, value, std
         return ()
+
+    def confirm(self, body: BodyDescription, value: tuple[float, ...]) -> None:
+        """Look at `body` compiled with the believed `value` in place.
+
+        Raises:
+            InputError: the value does not show; what the file leaves open is not what it seems.
+        """
+        del body, value
+
+    def places(self, body: Body, value: tuple[float, ...]) -> Pose | None:
+        """Where the frame of `body` is in the world once `value` is measured; None when that says
+        nothing of it."""
+        del body, value
+        return None
 
     def follows(self, body: BodyDescription, believed: Values) -> Iterable[Edit]:
         """The changes of the file that follow for `body` from what is believed of all others."""

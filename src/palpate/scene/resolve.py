@@ -7,10 +7,9 @@ from dataclasses import dataclass, replace
 
 import mujoco
 
-from palpate.errors import InputError
 from palpate.mjcf.body import Body, BodyDescription
 from palpate.mjcf.compile import compile_spec, model_tree
-from palpate.mjcf.document import Document, label
+from palpate.mjcf.document import Document
 from palpate.mjcf.edits import Change, Edit
 from palpate.mjcf.shapes import RESTING, Shapes, box_around, compile_shapes
 from palpate.parameter import Parameter
@@ -121,7 +120,7 @@ def resolve(document: Document, poses: Poses, catalogue: Catalogue) -> ResolvedS
     if any(_moves_something(change) for change in stated):
         edits = [*description.placed, *stated]
         resolved = replace(resolved, shapes=compile_shapes(document, description.roles, edits))
-    _check_heights(resolved)
+    _confirm(resolved)
     return resolved
 
 
@@ -138,15 +137,9 @@ def _resting_on(surface: Body, objects: list[Body]) -> Iterator[str]:
             yield body.name
 
 
-def _check_heights(resolved: ResolvedScene) -> None:
-    """A believed height must show in the compiled geometry."""
-    for body in resolved.description.bodies.values():
-        believed = resolved.priors.get(Parameter(body.name, "height"))
-        if believed is None:
-            continue
-        top = float(resolved.shapes.points(body.carrier)[:, 2].max())
-        if abs(top - believed.mean[0]) > 1e-4:
-            raise InputError(
-                f"the unknown number of {label(body.elements.element)} does not raise its top "
-                "straight up; `?` needs an upright box, cylinder or plane"
-            )
+def _confirm(resolved: ResolvedScene) -> None:
+    """What is believed must show in the compiled geometry."""
+    for parameter, prior in resolved.priors.items():
+        body = resolved.description.bodies[parameter.object]
+        quantity = resolved.catalogue[parameter.quantity]
+        quantity.confirm(replace(body, shapes=resolved.shapes), prior.mean)

@@ -104,9 +104,10 @@ def _measured_places(scene: Scene, estimates: Sequence[Estimate]) -> dict[str, P
     what was measured."""
     found: dict[str, Pose] = {}
     for estimate in estimates:
-        if estimate.parameter.quantity == "position":
-            name = estimate.parameter.object
-            pose_world = scene.body(name).pose_world
-            position = (*estimate.value.tolist(), pose_world.position[2])
-            found[name] = Pose.of(position, pose_world.quaternion)
+        body = scene.bodies.get(estimate.parameter.object)
+        quantity = scene.catalogue.get(estimate.parameter.quantity)
+        if body is not None and quantity is not None:
+            pose = quantity.places(body, tuple(estimate.value.tolist()))
+            if pose is not None:
+                found[body.name] = pose
     return found

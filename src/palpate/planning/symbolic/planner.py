@@ -52,7 +52,6 @@ class SymbolicPlanner:
         """
         if scene is None:
             raise needs_scene(self.name)
-        vocabulary()  # registers the quantities that third parties measure
         asked = _asked(request, scene)
         known, wanted = _known_apart(asked.asked, scene, self.remeasure)
         cannot = [*asked.cannot, *_unidentifiable(wanted)]
