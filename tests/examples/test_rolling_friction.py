@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 PACKAGE = Path(__file__).parents[1] / "quantities" / "rolling"
+RUN = ("--scene", "desk.xml", "--noise", "none", "--out", "run")
 SCENE = """<mujoco model="desk"><worldbody>
   <site name="robot_base" pos="0 0 0.3"/>
   <geom name="table" type="box" pos="0.5 0 0.28" size="0.3 0.4 0.02"/>
@@ -29,8 +30,7 @@ def test_from_a_question_mark_to_the_twin(tmp_path: Path) -> None:
     earlier = os.environ.get("PYTHONPATH")
     paths = [str(info.parent), str(PACKAGE), *([earlier] if earlier else [])]
     done = subprocess.run(
-        [sys.executable, "-m", "palpate.cli.main", "run", "--scene", "desk.xml"]
-        + ["--noise", "none", "--out", "run"],
+        [sys.executable, "-m", "palpate.cli.main", "run", *RUN],
         capture_output=True,
         text=True,
         check=False,
