@@ -19,11 +19,14 @@ from palpate.errors import InputError
 def extensions(group: str) -> Iterator[ModuleType]:
     """The modules that the entry points of `group` name, in the order of the entry points' names.
 
+    What is palpate's own needs none; metadata of an older palpate that names it is passed over.
+
     Raises:
         InputError: a module cannot be loaded; the message names it.
     """
     for entry in sorted(entry_points(group=group), key=lambda entry: entry.name):
-        yield _loaded(entry)
+        if not entry.value.startswith("palpate."):
+            yield _loaded(entry)
 
 
 def public(module: ModuleType) -> list[object]:

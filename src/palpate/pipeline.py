@@ -127,7 +127,7 @@ def rehearse(made: Run, progress: Progress = quiet) -> Run:
     progress(f"rehearsal: {rehearsal}")
     if rehearsal.failure is None:
         return replace(made, rehearsal=rehearsal)
-    failed = Finding("tree", "rehearsal", f"in simulation the plan fails: {rehearsal.failure}")
+    failed = Finding.of("tree", "rehearsal", f"in simulation the plan fails: {rehearsal.failure}")
     return replace(made, rehearsal=rehearsal, findings=(failed,))
 
 

@@ -8,11 +8,11 @@ from hypothesis import strategies as st
 from py_trees.common import Status
 from standin import TICK, tick
 
-from palpate.execution.leaf import PrimitiveLeaf, merged
+from palpate.execution.leaf import PrimitiveLeaf
 from palpate.geometry.pose import Pose
 from palpate.parameter import Parameter
 from palpate.trace.recording import Context
-from palpate.vocabulary.state import SymbolicState
+from palpate.vocabulary.state import SymbolicState, merged
 
 
 def make(words, blackboard, kind, **args):

@@ -26,6 +26,7 @@ from palpate.vocabulary.composites import COMPOSITES
 from palpate.vocabulary.registry import Vocabulary
 from palpate.vocabulary.sensing import MeasureForces, MeasureGripperPose
 from palpate.vocabulary.state import SymbolicState
+from palpate.vocabulary.violation import Violation
 
 LIMITS = Limits(
     q_min=np.full(7, -3.0),
@@ -282,8 +283,8 @@ class Never(Primitive):
     claims: ClassVar = frozenset({"arm"})
     group: ClassVar = "motion"
 
-    def requires(self, state: SymbolicState) -> list[str]:
-        return ["the moon is not full"]
+    def requires(self, state: SymbolicState) -> list[Violation]:
+        return [Violation("precondition", "the moon is not full")]
 
     def run(self, blackboard: Blackboard):
         blackboard.robot.move_axis(np.array([0, 0, 1.0]), 0.1, 0.5)

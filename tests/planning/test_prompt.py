@@ -1,11 +1,10 @@
 import json
-from importlib.metadata import EntryPoint
+from types import ModuleType
 from typing import ClassVar
 
 import pytest
 from rs_bpe.bpe import openai
 
-from palpate import extensions
 from palpate.errors import InputError
 from palpate.planning.check.check import check
 from palpate.planning.model.answer import read_answer
@@ -25,7 +24,7 @@ from palpate.scene.load import load_scene, parse_scene
 from palpate.scene.poses import read_poses
 from palpate.scene.scene import Scene
 from palpate.vocabulary.base import Primitive
-from palpate.vocabulary.registry import vocabulary
+from palpate.vocabulary.registry import load_vocabulary, vocabulary
 
 SCENE = """<mujoco><worldbody>
   <site name="robot_base"/>
@@ -93,26 +92,20 @@ def test_it_names_nothing_of_a_bundled_scenario() -> None:
             assert f"{body}_pose" not in text
 
 
-def test_a_third_partys_primitive_appears_by_itself(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_third_partys_primitive_appears_by_itself() -> None:
     class Sniff(Primitive):
         """Smell at what is below the gripper."""
 
         group: ClassVar = "sensing"
         strength: int
 
-        def run(self, blackboard):
+        def run(self, cell):
             yield
             return "sniffed"
 
-    class Package:
-        __all__: ClassVar = ["Sniff"]
-
-    Package.Sniff = Sniff  # type: ignore[attr-defined]
-    ours = list(extensions.entry_points(group="palpate.primitives"))
-    theirs = EntryPoint("sniff", "sniff", "palpate.primitives")
-    monkeypatch.setattr(EntryPoint, "load", lambda self: Package)
-    monkeypatch.setattr(extensions, "entry_points", lambda group: [*ours, theirs])
-    words = vocabulary.__wrapped__()
+    package = ModuleType("palpate_nose")
+    package.Sniff = Sniff  # type: ignore[attr-defined]
+    words = load_vocabulary([package])
     assert "- Sniff(strength): Smell at what is below the gripper." in system_prompt(words)
 
 

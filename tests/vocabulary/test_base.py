@@ -4,16 +4,19 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Iterator
+from importlib.metadata import EntryPoint
 from pathlib import Path
 
 import pytest
 from pydantic import ValidationError
 
+from palpate import extensions as extensions_module
 from palpate.errors import InputError
+from palpate.extensions import extensions
 from palpate.quantities.catalogue import catalogue
-from palpate.vocabulary import core
 from palpate.vocabulary.base import ConversionPrimitive, Primitive
-from palpate.vocabulary.registry import vocabulary
+from palpate.vocabulary.motion import MovePose
+from palpate.vocabulary.registry import load_vocabulary, vocabulary
 
 THIRD_PARTY = '''
 from dataclasses import replace
@@ -41,6 +44,23 @@ class Smell(ConversionPrimitive):
 '''
 
 
+OWN = [
+    "MovePose",
+    "MoveJoints",
+    "OpenGripper",
+    "CloseGripper",
+    "MoveUntilContact",
+    "MeasureForces",
+    "MeasureGripperPose",
+    "Force2Mass",
+    "Force2Velocity",
+    "Force2Momentum",
+    "Pose2Height",
+    "Pose2Plan",
+]
+"""The paper's twelve primitives."""
+
+
 @pytest.fixture
 def installed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[[str], None]]:
     """Install a package with one entry point; it is gone after the test."""
@@ -64,8 +84,26 @@ def installed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Calla
 
 
 def test_palpates_own_come_first_in_reading_order() -> None:
-    assert list(vocabulary().primitives)[:12] == core.__all__
+    assert list(vocabulary().primitives)[:12] == OWN
     assert list(vocabulary().composites) == ["Sequence", "Parallel"]
+
+
+def test_a_vocabulary_is_a_value(installed: Callable[[str], None]) -> None:
+    alone = load_vocabulary()
+    assert list(alone.primitives) == OWN
+    assert repr(alone) == "<Vocabulary: 12 primitives, 2 composites>"
+    installed(THIRD_PARTY)
+    more = load_vocabulary(extensions("palpate.primitives"))
+    assert list(more.primitives) == [*OWN, "Smell", "Sniff"]
+    assert list(load_vocabulary().primitives) == OWN
+
+
+def test_metadata_of_an_older_palpate_that_names_its_own_primitives_does_no_harm(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    old = EntryPoint("core", "palpate.vocabulary.core", "palpate.primitives")
+    monkeypatch.setattr(extensions_module, "entry_points", lambda group: [old])
+    assert list(load_vocabulary(extensions("palpate.primitives")).primitives) == OWN
 
 
 def test_a_third_partys_primitives_are_found_and_its_quantity_with_them(
@@ -73,8 +111,8 @@ def test_a_third_partys_primitives_are_found_and_its_quantity_with_them(
 ) -> None:
     installed(THIRD_PARTY)
     words = vocabulary()
-    assert [name for name in words.primitives if name not in core.__all__] == ["Smell", "Sniff"]
-    assert words.primitives["MovePose"] is core.MovePose
+    assert [name for name in words.primitives if name not in OWN] == ["Smell", "Sniff"]
+    assert words.primitives["MovePose"] is MovePose
     assert catalogue()["smell"].unit == "ou"
     assert words.make("Sniff", {"seconds": 2.0}).label == "Sniff(2.0)"
 
@@ -89,7 +127,7 @@ def test_palpates_own_cannot_be_replaced(installed: Callable[[str], None]) -> No
     installed(
         "from palpate.vocabulary.base import Primitive\nclass MovePose(Primitive):\n    '''Mine.'''\n"
     )
-    assert vocabulary().primitives["MovePose"] is core.MovePose
+    assert vocabulary().primitives["MovePose"] is MovePose
 
 
 @pytest.mark.parametrize(

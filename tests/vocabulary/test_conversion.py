@@ -13,7 +13,7 @@ from palpate.quantities import position
 from palpate.quantities.estimators import estimate_all
 from palpate.trace.recording import Context
 from palpate.trace.samples import FORCES, POSE
-from palpate.vocabulary.core import (
+from palpate.vocabulary.conversion import (
     Force2Mass,
     Force2Momentum,
     Force2Velocity,
@@ -56,13 +56,15 @@ def test_a_buffer_is_about_what_its_context_says(start, cls) -> None:
 @pytest.mark.parametrize("cls", ABOUT, ids=lambda cls: cls.__name__)
 def test_an_empty_or_foreign_buffer_is_refused_with_the_remedy(start, cls) -> None:
     writer = "MeasureForces" if cls.reads == FORCES else "MeasureGripperPose"
-    assert cls().requires(start) == [
-        f"`{cls.reads}` is empty; {writer} must come before {cls.__name__}"
-    ]
+    (empty,) = cls().requires(start)
+    assert (empty.rule, empty.message) == (
+        "buffer-unwritten",
+        f"`{cls.reads}` is empty; {writer} must come before {cls.__name__}",
+    )
     other = replace(start, buffers={POSE if cls.reads == FORCES else FORCES: STILL})
     assert cls().requires(other) == cls().requires(start)
     idle = replace(start, buffers={cls.reads: Context("still")})
-    complaint = cls().requires(idle)[0]
+    complaint = cls().requires(idle)[0].message
     assert f"is no evidence of a {cls.measures.label}" in complaint
     assert all(evidence.how in complaint for evidence in cls.measures.evidence)
 

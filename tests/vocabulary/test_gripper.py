@@ -12,11 +12,11 @@ LIFT, AT = ("MovePose", "cup_pose + z_offset"), ("MovePose", "cup_pose")
 
 def test_fingers_close_only_when_open_and_on_something(start, make, after, reached) -> None:
     close = make("CloseGripper")
-    assert "must be open before it closes" in close.requires(start)[0]
-    assert "not at a grasp pose" in close.requires(after(start, "OpenGripper"))[0]
+    assert "must be open before it closes" in close.requires(start)[0].message
+    assert "not at a grasp pose" in close.requires(after(start, "OpenGripper"))[0].message
     assert (
         "nothing is between the fingers at 'cup_pose + z_offset'"
-        in close.requires(after(start, *reached[:2]))[0]
+        in close.requires(after(start, *reached[:2]))[0].message
     )
     assert close.requires(after(start, *reached)) == []
 
@@ -25,7 +25,7 @@ def test_what_is_too_wide_is_refused_with_the_reason(start, make, after) -> None
     (reason,) = make("CloseGripper").requires(
         after(start, "OpenGripper", ("MovePose", "crate_pose"))
     )
-    assert reason.startswith("'crate' cannot be grasped: ")
+    assert reason.message.startswith("'crate' cannot be grasped: ")
 
 
 def test_closing_makes_the_object_part_of_the_hand(start, after, reached) -> None:
@@ -50,7 +50,7 @@ def test_opening_does_not_drop(start, make, after, reached) -> None:
     up = after(start, *reached, "CloseGripper", LIFT)
     assert (
         "'cup' is lifted and would fall; MovePose it onto its support first, e.g. to 'cup_pose'"
-        in make("OpenGripper").requires(up)[0]
+        in make("OpenGripper").requires(up)[0].message
     )
     let_go = after(up, AT, "OpenGripper")
     assert (let_go.gripper, let_go.holding, let_go.grasp, let_go.pose_tcp_object) == (

@@ -8,12 +8,9 @@ import numpy as np
 import pytest
 
 from palpate.robots.registry import load_description
-from palpate.vocabulary.motion import (
-    CONTACT_FORCE,
-    POSITION_TOLERANCE,
-    PROBE_TRAVEL,
-    clear_of_support,
-)
+from palpate.vocabulary.admissible.support import clear_of_support
+from palpate.vocabulary.contact import CONTACT_FORCE, PROBE_TRAVEL
+from palpate.vocabulary.motion import POSITION_TOLERANCE
 
 HOME = load_description().home
 
@@ -22,10 +19,13 @@ TO_TABLE = ("MovePose", "table_approach")
 
 
 def test_move_pose_names_what_it_cannot_read_or_reach(start, make) -> None:
-    assert "unknown pose 'teapot_pose'" in make("MovePose", pose="teapot_pose").requires(start)[0]
-    assert "unknown offset 'w'" in make("MovePose", pose="cup_pose + w").requires(start)[0]
+    assert (
+        "unknown pose 'teapot_pose'"
+        in make("MovePose", pose="teapot_pose").requires(start)[0].message
+    )
+    assert "unknown offset 'w'" in make("MovePose", pose="cup_pose + w").requires(start)[0].message
     (far,) = make("MovePose", pose="cup_pose + 200*x_offset").requires(start)
-    assert "is out of the arm's reach" in far
+    assert "is out of the arm's reach" in far.message
 
 
 def test_move_pose_arrives_where_its_expression_says(start, make, after) -> None:
@@ -84,7 +84,7 @@ def test_clear_of_support_takes_five_millimetres(start) -> None:
     ],
 )
 def test_move_joints_refuses(start, make, joints, problem: str) -> None:
-    assert problem in make("MoveJoints", joints=joints).requires(start)[0]
+    assert problem in make("MoveJoints", joints=joints).requires(start)[0].message
 
 
 def test_move_joints_leaves_no_pose_and_no_contact(start, make, after) -> None:
@@ -102,26 +102,30 @@ def test_move_joints_leaves_no_pose_and_no_contact(start, make, after) -> None:
 
 def test_move_joints_does_not_drag(start, make, after, reached) -> None:
     held = after(start, *reached, "CloseGripper")
-    assert "stands on its support" in make("MoveJoints", joints="home_config").requires(held)[0]
+    assert (
+        "stands on its support"
+        in make("MoveJoints", joints="home_config").requires(held)[0].message
+    )
     assert make("MoveJoints", joints="home_config").requires(after(held, LIFT)) == []
 
 
 def test_a_probe_needs_a_place_a_surface_and_empty_fingers(start, make, after, reached) -> None:
     down = make("MoveUntilContact", axis="-z")
-    assert "not at a known pose" in down.requires(start)[0]
+    assert "not at a known pose" in down.requires(start)[0].message
     beside = replace(
         start,
         at="nowhere",
         pose_world_tcp=start.scene.symbols.resolve("cup_pose").translated((2, 0, 0)),
     )
-    assert "nothing is below 'nowhere'" in down.requires(beside)[0]
+    assert "nothing is below 'nowhere'" in down.requires(beside)[0].message
     assert make("MoveUntilContact", axis="+x").requires(beside) == []
     assert (
-        "'cup' is in the gripper" in down.requires(after(start, *reached, "CloseGripper", LIFT))[0]
+        "'cup' is in the gripper"
+        in down.requires(after(start, *reached, "CloseGripper", LIFT))[0].message
     )
     touching = after(start, TO_TABLE, ("MoveUntilContact", "-z"))
     assert touching.context().support == "table"
-    assert "already in contact with 'table'" in down.requires(touching)[0]
+    assert "already in contact with 'table'" in down.requires(touching)[0].message
 
 
 def test_a_sideways_probe_touches_nothing_that_has_a_height(start, after) -> None:

@@ -21,6 +21,7 @@ from palpate.trace.recording import Conversion, Recording
 from palpate.trace.samples import Trace
 from palpate.vocabulary.base import Blackboard, ConversionPrimitive, LeafFailure, Steps
 from palpate.vocabulary.state import SymbolicState
+from palpate.vocabulary.violation import Violation
 
 __all__ = ["MeasureTemperature", "Temperature"]
 
@@ -58,11 +59,13 @@ class MeasureTemperature(ConversionPrimitive):
         below = state.surface_below(state.pose_world_tcp)
         return below.name if below else None
 
-    def requires(self, state: SymbolicState) -> list[str]:
+    def requires(self, state: SymbolicState) -> list[Violation]:
         if state.holding != TOOL:
-            return ["the thermometer is not in the gripper; grasp and lift it first"]
+            problem = "the thermometer is not in the gripper; grasp and lift it first"
+            return [Violation("precondition", problem)]
         if self.subject(state) is None:
-            return ["nothing is below the thermometer; MovePose over what is to be measured first"]
+            problem = "nothing is below the thermometer; MovePose over what is to be measured first"
+            return [Violation("precondition", problem)]
         return []
 
     def effects(self, state: SymbolicState) -> SymbolicState:

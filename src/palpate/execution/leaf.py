@@ -4,16 +4,15 @@ robot."""
 from __future__ import annotations
 
 import logging
-from collections.abc import Mapping
-from dataclasses import fields, replace
-from typing import Any, cast
+from dataclasses import replace
+from typing import cast
 
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
 from palpate.trace.recording import LeafRun
 from palpate.vocabulary.base import Blackboard, LeafFailure, Primitive, Steps
-from palpate.vocabulary.state import SymbolicState
+from palpate.vocabulary.state import SymbolicState, merged
 
 log = logging.getLogger(__name__)
 
@@ -90,33 +89,49 @@ class PrimitiveLeaf(Behaviour):
             self._record(new_status)
 
     def _live(self) -> Steps:
+        """The whole life: from the preconditions to the effects, whatever happens between."""
         self._require()
-        before = self.blackboard.state
-        claims = self.primitive.claims
-        self.blackboard.owner.update(dict.fromkeys(claims, self))
-        self.blackboard.motions += bool(claims)
-        self.blackboard.state = during = self.primitive.during(before)
+        before, during = self._begin()
         try:
             message = yield from self._guarded()
-            self.blackboard.state = merged(
-                self.blackboard.state, during, self.primitive.effects(before)
-            )
+            self._apply(before, during)
         except BaseException:
-            if "arm" in claims:
+            if "arm" in self.primitive.claims:
                 self.blackboard.robot.hold()
             raise
         finally:
-            self.blackboard.motions -= bool(claims)
-            for resource in claims:
-                del self.blackboard.owner[resource]
+            self._release()
         return message
 
     def _require(self) -> None:
+        """Fail before anything moves: what it claims must be free, and nothing may speak against
+        it."""
         for resource in sorted(self.primitive.claims & self.blackboard.owner.keys()):
             owner = cast(PrimitiveLeaf, self.blackboard.owner[resource])
             raise LeafFailure(f"the {resource} is in use by {owner.name}: one motion at a time")
-        if reasons := self.primitive.requires(self.blackboard.state):
-            raise LeafFailure("; ".join(reasons))
+        violations = self.primitive.violations(self.blackboard.state)
+        if violations:
+            raise LeafFailure("; ".join(str(violation) for violation in violations))
+
+    def _begin(self) -> tuple[SymbolicState, SymbolicState]:
+        """Claim the resources; the state before, and what is so from now on."""
+        blackboard, claims = self.blackboard, self.primitive.claims
+        before = blackboard.state
+        for resource in claims:
+            blackboard.owner[resource] = self
+        blackboard.motions += bool(claims)
+        blackboard.state = self.primitive.during(before)
+        return before, blackboard.state
+
+    def _apply(self, before: SymbolicState, during: SymbolicState) -> None:
+        """The effects, as the check folds them; what other leaves changed meanwhile stays."""
+        after = self.primitive.effects(before)
+        self.blackboard.state = merged(self.blackboard.state, during, after)
+
+    def _release(self) -> None:
+        self.blackboard.motions -= bool(self.primitive.claims)
+        for resource in self.primitive.claims:
+            del self.blackboard.owner[resource]
 
     def _guarded(self) -> Steps:
         steps = self.primitive.run(self.blackboard)
@@ -160,28 +175,3 @@ class PrimitiveLeaf(Behaviour):
                 self.blackboard.state.context(),
             )
         )
-
-
-def merged(now: SymbolicState, base: SymbolicState, after: SymbolicState) -> SymbolicState:
-    """`now` with what changed between `base` and `after`: leaves in a Parallel overlap in time."""
-    changes = {
-        f.name: _merged(getattr(now, f.name), getattr(base, f.name), getattr(after, f.name))
-        for f in fields(SymbolicState)
-        if getattr(after, f.name) is not getattr(base, f.name)
-    }
-    return replace(now, **changes)
-
-
-def _merged(now: Any, base: Any, after: Any) -> Any:
-    """Collections that only grow (buffers, logs, conversions) keep what others added meanwhile."""
-    if isinstance(after, Mapping):
-        entries = cast(Mapping[str, object], after)
-        return {
-            **now,
-            **{key: value for key, value in entries.items() if base.get(key) is not value},
-        }
-    if isinstance(after, frozenset):
-        return now | after
-    if isinstance(after, tuple):
-        return (*now, *after[len(base) :])
-    return after

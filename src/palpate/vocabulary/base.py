@@ -1,36 +1,57 @@
-"""The base of every primitive, and the registry that finds them.
+"""The base of every primitive.
 
 A primitive is one frozen pydantic class. Its docstring and field descriptions are the prompt; its
-fields the JSON schema and the BT.CPP ports; `requires` and `effects` its symbolic meaning, which
-the planner chains, the check folds and the run applies; `run` its behaviour on a robot; `unsafe`
-the predicate that is evaluated every tick while it runs. Nothing about a primitive is written
-anywhere else.
+fields the JSON schema and the BT.CPP ports; `groundings` the arguments that a planner tries;
+`requires` and `effects` its symbolic meaning, which the planner chains, the check folds and the run
+applies; `run` its behaviour on a robot; `unsafe` the predicate that is evaluated every tick while
+it runs. Nothing about a primitive is written anywhere else.
 """
 
 from __future__ import annotations
 
-from collections.abc import Generator
+from collections.abc import Generator, Iterable
 from dataclasses import dataclass, field
 from typing import ClassVar, Literal
 
 from pydantic import BaseModel, ConfigDict
 
+from palpate.errors import InputError
 from palpate.quantities.quantity import Quantity
 from palpate.robots.robot import Robot
 from palpate.robots.safety import Expectation, violation
 from palpate.scene.scene import Scene
 from palpate.trace.recording import Conversion, LeafRun, Recording
-from palpate.trace.samples import Samples, Trace
+from palpate.trace.samples import FORCES, POSE, Samples, Trace
+from palpate.vocabulary.admissible import motion
 from palpate.vocabulary.state import SymbolicState
+from palpate.vocabulary.violation import Violation
 
 Steps = Generator[None, None, str]
 """A run: yields once a tick while RUNNING, returns its message on SUCCESS, raises `LeafFailure`."""
 
 Resource = Literal["arm", "gripper"]
 
+WRITERS = {FORCES: "MeasureForces", POSE: "MeasureGripperPose"}
+"""Who fills palpate's own buffers."""
+
 
 class LeafFailure(Exception):
     """Raised inside `run`: the leaf returns FAILURE with this reason."""
+
+
+@dataclass(frozen=True, slots=True)
+class Surroundings:
+    """What a planner works on now, for `Primitive.groundings`.
+
+    Attributes:
+        state: where its search begins.
+        subject: object or surface that it works on; empty for none.
+        poses: pose expressions that matter there, the nearest first.
+    """
+
+    state: SymbolicState
+    subject: str = ""
+    poses: tuple[str, ...] = ()
 
 
 class Recorder:
@@ -98,10 +119,48 @@ class Primitive(BaseModel):
     timeout: ClassVar[float] = 30.0
     """Robot time in s after which the leaf fails."""
 
-    def requires(self, state: SymbolicState) -> list[str]:
-        """Violated preconditions, worded so that a model or a person can repair the plan; empty
-        when none."""
+    @classmethod
+    def groundings(cls, around: Surroundings) -> Iterable[Primitive]:
+        """Instances whose arguments make sense here, the likeliest first; a planner tries them in
+        this order.
+
+        By default the one with default arguments. A primitive with a required argument yields its
+        own; else only those use it who write arguments themselves.
+        """
+        needs_arguments = any(field.is_required() for field in cls.model_fields.values())
+        return () if needs_arguments else (cls(),)
+
+    def transferred(self, old: str, new: str) -> Primitive:
+        """The same for the object or surface `new` as this is for `old`: a planner's guess, which
+        it tries before it searches anew."""
+        return self
+
+    def violations(self, state: SymbolicState) -> list[Violation]:
+        """Everything that speaks against running it in `state`: what it requires itself, and what
+        its motion would do to the things around the hand."""
+        if self.reads and self.reads not in state.buffers:
+            return [self.unwritten()]
+        found = self.requires(state)
+        if "arm" not in self.claims:
+            return found
+        try:
+            after = self.effects(state)
+        except InputError:
+            return found
+        return [*found, *motion.violations(state, after)]
+
+    def requires(self, state: SymbolicState) -> list[Violation]:
+        """Violated preconditions of its own, worded so that a model or a person can repair the
+        plan; empty when none. Judgements that others share are in `admissible`."""
         return []
+
+    @classmethod
+    def unwritten(cls) -> Violation:
+        """That the buffer which it reads is empty."""
+        writer = WRITERS.get(cls.reads or "", "its sensing")
+        return Violation(
+            "buffer-unwritten", f"`{cls.reads}` is empty; {writer} must come before {cls.__name__}"
+        )
 
     def during(self, state: SymbolicState) -> SymbolicState:
         """The symbolic state while this runs: what a sensing leaf beside it in a Parallel

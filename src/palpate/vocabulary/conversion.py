@@ -17,6 +17,7 @@ from palpate.trace.recording import Context, Conversion
 from palpate.trace.samples import FORCES, POSE
 from palpate.vocabulary.base import Blackboard, ConversionPrimitive, LeafFailure, Steps
 from palpate.vocabulary.state import SymbolicState
+from palpate.vocabulary.violation import PRECONDITION, Violation
 
 
 class _Conversion(ConversionPrimitive):
@@ -36,16 +37,16 @@ class _Conversion(ConversionPrimitive):
         context = state.buffers.get(self.reads or "")
         return self.about(context) if context else None
 
-    def requires(self, state: SymbolicState) -> list[str]:
+    def requires(self, state: SymbolicState) -> list[Violation]:
         if self.reads not in state.buffers:
-            writer = "MeasureForces" if self.reads == FORCES else "MeasureGripperPose"
-            return [f"`{self.reads}` is empty; {writer} must come before {type(self).__name__}"]
-        if self.subject(state) is None and self.measures is not None:
-            return [
-                f"what `{self.reads}` holds is no evidence of a {self.measures.label}, so "
-                f"{type(self).__name__} has nothing to convert; first {self.measures.how}"
-            ]
-        return []
+            return [self.unwritten()]
+        if self.subject(state) is not None or self.measures is None:
+            return []
+        problem = (
+            f"what `{self.reads}` holds is no evidence of a {self.measures.label}, so "
+            f"{type(self).__name__} has nothing to convert; first {self.measures.how}"
+        )
+        return [Violation(PRECONDITION, problem)]
 
     def effects(self, state: SymbolicState) -> SymbolicState:
         subject, quantity = self.subject(state), self.measures

@@ -6,8 +6,11 @@ from dataclasses import replace
 from typing import ClassVar
 
 from palpate.robots.safety import Expectation
+from palpate.vocabulary.admissible.grasp import ungraspable
+from palpate.vocabulary.admissible.support import would_fall
 from palpate.vocabulary.base import Blackboard, LeafFailure, Primitive, Resource, Steps
 from palpate.vocabulary.state import SymbolicState
+from palpate.vocabulary.violation import Violation
 
 GRIP_SETTLE = 0.2
 """s: fingers at rest on an object before the grasp counts."""
@@ -29,18 +32,12 @@ class OpenGripper(Primitive):
     group: ClassVar = "gripper"
     timeout: ClassVar[float] = 10.0
 
-    def requires(self, state: SymbolicState) -> list[str]:
-        if state.holding and state.lifted:
-            return [
-                f"'{state.holding}' is lifted and would fall; MovePose it onto its support first, "
-                f"e.g. to '{state.grasp}'"
-            ]
-        return []
+    def requires(self, state: SymbolicState) -> list[Violation]:
+        return would_fall(state)
 
     def effects(self, state: SymbolicState) -> SymbolicState:
-        activity = (
-            "still" if state.activity == "contact" and state.contact is None else state.activity
-        )
+        touched_through_it = state.activity == "contact" and state.contact is None
+        activity = "still" if touched_through_it else state.activity
         return replace(
             state,
             gripper="open",
@@ -68,18 +65,20 @@ class CloseGripper(Primitive):
     group: ClassVar = "gripper"
     timeout: ClassVar[float] = 10.0
 
-    def requires(self, state: SymbolicState) -> list[str]:
+    def requires(self, state: SymbolicState) -> list[Violation]:
         if state.gripper != "open":
-            return ["the gripper must be open before it closes; OpenGripper first"]
+            problem = "the gripper must be open before it closes; OpenGripper first"
+            return [Violation("gripper-state", problem)]
         if state.pose_world_tcp is None:
-            return ["the gripper is not at a grasp pose; MovePose to `<object>_pose` first"]
+            problem = "the gripper is not at a grasp pose; MovePose to `<object>_pose` first"
+            return [Violation("gripper-state", problem)]
         body = state.object_at(state.pose_world_tcp)
         if body is None:
-            return [
+            problem = (
                 f"nothing is between the fingers at '{state.at}'; MovePose to `<object>_pose` first"
-            ]
-        reason = state.scene.symbols.ungraspable.get(body.name)
-        return [f"'{body.name}' cannot be grasped: {reason}"] if reason else []
+            )
+            return [Violation("gripper-state", problem)]
+        return ungraspable(state, body)
 
     def effects(self, state: SymbolicState) -> SymbolicState:
         body = state.object_at(state.pose_world_tcp) if state.pose_world_tcp else None

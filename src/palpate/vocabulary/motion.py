@@ -1,20 +1,29 @@
-"""Primitives that move the arm."""
+"""Primitives that move the arm to where it is told."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, ClassVar
 
 import numpy as np
 from pydantic import Field
 
 from palpate.errors import InputError
 from palpate.geometry.pose import Array, Pose
-from palpate.robots.kinematics import reachable, within_joint_limits
 from palpate.robots.safety import Expectation
-from palpate.vocabulary.base import Blackboard, LeafFailure, Primitive, Resource, Steps
+from palpate.vocabulary.admissible.reach import beyond_joint_limits, out_of_reach
+from palpate.vocabulary.admissible.support import clear_of_support, slides, would_be_dragged
+from palpate.vocabulary.base import (
+    Blackboard,
+    LeafFailure,
+    Primitive,
+    Resource,
+    Steps,
+    Surroundings,
+)
 from palpate.vocabulary.state import SymbolicState
+from palpate.vocabulary.violation import Violation
 
 FREE_SPEED = 0.25
 """m/s, in free air."""
@@ -23,9 +32,6 @@ CARRY_SPEED = FREE_SPEED
 over one path."""
 CONTACT_SPEED = 0.02
 """m/s, whenever something is or may be touched."""
-PROBE_SPEED = 0.015
-"""m/s, guarded motions: slow enough that one tick of 20 ms adds less than 1 N on a rigid
-surface."""
 POSITION_TOLERANCE = 0.010
 """m: an impedance-controlled arm with 1.5 kg on it sags by several millimetres."""
 ANGLE_TOLERANCE = np.radians(3.0)
@@ -36,28 +42,12 @@ DWELL = 0.4
 estimators."""
 SETTLE_LIMIT = 3.0
 """s."""
-CONTACT_FORCE = 8.0
-"""N: the threshold tau_c of the paper, against the force felt in free air at the start of the
-motion."""
-CONTACT_TORQUE = 3.0
-"""N m, likewise."""
-PROBE_TRAVEL = 0.30
-"""m."""
 PRESS_DEPTHS = (0.005, 0.001)
 """m: how far the equilibrium is lowered while sliding, at its beginning and its end: a normal force
 that the torque sensors resolve, and that varies, so that what the arm's own friction adds to the
 sliding force can be told apart."""
-LIFTED = 0.005
-"""m: a held object whose bottom is this far above its support is clear of it."""
-
-AXES: dict[str, tuple[float, float, float]] = {
-    "+x": (1, 0, 0),
-    "-x": (-1, 0, 0),
-    "+y": (0, 1, 0),
-    "-y": (0, -1, 0),
-    "+z": (0, 0, 1),
-    "-z": (0, 0, -1),
-}
+HOME_CONFIG = "home_config"
+"""The joint configuration from which every pose is reached safely."""
 
 
 def settle(blackboard: Blackboard, dwell: float = DWELL) -> Steps:
@@ -122,32 +112,32 @@ class MovePose(Primitive):
         """The TCP pose in the world that the expression stands for."""
         return state.scene.symbols.resolve(self.pose)
 
-    def requires(self, state: SymbolicState) -> list[str]:
+    @classmethod
+    def groundings(cls, around: Surroundings) -> Iterator[MovePose]:
+        for pose in around.poses:
+            yield cls(pose=pose)
+
+    def transferred(self, old: str, new: str) -> MovePose:
+        head, *rest = self.pose.split(" ", 1)
+        names = {f"{old}{ending}": f"{new}{ending}" for ending in ("_pose", "_approach")}
+        return self.model_copy(update={"pose": " ".join([names.get(head, head), *rest])})
+
+    def requires(self, state: SymbolicState) -> list[Violation]:
         try:
             target = self.target(state)
         except InputError as error:
-            return [str(error)]
-        if not reachable(state.scene.arm, target, state.scene.pose_world_base):
-            x, y, z = target.position
-            return [
-                f"'{self.pose}' at ({x:.3f}, {y:.3f}, {z:.3f}) m is out of the arm's reach; choose a named pose "
-                "nearer to the base or a smaller offset"
-            ]
-        return []
+            return [Violation("unknown-symbol", str(error))]
+        return out_of_reach(state, target, self.pose)
 
     def slides(self, state: SymbolicState) -> bool:
         """Whether this would drag the held object along its support."""
-        if state.holding is None or state.lifted or state.pose_world_tcp is None:
+        if state.holding is None or state.lifted:
             return False
-        after = self.effects(state)
-        return (
-            not after.lifted
-            and after.pose_world_tcp is not None
-            and state.pose_world_tcp.distance_to(after.pose_world_tcp) > LIFTED
-        )
+        return slides(state, self.effects(state))
 
     def during(self, state: SymbolicState) -> SymbolicState:
-        return replace(state, activity="sliding" if self.slides(state) else "moving", contact=None)
+        activity = "sliding" if self.slides(state) else "moving"
+        return replace(state, activity=activity, contact=None)
 
     def effects(self, state: SymbolicState) -> SymbolicState:
         target = self.target(state)
@@ -205,14 +195,6 @@ class MovePose(Primitive):
         return f"within {1e3 * distance:.1f} mm"
 
 
-def clear_of_support(state: SymbolicState, name: str, pose_world_object: Pose) -> bool:
-    """Whether object `name` at that pose hangs free of whatever is below it."""
-    body = state.scene.body(name)
-    below = state.surface_below(pose_world_object)
-    top = below.top_z(state.pose_of(below.name)) if below else -np.inf
-    return body.bottom_z(pose_world_object) > top + LIFTED
-
-
 class MoveJoints(Primitive):
     """Move all joints to a named configuration or to seven angles. Start and end every plan at
     `home_config`, from where every pose is reached safely; never call it with an object in the
@@ -244,21 +226,17 @@ class MoveJoints(Primitive):
             )
         return np.array(self.joints)
 
-    def requires(self, state: SymbolicState) -> list[str]:
+    @classmethod
+    def groundings(cls, around: Surroundings) -> Iterator[MoveJoints]:
+        yield cls(joints=HOME_CONFIG)
+
+    def requires(self, state: SymbolicState) -> list[Violation]:
         try:
             target = self.target(state)
         except InputError as error:
-            return [str(error)]
-        if not within_joint_limits(state.scene.arm, target):
-            return [
-                f"joint angles {np.round(target, 3).tolist()} rad are beyond the arm's limits; "
-                "use 'home_config'"
-            ]
-        if state.holding and not state.lifted:
-            return [
-                f"'{state.holding}' stands on its support in the gripper; lift it or open the gripper first"
-            ]
-        return []
+            rule = "unknown-symbol" if isinstance(self.joints, str) else "unreachable"
+            return [Violation(rule, str(error))]
+        return beyond_joint_limits(state, target) or would_be_dragged(state)
 
     def during(self, state: SymbolicState) -> SymbolicState:
         return replace(state, activity="moving", contact=None)
@@ -275,69 +253,3 @@ class MoveJoints(Primitive):
         yield from finish(blackboard)
         yield from settle(blackboard)
         return "reached"
-
-
-class MoveUntilContact(Primitive):
-    """Move slowly and compliantly along one axis of the world until something rigid is touched; the
-    arm then stays in contact. Probe a surface's height with `-z` from its approach pose with empty
-    fingers: a picture is never trusted for heights, and a soft cover is pressed through to what is
-        rigid beneath."""
-
-    claims: ClassVar[frozenset[Resource]] = frozenset({"arm"})
-    group: ClassVar = "motion"
-    timeout: ClassVar[float] = 40.0
-
-    axis: Annotated[
-        Literal["+x", "-x", "+y", "-y", "+z", "-z"],
-        Field(description="direction of motion, world axes"),
-    ]
-
-    def requires(self, state: SymbolicState) -> list[str]:
-        if state.pose_world_tcp is None:
-            return ["the gripper is not at a known pose; MovePose to an approach pose first"]
-        if state.contact:
-            return [f"already in contact with '{state.contact}'; MovePose away first"]
-        if self.axis == "-z" and state.surface_below(state.pose_world_tcp) is None:
-            return [
-                f"nothing is below '{state.at}'; go to the approach pose of the surface to probe"
-            ]
-        if state.holding:
-            return [
-                f"'{state.holding}' is in the gripper; put it down before probing with the fingertips"
-            ]
-        return []
-
-    def during(self, state: SymbolicState) -> SymbolicState:
-        return replace(state, activity="moving")
-
-    def effects(self, state: SymbolicState) -> SymbolicState:
-        touched = None
-        if self.axis == "-z" and state.pose_world_tcp is not None:
-            below = state.surface_below(state.pose_world_tcp)
-            touched = below.name if below else None
-        return replace(state, contact=touched, activity="contact")
-
-    def expectation(self, state: SymbolicState) -> Expectation:
-        return Expectation(contact=True, holding=state.holding is not None)
-
-    def run(self, blackboard: Blackboard) -> Steps:
-        direction = np.array(AXES[self.axis], dtype=float)
-        start = blackboard.robot.state.pose_world_tcp
-        blackboard.robot.move_axis(direction, PROBE_SPEED, PROBE_TRAVEL)
-        yield
-        free = blackboard.robot.state.wrench
-        yield from guard(
-            blackboard,
-            lambda: self._touching(blackboard, direction, free),
-            f"nothing touched within {PROBE_TRAVEL:.2f} m along {self.axis}; "
-            "start nearer, or probe another direction",
-        )
-        yield from settle(blackboard)
-        travelled = blackboard.robot.state.pose_world_tcp.distance_to(start)
-        return f"contact after {1e3 * travelled:.0f} mm"
-
-    def _touching(self, blackboard: Blackboard, direction: Array, free: Array) -> bool:
-        change = blackboard.robot.state.wrench - free
-        return bool(
-            change[:3] @ direction > CONTACT_FORCE or np.linalg.norm(change[3:]) > CONTACT_TORQUE
-        )

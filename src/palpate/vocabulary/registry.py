@@ -2,57 +2,37 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
 from functools import cache
 from types import ModuleType
 from typing import Any
 
 from palpate.errors import InputError, unknown_name
 from palpate.extensions import extensions, public
-from palpate.quantities.catalogue import GROUP, catalogue
+from palpate.quantities.catalogue import GROUP as QUANTITIES
+from palpate.quantities.catalogue import catalogue
 from palpate.quantities.quantity import Quantity
-from palpate.vocabulary import core
+from palpate.vocabulary import contact, conversion, gripper, motion, sensing
 from palpate.vocabulary.base import ConversionPrimitive, Primitive
 from palpate.vocabulary.composites import COMPOSITES, Composite
 
+GROUP = "palpate.primitives"
+"""Entry-point group of third parties' packages. Each entry names a module."""
+CORE = (motion, gripper, contact, sensing, conversion)
+"""Modules of palpate's own primitives, in the order in which people read them."""
 _ABSTRACT = (Primitive, ConversionPrimitive)
 
 
-def converters(quantity: str) -> list[type[Primitive]]:
-    """Primitives that convert a buffer into `quantity`."""
-    return [
-        cls
-        for cls in vocabulary().primitives.values()
-        if cls.measures is not None and cls.measures.id == quantity
-    ]
-
-
-def acquisition(quantity: Quantity) -> str:
-    """How a quantity is acquired, in words: its evidence, and then the conversion or what else
-    follows."""
-    if quantity.derived:
-        return f"{quantity.how}; derived"
-    names = [cls.__name__ for cls in converters(quantity.id)]
-    return f"{quantity.how}, then {names[0]}" if names else quantity.how
-
-
-def sensors(buffer: str | None) -> list[type[Primitive]]:
-    """Primitives that write `buffer`."""
-    return [
-        cls
-        for cls in vocabulary().primitives.values()
-        if buffer is not None and cls.writes == buffer
-    ]
-
-
+@dataclass(frozen=True, eq=False, repr=False)
 class Vocabulary:
     """The primitives and composites that plans may use, by name."""
 
-    def __init__(
-        self, primitives: Mapping[str, type[Primitive]], composites: Mapping[str, Composite]
-    ) -> None:
-        self.primitives = dict(primitives)
-        self.composites = dict(composites)
+    primitives: Mapping[str, type[Primitive]]
+    composites: Mapping[str, Composite] = field(default_factory=lambda: COMPOSITES)
+
+    def __repr__(self) -> str:
+        return f"<Vocabulary: {len(self.primitives)} primitives, {len(self.composites)} composites>"
 
     def primitive(self, name: str) -> type[Primitive]:
         """The class named `name`.
@@ -72,48 +52,67 @@ class Vocabulary:
         """
         return self.primitive(type)(**args)
 
+    def converters(self, quantity: str) -> list[type[Primitive]]:
+        """Primitives that convert a buffer into `quantity`."""
+        return [
+            cls
+            for cls in self.primitives.values()
+            if cls.measures is not None and cls.measures.id == quantity
+        ]
+
+    def sensors(self, buffer: str) -> list[type[Primitive]]:
+        """Primitives that write `buffer`."""
+        return [cls for cls in self.primitives.values() if cls.writes == buffer]
+
+
+def load_vocabulary(third_parties: Iterable[ModuleType] = ()) -> Vocabulary:
+    """Palpate's own primitives, and after them those of the modules of `third_parties`.
+
+    Every public concrete `Primitive` of a module is found under its class name. Palpate's own names
+    cannot be taken.
+    """
+    own: dict[str, type[Primitive]] = {}
+    for module in CORE:
+        own |= {cls.__name__: cls for cls in _public(module) if cls.__module__ == module.__name__}
+    theirs: dict[str, type[Primitive]] = {}
+    for module in third_parties:
+        for cls in _public(module):
+            theirs.setdefault(cls.__name__, cls)
+    added = {name: theirs[name] for name in sorted(theirs) if name not in own}
+    return Vocabulary({**own, **added})
+
 
 @cache
 def vocabulary() -> Vocabulary:
-    """Everything registered through the entry-point group `palpate.primitives`, palpate's own
-    first.
-
-    An entry point names a module; every public concrete `Primitive` in it is registered under its
-    class name.
+    """What is installed: palpate's own primitives and those of every package with an entry point.
 
     Raises:
         InputError: an entry point's module cannot be loaded, or a conversion measures a quantity
             that the catalogue lacks; the message names it.
     """
-
-    found: dict[str, type[Primitive]] = _declared(core)
-    for module in extensions("palpate.primitives"):
-        if module is not core:
-            found = {**_declared(module), **found}
-    for cls in found.values():
-        _require_known(cls)
-    return Vocabulary(
-        dict(sorted(found.items(), key=lambda item: _order(item[0], core))), COMPOSITES
-    )
-
-
-def _require_known(cls: type[Primitive]) -> None:
-    if cls.measures is not None and cls.measures.id not in catalogue():
-        raise InputError(
-            f"{cls.__name__} measures '{cls.measures.id}', which is no quantity of the catalogue; the "
-            f"package that brings it must name its module in the entry-point group {GROUP}"
-        )
-
-
-def _declared(module: ModuleType) -> dict[str, type[Primitive]]:
-    """The concrete primitives that are public in `module`, by name."""
-    found: dict[str, type[Primitive]] = {}
-    for thing in public(module):
-        if isinstance(thing, type) and issubclass(thing, Primitive) and thing not in _ABSTRACT:
-            found[thing.__name__] = thing
+    found = load_vocabulary(extensions(GROUP))
+    for cls in found.primitives.values():
+        if cls.measures is not None and cls.measures.id not in catalogue():
+            raise InputError(
+                f"{cls.__name__} measures '{cls.measures.id}', which is no quantity of the "
+                "catalogue; the package that brings it must name its module in the entry-point "
+                f"group {QUANTITIES}"
+            )
     return found
 
 
-def _order(name: str, core: ModuleType) -> tuple[int, str]:
-    names: list[str] = core.__all__
-    return (names.index(name), "") if name in names else (len(names), name)
+def acquisition(quantity: Quantity, words: Vocabulary | None = None) -> str:
+    """How a quantity is acquired, in words: its evidence, and then the conversion or what else
+    follows."""
+    if quantity.derived:
+        return f"{quantity.how}; derived"
+    for cls in (words or vocabulary()).converters(quantity.id):
+        return f"{quantity.how}, then {cls.__name__}"
+    return quantity.how
+
+
+def _public(module: ModuleType) -> Iterator[type[Primitive]]:
+    """The concrete primitives that are public in a module, in its order."""
+    for thing in public(module):
+        if isinstance(thing, type) and issubclass(thing, Primitive) and thing not in _ABSTRACT:
+            yield thing

@@ -1,14 +1,15 @@
 """The symbolic state: what a plan, or a run, may believe about the cell between two leaves.
 
-The same effects that `check` folds over a plan are applied by the leaf at run time, so a
-recording's context means the same thing on paper and on the robot.
+The same effects that `check` folds over a plan are applied by the leaf at run time, and branches
+of a Parallel are merged by the same function, so a recording's context means the same thing on
+paper and on the robot.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field, replace
-from typing import Literal
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
+from typing import TYPE_CHECKING, Any, Literal, TypeVar, cast
 
 import numpy as np
 
@@ -18,9 +19,18 @@ from palpate.parameter import Parameter
 from palpate.scene.scene import Scene
 from palpate.trace.recording import Context
 
+if TYPE_CHECKING:
+    from palpate.vocabulary.base import Primitive
+
+T = TypeVar("T")
+
 GRASP_REACH = 0.02
 """m: how far outside an object's box the TCP may be and still have the object between the
 fingers."""
+
+SINKING = 0.05
+"""m: how far above the TCP a top may be and still be below the hand, by a belief about heights that
+a contact corrects."""
 
 RESTORED_POSITION = 0.005
 """m: an object within this distance of where it was found counts as restored."""
@@ -43,7 +53,9 @@ class SymbolicState:
         activity: what a sensing leaf that starts now would record.
         buffers: the context in which each buffer was last written.
         logged: every recording so far, `(buffer, context)`.
-        converted: gaps that a conversion has discharged.
+        converted: parameters that a conversion has measured.
+        reaches: whether the arm reaches a pose of the TCP (world); None for its own inverse
+            kinematics.
     """
 
     scene: Scene
@@ -60,6 +72,7 @@ class SymbolicState:
     buffers: Mapping[str, Context] = field(default_factory=dict[str, Context])
     logged: tuple[tuple[str, Context], ...] = ()
     converted: frozenset[Parameter] = frozenset()
+    reaches: Callable[[Pose], bool] | None = None
 
     def context(self) -> Context:
         """The context a recording made now would carry."""
@@ -78,26 +91,28 @@ class SymbolicState:
     def object_at(self, pose_world_tcp: Pose) -> Body | None:
         """The object that closing the fingers at this pose would grasp: the one whose box holds the
         TCP."""
-        near = [
-            (self._outside(body, pose_world_tcp), body)
-            for body in self.scene.objects.values()
-            if self._is_near(body, pose_world_tcp)
-        ]
-        best = min(near, key=lambda pair: pair[0], default=None)
-        return best[1] if best is not None and best[0] <= GRASP_REACH else None
+        found, least = None, GRASP_REACH
+        for body in self.scene.objects.values():
+            if not self._is_near(body, pose_world_tcp):
+                continue
+            outside = self._outside(body, pose_world_tcp)
+            if outside < least or (found is None and outside == least):
+                found, least = body, outside
+        return found
 
     def surface_below(self, pose_world_tcp: Pose) -> Body | None:
         """What a guarded descent from this pose meets first, by belief: a surface or an object's
         top."""
         x, y, z = pose_world_tcp.position.tolist()
-        there = [
-            (b, self.pose_of(b.name)) for b in self.scene.bodies.values() if b.name != self.holding
-        ]
-        under = [(b.top_z(pose), b) for b, pose in there if b.covers(x, y, pose)]
-        met = max(
-            (pair for pair in under if pair[0] < z + 0.05), key=lambda pair: pair[0], default=None
-        )
-        return met[1] if met else None
+        met, highest = None, -np.inf
+        for body in self.scene.bodies.values():
+            if body.name == self.holding:
+                continue
+            pose = self.pose_of(body.name)
+            top = body.top_z(pose) if body.covers(x, y, pose) else -np.inf
+            if highest < top < z + SINKING:
+                met, highest = body, top
+        return met
 
     def not_restored(self) -> dict[str, Pose]:
         """Objects left away from where the scene has them, with where they are."""
@@ -133,24 +148,62 @@ class SymbolicState:
         return float(np.linalg.norm(np.maximum(np.abs(local) - body.size / 2, 0.0)))
 
 
-def merged(
-    after: SymbolicState, sensed: Iterable[SymbolicState], before: SymbolicState
+def during(moving: Iterable[Primitive], state: SymbolicState) -> SymbolicState:
+    """What is so while `moving` run: what a sensing leaf beside them records."""
+    for primitive in moving:
+        state = primitive.during(state)
+    return state
+
+
+def parallel(
+    before: SymbolicState,
+    meanwhile: SymbolicState,
+    moving: Sequence[T],
+    branches: Iterable[Sequence[T]],
+    fold: Callable[[T, SymbolicState], SymbolicState],
 ) -> SymbolicState:
-    """The state `after` what moved, with all that was recorded and converted in `sensed` branches
-    meanwhile."""
-    for branch in sensed:
-        after = replace(
-            after,
-            buffers={**after.buffers, **_new(branch, before)},
-            logged=(*after.logged, *branch.logged[len(before.logged) :]),
-            converted=after.converted | branch.converted,
-        )
-    return after
+    """The state after a Parallel of leaves that move and branches that sense what is so meanwhile.
+
+    `fold` gives the state after one leaf. The order in which branches end makes no difference: each
+    adds what it changed.
+    """
+    sensed: list[SymbolicState] = []
+    for branch in branches:
+        state = meanwhile
+        for leaf in branch:
+            state = fold(leaf, state)
+        sensed.append(state)
+    now = before
+    for leaf in moving:
+        now = fold(leaf, now)
+    for state in sensed:
+        now = merged(now, meanwhile, state)
+    return now
 
 
-def _new(branch: SymbolicState, before: SymbolicState) -> dict[str, object]:
-    return {
-        name: context
-        for name, context in branch.buffers.items()
-        if before.buffers.get(name) is not context
-    }
+def merged(now: SymbolicState, base: SymbolicState, after: SymbolicState) -> SymbolicState:
+    """`now` with what changed between `base` and `after`: leaves in a Parallel overlap in time."""
+    if after is base:
+        return now
+    changes: dict[str, Any] = {}
+    for name in _FIELDS:
+        old, new = getattr(base, name), getattr(after, name)
+        if new is not old:
+            changes[name] = _joined(getattr(now, name), old, new)
+    return replace(now, **changes)
+
+
+def _joined(now: Any, old: Any, new: Any) -> Any:
+    """Collections that only grow (buffers, logs, conversions) keep what others added meanwhile."""
+    if isinstance(new, Mapping):
+        entries = cast(Mapping[str, object], new)
+        added = {key: value for key, value in entries.items() if old.get(key) is not value}
+        return {**now, **added}
+    if isinstance(new, frozenset):
+        return now | new
+    if isinstance(new, tuple):
+        return (*now, *new[len(old) :])
+    return new
+
+
+_FIELDS = tuple(field.name for field in fields(SymbolicState))

@@ -22,7 +22,7 @@ from palpate.planning.symbolic.search import Backchainer
 from palpate.quantities.catalogue import catalogue
 from palpate.robots.kinematics import reachable
 from palpate.scene.scene import Scene
-from palpate.vocabulary.registry import acquisition, vocabulary
+from palpate.vocabulary.registry import Vocabulary, acquisition, vocabulary
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,9 +93,11 @@ def requested(
     return tuple(wanted)
 
 
-def assemble(scene: Scene, parameters: Iterable[Parameter]) -> Assembled:
-    """One tree for all parameters that can be measured, those of one thing together."""
-    chainer = Backchainer(scene)
+def assemble(
+    scene: Scene, parameters: Iterable[Parameter], words: Vocabulary | None = None
+) -> Assembled:
+    """One tree of `words` for all parameters that can be measured, those of one thing together."""
+    chainer = Backchainer(scene, words or vocabulary())
     chainer.go_home()
     measured: list[Parameter] = []
     failed: list[str] = []
@@ -144,7 +146,7 @@ def _measure(
         if len(parameters) == 1:
             return [], [f"{_spoken(parameters)} cannot be measured: {rejection}."]
     # Together they cannot be had: those that can be had alone are tried once more.
-    possible, impossible = _possible_apart(chainer.scene, name, parameters)
+    possible, impossible = _possible_apart(chainer, name, parameters)
     failed = [f"{_spoken(impossible)} cannot be measured."] if impossible else []
     if not possible or not impossible:
         return [], failed
@@ -153,13 +155,14 @@ def _measure(
 
 
 def _possible_apart(
-    scene: Scene, name: str, parameters: Iterable[Parameter]
+    chainer: Backchainer, name: str, parameters: Iterable[Parameter]
 ) -> tuple[list[Parameter], list[Parameter]]:
     """Those that could be measured with nothing else to do, and those that could not."""
     possible: list[Parameter] = []
     impossible: list[Parameter] = []
     for parameter in parameters:
-        _, reasons = _measure(Backchainer.at_home(scene), name, [parameter])
+        alone = Backchainer.at_home(chainer.scene, chainer.words)
+        _, reasons = _measure(alone, name, [parameter])
         if reasons:
             impossible.append(parameter)
         else:

@@ -1,9 +1,10 @@
 """Trees from the primitives' own preconditions and effects.
 
-A gap is chained backwards from its conversion, to the buffer that converts, to the sensing that
-fills it; a search over the grounded motion and gripper primitives then finds the shortest way to a
-state in which that chain holds. Gaps are reached one after another, so the cost grows with their
-number and not with their combinations; what was found for one object is tried first for the next.
+A parameter is chained backwards from its conversion, to the buffer that it reads, to the sensing
+that fills it; a search over the grounded motion and gripper primitives then finds the shortest way
+to a state in which that chain holds. Parameters are reached one after another, so the cost grows
+with their number and not with their combinations; what was found for one object is tried first for
+the next.
 """
 
 from __future__ import annotations
@@ -11,138 +12,138 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
-from pydantic import ValidationError
 
 from palpate.errors import InputError, PlanRejected
 from palpate.geometry.pose import Pose
 from palpate.parameter import Parameter
 from palpate.planning.check.measured import amount, measured
-from palpate.planning.nodes import beside, during, node_of
 from palpate.planning.plan import Node
+from palpate.planning.symbolic.steps import SLIDE, TEMPORARY, Step, is_away, is_clear, nodes
 from palpate.quantities.catalogue import catalogue
 from palpate.scene.scene import Scene
-from palpate.vocabulary.admissible.clearance import Motion, blockers, motion_to, straddled
-from palpate.vocabulary.base import Primitive
-from palpate.vocabulary.registry import converters, sensors, vocabulary
-from palpate.vocabulary.state import RESTORED_POSITION, SymbolicState
+from palpate.vocabulary.admissible.clearance import blockers
+from palpate.vocabulary.base import Primitive, Surroundings
+from palpate.vocabulary.motion import HOME_CONFIG
+from palpate.vocabulary.registry import Vocabulary, vocabulary
+from palpate.vocabulary.state import RESTORED_POSITION, SymbolicState, during
 
-HOME = "home_config"
-TEMPORARY = "_temporary"
-SLIDE = 0.06
-"""m: how far an object is slid for its friction, at least."""
 MAX_STATES = 5000
 """States that one search looks at before it gives up."""
 
+Goal = Callable[[SymbolicState], bool]
 Tail = Callable[[SymbolicState], "list[Step] | None"]
 """What is left to do in a state to reach the goal; None when the goal is not in reach from
 there."""
 
 
-@dataclass(frozen=True, slots=True)
-class Step:
-    """Primitives that run together (in a Parallel when several). `touches`: it ends in contact with
-    a surface."""
-
-    primitives: tuple[Primitive, ...]
-    touches: bool = False
-
-    @property
-    def senses(self) -> bool:
-        """Whether nothing moves."""
-        return not any(p.claims for p in self.primitives)
-
-
+@dataclass(eq=False)
 class Backchainer:
-    """Builds one plan, group by group, over one symbolic state."""
+    """Builds one plan, thing by thing, over one symbolic state.
 
-    def __init__(self, scene: Scene) -> None:
-        self.scene = scene
-        self.state = SymbolicState(scene)
-        self.steps: list[Step] = []
-        self._found: dict[frozenset[str], tuple[str, list[Step]]] = {}
+    Attributes:
+        scene: where it is to run.
+        words: the vocabulary that it may use.
+        state, steps: the plan so far, and what is believed after it.
+    """
+
+    scene: Scene
+    words: Vocabulary = field(default_factory=vocabulary)
+    state: SymbolicState = field(init=False)
+    steps: list[Step] = field(default_factory=list[Step], init=False)
+    _found: dict[frozenset[str], tuple[str, list[Step]]] = field(
+        default_factory=dict[frozenset[str], tuple[str, list[Step]]], init=False
+    )
+    """By quantities: the object for which they were measured first, and how."""
+
+    def __post_init__(self) -> None:
+        self.state = SymbolicState(self.scene)
 
     @classmethod
-    def at_home(cls, scene: Scene) -> Backchainer:
+    def at_home(cls, scene: Scene, words: Vocabulary) -> Backchainer:
         """One that has begun."""
-        chainer = cls(scene)
+        chainer = cls(scene, words)
         chainer.go_home()
         return chainer
 
     def tree(self) -> Node:
-        """The steps so far: sensing is grouped with the contact it follows, as one Sequence."""
-        return Node("Sequence", children=tuple(_nodes(self.steps)))
+        """The steps so far, as one Sequence."""
+        return Node("Sequence", children=tuple(nodes(self.steps)))
 
     def go_home(self) -> None:
         """At the home configuration, the hand open and empty."""
-        self._reach(
-            self._operators([]),
-            _when(lambda s: s.at == HOME and s.gripper == "open" and not s.holding),
-            f"'{HOME}' cannot be reached",
-        )
+
+        def home(state: SymbolicState) -> bool:
+            return state.at == HOME_CONFIG and state.gripper == "open" and not state.holding
+
+        self._reach(self._operators("", []), _when(home), f"'{HOME_CONFIG}' cannot be reached")
 
     def measure(self, name: str, parameters: Sequence[Parameter]) -> None:
-        """Discharge `gaps` of one object or surface and leave the scene as it was found.
+        """Measure `parameters` of one object or surface and leave the scene as it was found.
 
         Raises:
-            PlanRejected: there is no way; the message says which gap.
+            PlanRejected: there is no way; the message says which parameter.
         """
-        before = (self.state, len(self.steps))
+        state, done = self.state, len(self.steps)
         try:
             if not self._as_before(name, parameters):
                 self._search(name, parameters)
         except PlanRejected:
-            self.state = before[0]
-            del self.steps[before[1] :]
+            self.state = state
+            del self.steps[done:]
             raise
 
     def _search(self, name: str, parameters: Sequence[Parameter]) -> None:
-        first, away = (
-            len(self.steps),
-            self._clear(name, (name,)) if name in self.scene.bodies else [],
-        )
+        first = len(self.steps)
+        away = self._clear(name, (name,)) if name in self.scene.bodies else []
         for parameter in parameters:
             while not measured(parameter, self.state):
                 self._acquire(parameter)
-        self._reach(
-            self._operators(self._near(name)), _when(_at_rest(name)), f"'{name}' cannot be put back"
-        )
+        operators = self._operators(name, next(self._domains(name)))
+        self._reach(operators, _when(_at_rest(name)), f"'{name}' cannot be put back")
         if not away:
-            self._found[frozenset(g.quantity for g in parameters)] = (name, self.steps[first:])
+            self._found[_quantities(parameters)] = (name, self.steps[first:])
         for blocker, place in reversed(away):
             self._carry(blocker, place, _at_rest(blocker))
 
     def _acquire(self, parameter: Parameter) -> None:
-        domains = list(self._domains(parameter.object))
-        for i, expressions in enumerate(domains):
-            operators = self._operators(expressions)
-            failure = (
-                f"no sequence of primitives measures {parameter}" if i == len(domains) - 1 else ""
-            )
-            if self._reach(
-                operators, lambda state, ops=operators: _chain(parameter, state, ops), failure
-            ):
+        """One more piece of evidence, with as few places to go to as will do."""
+        for expressions in self._domains(parameter.object):
+            operators = self._operators(parameter.object, expressions)
+            around = self._around(parameter.object, expressions)
+            if self._reach(operators, _yielding(parameter, operators, self.words, around)):
                 return
+        raise PlanRejected(f"no sequence of primitives measures {parameter}{self._mute(parameter)}")
+
+    def _mute(self, parameter: Parameter) -> str:
+        """Which primitives would have to say with which arguments they are to be tried."""
+        around = self._around(parameter.object, [])
+        names: list[str] = []
+        for cls in self.words.converters(parameter.quantity):
+            for user in (cls, *self.words.sensors(cls.reads or "")):
+                if not list(user.groundings(around)):
+                    names.append(user.__name__)
+        return f"; {' and '.join(names)} would need `groundings`" if names else ""
 
     def _as_before(self, name: str, parameters: Sequence[Parameter]) -> bool:
-        """Whether what was found for another object with the same gaps also holds for this one;
+        """Whether what was found for another object also measures these quantities of this one;
         then it is done."""
-        other, steps = self._found.get(frozenset(g.quantity for g in parameters), ("", []))
+        other, steps = self._found.get(_quantities(parameters), ("", []))
         if not steps:
             return False
         state, done = self.state, list[Step]()
         for step in steps:
-            step = Step(tuple(_renamed(p, other, name) for p in step.primitives), step.touches)
-            after = _applied(step, state)
+            moved = tuple(primitive.transferred(other, name) for primitive in step.primitives)
+            again = Step(moved, step.touches)
+            after = again.applied(state)
             if after is None:
                 return False
             state = after
-            done.append(step)
-        if not all(measured(parameter, state) for parameter in parameters) or not _at_rest(name)(
-            state
-        ):
+            done.append(again)
+        complete = all(measured(parameter, state) for parameter in parameters)
+        if not complete or not _at_rest(name)(state):
             return False
         self.state = state
         self.steps += done
@@ -155,35 +156,35 @@ class Backchainer:
         approach, work = self._above(name)
         while found := blockers(self.state, name, self._resolve(approach), self._resolve(work)):
             blocker = found[0]
-            if blocker in waiting or any(blocker == b for b, _ in away):
+            if blocker in waiting or blocker in dict(away):
                 raise PlanRejected(
                     f"'{blocker}' blocks '{name}' and cannot be carried out of its way"
                 )
             away += self._clear(blocker, (*waiting, blocker))
-            place = f"{blocker}{TEMPORARY}"
-            if not self._exists(place):
-                raise PlanRejected(
-                    f"'{blocker}' is in the way, and there is no free place to put it"
-                )
-            turn = self._resolve(place) @ self._resolve(f"{blocker}_pose").inverse()
-            self._carry(blocker, place, _placed(blocker, turn @ self.state.pose_of(blocker)))
-            away.append((blocker, place))
+            away.append((blocker, self._carry_away(blocker)))
         return away
 
-    def _carry(self, name: str, place: str, done: Callable[[SymbolicState], bool]) -> None:
-        expressions = [e for spot in (f"{name}_pose", place) for e in (f"{spot} + z_offset", spot)]
-        self._reach(
-            self._operators(expressions),
-            _when(done),
-            f"'{name}' cannot be carried out of the way and back",
-        )
+    def _carry_away(self, name: str) -> str:
+        """Carry an object to its temporary place; the name of that place."""
+        place = f"{name}{TEMPORARY}"
+        if not self._exists(place):
+            raise PlanRejected(f"'{name}' is in the way, and there is no free place to put it")
+        # The object moves and turns with the hand, from its grasp pose to the place.
+        carried = self._resolve(place) @ self._resolve(f"{name}_pose").inverse()
+        self._carry(name, place, _placed(name, carried @ self.state.pose_of(name)))
+        return place
+
+    def _carry(self, name: str, place: str, done: Goal) -> None:
+        expressions: list[str] = []
+        for spot in (f"{name}_pose", place):
+            expressions += [f"{spot} + z_offset", spot]
+        operators = self._operators(name, expressions)
+        self._reach(operators, _when(done), f"'{name}' cannot be carried out of the way and back")
 
     def _above(self, name: str) -> tuple[str, str]:
+        """Pose expressions above a thing and at it."""
         spot = f"{name}_pose" if name in self.scene.objects else f"{name}_approach"
         return f"{spot} + z_offset", spot
-
-    def _near(self, name: str) -> list[str]:
-        return next(self._domains(name))
 
     def _domains(self, name: str) -> Iterator[list[str]]:
         """Pose expressions around a thing, few first: above and at it, then shifted along its
@@ -191,26 +192,43 @@ class Backchainer:
         above, spot = self._above(name)
         if name not in self.scene.bodies:
             yield [self._above(other)[0] for other in self.scene.objects]
-            return
-        yield [above, spot] if name in self.scene.objects else [spot, above]
-        axes = ("x_offset", "y_offset") if name in self.scene.objects else ()
-        for axis in axes:
+        elif name not in self.scene.objects:
+            yield [spot, above]
+        else:
+            yield [above, spot]
+            yield from self._slid(above, spot)
+            yield from self._beside(above, spot)
+
+    def _slid(self, above: str, spot: str) -> Iterator[list[str]]:
+        """Places to which an object can be slid far enough to be felt."""
+        for axis in ("x_offset", "y_offset"):
             length = float(np.linalg.norm(self.scene.symbols.offset(axis, spot)))
             factor = max(1, math.ceil(SLIDE / max(length, 1e-3)))
             yield [above, spot, *(f"{spot} {sign} {factor}*{axis}" for sign in "+-")]
-        for axis in axes:
-            near = [f"{spot} {sign} {axis}" for sign in "+-"]
-            yield [above, spot, *(e for s in near for e in (f"{s} + z_offset", s))]
 
-    def _operators(self, expressions: Iterable[str]) -> list[Primitive]:
-        """Motion and gripper primitives with arguments that matter here."""
-        here = [self.state.grasp, f"{self.state.grasp} + z_offset"] if self.state.grasp else []
-        poses = [e for e in dict.fromkeys([*expressions, *here]) if self._exists(e)]
-        domains = {"pose": poses, "joints": [HOME], "axis": ["-z"]}
+    def _beside(self, above: str, spot: str) -> Iterator[list[str]]:
+        """Other places at which an object can be grasped and lifted."""
+        for axis in ("x_offset", "y_offset"):
+            expressions = [above, spot]
+            for sign in "+-":
+                shifted = f"{spot} {sign} {axis}"
+                expressions += [f"{shifted} + z_offset", shifted]
+            yield expressions
+
+    def _around(self, subject: str, expressions: Iterable[str]) -> Surroundings:
+        """The surroundings of a thing, and of where an object is held."""
+        grasp = self.state.grasp
+        here = [grasp, f"{grasp} + z_offset"] if grasp else []
+        poses = [name for name in dict.fromkeys([*expressions, *here]) if self._exists(name)]
+        return Surroundings(self.state, subject, tuple(poses))
+
+    def _operators(self, subject: str, expressions: Iterable[str]) -> list[Primitive]:
+        """What can move, with arguments that matter here."""
+        around = self._around(subject, expressions)
         found: list[Primitive] = []
-        for cls in vocabulary().primitives.values():
-            if cls.group in ("motion", "gripper"):
-                found += _grounded(cls, domains)
+        for cls in self.words.primitives.values():
+            if cls.claims:
+                found += cls.groundings(around)
         return found
 
     def _exists(self, expression: str) -> bool:
@@ -223,16 +241,19 @@ class Backchainer:
     def _resolve(self, expression: str) -> Pose:
         return self.scene.symbols.resolve(expression)
 
-    def _reach(self, operators: Sequence[Primitive], tail: Tail, failure: str) -> bool:
-        """Append the fewest steps after which `tail` has nothing left but what it returns."""
+    def _reach(self, operators: Sequence[Primitive], tail: Tail, failure: str = "") -> bool:
+        """Append the fewest steps after which `tail` has nothing left but what it returns.
+
+        Raises:
+            PlanRejected: there are none, and `failure` says what that means.
+        """
         found = _shortest(self.state, operators, tail)
-        if found is None:
-            if failure:
-                raise PlanRejected(failure)
-            return False
-        steps, self.state = found
-        self.steps += steps
-        return True
+        if found is not None:
+            steps, self.state = found
+            self.steps += steps
+        elif failure:
+            raise PlanRejected(failure)
+        return found is not None
 
 
 def _shortest(
@@ -246,47 +267,74 @@ def _shortest(
         rest = tail(state)
         if rest is not None:
             for step in rest:
-                state = _effect(step, state)
+                state = step.effect(state)
             return [*steps, *rest], state
         for operator in operators:
-            after = _applied(Step((operator,)), state)
-            if after is not None and (key := _key(after)) not in seen:
+            after = Step((operator,)).applied(state)
+            if after is None:
+                continue
+            key = _key(after)
+            if key not in seen:
                 seen.add(key)
-                touches = after.contact is not None
-                queue.append((after, (*steps, Step((operator,), touches))))
+                step = Step((operator,), touches=after.contact is not None)
+                queue.append((after, (*steps, step)))
     return None
 
 
-def _chain(
-    parameter: Parameter, state: SymbolicState, operators: Sequence[Primitive]
-) -> list[Step] | None:
-    """The steps that sense and convert `gap` from `state`, alone or beside one of the motions."""
-    for chain in _chains(parameter.quantity):
-        steps = [Step((p,)) for p in chain]
-        if _yields(parameter, steps, state):
-            return steps
-        for operator in operators:
-            steps = [Step((operator, chain[0])), *(Step((p,)) for p in chain[1:])]
-            if "arm" in operator.claims and not state.contact and _yields(parameter, steps, state):
+def _key(state: SymbolicState) -> tuple[object, ...]:
+    """What tells two states apart: poses to a tenth of a millimetre."""
+    moved: list[object] = []
+    for name, pose in sorted(state.moved.items()):
+        moved.append((name, *np.round(pose.position, 4).tolist()))
+    hand = (state.at, state.gripper, state.holding, state.grasp, state.lifted, state.contact)
+    return *hand, *moved
+
+
+def _yielding(
+    parameter: Parameter,
+    operators: Sequence[Primitive],
+    words: Vocabulary,
+    around: Surroundings,
+) -> Tail:
+    """The steps that sense and convert a parameter, alone or beside one of the motions."""
+    chains = list(_chains(parameter.quantity, words, around))
+    motions = [operator for operator in operators if "arm" in operator.claims]
+
+    def tail(state: SymbolicState) -> list[Step] | None:
+        for first, *others in chains:
+            following = [Step((primitive,)) for primitive in others]
+            steps = [Step((first,)), *following]
+            if _yields(parameter, steps, state):
                 return steps
-    return None
+            for operator in motions:
+                steps = [Step((operator, first)), *following]
+                if not state.contact and _yields(parameter, steps, state):
+                    return steps
+        return None
+
+    return tail
 
 
-def _chains(quantity: str) -> Iterator[tuple[Primitive, ...]]:
+def _chains(
+    quantity: str, words: Vocabulary, around: Surroundings
+) -> Iterator[tuple[Primitive, ...]]:
     """Sensing and conversion that end in `quantity`."""
     known = catalogue()[quantity]
     if known.derived:
         for buffer in dict.fromkeys(evidence.buffer for evidence in known.evidence):
-            for cls in sensors(buffer):
-                for sensing in _grounded(cls, {}):
-                    yield (sensing,)
-    for cls in converters(quantity):
-        for conversion in _grounded(cls, {}):
-            if cls.reads is None:
-                yield (conversion,)
-            yield from (
-                (s, conversion) for sensor in sensors(cls.reads) for s in _grounded(sensor, {})
-            )
+            for sensing in _grounded(words.sensors(buffer), around):
+                yield (sensing,)
+    for conversion in _grounded(words.converters(quantity), around):
+        if conversion.reads is None:
+            yield (conversion,)
+            continue
+        for sensing in _grounded(words.sensors(conversion.reads), around):
+            yield sensing, conversion
+
+
+def _grounded(classes: Iterable[type[Primitive]], around: Surroundings) -> Iterator[Primitive]:
+    for cls in classes:
+        yield from cls.groundings(around)
 
 
 def _yields(parameter: Parameter, steps: Iterable[Step], state: SymbolicState) -> bool:
@@ -294,7 +342,7 @@ def _yields(parameter: Parameter, steps: Iterable[Step], state: SymbolicState) -
     for step in steps:
         if not _may_concern(parameter, step, state):
             return False
-        after = _applied(step, state)
+        after = step.applied(state)
         if after is None:
             return False
         state = after
@@ -302,158 +350,44 @@ def _yields(parameter: Parameter, steps: Iterable[Step], state: SymbolicState) -
 
 
 def _may_concern(parameter: Parameter, step: Step, state: SymbolicState) -> bool:
-    """Whether what a step records may be evidence for a derived gap: a quick look before the step
-    is tried."""
+    """Whether what a step records may be evidence for a derived parameter: a quick look before the
+    step is tried."""
     if not catalogue()[parameter.quantity].derived:
         return True
-    context = during([p for p in step.primitives if p.claims], state).context()
+    context = during(step.moving, state).context()
     for primitive in step.primitives:
         if primitive.writes and catalogue().piece(parameter, primitive.writes, context):
             return True
     return False
 
 
-def _applied(step: Step, state: SymbolicState) -> SymbolicState | None:
-    """The state after a step whose preconditions hold and whose motion is clear; None when they do
-    not."""
-    moving = [p for p in step.primitives if p.claims]
-    meanwhile = during(moving, state)
-    for primitive in step.primitives:
-        if not primitive.claims and primitive.requires(meanwhile):
-            return None
-    try:
-        after = _effect(step, state)
-    except InputError:
-        return None
-    if not all(_fits(p, state, after, recorded=len(step.primitives) > 1) for p in moving):
-        return None
-    return None if any(p.requires(state) for p in moving) else after
+def _quantities(parameters: Iterable[Parameter]) -> frozenset[str]:
+    return frozenset(parameter.quantity for parameter in parameters)
 
 
-def _effect(step: Step, state: SymbolicState) -> SymbolicState:
-    return beside(
-        [p for p in step.primitives if p.claims],
-        [p for p in step.primitives if not p.claims],
-        state,
-    )
-
-
-def _fits(primitive: Primitive, state: SymbolicState, after: SymbolicState, recorded: bool) -> bool:
-    """Whether a motion is one that this planner makes: sensible, vertical near things, and clear of
-    them."""
-    if "gripper" in primitive.claims:
-        return after.holding is not None if after.gripper == "closed" else _may_open(state)
-    end = after.pose_world_tcp
-    between = None if state.holding else straddled(state, state.pose_world_tcp)
-    if end is None:
-        return not (between or state.contact or state.holding)
-    if after.contact:
-        return state.contact is None and between is None
-    motion = motion_to(state, end)
-    if motion is None or (after.at == state.at and not state.contact):
-        return False
-    entered = None if state.holding else straddled(state, end)
-    if (
-        between or entered or state.contact or state.lifted != after.lifted
-    ) and not motion.vertical:
-        return False
-    if (
-        state.holding
-        and not state.lifted
-        and not after.lifted
-        and not _slide_fits(motion, after, recorded)
-    ):
-        return False
-    return not motion.hits(ignoring=[n for n in (between, entered) if n])
-
-
-def _may_open(state: SymbolicState) -> bool:
-    """Objects are let go of where the scene has them, or at their temporary place."""
-    held = state.holding
-    return state.gripper != "open" and (
-        held is None or not _away(state, held) or state.at == f"{held}{TEMPORARY}"
-    )
-
-
-def _slide_fits(motion: Motion, after: SymbolicState, recorded: bool) -> bool:
-    """Objects are slid far enough to be felt, or back to where they were."""
-    travel = motion.end.distance_to(motion.start)
-    if recorded:
-        return travel >= SLIDE - RESTORED_POSITION
-    return (
-        travel < 2 * SLIDE
-        and not _away(after, after.holding or "")
-        and not (after.grasp or "").endswith(TEMPORARY)
-    )
-
-
-def _away(state: SymbolicState, name: str) -> bool:
-    return name in state.not_restored()
-
-
-def _at_rest(name: str) -> Callable[[SymbolicState], bool]:
+def _at_rest(name: str) -> Goal:
     """The hand empty, open and clear, and `name` where the scene has it."""
-    return lambda s: _clear_of_all(s) and not _away(s, name)
+
+    def reached(state: SymbolicState) -> bool:
+        return is_clear(state) and not is_away(state, name)
+
+    return reached
 
 
-def _placed(name: str, pose_world_object: Pose) -> Callable[[SymbolicState], bool]:
-    return lambda s: (
-        _clear_of_all(s) and s.pose_of(name).distance_to(pose_world_object) < RESTORED_POSITION
-    )
+def _placed(name: str, pose_world_object: Pose) -> Goal:
+    """The hand empty, open and clear, and `name` at that pose."""
+
+    def reached(state: SymbolicState) -> bool:
+        distance = state.pose_of(name).distance_to(pose_world_object)
+        return is_clear(state) and distance < RESTORED_POSITION
+
+    return reached
 
 
-def _clear_of_all(state: SymbolicState) -> bool:
-    return (
-        state.gripper == "open"
-        and not state.holding
-        and not state.contact
-        and straddled(state, state.pose_world_tcp) is None
-    )
+def _when(done: Goal) -> Tail:
+    """Nothing is left to do once `done` holds."""
 
+    def tail(state: SymbolicState) -> list[Step] | None:
+        return [] if done(state) else None
 
-def _when(done: Callable[[SymbolicState], bool]) -> Tail:
-    return lambda state: [] if done(state) else None
-
-
-def _key(state: SymbolicState) -> tuple[object, ...]:
-    moved = tuple(
-        (name, *np.round(pose.position, 4).tolist()) for name, pose in sorted(state.moved.items())
-    )
-    return state.at, state.gripper, state.holding, state.grasp, state.lifted, state.contact, moved
-
-
-def _grounded(cls: type[Primitive], domains: dict[str, list[str]]) -> list[Primitive]:
-    """Instances of a primitive with at most one argument, over the domain of that argument."""
-    fields = list(cls.model_fields)
-    if len(fields) > 1 or any(f not in domains for f in fields):
-        return []
-    try:
-        return [cls(**{f: v}) for f in fields for v in domains[f]] if fields else [cls()]
-    except ValidationError:
-        return []
-
-
-def _renamed(primitive: Primitive, old: str, new: str) -> Primitive:
-    pose = getattr(primitive, "pose", None)
-    if not isinstance(pose, str):
-        return primitive
-    head, *rest = pose.split(" ", 1)
-    renamed = {f"{old}_pose": f"{new}_pose", f"{old}_approach": f"{new}_approach"}.get(head, head)
-    return primitive.model_copy(update={"pose": " ".join([renamed, *rest])})
-
-
-def _nodes(steps: Sequence[Step]) -> Iterator[Node]:
-    group: list[Node] = []
-    for i, step in enumerate(steps):
-        made = tuple(node_of(p) for p in step.primitives)
-        node = made[0] if len(made) == 1 else Node("Parallel", children=made)
-        following = steps[i + 1] if i + 1 < len(steps) else None
-        if (
-            (step.senses or step.touches or len(made) > 1)
-            and following is not None
-            and following.senses
-        ):
-            group.append(node)
-            continue
-        yield Node("Sequence", children=(*group, node)) if group else node
-        group = []
+    return tail

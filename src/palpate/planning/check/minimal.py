@@ -1,0 +1,117 @@
+"""Rules of economy: nothing known is measured again, nothing twice, nothing touched in vain."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from palpate.parameter import Parameter
+from palpate.planning.check.case import Case
+from palpate.planning.check.finding import Finding
+from palpate.planning.check.walk import Action, Walk
+from palpate.quantities.catalogue import catalogue
+from palpate.quantities.quantity import Piece
+from palpate.vocabulary.admissible.clearance import needed_away
+
+
+def known(case: Case, walk: Walk) -> Iterator[Finding]:
+    """Nothing that the scene states is measured (unless re-measuring is asked for)."""
+    for action, parameter in _conversions(walk):
+        if _is_stray(parameter, case):
+            message = f"{parameter} is stated by the scene; do not measure it"
+            yield Finding.of(action.path, "known", message)
+
+
+def redundant(case: Case, walk: Walk) -> Iterator[Finding]:
+    """Nothing is measured twice, and nothing that no parameter needs."""
+    made: set[Parameter] = set()
+    for action, parameter in _conversions(walk):
+        if not _is_stray(parameter, case):
+            if parameter in made:
+                message = f"{parameter} is measured already; remove this"
+                yield Finding.of(action.path, "redundant", message)
+            elif parameter not in case.plan.parameters:
+                message = f"this yields {parameter}, which is not among the parameters; remove it"
+                yield Finding.of(action.path, "redundant", message)
+        made.add(parameter)
+    for path in _unused_recordings(case, walk):
+        yield Finding.of(path, "redundant", "no parameter needs what is logged here; remove it")
+
+
+def untouched(case: Case, walk: Walk) -> Iterator[Finding]:
+    """Only objects among the parameters are grasped, those that block them, and tools for measuring them."""
+    assert case.scene is not None
+    concerned = {parameter.object for parameter in case.plan.parameters}
+    if not concerned:
+        return
+    strange = _grasped(walk, concerned | _tools(case, walk))
+    if strange:
+        away = needed_away(case.scene, concerned)
+        for path, name in strange:
+            if name not in away:
+                message = (
+                    f"'{name}' is not among the parameters' objects and blocks none of them; "
+                    "leave it alone"
+                )
+                yield Finding.of(path, "untouched", message)
+
+
+def _conversions(walk: Walk) -> Iterator[tuple[Action, Parameter]]:
+    for action in walk.actions:
+        parameter = action.conversion
+        if parameter is not None:
+            yield action, parameter
+
+
+def _is_stray(parameter: Parameter, case: Case) -> bool:
+    """Whether the scene states it and nobody asked for it."""
+    if case.remeasure or parameter in case.plan.parameters:
+        return False
+    return case.is_known(parameter)
+
+
+def _unused_recordings(case: Case, walk: Walk) -> Iterator[str]:
+    """Paths of sensing leaves that neither a conversion nor a derived parameter needs."""
+    converted = _converted_recordings(walk)
+    seen: set[tuple[Parameter, Piece]] = set()
+    for action in walk.actions:
+        if not action.records:
+            continue
+        evidence: set[tuple[Parameter, Piece]] = set()
+        for parameter in case.plan.parameters:
+            piece = catalogue().piece(parameter, *action.after.logged[-1])
+            if piece is not None:
+                evidence.add((parameter, piece))
+        if action.path not in converted and evidence <= seen:
+            yield action.path
+        seen |= evidence
+
+
+def _converted_recordings(walk: Walk) -> set[str]:
+    """Paths of sensing leaves whose recording a conversion reads: each reads the latest."""
+    latest: dict[str | None, str] = {}
+    converted: set[str] = set()
+    for action in walk.actions:
+        if action.records:
+            latest[action.primitive.writes] = action.path
+        if action.primitive.measures is not None and action.primitive.reads in latest:
+            converted.add(latest[action.primitive.reads])
+    return converted
+
+
+def _grasped(walk: Walk, expected: set[str]) -> list[tuple[str, str]]:
+    """Where objects other than the `expected` are taken into the hand, and which."""
+    found: list[tuple[str, str]] = []
+    for action in walk.actions:
+        if action.grasps and action.grasps not in expected:
+            found.append((action.path, action.grasps))
+    return found
+
+
+def _tools(case: Case, walk: Walk) -> set[str]:
+    """Objects that were held while a parameter of something else was measured."""
+    found: set[str] = set()
+    for action, parameter in _conversions(walk):
+        held = action.before.holding
+        if held and held != parameter.object and parameter in case.plan.parameters:
+            found.add(held)
+    return found

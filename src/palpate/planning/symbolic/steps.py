@@ -1,0 +1,156 @@
+"""One step of a plan in the making: what it does, and whether this planner would take it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+from palpate.errors import InputError
+from palpate.planning.nodes import node_of
+from palpate.planning.plan import Node
+from palpate.vocabulary.admissible import motion
+from palpate.vocabulary.admissible.clearance import straddled
+from palpate.vocabulary.base import Primitive
+from palpate.vocabulary.state import RESTORED_POSITION, SymbolicState, during, parallel
+
+TEMPORARY = "_temporary"
+"""Ending of the name of the free place to which an object is carried out of the way."""
+SLIDE = 0.06
+"""m: how far an object is slid for its friction, at least."""
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """Primitives that run together (in a Parallel when several). `touches`: it ends in contact with
+    a surface."""
+
+    primitives: tuple[Primitive, ...]
+    touches: bool = False
+
+    @property
+    def moving(self) -> list[Primitive]:
+        """What claims the arm or the gripper."""
+        return [primitive for primitive in self.primitives if primitive.claims]
+
+    @property
+    def sensing(self) -> list[Primitive]:
+        """What only senses or converts."""
+        return [primitive for primitive in self.primitives if not primitive.claims]
+
+    @property
+    def senses(self) -> bool:
+        """Whether nothing moves."""
+        return not self.moving
+
+    def effect(self, state: SymbolicState) -> SymbolicState:
+        """The state after it.
+
+        Raises:
+            InputError: it goes to a pose that does not exist.
+        """
+        moving, sensing = self.moving, self.sensing
+        branches = [sensing] if sensing else []
+        return parallel(state, during(moving, state), moving, branches, _after)
+
+    def applied(self, state: SymbolicState) -> SymbolicState | None:
+        """The state after it; None where something speaks against it, or this planner would not
+        take it."""
+        moving, sensing = self.moving, self.sensing
+        try:
+            meanwhile = during(moving, state)
+            if any(primitive.violations(meanwhile) for primitive in sensing):
+                return None
+            after = self.effect(state)
+        except InputError:
+            return None
+        for primitive in moving:
+            if not _would_take(primitive, state, after, recorded=bool(sensing)):
+                return None
+            if primitive.requires(state):
+                return None
+        return after
+
+
+def _after(primitive: Primitive, state: SymbolicState) -> SymbolicState:
+    return primitive.effects(state)
+
+
+def _would_take(
+    primitive: Primitive, before: SymbolicState, after: SymbolicState, recorded: bool
+) -> bool:
+    """Whether this planner takes an action: it is more careful than the check has to be, and does
+    nothing that leads nowhere."""
+    if "gripper" in primitive.claims:
+        return _closes_on_something(after) if after.gripper == "closed" else _lets_go_well(before)
+    if after.contact:
+        # A guarded motion begins in free air.
+        return not before.contact and not _straddles(before)
+    if after.pose_world_tcp is None:
+        # The joints move with a free hand.
+        return not (before.contact or before.holding or _straddles(before))
+    if after.at == before.at and not before.contact:
+        return False
+    if _slides(before, after) and not _slides_well(before, after, recorded):
+        return False
+    # Strict judgement covers the tolerant one of the check, which is therefore not asked again.
+    return next(motion.violations(before, after, motion.PLANNED), None) is None
+
+
+def _straddles(state: SymbolicState) -> bool:
+    """Whether an object stands between the open fingers."""
+    return not state.holding and straddled(state, state.pose_world_tcp) is not None
+
+
+def _closes_on_something(after: SymbolicState) -> bool:
+    return after.holding is not None
+
+
+def _lets_go_well(before: SymbolicState) -> bool:
+    """Objects are let go of where the scene has them, or at their temporary place."""
+    held = before.holding
+    if before.gripper == "open":
+        return False
+    if held is None or not is_away(before, held):
+        return True
+    return before.at == f"{held}{TEMPORARY}"
+
+
+def _slides(before: SymbolicState, after: SymbolicState) -> bool:
+    return before.holding is not None and not before.lifted and not after.lifted
+
+
+def _slides_well(before: SymbolicState, after: SymbolicState, recorded: bool) -> bool:
+    """Objects are slid far enough to be felt, or back to where they were."""
+    if before.pose_world_tcp is None or after.pose_world_tcp is None:
+        return False
+    travel = after.pose_world_tcp.distance_to(before.pose_world_tcp)
+    if recorded:
+        return travel >= SLIDE - RESTORED_POSITION
+    if travel >= 2 * SLIDE or (after.grasp or "").endswith(TEMPORARY):
+        return False
+    return not is_away(after, after.holding or "")
+
+
+def is_away(state: SymbolicState, name: str) -> bool:
+    """Whether an object is not where the scene has it."""
+    return name in state.not_restored()
+
+
+def is_clear(state: SymbolicState) -> bool:
+    """Whether the hand is open and empty, and stands free of everything."""
+    idle = state.gripper == "open" and not state.holding and not state.contact
+    return idle and not _straddles(state)
+
+
+def nodes(steps: Sequence[Step]) -> Iterator[Node]:
+    """The steps as nodes: sensing is grouped with the contact that it follows, as one Sequence."""
+    group: list[Node] = []
+    for i, step in enumerate(steps):
+        made = tuple(node_of(primitive) for primitive in step.primitives)
+        node = made[0] if len(made) == 1 else Node("Parallel", children=made)
+        sensing_follows = i + 1 < len(steps) and steps[i + 1].senses
+        if sensing_follows and (step.senses or step.touches or len(made) > 1):
+            group.append(node)
+            continue
+        yield Node("Sequence", children=(*group, node)) if group else node
+        group = []

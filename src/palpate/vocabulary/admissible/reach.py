@@ -1,0 +1,41 @@
+"""Where the arm can go."""
+
+from __future__ import annotations
+
+from palpate.geometry.pose import Array, Pose
+from palpate.robots.kinematics import reachable, within_joint_limits
+from palpate.vocabulary.state import SymbolicState
+from palpate.vocabulary.violation import Violation
+
+
+def out_of_reach(state: SymbolicState, pose_world_tcp: Pose, name: str) -> list[Violation]:
+    """What speaks against the pose called `name`: that the arm does not reach it, or nothing."""
+    if _reaches(state, pose_world_tcp):
+        return []
+    x, y, z = pose_world_tcp.position
+    return [
+        Violation(
+            "unreachable",
+            f"'{name}' at ({x:.3f}, {y:.3f}, {z:.3f}) m is out of the arm's reach; choose a pose "
+            "nearer to the base or a smaller offset, or leave out what needs it and explain",
+        )
+    ]
+
+
+def beyond_joint_limits(state: SymbolicState, joints: Array) -> list[Violation]:
+    """What speaks against seven joint angles, rad: that the arm cannot have them, or nothing."""
+    if within_joint_limits(state.scene.arm, joints):
+        return []
+    shown = [round(angle, 3) for angle in joints.tolist()]
+    return [
+        Violation(
+            "unreachable",
+            f"joint angles {shown} rad are beyond the arm's limits; use 'home_config'",
+        )
+    ]
+
+
+def _reaches(state: SymbolicState, pose_world_tcp: Pose) -> bool:
+    if state.reaches is not None:
+        return state.reaches(pose_world_tcp)
+    return reachable(state.scene.arm, pose_world_tcp, state.scene.pose_world_base)
