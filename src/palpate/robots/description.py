@@ -5,16 +5,19 @@ Nobody else holds a number of an arm.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import lru_cache
+from itertools import product
 from pathlib import Path
 
 import mujoco
 import numpy as np
 
-from palpate.errors import InputError, unknown_name
+from palpate.errors import InputError
 from palpate.geometry.pose import Array
+from palpate.robots.model import TCP, compiled, prepared, require_arm, tool_pose
 from palpate.robots.sheet import (
+    FILE,
     Pace,
     ParallelHand,
     Reach,
@@ -24,11 +27,6 @@ from palpate.robots.sheet import (
     read_sheet,
 )
 from palpate.trace.recording import Hand
-
-FILE = "description.yaml"
-AXES = 7
-"""Joints of an arm: with fewer, a pose fixes the elbow, and the null space this code uses is
-gone."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -104,28 +102,29 @@ class RobotDescription:
         limits, hand = self.limits, self.hand
         return f"<arm {self.name}: {self.label}, {limits.payload:g} kg, opens {hand.opening:g} m>"
 
+    @property
+    def tcp(self) -> str:
+        """The site at the TCP."""
+        return self.hand.tcp if isinstance(self.hand.tcp, str) else TCP
+
     def spec(self, gravity: Array | None = None) -> mujoco.MjSpec:
         """An editable copy of the arm's model, its options those of every world it is put in."""
-        spec = mujoco.MjSpec.from_file(str(self.mjcf))
-        spec.option.timestep = 0.001
+        spec = prepared(self)
         if gravity is not None:
             spec.option.gravity = gravity
         return spec
 
 
-def read_description(folder: Path, name: str) -> RobotDescription:
-    """The arm that a folder describes.
+def read_description(folder: Path, name: str, known: Mapping[str, Path]) -> RobotDescription:
+    """The arm that a folder describes; `known` are the folders of those that it may be like.
 
     Raises:
         InputError: the folder has no valid description, or its MJCF is not such an arm.
     """
-    sheet = read_sheet(folder / FILE)
+    sheet = read_sheet(folder, known)
     mjcf = folder / sheet.mjcf
-    return _description(name, mjcf, sheet, _compiled(mjcf))
-
-
-def _description(name: str, mjcf: Path, sheet: Sheet, model: mujoco.MjModel) -> RobotDescription:
-    _require_joints(mjcf, sheet, model)
+    model = compiled(mjcf)
+    require_arm(folder / FILE, sheet, model)
     links = _links(model, sheet.joints)
     accuracy = sheet.accuracy
     return RobotDescription(
@@ -136,7 +135,7 @@ def _description(name: str, mjcf: Path, sheet: Sheet, model: mujoco.MjModel) -> 
         base=links[0],
         links=links,
         home=sheet.home,
-        limits=_limits(sheet, model),
+        limits=_limits(folder / FILE, sheet, model),
         hand=sheet.hand,
         nominal=Hand(
             tip_offset=_tip(model, sheet.hand),
@@ -154,15 +153,21 @@ def _description(name: str, mjcf: Path, sheet: Sheet, model: mujoco.MjModel) -> 
     )
 
 
-def _limits(sheet: Sheet, model: mujoco.MjModel) -> Limits:
+def _limits(where: Path, sheet: Sheet, model: mujoco.MjModel) -> Limits:
     """Joint ranges and torques are the MJCF's, the rest the description's."""
-    joints = [model.joint(name) for name in sheet.joints]
+    ids = [model.joint(name).id for name in sheet.joints]
+    torque = model.jnt_actfrcrange[ids, 1] if sheet.torque is None else sheet.torque
+    if not (torque > 0).all():
+        raise InputError(
+            f"{where}: 'torque' is missing, and the joints of {sheet.mjcf} state no "
+            "actuatorfrcrange: give the seven joint torque limits, N m"
+        )
     safety = sheet.safety
     return Limits(
-        q_min=np.array([joint.range[0] for joint in joints]),
-        q_max=np.array([joint.range[1] for joint in joints]),
+        q_min=model.jnt_range[ids, 0].copy(),
+        q_max=model.jnt_range[ids, 1].copy(),
         dq_max=sheet.velocity,
-        tau_max=np.array([model.jnt_actfrcrange[joint.id, 1] for joint in joints]),
+        tau_max=np.array(torque),
         force_max=safety.force,
         torque_max=safety.torque,
         free_force=safety.free_force,
@@ -176,27 +181,6 @@ def _limits(sheet: Sheet, model: mujoco.MjModel) -> Limits:
     )
 
 
-@lru_cache(16)
-def _compiled(mjcf: Path) -> mujoco.MjModel:
-    try:
-        return mujoco.MjModel.from_xml_path(str(mjcf))
-    except ValueError as error:
-        raise InputError(f"{mjcf} is not an MJCF that MuJoCo accepts: {error}") from None
-
-
-def _require_joints(mjcf: Path, sheet: Sheet, model: mujoco.MjModel) -> None:
-    """Seven hinges and two slides, by their names."""
-    if len(sheet.joints) != AXES:
-        raise InputError(
-            f"{mjcf.parent / FILE}: 'joints' names {len(sheet.joints)}; the arm must have "
-            f"{AXES} axes and joint torque sensing, as Franka's and KUKA's iiwa have"
-        )
-    names = [model.joint(i).name for i in range(model.njnt)]
-    for name in (*sheet.joints, *sheet.hand.fingers):
-        if name not in names:
-            raise unknown_name("joint", name, names, f"It is named in {mjcf.parent / FILE}.")
-
-
 def _links(model: mujoco.MjModel, joints: tuple[str, ...]) -> tuple[str, ...]:
     """Names of the bodies from the base to the one that the last joint moves."""
     last = int(model.jnt_bodyid[model.joint(joints[-1]).id])
@@ -208,20 +192,39 @@ def _links(model: mujoco.MjModel, joints: tuple[str, ...]) -> tuple[str, ...]:
 
 
 def _tip(model: mujoco.MjModel, hand: ParallelHand) -> float:
-    """How far the fingers' colliding shapes reach beyond the TCP along the tool, m."""
+    """How far the fingers' pads reach beyond the TCP along the tool, m."""
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
-    tcp = data.site(hand.tcp)
-    along = tcp.xmat.reshape(3, 3)[:, 2]
-    fingers = [int(model.jnt_bodyid[model.joint(name).id]) for name in hand.fingers]
-    ends: list[float] = []
-    for geom in range(model.ngeom):
-        if int(model.geom_bodyid[geom]) not in fingers or not model.geom_contype[geom]:
-            continue
-        rotation = data.geom_xmat[geom].reshape(3, 3)
-        middle, half = model.geom_aabb[geom, :3], model.geom_aabb[geom, 3:]
-        centre = data.geom_xpos[geom] + rotation @ middle - tcp.xpos
-        ends.append(float(along @ centre + np.abs(along @ rotation) @ half))
+    tool = tool_pose(model, data, hand)
+    ends = [
+        float(tool.rotation[:, 2] @ (corner - tool.position))
+        for finger in hand.fingers
+        for corner in _pad_corners(model, data, hand, finger)
+    ]
     if not ends:
-        raise InputError(f"the fingers {', '.join(hand.fingers)} have no shape that collides")
+        raise InputError(
+            f"the fingers {', '.join(hand.fingers)} have no shape that collides: give 'hand.pads'"
+        )
     return round(max(ends), 6)
+
+
+def _pad_corners(
+    model: mujoco.MjModel, data: mujoco.MjData, hand: ParallelHand, finger: str
+) -> list[Array]:
+    """Corners (world) of the boxes around what a finger grasps with."""
+    body = int(model.jnt_bodyid[model.joint(finger).id])
+    if hand.pads is not None:
+        rotation = data.xmat[body].reshape(3, 3)
+        return _corners(data.xpos[body], rotation, hand.pads.centre, hand.pads.half)
+    corners: list[Array] = []
+    for geom in range(model.ngeom):
+        if model.geom_bodyid[geom] == body and model.geom_contype[geom]:
+            rotation = data.geom_xmat[geom].reshape(3, 3)
+            middle, half = model.geom_aabb[geom, :3], model.geom_aabb[geom, 3:]
+            corners += _corners(data.geom_xpos[geom], rotation, middle, half)
+    return corners
+
+
+def _corners(position: Array, rotation: Array, centre: Array, half: Array) -> list[Array]:
+    signs = product((-1.0, 1.0), repeat=3)
+    return [position + rotation @ (centre + np.array(sign) * half) for sign in signs]

@@ -80,7 +80,7 @@ def forward_kinematics(arm: RobotDescription, q: tuple[float, ...]) -> Pose:
     data = mujoco.MjData(model)
     data.qpos[:7] = q
     mujoco.mj_kinematics(model, data)
-    site, quaternion = data.site(arm.hand.tcp), np.empty(4)
+    site, quaternion = data.site(arm.tcp), np.empty(4)
     mujoco.mju_mat2Quat(quaternion, site.xmat)
     return Pose(site.xpos.copy(), quaternion)
 
@@ -130,9 +130,7 @@ def _solver(arm: RobotDescription) -> _Solver:
     model, low, high = model_without_fingers(arm), arm.limits.q_min, arm.limits.q_max
     return _Solver(
         mink.Configuration(model),
-        mink.FrameTask(
-            arm.hand.tcp, "site", position_cost=1.0, orientation_cost=0.3, lm_damping=1e-6
-        ),
+        mink.FrameTask(arm.tcp, "site", position_cost=1.0, orientation_cost=0.3, lm_damping=1e-6),
         mink.PostureTask(model, cost=POSTURE_COST),
         mink.ConfigurationLimit(model, min_distance_from_limits=LIMIT_MARGIN),
         low + LIMIT_MARGIN,
@@ -201,7 +199,7 @@ def _chain(arm: RobotDescription) -> _Chain:
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     bodies = [int(model.jnt_bodyid[model.joint(name).id]) for name in arm.joints]
-    tcp, last = data.site(arm.hand.tcp), data.xpos[bodies[-1]]
+    tcp, last = data.site(arm.tcp), data.xpos[bodies[-1]]
     links = np.linalg.norm(model.body_pos[bodies[2:]], axis=1)
     shoulder = data.xpos[bodies[1]].copy()
     return _Chain(shoulder, tcp.xmat.reshape(3, 3).T @ (last - tcp.xpos), float(links.sum()))

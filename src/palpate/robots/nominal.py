@@ -75,7 +75,7 @@ class NominalArm:
             spec.delete(geom)
         self._model = spec.compile()
         self._data = mujoco.MjData(self._model)
-        self._tcp = self._model.site(arm.hand.tcp).id
+        self._tcp = self._model.site(arm.tcp).id
         self._q, self._dq = self._data.qpos[:7], self._data.qvel[:7]
         self._position = self._data.site_xpos[self._tcp]
         self._quaternion = self._data.xquat[self._model.body(arm.hand.body).id]

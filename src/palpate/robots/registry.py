@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
-from functools import cache, lru_cache
+from dataclasses import dataclass, field
+from functools import cache
 from importlib.metadata import EntryPoint, entry_points
 from importlib.resources import files
 from pathlib import Path
 
 from palpate.errors import InputError, unknown_name
-from palpate.robots.description import FILE, RobotDescription, read_description
+from palpate.robots.description import RobotDescription, read_description
+from palpate.robots.sheet import FILE
 
 GROUP = "palpate.robots"
 """Entry points: the arm's name, and a package whose folder has a `description.yaml`."""
@@ -22,22 +23,31 @@ class Arms:
     """The arms that are known by name, and their folders."""
 
     folders: Mapping[str, Path]
+    _read: dict[tuple[Path, int], RobotDescription] = field(
+        default_factory=dict[tuple[Path, int], RobotDescription], repr=False, compare=False
+    )
 
     def load(self, name_or_path: str) -> RobotDescription:
-        """The arm of that name, or the one that a folder describes.
+        """The arm of that name, or the one that a folder describes; the same object as long as
+        the file does not change.
 
         Raises:
             InputError: unknown; the message lists the valid names. Or the folder's description is
                 not valid.
         """
-        if name_or_path in self.folders:
-            return _read(self.folders[name_or_path], name_or_path, 0)
-        folder = Path(name_or_path)
+        folder = self.folders.get(name_or_path, Path(name_or_path)).resolve()
         if not (folder / FILE).is_file():
             raise unknown_name(
                 "arm", name_or_path, self.folders, f"Or give a folder with a {FILE}: PATH/"
             )
-        return _read(folder.resolve(), folder.resolve().name, (folder / FILE).stat().st_mtime_ns)
+        version = (folder, (folder / FILE).stat().st_mtime_ns)
+        if version not in self._read:
+            self._read[version] = read_description(folder, self._name(folder), self.folders)
+        return self._read[version]
+
+    def _name(self, folder: Path) -> str:
+        known = {path.resolve(): name for name, path in self.folders.items()}
+        return known.get(folder, folder.name)
 
 
 @cache
@@ -71,9 +81,3 @@ def _folder(entry: EntryPoint) -> Path:
             f"the arm '{entry.name}' ({entry.value}) cannot be loaded: {type(error).__name__}: "
             f"{error}; repair or uninstall the package that brings it"
         ) from error
-
-
-@lru_cache(16)
-def _read(folder: Path, name: str, _: int) -> RobotDescription:
-    """The same object for the same folder; the last argument tells versions of a file apart."""
-    return read_description(folder, name)

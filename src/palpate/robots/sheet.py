@@ -6,18 +6,19 @@ Lengths in m, angles in rad, forces in N, torques in N m, times in s. What the a
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import cached_property
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, cast
 
 import numpy as np
 import yaml
 from pydantic import BaseModel, ConfigDict, Field, PlainValidator, ValidationError
 
-from palpate.errors import InputError
+from palpate.errors import InputError, unknown_name
 from palpate.geometry.pose import Array
 
+FILE = "description.yaml"
 MAX_BYTES = 100_000
 """Largest description."""
 
@@ -93,7 +94,9 @@ class ParallelHand(Section):
     Attributes:
         body: the body that carries the fingers; its z points out of the hand, its y is the closing
             direction.
-        tcp: a site of `body`, midway between the fingers' pads.
+        tcp: midway between the fingers' pads: a site of `body`, or a position in it, m.
+        pads: a box in each finger's own frame to grasp with; None where the fingers' colliding
+            shapes are their pads.
         fingers: the two slides. opening: m between the open fingers.
         speed: m/s per finger. force: N, of both fingers together.
         overclose: m per finger beyond touching, to which the drive closes.
@@ -105,7 +108,7 @@ class ParallelHand(Section):
     """
 
     body: Name
-    tcp: Name
+    tcp: Name | Vector
     fingers: tuple[Name, Name]
     opening: Size
     speed: Size
@@ -116,6 +119,7 @@ class ParallelHand(Section):
     pad: Size
     finger: Size
     boxes: Annotated[tuple[Box, ...], Field(min_length=1)]
+    pads: Box | None = None
 
     @cached_property
     def breadth(self) -> float:
@@ -198,6 +202,7 @@ class Sheet(Section):
         label: what people call it. mjcf: the arm's MJCF, relative to the folder.
         joints: the seven hinges, from the base on.
         home: (7,) rad, tool down. velocity: (7,) rad/s. payload: kg.
+        torque: (7,) N m; None where the MJCF's `actuatorfrcrange` says it.
         postures: (7,) rad each, relative to home: where the inverse kinematics looks further.
     """
 
@@ -206,6 +211,7 @@ class Sheet(Section):
     joints: tuple[Name, ...]
     home: Seven
     velocity: Seven
+    torque: Seven | None = None
     payload: Size
     workspace: Workspace
     reach: Reach
@@ -218,24 +224,55 @@ class Sheet(Section):
     postures: tuple[Seven, ...]
 
 
-def read_sheet(path: Path) -> Sheet:
-    """Read and validate a `description.yaml`.
+INHERITED = ("reach", "hand", "safety", "stiffness", "pace", "accuracy", "sensors", "postures")
+"""What a description that says `like: NAME` need not say again."""
+
+
+def read_sheet(folder: Path, known: Mapping[str, Path]) -> Sheet:
+    """Read and validate the `description.yaml` in a folder; `known` are the folders of the arms
+    that it may be `like`.
 
     Raises:
         InputError: unreadable, not YAML, or not of this form; the message names file and key.
     """
+    path = folder / FILE
+    try:
+        return Sheet.model_validate(_content(path, known))
+    except ValidationError as error:
+        raise InputError(f"{path}: {_worded(error)}") from None
+
+
+def _content(path: Path, known: Mapping[str, Path]) -> Any:
+    """What the file says, completed by what the arm that it is like says."""
+    own = _yaml(path)
+    if not isinstance(own, dict) or "like" not in own:
+        return own
+    said = cast("dict[str, Any]", own)
+    like = str(said.pop("like"))
+    if like not in known or known[like] == path.parent:
+        raise unknown_name("arm", like, known, f"It is named by 'like' in {path}.")
+    other = _content(known[like] / FILE, known)
+    return _merged({key: other[key] for key in INHERITED if key in other}, said)
+
+
+def _merged(below: Mapping[str, Any], above: Mapping[str, Any]) -> dict[str, Any]:
+    """`below` where `above` says nothing; section by section."""
+    merged = {**below, **above}
+    for key, value in above.items():
+        if isinstance(value, dict) and isinstance(below.get(key), dict):
+            merged[key] = _merged(below[key], cast("dict[str, Any]", value))
+    return merged
+
+
+def _yaml(path: Path) -> Any:
     try:
         if path.stat().st_size > MAX_BYTES:
             raise InputError(f"{path} is larger than {MAX_BYTES // 1000} kB, too large for an arm")
-        content: Any = yaml.safe_load(path.read_text("utf-8"))
+        return yaml.safe_load(path.read_text("utf-8"))
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(f"cannot read the description of an arm, {path}: {error}") from None
     except yaml.YAMLError as error:
         raise InputError(f"{path} is not YAML: {' '.join(str(error).split())}") from None
-    try:
-        return Sheet.model_validate(content)
-    except ValidationError as error:
-        raise InputError(f"{path}: {_worded(error)}") from None
 
 
 def _worded(error: ValidationError) -> str:

@@ -35,7 +35,7 @@ DRIVES = tuple(f"{PREFIX}drive{i}" for i in range(1, 8))
 def add_actuators(world: mujoco.MjSpec, arm: RobotDescription) -> None:
     """Add the controller's actuators to a world that the robot is attached to."""
     world.worldbody.add_site(name=ORIGIN, group=4)
-    site, tcp = mujoco.mjtTrn.mjTRN_SITE, PREFIX + arm.hand.tcp
+    site, tcp = mujoco.mjtTrn.mjTRN_SITE, PREFIX + arm.tcp
     for i, name in enumerate(AXES):
         axis = world.add_actuator(name=name, trntype=site, target=tcp, refsite=ORIGIN)
         axis.gear = np.eye(6)[i]

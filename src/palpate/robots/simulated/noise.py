@@ -93,22 +93,28 @@ def perturb_links(
         body.gravcomp = 1.0
         if body.name not in links or not (kinds.link_mass or kinds.link_com):
             continue
-        nominal, inertia, centre = body.mass, np.array(body.fullinertia), np.array(body.ipos)
-        mass = nominal * (1.0 + kinds.link_mass * random.standard_normal())
-        shift = kinds.link_com * random.standard_normal(3)
-        rest = mass - (1.0 - SHARE) * nominal
-        body.mass, body.fullinertia, body.gravcomp = (
-            (1.0 - SHARE) * nominal,
-            (1.0 - SHARE) * inertia,
-            1 / (1 - SHARE),
-        )
-        body.add_body(
-            name=f"{body.name}_rest",
-            mass=rest,
-            ipos=centre + shift * mass / rest,
-            fullinertia=SHARE * inertia,
-            explicitinertial=True,
-        )
+        _split(body, kinds, random)
+
+
+def _split(body: mujoco.MjsBody, kinds: Imperfections, random: np.random.Generator) -> None:
+    """A compensated part at the nominal centre, and one that makes up the true mass and centre."""
+    nominal, centre = body.mass, np.array(body.ipos)
+    mass = nominal * (1.0 + kinds.link_mass * random.standard_normal())
+    shift = kinds.link_com * random.standard_normal(3)
+    rest = mass - (1.0 - SHARE) * nominal
+    other = body.add_body(
+        name=f"{body.name}_rest",
+        mass=rest,
+        ipos=centre + shift * mass / rest,
+        explicitinertial=True,
+    )
+    body.mass, body.gravcomp = (1.0 - SHARE) * nominal, 1 / (1 - SHARE)
+    if np.isnan(body.fullinertia[0]):  # a file gives principal moments or all six
+        other.iquat, other.inertia = body.iquat, SHARE * body.inertia
+        body.inertia = (1.0 - SHARE) * body.inertia
+    else:
+        other.fullinertia = SHARE * body.fullinertia
+        body.fullinertia = (1.0 - SHARE) * body.fullinertia
 
 
 REST_SPEED = 3e-3

@@ -83,7 +83,7 @@ class World:
         kinds: Imperfections,
         random: np.random.Generator,
     ) -> None:
-        self._hand = arm.hand
+        self._arm = arm
         self.model = _compile(spec, pose_world_base, arm, kinds, random)
         self._data = mujoco.MjData(self.model)
         joints = [self.model.joint(PREFIX + name) for name in arm.joints]
@@ -178,7 +178,7 @@ class World:
     def true_tcp(self) -> Pose:
         """Where the TCP really is now, in the world."""
         data = self._at(self.qpos)
-        tcp, hand = data.site(PREFIX + self._hand.tcp), data.body(PREFIX + self._hand.body)
+        tcp, hand = data.site(PREFIX + self._arm.tcp), data.body(PREFIX + self._arm.hand.body)
         return Pose(tcp.xpos.copy(), hand.xquat.copy())
 
     def _at(self, qpos: Array) -> mujoco.MjData:

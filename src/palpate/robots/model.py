@@ -1,0 +1,178 @@
+"""An arm's MJCF made ready for a world: its joints, links, hand and shapes, and nothing else."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import mujoco
+import numpy as np
+
+from palpate.errors import InputError, unknown_name
+from palpate.geometry.pose import Array, Pose
+from palpate.robots.sheet import ParallelHand, Sheet
+
+if TYPE_CHECKING:
+    from palpate.robots.description import RobotDescription
+
+LINK_DAMPING = 0.003
+"""N m s/rad: what the sensors behind the gears feel of a joint's friction. Damping and friction that
+a file states are the gears', before the sensors."""
+PAD_FRICTION = (1.0, 0.01, 0.0001)
+"""Rubber on most things: sliding, torsional (m) and rolling (m)."""
+AXES = 7
+"""Joints of an arm: with fewer, a pose fixes the elbow, and the null space this code uses is
+gone."""
+LEVEL = 0.999
+"""Cosine of how far the tool may lean at home."""
+TCP = "palpate_tcp"
+"""The site of a TCP that a description gives as a position."""
+
+
+def compiled(mjcf: Path) -> mujoco.MjModel:
+    """The model as its file has it.
+
+    Raises:
+        InputError: MuJoCo does not accept the file.
+    """
+    try:
+        return mujoco.MjModel.from_xml_path(str(mjcf))
+    except (ValueError, mujoco.FatalError) as error:
+        raise InputError(f"{mjcf} is not an MJCF that MuJoCo accepts: {error}") from None
+
+
+def tool_pose(model: mujoco.MjModel, data: mujoco.MjData, hand: ParallelHand) -> Pose:
+    """Where the TCP is: position of its site or in the hand's body, orientation of that body."""
+    body = data.body(hand.body)
+    if isinstance(hand.tcp, str):
+        return Pose(data.site(hand.tcp).xpos.copy(), body.xquat.copy())
+    frame = Pose(body.xpos.copy(), body.xquat.copy())
+    return Pose(frame.apply(hand.tcp), frame.quaternion)
+
+
+def require_arm(where: Path, sheet: Sheet, model: mujoco.MjModel) -> None:
+    """Seven hinges and a parallel hand, and nothing else that moves.
+
+    Raises:
+        InputError: another kind of robot; the message says what speaks against it.
+    """
+    if len(sheet.joints) != AXES:
+        raise InputError(
+            f"{where}: 'joints' names {len(sheet.joints)}; the arm must have {AXES} axes with "
+            "joint torque sensing. Six-axis arms are out of scope: without a null space the elbow "
+            "cannot stay where a measurement's reference had it"
+        )
+    joints, bodies, sites = _names(model)
+    for name in (*sheet.joints, *sheet.hand.fingers):
+        if name not in joints:
+            raise unknown_name("joint", name, joints, f"It is named in {where}.")
+    if sheet.hand.body not in bodies:
+        raise unknown_name("body", sheet.hand.body, bodies, f"It is named in {where}.")
+    if isinstance(sheet.hand.tcp, str) and sheet.hand.tcp not in sites:
+        raise unknown_name("site", sheet.hand.tcp, sites, f"It is named in {where}.")
+    moving = (*sheet.joints, *sheet.hand.fingers)
+    others = [name for name in joints if name not in moving]
+    if others:
+        raise InputError(f"{where}: nothing else may move, but {', '.join(others)} does")
+    _require_kinds(where, sheet, model)
+    _require_hand(where, sheet, model)
+
+
+def _names(model: mujoco.MjModel) -> tuple[list[str], list[str], list[str]]:
+    """Names of joints, bodies and sites."""
+    return (
+        [model.joint(i).name for i in range(model.njnt)],
+        [model.body(i).name for i in range(1, model.nbody)],
+        [model.site(i).name for i in range(model.nsite)],
+    )
+
+
+def _require_kinds(where: Path, sheet: Sheet, model: mujoco.MjModel) -> None:
+    kinds = {
+        **dict.fromkeys(sheet.joints, ("hinge", mujoco.mjtJoint.mjJNT_HINGE)),
+        **dict.fromkeys(sheet.hand.fingers, ("slide", mujoco.mjtJoint.mjJNT_SLIDE)),
+    }
+    for name, (kind, wanted) in kinds.items():
+        if model.joint(name).type[0] != int(wanted):
+            raise InputError(f"{where}: '{name}' must be a {kind}")
+
+
+def _require_hand(where: Path, sheet: Sheet, model: mujoco.MjModel) -> None:
+    """The tool points down at home, and the fingers move along its y, towards each other."""
+    data = mujoco.MjData(model)
+    for name, angle in zip(sheet.joints, sheet.home.tolist(), strict=True):
+        data.qpos[int(model.joint(name).qposadr[0])] = angle
+    mujoco.mj_kinematics(model, data)
+    tool = tool_pose(model, data, sheet.hand).rotation
+    if tool[2, 2] > -LEVEL:
+        raise InputError(
+            f"{where}: at 'home' the hand's z axis must point down, not along "
+            f"{np.round(tool[:, 2], 3).tolist()}"
+        )
+    ways = [float(data.xaxis[model.joint(name).id] @ tool[:, 1]) for name in sheet.hand.fingers]
+    if min(map(abs, ways)) < LEVEL or ways[0] * ways[1] > 0:
+        raise InputError(
+            f"{where}: the fingers must move against each other along the y axis of "
+            f"'{sheet.hand.body}'"
+        )
+
+
+def prepared(arm: RobotDescription) -> mujoco.MjSpec:
+    """An editable copy of the arm: base at the origin, no actuators, no surroundings; its shapes
+    meet the world's, never each other."""
+    spec = mujoco.MjSpec.from_file(str(arm.mjcf))
+    option = spec.option
+    option.timestep, option.impratio = 0.001, 20.0  # found to hold what is grasped without creep
+    option.integrator = int(mujoco.mjtIntegrator.mjINT_IMPLICITFAST)
+    option.cone = int(mujoco.mjtCone.mjCONE_ELLIPTIC)
+    _strip(spec, arm.base)
+    _explicit_inertia(spec, arm.mjcf)
+    for name, limit in zip(arm.joints, arm.limits.tau_max.tolist(), strict=True):
+        joint = spec.joint(name)
+        joint.damping[:], joint.frictionloss = (LINK_DAMPING, 0.0, 0.0), 0.0
+        joint.actfrcrange = (-limit, limit)
+    for geom in spec.geoms:
+        if geom.contype or geom.conaffinity:
+            geom.contype, geom.conaffinity = 1, 0
+    if not isinstance(arm.hand.tcp, str):
+        spec.body(arm.hand.body).add_site(name=TCP, pos=arm.hand.tcp, group=4)
+    if arm.hand.pads is not None:
+        for finger in arm.hand.fingers:
+            _pad(spec.joint(finger).parent, arm.hand.pads.centre, arm.hand.pads.half)
+    return spec
+
+
+def _strip(spec: mujoco.MjSpec, base: str) -> None:
+    """Leave the arm alone, at the origin."""
+    driven = (*spec.actuators, *spec.sensors, *spec.equalities, *spec.tendons, *spec.keys)
+    for element in (*driven, *spec.excludes, *spec.pairs):
+        spec.delete(element)
+    world = spec.worldbody
+    around = [body for body in world.bodies if body.name != base]
+    for element in (*around, *world.geoms, *world.lights, *world.cameras, *world.sites):
+        spec.delete(element)
+    spec.body(base).pos, spec.body(base).quat = np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0])
+
+
+def _explicit_inertia(spec: mujoco.MjSpec, mjcf: Path) -> None:
+    """Masses that a file leaves to its shapes, said: the nominal arm is computed without shapes."""
+    open_bodies = [body for body in spec.bodies if body.name and not body.explicitinertial]
+    if not open_bodies:
+        return
+    model = compiled(mjcf)
+    for body in open_bodies:
+        if body.name == "world":
+            continue
+        stated = model.body(body.name)
+        body.mass, body.ipos, body.iquat = float(stated.mass[0]), stated.ipos, stated.iquat
+        body.inertia, body.explicitinertial = stated.inertia, True
+
+
+def _pad(finger: mujoco.MjsBody, centre: Array, half: Array) -> None:
+    """One box to grasp with in the place of a finger's own shapes: several creep."""
+    for geom in finger.geoms:
+        geom.contype = geom.conaffinity = 0
+    pad = finger.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, pos=centre, size=half, group=3, mass=0.0)
+    pad.contype, pad.conaffinity, pad.priority, pad.condim = 1, 0, 1, 4
+    pad.friction = PAD_FRICTION
+    pad.solref[:2], pad.solimp[:3] = (0.004, 1.0), (0.95, 0.99, 0.001)
