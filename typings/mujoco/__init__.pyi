@@ -52,6 +52,12 @@ class mjtObj(_Enum):
     mjOBJ_SITE: ClassVar[mjtObj]
     mjOBJ_CAMERA: ClassVar[mjtObj]
 
+class mjtIntegrator(_Enum):
+    mjINT_IMPLICITFAST: ClassVar[mjtIntegrator]
+
+class mjtCone(_Enum):
+    mjCONE_ELLIPTIC: ClassVar[mjtCone]
+
 class mjtEq(_Enum):
     mjEQ_JOINT: ClassVar[mjtEq]
 
@@ -150,6 +156,7 @@ class MjModel:
     nv: int
     nu: int
     njnt: int
+    nsite: int
     nbody: int
     ngeom: int
     nnumeric: int
@@ -247,6 +254,7 @@ class MjData:
     xpos: _Doubles
     xquat: _Doubles
     xmat: _Doubles
+    xaxis: _Doubles
     geom_xpos: _Doubles
     geom_xmat: _Doubles
     site_xpos: _Doubles
@@ -283,7 +291,19 @@ class MjsFrame(_SpecElement):
     pos: _Doubles
     quat: _Doubles
 
-class MjsGeom(_SpecElement): ...
+class MjsGeom(_SpecElement):
+    contype: int
+    conaffinity: int
+    condim: int
+    priority: int
+    friction: _Vector
+    solref: _Doubles
+    solimp: _Doubles
+
+class MjsCamera(_SpecElement): ...
+class MjsSensor(_SpecElement): ...
+class MjsExclude(_SpecElement): ...
+class MjsPair(_SpecElement): ...
 class MjsSite(_SpecElement): ...
 class MjsLight(_SpecElement): ...
 class MjsEquality(_SpecElement):
@@ -298,6 +318,9 @@ class MjsKey(_SpecElement): ...
 
 class MjsJoint(_SpecElement):
     actgravcomp: bool
+    damping: _Doubles
+    frictionloss: float
+    actfrcrange: _Vector
     @property
     def parent(self) -> MjsBody: ...
 
@@ -317,12 +340,27 @@ class MjsBody(_SpecElement):
     pos: _Doubles
     quat: _Doubles
     ipos: _Doubles
+    iquat: _Doubles
     mass: float
+    inertia: _Doubles
+    explicitinertial: bool
     fullinertia: _Doubles
     gravcomp: float
     def add_body(self, *, name: str | None = None, pos: _Vector | None = None, quat: _Vector | None = None,
                  mass: _Float | None = None, ipos: _Vector | None = None, fullinertia: _Vector | None = None,
                  explicitinertial: bool | None = None) -> MjsBody: ...
+    @property
+    def bodies(self) -> list[MjsBody]: ...
+    @property
+    def geoms(self) -> list[MjsGeom]: ...
+    @property
+    def lights(self) -> list[MjsLight]: ...
+    @property
+    def cameras(self) -> list[MjsCamera]: ...
+    @property
+    def sites(self) -> list[MjsSite]: ...
+    def add_geom(self, *, type: _Int | None = None, pos: _Vector | None = None, size: _Vector | None = None,
+                 group: _Int | None = None, mass: _Float | None = None) -> MjsGeom: ...
     def add_frame(self, *, name: str | None = None, pos: _Vector | None = None,
                   quat: _Vector | None = None) -> MjsFrame: ...
     def add_site(self, *, name: str | None = None, pos: _Vector | None = None, quat: _Vector | None = None,
@@ -347,6 +385,12 @@ class MjSpec:
     def lights(self) -> list[MjsLight]: ...
     @property
     def textures(self) -> list[MjsTexture]: ...
+    @property
+    def sensors(self) -> list[MjsSensor]: ...
+    @property
+    def excludes(self) -> list[MjsExclude]: ...
+    @property
+    def pairs(self) -> list[MjsPair]: ...
     @property
     def equalities(self) -> list[MjsEquality]: ...
     @property

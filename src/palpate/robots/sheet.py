@@ -244,10 +244,12 @@ def read_sheet(folder: Path, known: Mapping[str, Path]) -> Sheet:
 
 def _content(path: Path, known: Mapping[str, Path]) -> Any:
     """What the file says, completed by what the arm that it is like says."""
-    own = _yaml(path)
-    if not isinstance(own, dict) or "like" not in own:
-        return own
-    said = cast("dict[str, Any]", own)
+    content: Any = _yaml(path)
+    if not isinstance(content, dict):
+        return None
+    said = cast("dict[str, Any]", content)
+    if "like" not in said:
+        return said
     like = str(said.pop("like"))
     if like not in known or known[like] == path.parent:
         raise unknown_name("arm", like, known, f"It is named by 'like' in {path}.")
