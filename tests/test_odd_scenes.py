@@ -82,9 +82,9 @@ def test_is_measured(case: Mapping[str, Any], tmp_path: Path) -> None:
     scene = write(tmp_path, **case)
     run = run_seed(Settings(scene=scene, noise="none"), 1)
     assert run.status == "complete"
-    (trial,) = run.trials
-    assert trial.parameter == MASS
-    assert trial.value == pytest.approx(trial.truth, rel=0.02)
+    (estimate,) = run.estimates
+    assert estimate.parameter == MASS
+    assert estimate.value == pytest.approx(trial.truth, rel=0.02)
 
 
 @pytest.mark.parametrize("at", ["0.5 0.1 0.25", "0.5 0.1 ?"])
@@ -93,7 +93,7 @@ def test_a_table_of_unknown_height_and_what_stands_on_it(at: str, tmp_path: Path
     scene = write(tmp_path, (table, cup(at)))
     run = run_seed(Settings(scene=scene, noise="none"), 1)
     assert run.status == "complete"
-    height, mass = run.trials
+    height, mass = run.estimates
     assert height.parameter == Parameter("table", "height")
     assert height.value == pytest.approx(height.truth, abs=2e-4)
     assert mass.value == pytest.approx(mass.truth, rel=0.02)

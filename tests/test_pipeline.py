@@ -91,7 +91,7 @@ def test_same_seed_same_result_bit_for_bit() -> None:
     settings = scenario("bottle_and_table").settings(noise="datasheet")
     first, second, other = run_seed(settings, 3), run_seed(settings, 3), run_seed(settings, 4)
     assert first == second
-    assert first.trials[1].value != other.trials[1].value
+    assert first.estimates[1].value != other.estimates[1].value
 
 
 def test_every_stage_can_start_from_the_folder(folder: Path, tmp_path: Path) -> None:

@@ -18,7 +18,7 @@ from palpate.planning.model.prompt.compose import (
     system_prompt,
     user_prompt,
 )
-from palpate.scenarios.catalogue import names, scenario
+from palpate.scenarios.catalogue import scenario, scenarios
 from palpate.scene.from_picture import SceneBuilder
 from palpate.scene.load import load_scene, parse_scene
 from palpate.scene.poses import read_poses
@@ -53,7 +53,7 @@ def prompt_of(name: str) -> Prompt:
     )
 
 
-@pytest.mark.parametrize("name", names())
+@pytest.mark.parametrize("name", scenarios())
 def test_the_system_prompt_is_the_same_bytes_for_every_scenario(name: str) -> None:
     prompt = prompt_of(name)
     assert prompt.system.encode() == system_prompt(vocabulary()).encode()
@@ -86,7 +86,7 @@ def test_it_names_nothing_of_a_bundled_scenario() -> None:
         for name in SYSTEM_MODULES
         if name != "actions"
     )
-    for name in names():
+    for name in scenarios():
         settings = scenario(name).settings()
         for body in load_scene(settings.scene, settings.poses).bodies if settings.scene else ():
             assert f"{body}_pose" not in text

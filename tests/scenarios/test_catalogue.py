@@ -6,7 +6,7 @@ from __future__ import annotations
 import pytest
 
 from palpate.errors import InputError
-from palpate.scenarios.catalogue import names, scenario
+from palpate.scenarios.catalogue import scenario, scenarios
 
 from .judge import assert_acquired, assert_near_truth, assert_restored, executed
 
@@ -14,7 +14,7 @@ IN_THE_WAY = {"occlusion": {"red_box"}, "thermometer": {"thermometer"}}
 """Objects that are touched although nothing of them is measured."""
 
 
-@pytest.mark.parametrize("name", [name for name in names() if not name.startswith("mishaps/")])
+@pytest.mark.parametrize("name", [name for name in scenarios() if not name.startswith("mishaps/")])
 def test_a_scenario_ends_as_it_should(name: str) -> None:
     chosen = scenario(name)
     run = executed(chosen)

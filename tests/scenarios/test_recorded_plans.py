@@ -8,14 +8,14 @@ import pytest
 from palpate import pipeline
 from palpate.planning.plan import Node
 from palpate.planning.recorded import load_plan
-from palpate.scenarios.catalogue import names, scenario
+from palpate.scenarios.catalogue import scenario, scenarios
 
 from .judge import assert_acquired, assert_near_truth, assert_restored, executed
 from .test_catalogue import IN_THE_WAY
 
 SYMBOLIC = [
     name
-    for name in names()
+    for name in scenarios()
     if (s := scenario(name)).planner == "symbolic" and s.status == "complete"
 ]
 RECORDED = [

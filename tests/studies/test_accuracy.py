@@ -9,7 +9,7 @@ import pytest
 
 from palpate.parameter import Parameter
 from palpate.settings import Settings
-from palpate.studies.accuracy import SeedRun, Trial, accuracy, run_seed, summarise
+from palpate.studies.accuracy import ScoredEstimate, SeedRun, accuracy, run_seed, summarise
 
 MASS = Parameter("cup", "mass")
 CELL = """<mujoco><worldbody>
@@ -27,14 +27,14 @@ def settings(tmp_path: Path) -> Settings:
     return Settings(scene=tmp_path / "scene.xml", world=tmp_path / "world.xml")
 
 
-def trial(seed: int, value: float, std: float = 0.01, shot: float | None = None) -> Trial:
-    return Trial(MASS, 0, seed, value, std, value - 0.02, value + 0.02, 0.3, shot)
+def scored(seed: int, value: float, std: float = 0.01, shot: float | None = None) -> ScoredEstimate:
+    return ScoredEstimate(MASS, 0, seed, value, std, value - 0.02, value + 0.02, 0.3, shot)
 
 
 def test_seeds_are_independent_runs_of_one_world(settings: Settings) -> None:
     runs = accuracy(settings, [1, 2])
     assert [(run.seed, run.status) for run in runs] == [(1, "complete"), (2, "complete")]
-    (first,), (second,) = (run.trials for run in runs)
+    (first,), (second,) = (run.estimates for run in runs)
     assert first.parameter == second.parameter == MASS
     assert first.truth == second.truth == 0.3
     assert first.value != second.value
@@ -45,7 +45,7 @@ def test_seeds_are_independent_runs_of_one_world(settings: Settings) -> None:
     assert run_seed(settings, 1) == runs[0]
 
 
-def test_a_run_that_identifies_nothing_has_no_trials(settings: Settings) -> None:
+def test_a_run_that_identifies_nothing_has_no_estimates(settings: Settings) -> None:
     assert settings.world is not None
     elsewhere = CELL.format(cup='mass="0.3"').replace(
         'name="cup" pos="0.5 0.1', 'name="cup" pos="0.3 0.4'
@@ -53,7 +53,7 @@ def test_a_run_that_identifies_nothing_has_no_trials(settings: Settings) -> None
     settings.world.write_text(elsewhere, encoding="utf-8")
     run = run_seed(settings, 0)
     assert run.status == "aborted"
-    assert run.trials == ()
+    assert run.estimates == ()
     assert run.actions > 3
     assert summarise([run]) == []
 
@@ -65,7 +65,7 @@ def test_a_rejected_plan_moves_nothing(settings: Settings) -> None:
 
 def test_the_summary_is_over_seeds() -> None:
     runs = [
-        SeedRun(i, "complete", 12, 20.0, (trial(i, value, shot=value + 0.05),))
+        SeedRun(i, "complete", 12, 20.0, (scored(i, value, shot=value + 0.05),))
         for i, value in enumerate((0.29, 0.31, 0.33))
     ]
     (row,) = summarise(runs)
@@ -80,7 +80,7 @@ def test_the_summary_is_over_seeds() -> None:
 
 
 def test_one_run_has_no_scatter() -> None:
-    (row,) = summarise([SeedRun(0, "complete", 12, 20.0, (trial(0, 0.31),))])
+    (row,) = summarise([SeedRun(0, "complete", 12, 20.0, (scored(0, 0.31),))])
     assert row.sd == 0.0
     assert row.single_shot_sd is None
 
@@ -88,7 +88,7 @@ def test_one_run_has_no_scatter() -> None:
 def test_components_have_rows_of_their_own() -> None:
     com = Parameter("cup", "com")
     trials = tuple(
-        replace(trial(0, 0.1 * i), parameter=com, component=i, truth=0.1 * i) for i in range(3)
+        replace(scored(0, 0.1 * i), parameter=com, component=i, truth=0.1 * i) for i in range(3)
     )
     assert [
         (row.component, row.bias) for row in summarise([SeedRun(0, "complete", 1, 1.0, trials)])

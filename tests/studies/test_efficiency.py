@@ -32,5 +32,7 @@ def test_one_missing_mass_takes_less_than_everything() -> None:
     assert row.intent.actions < row.exhaustive.actions / 2
     assert row.time_saved is not None
     assert row.time_saved > 0.5
-    assert {t.parameter for t in row.intent.trials} == set(scenario("one_missing_mass").expects)
-    assert {t.parameter for t in row.intent.trials} < {t.parameter for t in row.exhaustive.trials}
+    assert {e.parameter for e in row.intent.estimates} == set(scenario("one_missing_mass").expects)
+    assert {e.parameter for e in row.intent.estimates} < {
+        e.parameter for e in row.exhaustive.estimates
+    }

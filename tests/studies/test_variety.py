@@ -46,8 +46,8 @@ def test_a_mesh_on_a_high_shelf_is_weighed(tmp_path: Path) -> None:
     variety = next(v for v in SCENES if v.name == "cup")
     run = run_seed(replace(variety.write(tmp_path), noise="none"), 0)
     assert run.status == "complete"
-    (trial,) = run.trials
-    assert trial.value == pytest.approx(0.21, abs=0.002)
+    (estimate,) = run.estimates
+    assert estimate.value == pytest.approx(0.21, abs=0.002)
 
 
 def test_a_frustum_is_closed() -> None:

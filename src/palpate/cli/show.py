@@ -112,9 +112,9 @@ def _numbers(values: Iterable[float], digits: int = 5) -> str:
 
 def show_scenarios(as_json: bool) -> None:
     """The bundled scenarios."""
-    from palpate.scenarios.catalogue import names, scenario
+    from palpate.scenarios.catalogue import scenarios
 
-    found = [scenario(name) for name in names()]
+    found = scenarios().values()
     if as_json:
         print_json(
             [

@@ -18,7 +18,7 @@ from rich.text import Text
 if TYPE_CHECKING:
     from palpate.studies.accuracy import SeedRun, Summary
     from palpate.studies.attempt import Conditions
-    from palpate.studies.efficiency import Comparison
+    from palpate.studies.efficiency import Comparison, PublishedEffort
     from palpate.studies.trials import Rate, Record, Row
 
 app = typer.Typer(
@@ -71,8 +71,8 @@ def accuracy(
     from palpate.studies.efficiency import comparable
 
     chosen = comparable() if every else names or ["bottle_and_table"]
-    jobs = {name: find(name).settings(noise=noise).checked() for name in chosen}
-    runs = {name: run_accuracy(job, range(seeds), workers) for name, job in jobs.items()}
+    settings = {name: find(name).settings(noise=noise).checked() for name in chosen}
+    runs = {name: run_accuracy(each, range(seeds), workers) for name, each in settings.items()}
     _show_runs(runs, f"--noise {noise}", as_json)
 
 
@@ -323,9 +323,7 @@ def _runs_json(name: str, runs: list[SeedRun]) -> dict[str, Any]:
     }
 
 
-def _plot_comparisons(
-    file: Path, rows: list[Comparison], paper: tuple[int, float, int, float]
-) -> None:
+def _plot_comparisons(file: Path, rows: list[Comparison], paper: PublishedEffort) -> None:
     from palpate.report.efficiency import Effort, efficiency_page
 
     efforts = [
@@ -337,12 +335,17 @@ def _plot_comparisons(
         for c in rows
     ]
     page = efficiency_page(
-        efforts, Effort("the paper's pair", (paper[0], paper[2]), (paper[1], paper[3]))
+        efforts,
+        Effort(
+            "the paper's pair",
+            (paper.exhaustive_actions, paper.intent_actions),
+            (paper.exhaustive_seconds, paper.intent_seconds),
+        ),
     )
     file.write_text(page, encoding="utf-8")
 
 
-def _show_comparisons(rows: list[Comparison], paper: tuple[int, float, int, float]) -> None:
+def _show_comparisons(rows: list[Comparison], paper: PublishedEffort) -> None:
     from palpate.cli.show import out
 
     table = Table(box=None, header_style="dim", pad_edge=False)
@@ -366,10 +369,10 @@ def _show_comparisons(rows: list[Comparison], paper: tuple[int, float, int, floa
         )
     table.add_row(
         "[dim]the paper's pair[/]",
-        f"{paper[0]}",
-        f"{paper[1]:.0f}",
-        f"{paper[2]}",
-        f"{paper[3]:.0f}",
-        "47%",
+        str(paper.exhaustive_actions),
+        f"{paper.exhaustive_seconds:.0f}",
+        str(paper.intent_actions),
+        f"{paper.intent_seconds:.0f}",
+        f"{paper.time_saved:.0%}",
     )
     out.print(table)

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import yaml
@@ -13,6 +16,8 @@ from palpate.parameter import Parameter
 from palpate.settings import Settings
 
 ROOT = Path(__file__).parent
+FIRST = "bottle_and_table"
+"""The paper's first scenario, which is also the demo."""
 FILES = {"scene": "scene.xml", "poses": "poses.yaml", "world": "world.xml"}
 """What a scenario's folder may hold, by field of the `Settings`. A sub-case shares what only its
 parent's folder holds."""
@@ -24,7 +29,7 @@ class Scenario:
 
     Attributes:
         name: its folder. title, story: for people. request: R or None.
-        expects: the gaps a right plan measures.
+        expects: the parameters that a right plan measures.
         planner: the planner it is meant for.
         status: how a run of it ends.
         images: the pictures that a model is shown; without any, one is taken of the simulated
@@ -55,20 +60,34 @@ class Scenario:
 
         `planner="replay:NAME"` names one of `plans`.
         """
-        found = {name: _file(self.name, file) for name, file in FILES.items()}
-        files = {name: file for name, file in found.items() if file.exists()}
-        mine = {"request": self.request, "planner": self.planner, "images": self.images}
-        fields: dict[str, Any] = {**mine, **files, **changes}
-        recorded = self.plans.get(fields["planner"].removeprefix("replay:"))
-        if fields["planner"].startswith("replay:") and recorded:
-            fields["planner"] = f"replay:{recorded}"
+        fields: dict[str, Any] = {
+            "request": self.request,
+            "planner": self.planner,
+            "images": self.images,
+        }
+        for field, file in FILES.items():
+            path = _file(self.name, file)
+            if path.exists():
+                fields[field] = path
+        fields |= changes
+        fields["planner"] = self._planner(fields["planner"])
         return Settings(**fields)
 
+    def _planner(self, planner: str) -> str:
+        """The planner's name, with the file of the recorded plan that it may name."""
+        recorded = self.plans.get(planner.removeprefix("replay:"))
+        if recorded is None or not planner.startswith("replay:"):
+            return planner
+        return f"replay:{recorded}"
 
-def names() -> list[str]:
-    """All bundled scenarios, the paper's first one first."""
-    found = sorted(p.parent.relative_to(ROOT).as_posix() for p in ROOT.rglob("scenario.yaml"))
-    return sorted(found, key=lambda n: n != "bottle_and_table")
+
+@cache
+def scenarios() -> Mapping[str, Scenario]:
+    """All bundled scenarios by name, the paper's first one first."""
+    files = ROOT.rglob("scenario.yaml")
+    names = sorted(file.parent.relative_to(ROOT).as_posix() for file in files)
+    names.remove(FIRST)
+    return MappingProxyType({name: _read(name) for name in (FIRST, *names)})
 
 
 def scenario(name: str) -> Scenario:
@@ -77,29 +96,40 @@ def scenario(name: str) -> Scenario:
     Raises:
         InputError: there is none; the message lists those there are.
     """
-    if name not in names():
-        if cases := [other for other in names() if other.startswith(f"{name}/")]:
-            raise InputError(f"'{name}' is a group of scenarios; choose one: {', '.join(cases)}")
-        raise unknown_name("scenario", name, names())
-    text: dict[str, Any] = yaml.safe_load(
-        (ROOT / name / "scenario.yaml").read_text(encoding="utf-8")
-    )
-    planner = text.get("planner", "symbolic")
-    if planner.startswith("replay:"):
-        planner = f"replay:{_file(name, planner.removeprefix('replay:'))}"
+    found = scenarios()
+    if name in found:
+        return found[name]
+    cases = [other for other in found if other.startswith(f"{name}/")]
+    if cases:
+        raise InputError(f"'{name}' is a group of scenarios; choose one: {', '.join(cases)}")
+    raise unknown_name("scenario", name, found)
+
+
+def _read(name: str) -> Scenario:
+    file = ROOT / name / "scenario.yaml"
+    content: dict[str, Any] = yaml.safe_load(file.read_text(encoding="utf-8"))
     return Scenario(
         name=name,
-        title=text["title"],
-        story=text["story"].strip(),
-        request=(text.get("request") or "").strip() or None,
-        expects=tuple(Parameter(e) for e in text.get("expects", [])),
-        planner=planner,
-        status=text.get("status", "complete"),
-        images=tuple(_file(name, image) for image in text.get("images", [])),
+        title=content["title"],
+        story=content["story"].strip(),
+        request=(content.get("request") or "").strip() or None,
+        expects=tuple(Parameter(name) for name in content.get("expects", [])),
+        planner=_located(name, content.get("planner", "symbolic")),
+        status=content.get("status", "complete"),
+        images=tuple(_file(name, image) for image in content.get("images", [])),
     )
+
+
+def _located(name: str, planner: str) -> str:
+    """The planner as the scenario names it; a recorded answer is a file of the scenario."""
+    if not planner.startswith("replay:"):
+        return planner
+    return f"replay:{_file(name, planner.removeprefix('replay:'))}"
 
 
 def _file(name: str, file: str) -> Path:
     """A scenario's file: its own, or its parent's where it has none."""
     own = ROOT / name / file
-    return own if own.exists() else ROOT / Path(name).parent / file
+    if own.exists():
+        return own
+    return ROOT / Path(name).parent / file

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 
+from palpate.errors import unknown_name
 from palpate.studies.attempt import Conditions, attempt, with_image
-from palpate.studies.trials import Record, Trial, run_trials
+from palpate.studies.trials import Record, Trial, every_trial, run_trials
 
 CONFIGURATIONS: dict[str, frozenset[str]] = {
     "full": frozenset(),
@@ -50,23 +51,16 @@ def ablation(
     """Every configuration with every planner, `trials` times each; results are appended to `file`.
 
     Raises:
-        InputError: unknown scenario, planner or configuration. Unavailable: the provider was; what
-            is done is kept.
+        InputError: unknown scenario, planner or configuration.
+        Unavailable: the provider could not be reached; what is done is kept.
     """
     conditions = with_image(scenario, conditions, file)
-    wanted = [
-        Trial(scenario, planner, configuration, number)
-        for planner in planners
-        for configuration in configurations
-        for number in range(trials)
-    ]
-    return run_trials(
-        wanted,
-        lambda trial: attempt(trial, without(trial.configuration), conditions),
-        file,
-        in_flight,
-        say,
-    )
+    wanted = every_trial(scenario, planners, configurations, trials)
+
+    def attempted(trial: Trial) -> Record:
+        return attempt(trial, without(trial.configuration), conditions)
+
+    return run_trials(wanted, attempted, file, in_flight, say)
 
 
 def without(configuration: str) -> frozenset[str]:
@@ -75,8 +69,6 @@ def without(configuration: str) -> frozenset[str]:
     Raises:
         InputError: no such configuration; the message lists those there are.
     """
-    from palpate.errors import unknown_name
-
     if configuration not in CONFIGURATIONS:
         raise unknown_name("configuration", configuration, CONFIGURATIONS)
     return CONFIGURATIONS[configuration]

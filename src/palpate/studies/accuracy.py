@@ -2,22 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from concurrent.futures import ProcessPoolExecutor
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from statistics import fmean, stdev
+
+import numpy as np
 
 from palpate import pipeline
 from palpate.parameter import Parameter
 from palpate.runs.run import Run
 from palpate.settings import Settings
+from palpate.studies.workers import spread
 
 
 @dataclass(frozen=True, slots=True)
-class Trial:
-    """One estimate of one seed. `single_shot` is the naive mean of F_z/g from the same recording,
-    for masses."""
+class ScoredEstimate:
+    """One component of one seed's estimate beside the truth, all in the quantity's SI unit.
+
+    Attributes:
+        component: index into a vector quantity; 0 for a scalar.
+        value, std: the estimate and its stated standard deviation.
+        low, high: its 95 % interval.
+        truth: the hidden world's value.
+        single_shot: for masses, the naive mean of F_z/g from the same recording.
+    """
 
     parameter: Parameter
     component: int
@@ -37,19 +46,27 @@ class Trial:
 
 @dataclass(frozen=True, slots=True)
 class SeedRun:
-    """One seed: its trials (none of what was not identified), and how the run ended."""
+    """One seed: how its run ended, what it took, and its estimates beside the truth (none of what
+    was not identified)."""
 
     seed: int
     status: str
     actions: int
     robot_seconds: float
-    trials: tuple[Trial, ...]
+    estimates: tuple[ScoredEstimate, ...]
 
 
 @dataclass(frozen=True, slots=True)
 class Summary:
-    """A gap over all seeds, in its SI unit. `claimed` is the mean of the stated standard
-    deviations."""
+    """A parameter's component over all seeds, in its SI unit.
+
+    Attributes:
+        runs: seeds that estimated it.
+        truth, mean: over these. bias: mean error. sd: standard deviation of the errors.
+        claimed: mean of the stated standard deviations, which an honest estimator holds near `sd`.
+        covered: how many 95 % intervals hold the truth.
+        single_shot_sd: as `sd`, of the naive weighing; None where there is none.
+    """
 
     parameter: Parameter
     component: int
@@ -63,27 +80,32 @@ class Summary:
     single_shot_sd: float | None
 
 
+def accuracy(settings: Settings, seeds: Sequence[int], workers: int = 1) -> list[SeedRun]:
+    """The run over all seeds, in order; each is deterministic whatever the number of workers."""
+    return spread(partial(run_seed, settings), seeds, workers)
+
+
 def run_seed(settings: Settings, seed: int) -> SeedRun:
     """Plan, execute and estimate once; no twin and no report."""
     settings = replace(settings, seed=seed)
     run = pipeline.measure(pipeline.plan(settings, pipeline.load(settings)))
     done = run.execution
-    return SeedRun(
-        seed,
-        run.status,
-        done.actions if done else 0,
-        done.robot_seconds if done else 0.0,
-        tuple(_trials(run, seed)),
-    )
+    if done is None:
+        return SeedRun(seed, run.status, 0, 0.0, ())
+    estimates = tuple(_scored(run, seed))
+    return SeedRun(seed, run.status, done.actions, done.robot_seconds, estimates)
 
 
-def _trials(run: Run, seed: int) -> Iterable[Trial]:
+def _scored(run: Run, seed: int) -> Iterator[ScoredEstimate]:
+    """Each component of each estimate whose truth somebody knows."""
     for estimate in run.estimates:
-        truth = run.truth.get(estimate.parameter) if estimate.has_value else None
-        shot = estimate.parts.get("single-shot")
-        for i, true_value in enumerate(truth or ()):
+        truth = run.truth.get(estimate.parameter)
+        if truth is None or not estimate.has_value:
+            continue
+        naive = estimate.parts.get("single-shot")
+        for i, true_value in enumerate(truth):
             low, high = estimate.ci95[i].tolist()
-            yield Trial(
+            yield ScoredEstimate(
                 estimate.parameter,
                 i,
                 seed,
@@ -92,41 +114,36 @@ def _trials(run: Run, seed: int) -> Iterable[Trial]:
                 low,
                 high,
                 true_value,
-                shot.value if shot else None,
+                naive.value if naive else None,
             )
 
 
-def accuracy(settings: Settings, seeds: Sequence[int], workers: int = 1) -> list[SeedRun]:
-    """The run over all seeds, in order; each seed is deterministic whatever the number of
-    workers."""
-    if workers == 1:
-        return [run_seed(settings, seed) for seed in seeds]
-    with ProcessPoolExecutor(workers) as pool:
-        return list(pool.map(partial(run_seed, settings), seeds))
-
-
 def summarise(runs: Sequence[SeedRun]) -> list[Summary]:
-    """One row a gap and component, in order of first appearance."""
-    groups: dict[tuple[Parameter, int], list[Trial]] = {}
-    for trial in (t for run in runs for t in run.trials):
-        groups.setdefault((trial.parameter, trial.component), []).append(trial)
-    return [_summary(*key, trials) for key, trials in groups.items()]
+    """One row a parameter and component, in order of first appearance."""
+    groups: dict[tuple[Parameter, int], list[ScoredEstimate]] = {}
+    for run in runs:
+        for estimate in run.estimates:
+            group = groups.setdefault((estimate.parameter, estimate.component), [])
+            group.append(estimate)
+    return [_summary(*key, group) for key, group in groups.items()]
 
 
-def _summary(parameter: Parameter, component: int, trials: list[Trial]) -> Summary:
-    errors = [t.value - t.truth for t in trials]
-    shots = [t.single_shot - t.truth for t in trials if t.single_shot is not None]
+def _summary(parameter: Parameter, component: int, estimates: Sequence[ScoredEstimate]) -> Summary:
+    columns = np.array([(e.value, e.truth, e.std, e.covered) for e in estimates])
+    values, truths, stated, covered = columns.T
+    errors = (values - truths).tolist()
+    naive_errors = [e.single_shot - e.truth for e in estimates if e.single_shot is not None]
     return Summary(
         parameter=parameter,
         component=component,
-        runs=len(trials),
-        truth=fmean(t.truth for t in trials),
-        mean=fmean(t.value for t in trials),
+        runs=len(estimates),
+        truth=fmean(truths),
+        mean=fmean(values),
         bias=fmean(errors),
         sd=_sd(errors),
-        claimed=fmean(t.std for t in trials),
-        covered=sum(t.covered for t in trials),
-        single_shot_sd=_sd(shots) if shots else None,
+        claimed=fmean(stated),
+        covered=int(np.sum(covered)),
+        single_shot_sd=_sd(naive_errors) if naive_errors else None,
     )
 
 

@@ -29,7 +29,8 @@ class Conditions:
     """What all trials of a study share.
 
     Attributes:
-        images: I. noise: sensor world. asking: how models are asked; the paper gives no feedback.
+        images: pictures of the workspace. noise: noise model of the simulated robot.
+        model_settings: how models are asked; the paper gives no feedback.
     """
 
     images: tuple[Path, ...] = ()
@@ -51,17 +52,22 @@ def with_image(name: str, conditions: Conditions, file: Path) -> Conditions:
         return conditions
     path = file.with_suffix(".png")
     if not path.exists():
-        settings = scenario(name).settings()
-        poses = read_poses(settings.poses) if settings.poses else Poses()
-        content = pipeline.picture_of(settings, pipeline.load(settings), poses)
+        content = _picture(name)
         if content is None:
             return conditions
         path.write_bytes(content)
     return replace(conditions, images=(path,))
 
 
+def _picture(name: str) -> bytes | None:
+    """PNG of the simulated workspace of a scenario."""
+    settings = scenario(name).settings()
+    poses = read_poses(settings.poses) if settings.poses else Poses()
+    return pipeline.picture_of(settings, pipeline.load(settings), poses)
+
+
 def attempt(trial: Trial, without: frozenset[str], conditions: Conditions) -> Record:
-    """The record of a trial.
+    """The record of a trial, asked without some modules of the prompt.
 
     Raises:
         InputError: unknown scenario or planner. Unavailable: the provider.
@@ -69,15 +75,11 @@ def attempt(trial: Trial, without: frozenset[str], conditions: Conditions) -> Re
     task = scenario(trial.scenario)
     settings = _settings(task, trial, without, conditions)
     run = pipeline.plan(settings, pipeline.load(settings))
-    judgement = None if "text" in without else _judged(run, task)
-    return Record(
-        trial,
-        _syntax(run),
-        _is_valid(run),
-        judgement.success if judgement else None,
-        judgement.reason if judgement else "",
-        _figures(run),
-    )
+    syntax, valid, figures = _syntax(run), _is_valid(run), _figures(run)
+    if "text" in without:  # nothing was asked: there is no right answer
+        return Record(trial, syntax, valid, None, figures=figures)
+    judgement = _judged(run, task)
+    return Record(trial, syntax, valid, judgement.success, judgement.reason, figures)
 
 
 def _settings(
@@ -93,14 +95,15 @@ def _settings(
 
 
 def _judged(run: Run, task: Scenario) -> Judgement:
+    """Whether the plan, executed where there is something to execute, did what the task asks."""
+    explanation = run.plan.explanation
     if not _is_valid(run):
         findings = "; ".join(f.message for f in run.findings[:3])
-        return Judgement(False, (findings or run.plan.explanation)[:500])
+        return Judgement(False, (findings or explanation)[:500])
     if run.plan.tree is None:
-        return Judgement(
-            not task.expects,
-            "" if not task.expects else "no tree: " + run.plan.explanation[:300],
-        )
+        if task.expects:
+            return Judgement(False, f"no tree: {explanation[:300]}")
+        return Judgement(True)
     with _executing:
         trace = pipeline.measure(run).trace
     assert trace is not None
@@ -109,35 +112,42 @@ def _judged(run: Run, task: Scenario) -> Judgement:
 
 def _is_valid(run: Run) -> bool:
     """Whether the plan, or the explanation why there is none, passed the check."""
-    rounds = run.conversation.rounds if run.conversation else []
-    return not run.findings and (not rounds or not rounds[-1].findings)
+    if run.findings:
+        return False
+    if run.conversation is None or not run.conversation.rounds:
+        return True
+    return not run.conversation.rounds[-1].findings
 
 
 def _figures(run: Run) -> dict[str, Any]:
-    talk = run.conversation
-    return (
-        talk.summary()["model"] | {"answers": [r.answer.text for r in talk.rounds]} if talk else {}
-    )
+    """What asking a model took, and what it said."""
+    if run.conversation is None:
+        return {}
+    answers = [asked.answer.text for asked in run.conversation.rounds]
+    return run.conversation.summary()["model"] | {"answers": answers}
 
 
 def _syntax(run: Run) -> bool:
     """Whether the first answer is a plan that compiles, as it came."""
     if run.conversation is None:
-        return _compiled(run.plan, run.scene)
+        return _compiles(run.plan, run.scene)
+    first = run.conversation.rounds[0].answer.text
     try:
-        return _compiled(read_answer(run.conversation.rounds[0].answer.text).plan, run.scene)
+        return _compiles(read_answer(first).plan, run.scene)
     except InputError:
         return False
 
 
-def _compiled(plan: Plan, scene: Scene) -> bool:
+def _compiles(plan: Plan, scene: Scene) -> bool:
     """Whether py_trees takes the plan's tree; an idle plan needs none."""
     from palpate.execution.build import build
 
-    nobody = cast("Any", None)
+    if plan.tree is None:
+        return True
+    nobody = cast("Any", None)  # a tree that is never ticked needs neither robot nor recorder
+    blackboard = Blackboard(nobody, SymbolicState(scene), nobody)
     try:
-        return plan.tree is None or bool(
-            build(plan.tree, vocabulary(), Blackboard(nobody, SymbolicState(scene), nobody))
-        )
+        build(plan.tree, vocabulary(), blackboard)
     except InputError:
         return False
+    return True

@@ -3,7 +3,8 @@ paper."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable
+from collections import Counter
+from collections.abc import Collection, Iterable, Iterator
 from dataclasses import dataclass
 
 from palpate.parameter import Parameter
@@ -28,49 +29,50 @@ def judge(
 
     `may_touch` names objects that may be carried out of the way besides those of `expected`.
     """
-    failed = [leaf for leaf in trace.leaves if leaf.status != "SUCCESS"]
-    if failed:
-        return Judgement(False, f"{failed[0].label} failed: {failed[0].message}"[:300])
-    acquired = [
-        *(Parameter(c.object, c.quantity) for c in trace.conversions),
-        *_derived(trace, expected),
-    ]
-    if missed := sorted(set(expected) - set(acquired)):
-        return Judgement(False, f"not acquired: {_listed(missed)}")
-    if needless := sorted(set(acquired) - set(expected)):
-        return Judgement(False, f"not asked for: {_listed(needless)}")
-    if twice := sorted({parameter for parameter in acquired if acquired.count(parameter) > 1}):
-        return Judgement(False, f"acquired more than once: {_listed(twice)}")
-    if unused := _unused(trace, expected):
-        return Judgement(False, f"measured without need at {unused[0]}")
-    strangers = sorted(
-        _grasped(trace) - {parameter.object for parameter in expected} - set(may_touch)
-    )
-    return (
-        Judgement(False, f"touched needlessly: {', '.join(strangers)}")
-        if strangers
-        else Judgement(True)
-    )
+    objection = next(_objections(trace, expected, may_touch), None)
+    return Judgement(objection is None, objection or "")
 
 
-def _derived(trace: Trace, expected: Collection[Parameter]) -> Iterable[Parameter]:
-    """The expected derived quantities for which the raw forces were logged."""
+def _objections(
+    trace: Trace, expected: Collection[Parameter], may_touch: Collection[str]
+) -> Iterator[str]:
+    """What speaks against a success, the gravest first."""
+    for leaf in trace.leaves:
+        if leaf.status != "SUCCESS":
+            yield f"{leaf.label} failed: {leaf.message}"[:300]
+    acquired = Counter(_acquired(trace, expected))
+    if missed := set(expected) - set(acquired):
+        yield f"not acquired: {_listed(missed)}"
+    if needless := set(acquired) - set(expected):
+        yield f"not asked for: {_listed(needless)}"
+    if twice := [parameter for parameter, count in acquired.items() if count > 1]:
+        yield f"acquired more than once: {_listed(twice)}"
+    for node in _unused(trace, expected):
+        yield f"measured without need at {node}"
+    wanted = {parameter.object for parameter in expected}
+    if strangers := _grasped(trace) - wanted - set(may_touch):
+        yield f"touched needlessly: {', '.join(sorted(strangers))}"
+
+
+def _acquired(trace: Trace, expected: Collection[Parameter]) -> Iterator[Parameter]:
+    """What was converted, and the expected derived quantities for which the raw forces were
+    logged."""
+    for conversion in trace.conversions:
+        yield Parameter(conversion.object, conversion.quantity)
+    logged = [(r.buffer, r.context) for r in trace.recordings]
     for parameter in expected:
         quantity = catalogue()[parameter.quantity]
-        logged = [(r.buffer, r.context) for r in trace.recordings]
         if quantity.derived and quantity.is_evidenced(parameter, logged):
             yield parameter
 
 
-def _unused(trace: Trace, expected: Collection[Parameter]) -> list[str]:
+def _unused(trace: Trace, expected: Collection[Parameter]) -> Iterator[str]:
     """Nodes of recordings that neither a conversion nor an expected derived quantity rests on."""
     converted = {(c.recording.buffer, c.recording.start) for c in trace.conversions}
-    unused: list[str] = []
     for recording in trace.recordings:
         is_converted = (recording.buffer, recording.start) in converted
         if not is_converted and not _is_evidence(recording, expected):
-            unused.append(recording.node)
-    return unused
+            yield recording.node
 
 
 def _is_evidence(recording: Recording, expected: Collection[Parameter]) -> bool:
@@ -80,8 +82,13 @@ def _is_evidence(recording: Recording, expected: Collection[Parameter]) -> bool:
 
 
 def _grasped(trace: Trace) -> set[str]:
-    return {leaf.context.holding for leaf in trace.leaves if leaf.context and leaf.context.holding}
+    """Every object that was ever held."""
+    held: set[str] = set()
+    for leaf in trace.leaves:
+        if leaf.context and leaf.context.holding:
+            held.add(leaf.context.holding)
+    return held
 
 
 def _listed(parameters: Iterable[Parameter]) -> str:
-    return ", ".join(str(parameter) for parameter in parameters)
+    return ", ".join(str(parameter) for parameter in sorted(parameters))

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from palpate.studies.attempt import Conditions, attempt, with_image
-from palpate.studies.trials import Record, Trial, run_trials
+from palpate.studies.trials import Record, Trial, every_trial, run_trials
 
 PAPER: dict[str, tuple[int, int]] = {"GPT-4": (20, 20), "Gemini 1.5 Pro": (20, 20)}
 """Valid syntax and task success of 20: table III of the paper."""
@@ -26,13 +26,13 @@ def repeatability(
     """The full prompt with every planner, `trials` times each; results are appended to `file`.
 
     Raises:
-        InputError: unknown scenario or planner. Unavailable: the provider was; what is done is
-            kept.
+        InputError: unknown scenario or planner.
+        Unavailable: the provider could not be reached; what is done is kept.
     """
     conditions = with_image(scenario, conditions, file)
-    wanted = [
-        Trial(scenario, planner, "full", number) for planner in planners for number in range(trials)
-    ]
-    return run_trials(
-        wanted, lambda trial: attempt(trial, frozenset(), conditions), file, in_flight, say
-    )
+    wanted = every_trial(scenario, planners, ["full"], trials)
+
+    def attempted(trial: Trial) -> Record:
+        return attempt(trial, frozenset(), conditions)
+
+    return run_trials(wanted, attempted, file, in_flight, say)

@@ -7,14 +7,13 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, wait
 from dataclasses import asdict, dataclass, field
-from itertools import islice
-from math import sqrt
+from itertools import islice, product
 from pathlib import Path
-from statistics import NormalDist
-from typing import Any
+from statistics import fmean
+from typing import Any, TextIO
 
 from pydantic import TypeAdapter, ValidationError
 
@@ -29,8 +28,8 @@ class Trial:
     """One independent attempt of a planner at a scenario's task.
 
     Attributes:
-        scenario: its name. planner: planner string. configuration: what was left out of the prompt,
-            `full` if nothing.
+        scenario: its name. planner: planner string.
+        configuration: what was left out of the prompt, `full` if nothing.
         number: from 0; also the seed of the simulated world's sensors.
     """
 
@@ -40,17 +39,27 @@ class Trial:
     number: int
 
 
+def every_trial(
+    scenario: str, planners: Iterable[str], configurations: Iterable[str], number: int
+) -> list[Trial]:
+    """`number` trials of every configuration with every planner, planner by planner."""
+    trials: list[Trial] = []
+    for planner, configuration, i in product(planners, configurations, range(number)):
+        trials.append(Trial(scenario, planner, configuration, i))
+    return trials
+
+
 @dataclass(frozen=True, slots=True)
 class Record:
     """What came of a trial; one line of the results file.
 
     Attributes:
-        syntax: the first answer is a plan that compiles to a behavior tree. valid: a plan passed
-            the check.
+        syntax: the first answer is a plan that compiles to a behavior tree.
+        valid: a plan passed the check.
         success: the executed tree acquired exactly what it should; None where the task defines no
             success.
-        reason: why not. figures: tokens, cost, latency, the model's name as the provider reports
-            it.
+        reason: why not.
+        figures: tokens, cost, latency, the model's name as the provider reports it.
     """
 
     trial: Trial
@@ -60,6 +69,16 @@ class Record:
     reason: str = ""
     figures: dict[str, Any] = field(default_factory=dict[str, Any])
 
+    @property
+    def tokens(self) -> int:
+        """Tokens of all prompts and answers of the trial."""
+        return self.figures.get("input_tokens", 0) + self.figures.get("output_tokens", 0)
+
+    @property
+    def cost(self) -> float | None:
+        """US dollars; None where an answer has no known price."""
+        return self.figures.get("cost_usd")
+
 
 @dataclass(frozen=True, slots=True)
 class Rate:
@@ -68,15 +87,21 @@ class Rate:
     hits: int
     trials: int
 
+    @classmethod
+    def of(cls, outcomes: Iterable[bool]) -> Rate:
+        """How many of the outcomes are hits."""
+        listed = list(outcomes)
+        return cls(sum(listed), len(listed))
+
     @property
     def interval(self) -> tuple[float, float]:
         """(low, high) of the rate."""
+        from scipy.stats import binomtest
+
         if self.trials == 0:
             return 0.0, 1.0
-        n, rate, z = self.trials, self.hits / self.trials, NormalDist().inv_cdf(0.975)
-        centre, half = rate + z * z / (2 * n), z * sqrt(rate * (1 - rate) / n + (z / (2 * n)) ** 2)
-        scale = 1 + z * z / n
-        return max(0.0, (centre - half) / scale), min(1.0, (centre + half) / scale)
+        found = binomtest(self.hits, self.trials).proportion_ci(method="wilson")
+        return float(found.low), float(found.high)
 
     def __str__(self) -> str:
         low, high = self.interval
@@ -108,20 +133,27 @@ def run_trials(
     to it.
 
     Raises:
-        InputError: `file` is not a results file. Unavailable: the provider was; what is done is
-            kept.
+        InputError: `file` is not a results file.
+        Unavailable: the provider could not be reached; what is done is kept.
     """
     kept = {record.trial: record for record in read_records(file)}
     todo = [trial for trial in trials if trial not in kept]
-    say(f"{len(trials) - len(todo)} of {len(trials)} trials are done already")
+    done = len(trials) - len(todo)
+    say(f"{done} of {len(trials)} trials are done already")
     with file.open("a", encoding="utf-8") as results:
         for record in _attempted(todo, attempt, in_flight):
-            results.write(json.dumps(asdict(record), ensure_ascii=False) + "\n")
-            results.flush()
-            os.fsync(results.fileno())
+            _append(results, record)
             kept[record.trial] = record
-            say(f"{sum(t in kept for t in trials)} of {len(trials)}: {_told(record)}")
+            done += 1
+            say(f"{done} of {len(trials)}: {_told(record)}")
     return [kept[trial] for trial in trials]
+
+
+def _append(results: TextIO, record: Record) -> None:
+    """One more line, on the disk before anything else is asked."""
+    results.write(json.dumps(asdict(record), ensure_ascii=False) + "\n")
+    results.flush()
+    os.fsync(results.fileno())
 
 
 def read_records(file: Path) -> list[Record]:
@@ -141,7 +173,7 @@ def read_records(file: Path) -> list[Record]:
         return [TypeAdapter(Record).validate_json(line) for line in whole.splitlines()]
     except ValidationError:
         raise InputError(
-            f"'{file.name}' is not a results file of a study; choose another with --results"
+            f"'{file.name}' is not a results file of a study; choose another file with --out"
         ) from None
 
 
@@ -155,22 +187,29 @@ def table(records: Iterable[Record]) -> list[Row]:
 
 def _row(configuration: str, planner: str, records: Sequence[Record]) -> Row:
     judged = [r.success for r in records if r.success is not None]
-    costs = [r.figures.get("cost_usd") for r in records]
-    tokens = [r.figures.get("input_tokens", 0) + r.figures.get("output_tokens", 0) for r in records]
     return Row(
         configuration,
         planner,
-        Rate(sum(r.syntax for r in records), len(records)),
-        Rate(sum(r.valid for r in records), len(records)),
-        Rate(sum(judged), len(judged)) if judged else None,
-        sum(tokens) / len(tokens),
-        None if None in costs else sum(c for c in costs if c is not None),
+        Rate.of(r.syntax for r in records),
+        Rate.of(r.valid for r in records),
+        Rate.of(judged) if judged else None,
+        fmean(r.tokens for r in records),
+        _cost(records),
     )
+
+
+def _cost(records: Iterable[Record]) -> float | None:
+    total = 0.0
+    for record in records:
+        if record.cost is None:
+            return None
+        total += record.cost
+    return total
 
 
 def _attempted(
     trials: Sequence[Trial], attempt: Callable[[Trial], Record], in_flight: int
-) -> Iterable[Record]:
+) -> Iterator[Record]:
     """Records as they come, at most `in_flight` trials at a time; ends early when the provider
     stays out."""
     waiting = iter(trials)
@@ -186,6 +225,7 @@ def _attempted(
                     in_a_row = 0
                 except Unavailable as error:
                     outage, in_a_row = error, in_a_row + 1
+            # As many begin as have ended, so that no more than `in_flight` are under way.
             if in_a_row < OUTAGES:
                 running |= {pool.submit(attempt, trial) for trial in islice(waiting, len(done))}
     if outage is not None:
@@ -193,11 +233,17 @@ def _attempted(
 
 
 def _told(record: Record) -> str:
+    """A record in one line."""
     trial = record.trial
-    outcome = {True: "success", False: f"no success ({record.reason})", None: "not judged"}[
-        record.success
-    ]
+    syntax = "syntax valid" if record.syntax else "syntax not valid"
     return (
-        f"{trial.configuration}, {trial.planner}, trial {trial.number}: "
-        f"{'syntax valid' if record.syntax else 'syntax not valid'}, {outcome}"
+        f"{trial.configuration}, {trial.planner}, trial {trial.number}: {syntax}, {_ended(record)}"
     )
+
+
+def _ended(record: Record) -> str:
+    if record.success is None:
+        return "not judged"
+    if record.success:
+        return "success"
+    return f"no success ({record.reason})"

@@ -7,9 +7,10 @@ and the hidden world, in which they are not.
 
 from __future__ import annotations
 
-from concurrent.futures import ProcessPoolExecutor
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import product
 from math import cos, pi, sin
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -17,8 +18,35 @@ from tempfile import TemporaryDirectory
 from palpate.parameter import Parameter
 from palpate.settings import Settings
 from palpate.studies.accuracy import SeedRun, run_seed
+from palpate.studies.workers import spread
 
+HEIGHT = Parameter("table", "height")
 FRUSTUM_SIDES = 12
+TABLE_HALF = 0.02
+"""m: half the thickness of the table's top."""
+RAISED = 0.002
+"""m that things are believed too high where the table's height is missing."""
+
+SCENE = """\
+<mujoco model="{name}">
+  <asset>
+{meshes}
+  </asset>
+  <worldbody>
+    <light pos="0.4 0 {lamp}"/>
+    <site name="robot_base" pos="0 0 {base}"/>
+    <body name="table" pos="0.6 0 {table}">
+      <geom type="box" size="0.42 0.5 0.02" friction="0.6 0.005 0.0001" rgba="0.8 0.7 0.55 1"/>
+    </body>
+{bodies}
+  </worldbody>
+</mujoco>
+"""
+BODY = """\
+    <body name="{name}" pos="{x} {y} {z:.4f}" euler="0 0 {yaw:g}">
+      <freejoint/>
+      <geom {shape}{mass} friction="0.7 0.005 0.0001" rgba="0.3 0.5 0.8 1"/>
+    </body>"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,7 +63,21 @@ class Thing:
 
     @property
     def half_height(self) -> float:
-        return self.size[1] if self.shape == "cylinder" else self.size[2]
+        return self.size[-1]
+
+    def mjcf(self, z: float, massless: bool) -> str:
+        """Its body with the middle at height `z`, with or without its mass."""
+        x, y = self.at
+        mass = "" if massless else f' mass="{self.mass}"'
+        return BODY.format(
+            name=self.name, x=x, y=y, z=z, yaw=self.yaw, shape=self._shape(), mass=mass
+        )
+
+    def _shape(self) -> str:
+        if self.shape == "frustum":
+            return f'type="mesh" mesh="{self.name}"'
+        size = " ".join(f"{s:g}" for s in self.size)
+        return f'type="{self.shape}" size="{size}"'
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,7 +92,7 @@ class Variety:
     missing: tuple[Parameter, ...]
 
     def write(self, folder: Path) -> Settings:
-        """Scene and world in `folder`, and the settings that measure what is missing."""
+        """Scene and world in `folder`, and the settings that measures what is missing."""
         folder.mkdir(parents=True, exist_ok=True)
         for thing in self.things:
             if thing.shape == "frustum":
@@ -60,66 +102,52 @@ class Variety:
         return Settings(scene=folder / "scene.xml", world=folder / "world.xml")
 
     def _mjcf(self, hidden: tuple[Parameter, ...]) -> str:
-        unknown = Parameter("table", "height") in hidden
-        top = "?" if unknown else f"{self.height - 0.02:.4f}"
-        bodies = "\n".join(
-            self._body(t, Parameter(t.name, "mass") in hidden, 0.002 if unknown else 0.0)
-            for t in self.things
-        )
-        meshes = "\n".join(
-            f'    <mesh name="{t.name}" file="{t.name}.obj"/>'
-            for t in self.things
-            if t.shape == "frustum"
-        )
-        return (
-            f'<mujoco model="{self.name}">\n  <asset>\n{meshes}\n  </asset>\n  <worldbody>\n'
-            f'    <light pos="0.4 0 {self.height + 2}"/>\n'
-            f'    <site name="robot_base" pos="0 0 {self.base}"/>\n    <body name="table" pos="0.6 0 {top}">\n'
-            '      <geom type="box" size="0.42 0.5 0.02" friction="0.6 0.005 0.0001" rgba="0.8 0.7 0.55 1"/>\n'
-            f"    </body>\n{bodies}\n  </worldbody>\n</mujoco>\n"
-        )
-
-    def _body(self, thing: Thing, massless: bool, raised: float) -> str:
-        z = self.height + thing.half_height + raised
-        mass = "" if massless else f' mass="{thing.mass}"'
-        size = " ".join(f"{s:g}" for s in thing.size)
-        mesh = thing.shape == "frustum"
-        shape = (
-            f'type="mesh" mesh="{thing.name}"' if mesh else f'type="{thing.shape}" size="{size}"'
-        )
-        return (
-            f'    <body name="{thing.name}" pos="{thing.at[0]} {thing.at[1]} {z:.4f}" euler="0 0 {thing.yaw:g}">\n'
-            f'      <freejoint/>\n      <geom {shape}{mass} friction="0.7 0.005 0.0001" rgba="0.3 0.5 0.8 1"/>\n'
-            "    </body>"
+        """The scene without what is hidden. Where the table's height is, things stand 2 mm off."""
+        middle, raised = f"{self.height - TABLE_HALF:.4f}", 0.0
+        if HEIGHT in hidden:
+            middle, raised = "?", RAISED
+        meshes: list[str] = []
+        bodies: list[str] = []
+        for thing in self.things:
+            if thing.shape == "frustum":
+                meshes.append(f'    <mesh name="{thing.name}" file="{thing.name}.obj"/>')
+            z = self.height + thing.half_height + raised
+            bodies.append(thing.mjcf(z, massless=Parameter(thing.name, "mass") in hidden))
+        return SCENE.format(
+            name=self.name,
+            meshes="\n".join(meshes),
+            lamp=self.height + 2,
+            base=self.base,
+            table=middle,
+            bodies="\n".join(bodies),
         )
 
 
 def frustum(bottom: float, top: float, half_height: float) -> str:
-    """A closed frustum as Wavefront OBJ: radii and half height in m, axis z."""
-    ring = [
-        (cos(2 * pi * i / FRUSTUM_SIDES), sin(2 * pi * i / FRUSTUM_SIDES))
-        for i in range(FRUSTUM_SIDES)
-    ]
-    lines = [
-        f"v {r * x:.6f} {r * y:.6f} {z:.6f}"
-        for r, z in ((bottom, -half_height), (top, half_height))
-        for x, y in ring
-    ]
-    lower = [i + 1 for i in range(FRUSTUM_SIDES)]
-    upper = [i + 1 + FRUSTUM_SIDES for i in range(FRUSTUM_SIDES)]
-    lines.append("f " + " ".join(map(str, reversed(lower))))
-    lines.append("f " + " ".join(map(str, upper)))
-    for i in range(FRUSTUM_SIDES):
-        j = (i + 1) % FRUSTUM_SIDES
-        lines.append(f"f {lower[i]} {lower[j]} {upper[j]} {upper[i]}")
+    """A closed frustum as Wavefront OBJ: radii and half height in m, axis z.
+
+    Vertices 1 to n are the lower ring, n + 1 to 2 n the upper one, both anticlockwise from above.
+    """
+    n = FRUSTUM_SIDES
+    angles = [2 * pi * i / n for i in range(n)]
+    lines: list[str] = []
+    for (r, z), angle in product(((bottom, -half_height), (top, half_height)), angles):
+        lines.append(f"v {r * cos(angle):.6f} {r * sin(angle):.6f} {z:.6f}")
+    lines.append(_face(range(n, 0, -1)))  # seen from outside, the lower face runs clockwise
+    lines.append(_face(range(n + 1, 2 * n + 1)))
+    for i in range(1, n + 1):
+        j = i % n + 1
+        lines.append(_face((i, j, j + n, i + n)))
     return "\n".join(lines) + "\n"
+
+
+def _face(vertices: Iterable[int]) -> str:
+    return " ".join(["f", *map(str, vertices)])
 
 
 def _mass(*names: str) -> tuple[Parameter, ...]:
     return tuple(Parameter(name, "mass") for name in names)
 
-
-HEIGHT = Parameter("table", "height")
 
 SCENES: tuple[Variety, ...] = (
     Variety(
@@ -207,28 +235,22 @@ SCENES: tuple[Variety, ...] = (
 def run_all(noise: str, seed: int, workers: int = 1) -> dict[str, SeedRun]:
     """Every scene once, by name."""
     with TemporaryDirectory() as folder:
-        every = [replace(s.write(Path(folder) / s.name), noise=noise).checked() for s in SCENES]
-        if workers == 1:
-            return {
-                s.name: run_seed(settings, seed) for s, settings in zip(SCENES, every, strict=True)
-            }
-        with ProcessPoolExecutor(workers) as pool:
-            return dict(
-                zip(
-                    (s.name for s in SCENES),
-                    pool.map(partial(run_seed, seed=seed), every),
-                    strict=True,
-                )
-            )
+        todo: list[Settings] = []
+        for variety in SCENES:
+            settings = variety.write(Path(folder) / variety.name)
+            todo.append(replace(settings, noise=noise).checked())
+        runs = spread(partial(run_seed, seed=seed), todo, workers)
+    return {variety.name: run for variety, run in zip(SCENES, runs, strict=True)}
 
 
 def crowd(folder: Path, count: int) -> Path:
-    """A scene file of `count` small boxes on a table, every mass missing."""
-    spots = [(0.35 + 0.11 * (i % 4), -0.32 + 0.16 * (i // 4)) for i in range(count)]
-    things = tuple(
-        Thing(f"box_{i + 1}", "box", (0.02, 0.02, 0.025), 0.05 + 0.02 * i, spot)
-        for i, spot in enumerate(spots)
-    )
-    settings = Variety("crowd", 0.0, 0.0, things, _mass(*(t.name for t in things))).write(folder)
+    """A scene file of `count` small boxes on a table in rows of four, every mass missing."""
+    things: list[Thing] = []
+    for i in range(count):
+        row, column = divmod(i, 4)
+        spot = (0.35 + 0.11 * column, -0.32 + 0.16 * row)
+        things.append(Thing(f"box_{i + 1}", "box", (0.02, 0.02, 0.025), 0.05 + 0.02 * i, spot))
+    missing = _mass(*(thing.name for thing in things))
+    settings = Variety("crowd", 0.0, 0.0, tuple(things), missing).write(folder)
     assert settings.scene is not None
     return settings.scene
