@@ -84,7 +84,7 @@ def test_is_measured(case: Mapping[str, Any], tmp_path: Path) -> None:
     assert run.status == "complete"
     (estimate,) = run.estimates
     assert estimate.parameter == MASS
-    assert estimate.value == pytest.approx(trial.truth, rel=0.02)
+    assert estimate.value == pytest.approx(estimate.truth, rel=0.02)
 
 
 @pytest.mark.parametrize("at", ["0.5 0.1 0.25", "0.5 0.1 ?"])

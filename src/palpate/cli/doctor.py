@@ -6,12 +6,13 @@ import os
 import platform
 from collections.abc import Iterator
 from importlib.metadata import PackageNotFoundError, version
+from typing import NamedTuple
 
 from rich.markup import escape
 from rich.table import Table
 
 from palpate import __version__
-from palpate.cli.show import out
+from palpate.cli.console import out
 
 CORE = (
     "mujoco",
@@ -24,56 +25,73 @@ CORE = (
     "mcap",
     "imageio-ffmpeg",
 )
+"""Distributions that nothing works without."""
+
 PROVIDERS = {
     "openai": ("openai", "OPENAI_API_KEY"),
     "google": ("google-genai", "GOOGLE_API_KEY"),
     "anthropic": ("anthropic", "ANTHROPIC_API_KEY"),
 }
+"""Models' providers: the distribution of the client, and the environment variable of the key."""
 
-Line = tuple[bool, str, str]
-"""Whether it is available, what it is, and its version or the remedy."""
+
+class Line(NamedTuple):
+    """Whether a thing is available, what it is, and its version or the remedy."""
+
+    good: bool
+    what: str
+    detail: str
 
 
 def examine() -> int:
     """Print the table; 0 when the embedded robot and the symbolic planner can work, else 5."""
-    lines = list(_lines())
+    core = [_core(name) for name in CORE]
     table = Table(box=None, show_header=False, pad_edge=False)
-    for good, what, detail in lines:
-        table.add_row("[green]✓[/]" if good else "[yellow]–[/]", what, f"[dim]{escape(detail)}[/]")
+    for line in (_palpate(), *core, _pictures(), *_robots_and_planners()):
+        mark = "[green]✓[/]" if line.good else "[yellow]–[/]"
+        table.add_row(mark, line.what, f"[dim]{escape(line.detail)}[/]")
     out.print(table)
-    return 0 if all(_installed(name) for name in CORE) else 5
+    return 0 if all(line.good for line in core) else 5
 
 
-def _lines() -> Iterator[Line]:
+def _palpate() -> Line:
     system = f"Python {platform.python_version()} on {platform.system()} {platform.machine()}"
-    yield True, "palpate", f"{__version__}, {system}"
-    for name in CORE:
-        found = _installed(name)
-        yield found is not None, name, found or f"missing: pip install {name}"
-    yield _pictures()
-    yield True, "embedded robot", "FR3 in a MuJoCo world; needs nothing else"
-    yield True, "planner symbolic", "needs no key and no network"
-    for provider, (package, key) in PROVIDERS.items():
-        yield _provider(provider, package, key)
+    return Line(True, "palpate", f"{__version__}, {system}")
 
 
-def _installed(name: str) -> str | None:
-    try:
-        return version(name)
-    except PackageNotFoundError:
-        return None
+def _core(name: str) -> Line:
+    found = _installed(name)
+    if found is None:
+        return Line(False, name, f"missing: pip install {name}")
+    return Line(True, name, found)
 
 
 def _pictures() -> Line:
     from palpate.pictures.renderer import gl_available
 
     good, detail = gl_available()
-    return good, "pictures (OpenGL)", detail
+    return Line(good, "pictures (OpenGL)", detail)
 
 
-def _provider(provider: str, package: str, key: str) -> Line:
-    if _installed(package) is None:
-        return False, f"planner {provider}", f"missing: pip install 'palpate[{provider}]'"
+def _robots_and_planners() -> Iterator[Line]:
+    yield Line(True, "embedded robot", "FR3 in a MuJoCo world; needs nothing else")
+    yield Line(True, "planner symbolic", "needs no key and no network")
+    for provider, (distribution, key) in PROVIDERS.items():
+        yield _provider(provider, distribution, key)
+
+
+def _provider(provider: str, distribution: str, key: str) -> Line:
+    what = f"planner {provider}"
+    if _installed(distribution) is None:
+        return Line(False, what, f"missing: pip install 'palpate[{provider}]'")
     if not os.environ.get(key):
-        return False, f"planner {provider}", f"set {key} to use it"
-    return True, f"planner {provider}", f"{key} is set"
+        return Line(False, what, f"set {key} to use it")
+    return Line(True, what, f"{key} is set")
+
+
+def _installed(distribution: str) -> str | None:
+    """Its version."""
+    try:
+        return version(distribution)
+    except PackageNotFoundError:
+        return None

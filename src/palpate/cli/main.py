@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import json
 import sys
-from enum import StrEnum
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 
@@ -12,11 +11,32 @@ import typer
 
 from palpate import __version__
 from palpate.cli import study
-from palpate.cli.exits import EXIT, exit_status, in_flags
-from palpate.errors import PalpateError
+from palpate.cli.command import command
+from palpate.cli.exits import EXIT
+from palpate.cli.options import (
+    Arm,
+    AsJson,
+    ModelOptions,
+    Noise,
+    NoiseLevel,
+    OnFailure,
+    Out,
+    PlanFile,
+    Planner,
+    Poses,
+    Rehearse,
+    Remeasure,
+    RobotUrl,
+    SceneFile,
+    SceneOptions,
+    Seed,
+    Without,
+    World,
+    Yes,
+)
 
 if TYPE_CHECKING:
-    from palpate.planning.model.session import ModelSettings
+    from palpate.planning.check.check import Finding
     from palpate.settings import Settings
 
 app = typer.Typer(
@@ -34,84 +54,10 @@ app = typer.Typer(
 app.add_typer(study.app, name="study")
 
 
-class Noise(StrEnum):
-    """Sensor worlds."""
-
-    none = "none"
-    lab = "lab"
-    datasheet = "datasheet"
-
-
-Request = Annotated[
-    str | None, typer.Option("-r", "--request", help="What you want to simulate, in your words.")
-]
-SceneFile = Annotated[
-    Path | None, typer.Option("--scene", help="Your MJCF; what is absent or '?' is unknown.")
-]
-Images = Annotated[
-    list[Path] | None, typer.Option("--image", help="Picture of the workspace; may be repeated.")
-]
-Poses = Annotated[
-    Path | None, typer.Option("--poses", help="poses.yaml: objects, places, offsets.")
-]
-World = Annotated[
-    Path | None, typer.Option("--world", help="MJCF of the hidden world of the embedded robot.")
-]
-RobotUrl = Annotated[
-    str | None, typer.Option("--robot", help="URL of a real robot instead of the embedded one.")
-]
-Planner = Annotated[
-    str, typer.Option("--planner", help="symbolic | exhaustive | replay:FILE | PROVIDER:MODEL")
-]
-NoiseLevel = Annotated[Noise, typer.Option("--noise", help="Sensor world of the embedded robot.")]
-Seed = Annotated[int, typer.Option("--seed", help="Seed of everything random.")]
-Out = Annotated[
-    Path | None, typer.Option("--out", help="Run folder to make (default: runs/NAME-TIME).")
-]
-AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")]
-BaseUrl = Annotated[str | None, typer.Option("--base-url", help="Address of the model's server.")]
-Native = Annotated[bool, typer.Option("--native", help="Ask for the provider's structured output.")]
-Without = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--without", metavar="MODULE", help="Part of the prompt to leave out; may be repeated."
-    ),
-]
-Feedback = Annotated[
-    int, typer.Option("--feedback", min=0, max=10, help="How often findings go back to the model.")
-]
-Seconds = Annotated[
-    float, typer.Option("--budget-seconds", min=1, help="Longest that a model may take for a plan.")
-]
-Tokens = Annotated[
-    int, typer.Option("--budget-tokens", min=1, help="Most tokens that a plan may take.")
-]
-Dollars = Annotated[
-    float,
-    typer.Option("--budget-dollars", min=0, help="Most that a plan may cost, by list prices."),
-]
-Yes = Annotated[bool, typer.Option("--yes", help="Do not ask before a real robot moves.")]
-Rehearse = Annotated[
-    bool | None,
-    typer.Option(
-        "--rehearse/--no-rehearse",
-        help="Execute in simulation first (default: only for a real robot).",
-    ),
-]
-OnFailure = Annotated[
-    str, typer.Option("--on-failure", help="stop | skip | replan: what to do when a leaf fails.")
-]
-Remeasure = Annotated[
-    bool, typer.Option("--remeasure", help="Measure what is asked even if the scene states it.")
-]
-
-
 def main() -> None:
-    """Entry point: every `PalpateError` becomes one line and its exit status."""
+    """Entry point. What palpate refuses is told by the commands; here is the rest."""
     try:
         sys.exit(app(standalone_mode=False))
-    except PalpateError as error:
-        fail(error)
     except typer.Abort:
         sys.exit(4)
     except KeyboardInterrupt:
@@ -121,23 +67,6 @@ def main() -> None:
         if type(error).__module__.split(".")[0] in ("click", "typer"):
             usage(error)
         raise
-
-
-def fail(error: PalpateError) -> NoReturn:
-    """Print the error where it belongs and leave with its status."""
-    status, message = exit_status(error), in_flags(str(error))
-    if "--json" in sys.argv:
-        print(
-            json.dumps(
-                {
-                    "status": "rejected" if status == 3 else "failed",
-                    "error": {"message": message, "exit_status": status},
-                },
-                ensure_ascii=False,
-            )
-        )
-    print(f"palpate: {message}", file=sys.stderr)
-    sys.exit(status)
 
 
 def usage(error: Any) -> NoReturn:
@@ -165,37 +94,34 @@ def root(
     """Options of palpate itself."""
 
 
-@app.command()
+@command(app)
 def demo(
     name: Annotated[str, typer.Argument(metavar="[SCENARIO]")] = "bottle_and_table",
+    *,
     noise: NoiseLevel = Noise.lab,
     seed: Seed = 0,
     planner: Annotated[str | None, typer.Option("--planner")] = None,
+    arm: Arm = "fr3",
     out: Out = None,
     as_json: AsJson = False,
-    base_url: BaseUrl = None,
-    native: Native = False,
-    feedback: Feedback = 3,
-    budget_seconds: Seconds = 300,
-    budget_tokens: Tokens = 200_000,
-    budget_dollars: Dollars = 2,
+    model: ModelOptions,
 ) -> None:
     """Run a bundled scenario from the sentence to the report."""
-    options = locals()
     from palpate.scenarios.catalogue import scenario
 
-    changes: dict[str, Any] = {
-        "noise": noise.value,
-        "seed": seed,
-        "out": out,
-        "model_settings": _model_settings(options),
-    }
-    carry_out(
-        scenario(name).settings(**changes, **({"planner": planner} if planner else {})), as_json
+    chosen = scenario(name)
+    settings = chosen.settings(
+        planner=planner or chosen.planner,
+        noise=noise.value,
+        seed=seed,
+        arm=arm,
+        out=out,
+        model_settings=model.settings(),
     )
+    carry_out(settings, as_json)
 
 
-@app.command()
+@command(app)
 def scenarios(as_json: AsJson = False) -> None:
     """List the bundled scenarios."""
     from palpate.cli.show import show_scenarios
@@ -203,12 +129,10 @@ def scenarios(as_json: AsJson = False) -> None:
     show_scenarios(as_json)
 
 
-@app.command()
+@command(app)
 def run(
-    request: Request = None,
-    scene: SceneFile = None,
-    image: Images = None,
-    poses: Poses = None,
+    *,
+    asked: SceneOptions,
     world: World = None,
     robot: RobotUrl = None,
     planner: Planner = "symbolic",
@@ -220,22 +144,32 @@ def run(
     remeasure: Remeasure = False,
     rehearse: Rehearse = None,
     on_failure: OnFailure = "stop",
-    base_url: BaseUrl = None,
-    native: Native = False,
     without: Without = None,
-    feedback: Feedback = 3,
-    budget_seconds: Seconds = 300,
-    budget_tokens: Tokens = 200_000,
-    budget_dollars: Dollars = 2,
+    model: ModelOptions,
 ) -> None:
     """Measure what is missing and write the twin and the report."""
-    carry_out(_settings(locals()), as_json, yes)
+    settings = replace(
+        asked.settings(),
+        world=world,
+        robot=robot,
+        planner=planner,
+        noise=noise.value,
+        seed=seed,
+        out=out,
+        remeasure=remeasure,
+        rehearse=rehearse,
+        on_failure=on_failure,
+        model_settings=model.settings(without),
+    )
+    carry_out(settings, as_json, yes)
 
 
-@app.command()
+@command(app)
 def gap(
     scene: Annotated[Path, typer.Argument(help="Your MJCF.")],
+    *,
     poses: Poses = None,
+    arm: Arm = "fr3",
     as_json: AsJson = False,
 ) -> None:
     """Show what a scene states and what is missing."""
@@ -245,72 +179,82 @@ def gap(
     show_gap(load_scene(scene, poses), as_json)
 
 
-@app.command()
+@command(app)
 def plan(
-    request: Request = None,
-    scene: SceneFile = None,
-    image: Images = None,
-    poses: Poses = None,
+    *,
+    asked: SceneOptions,
     world: World = None,
     planner: Planner = "symbolic",
     remeasure: Remeasure = False,
     out: Annotated[Path | None, typer.Option("--out", help="File to write the plan to.")] = None,
     as_json: AsJson = False,
-    base_url: BaseUrl = None,
-    native: Native = False,
     without: Without = None,
-    feedback: Feedback = 3,
-    budget_seconds: Seconds = 300,
-    budget_tokens: Tokens = 200_000,
-    budget_dollars: Dollars = 2,
+    model: ModelOptions,
 ) -> None:
     """Plan only: which parameters, which tree, and why."""
     from palpate import pipeline
     from palpate.cli.show import show_plan
 
-    settings = _settings({**locals(), "out": None}).checked()
+    settings = replace(
+        asked.settings(),
+        world=world,
+        planner=planner,
+        remeasure=remeasure,
+        model_settings=model.settings(without),
+    ).checked()
     made = pipeline.plan(settings, pipeline.load(settings))
     show_plan(made, as_json, out)
     raise typer.Exit(0 if made.plan.satisfied or made.ready else 3)
 
 
-@app.command()
-def prompt(
-    request: Request = None,
-    scene: SceneFile = None,
-    poses: Poses = None,
-    image: Images = None,
-    without: Without = None,
-    as_json: AsJson = False,
-) -> None:
+@command(app)
+def prompt(*, asked: SceneOptions, without: Without = None, as_json: AsJson = False) -> None:
     """Print what a model would be sent, to read it or to paste it into a chat."""
     from palpate.cli.show import show_prompt
 
-    show_prompt(_settings(locals()).checked(), as_json)
+    settings = replace(asked.settings(), model_settings=ModelOptions().settings(without))
+    show_prompt(settings.checked(), as_json)
 
 
-@app.command()
+@command(app)
 def check(
-    plan: Annotated[
-        Path, typer.Argument(metavar="PLAN", help="A plan, a chat's answer, or a run folder.")
-    ],
+    plan: PlanFile,
+    *,
     scene: SceneFile = None,
     poses: Poses = None,
+    arm: Arm = "fr3",
     as_json: AsJson = False,
 ) -> None:
     """Check a plan against the vocabulary and a scene."""
-    from palpate.cli.show import check_plan_file
+    from palpate.cli.show import show_findings
 
-    raise typer.Exit(check_plan_file(plan, scene, poses, as_json))
+    findings = _findings(plan, scene, poses)
+    show_findings(findings, as_json)
+    raise typer.Exit(3 if findings else 0)
 
 
-@app.command()
+def _findings(plan: Path, scene: Path | None, poses: Path | None) -> list[Finding]:
+    """What the check says against a plan; without a scene, against what came with the plan."""
+    from palpate.planning.check.check import check
+    from palpate.planning.recorded import load_proposal
+    from palpate.scene.from_picture import DetectedScene, SceneBuilder
+    from palpate.scene.load import load_scene
+    from palpate.scene.poses import read_poses
+
+    proposal = load_proposal(plan)
+    known = load_scene(scene, poses) if scene else None
+    if known is None and poses and proposal.scene:
+        known = DetectedScene(SceneBuilder(read_poses(poses)), proposal.scene).scene()
+    return list(check(proposal.plan, known))
+
+
+@command(app)
 def execute(
-    plan: Annotated[
-        Path, typer.Argument(metavar="PLAN", help="A plan, a chat's answer, or a run folder.")
-    ],
+    plan: PlanFile,
+    *,
     scene: SceneFile = None,
     poses: Poses = None,
+    arm: Arm = "fr3",
     world: World = None,
     robot: RobotUrl = None,
     noise: NoiseLevel = Noise.lab,
@@ -323,11 +267,23 @@ def execute(
 ) -> None:
     """Execute a plan that exists already."""
     from palpate.planning.recorded import plan_file
+    from palpate.settings import Settings
 
-    carry_out(_settings({**locals(), "planner": f"replay:{plan_file(plan)}"}), as_json, yes)
+    settings = replace(
+        Settings(scene=scene, poses=poses, arm=arm),
+        world=world,
+        robot=robot,
+        planner=f"replay:{plan_file(plan)}",
+        noise=noise.value,
+        seed=seed,
+        out=out,
+        rehearse=rehearse,
+        on_failure=on_failure,
+    )
+    carry_out(settings, as_json, yes)
 
 
-@app.command()
+@command(app)
 def vocabulary(
     as_json: Annotated[bool, typer.Option("--json", help="The JSON schema of a plan.")] = False,
     btcpp: Annotated[bool, typer.Option("--btcpp", help="BT.CPP 4 TreeNodesModel.")] = False,
@@ -338,7 +294,7 @@ def vocabulary(
     show_vocabulary(as_json, btcpp)
 
 
-@app.command()
+@command(app)
 def doctor() -> None:
     """Explain what is and what is not available on this machine."""
     from palpate.cli.doctor import examine
@@ -346,46 +302,15 @@ def doctor() -> None:
     raise typer.Exit(examine())
 
 
-def _settings(options: dict[str, Any]) -> Settings:
-    from palpate.settings import Settings
-
-    fields = {k: v for k, v in options.items() if k in Settings.__dataclass_fields__}
-    fields["images"] = tuple(options.get("image") or ())
-    fields["model_settings"] = _model_settings(options)
-    if "noise" in fields:
-        fields["noise"] = fields["noise"].value
-    return Settings(**fields)
-
-
-def _model_settings(options: dict[str, Any]) -> ModelSettings:
-    """How a model is asked, by the options of a command; defaults for what it does not have."""
-    from palpate.planning.model.prompt.compose import checked_modules
-    from palpate.planning.model.session import Budget, ModelSettings
-
-    budget = {
-        name: options[f"budget_{name}"]
-        for name in ("seconds", "tokens", "dollars")
-        if f"budget_{name}" in options
-    }
-    given = {name: options[name] for name in ("base_url", "native") if name in options}
-    rounds = {"rounds": options["feedback"]} if "feedback" in options else {}
-    return ModelSettings(
-        **given,
-        **rounds,
-        without=checked_modules(options.get("without") or ()),
-        budget=Budget(**budget),
-    )
-
-
 def carry_out(settings: Settings, as_json: bool, yes: bool = False) -> None:
     """Run with a live view on stderr, print the result, leave with its exit status."""
-    from palpate.cli.show import confirm_plan, live_view, show_outcome
+    from palpate.cli.show import confirm_plan, live_view, show_run
     from palpate.pipeline import run as run_pipeline
     from palpate.pipeline import unasked
 
     with live_view() as (observer, say):
         made = run_pipeline(settings, observer, say, unasked if yes else confirm_plan)
-    show_outcome(made, as_json)
+    show_run(made, as_json)
     raise typer.Exit(EXIT[made.status])
 
 

@@ -1,5 +1,4 @@
-"""The vocabulary as a page of the documentation: `python -m palpate.reference >
-docs/vocabulary.md`."""
+"""The vocabulary as a page of the documentation, which `make docs` writes."""
 
 from __future__ import annotations
 
@@ -18,20 +17,26 @@ Generated from the declarations by `make docs`. A plan is made of these primitiv
 
 def page(words: Vocabulary) -> str:
     """The page's Markdown."""
-    parts = [HEAD, "## Primitives\n"]
-    parts += ["\n".join(_primitive(name, cls)) for name, cls in words.primitives.items()]
-    parts.append("## Composites\n")
-    parts += [f"### {c.name} `{c.symbol}`\n\n{c.summary}\n" for c in words.composites.values()]
-    parts.append("## Quantities\n\n| id | unit | what | how it is acquired |\n|---|---|---|---|")
-    parts.append(
-        "\n".join(
-            f"| `{q.id}` | {q.unit} | {q.label} | {acquisition(q)} |" for q in catalogue().values()
-        )
-        + "\n"
-    )
-    parts.append("## Rules of the check\n\n| rule | what it finds |\n|---|---|")
-    parts.append("\n".join(f"| `{rule}` | {text} |" for rule, text in RULES.items()))
-    return "\n".join(parts) + "\n"
+    return "\n".join(_parts(words)) + "\n"
+
+
+def _parts(words: Vocabulary) -> Iterator[str]:
+    yield HEAD
+    yield "## Primitives\n"
+    for name, primitive in words.primitives.items():
+        yield from _primitive(name, primitive)
+    yield "## Composites\n"
+    for composite in words.composites.values():
+        yield f"### {composite.name} `{composite.symbol}`\n\n{composite.summary}\n"
+    yield "## Quantities\n"
+    yield "| id | unit | what | how it is acquired |\n|---|---|---|---|"
+    for quantity in catalogue().values():
+        how = acquisition(quantity)
+        yield f"| `{quantity.id}` | {quantity.unit} | {quantity.label} | {how} |"
+    yield "\n## Rules of the check\n"
+    yield "| rule | what it finds |\n|---|---|"
+    for rule, text in RULES.items():
+        yield f"| `{rule}` | {text} |"
 
 
 def _primitive(name: str, cls: type[Primitive]) -> Iterator[str]:

@@ -10,25 +10,21 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
-from rich.table import Table
 from rich.text import Text
 
+from palpate.cli.console import err, escape, out, plain_table, print_json
+
 if TYPE_CHECKING:
+    from palpate.estimation.estimate import Estimate
     from palpate.execution.runner import Observer
     from palpate.mjcf.body import Body
     from palpate.planning.check.check import Finding
     from palpate.planning.plan import Node, Plan
     from palpate.runs.run import Run
+    from palpate.scenarios.catalogue import Scenario
     from palpate.scene.scene import Scene
     from palpate.settings import Settings
-
-out = Console(highlight=False)
-err = Console(stderr=True, highlight=False)
-
-
-def print_json(content: Any) -> None:
-    """One object on stdout, strict JSON."""
-    sys.stdout.write(json.dumps(content, ensure_ascii=False, allow_nan=False) + "\n")
+    from palpate.vocabulary.base import Primitive
 
 
 @contextmanager
@@ -40,9 +36,8 @@ def live_view() -> Generator[tuple[Observer, Callable[[str], None]]]:
         yield view, view.say
 
 
-def show_outcome(run: Run, as_json: bool) -> None:
+def show_run(run: Run, as_json: bool) -> None:
     """The result: values with error bars, and where the files are."""
-    from palpate.pictures.renderer import gl_available
     from palpate.runs.result import result_json
 
     if as_json:
@@ -54,21 +49,9 @@ def show_outcome(run: Run, as_json: bool) -> None:
         out.print("[bold green]nothing is missing[/]")
     else:
         _show_estimates(run)
-    for note in run.plan.notes:
-        out.print(f"[dim]note[/] {escape(note)}")
-    out.print(f"[dim]run folder[/]  {run.folder}", soft_wrap=True)
-    if run.folder:
-        out.print(f"[dim]report[/]      {run.folder / 'report.html'}", soft_wrap=True)
-    pictures, remedy = gl_available()
-    if not pictures:
-        out.print(f"[dim]no pictures[/] {escape(remedy)}", soft_wrap=True)
-
-
-def escape(text: str) -> str:
-    """Untrusted text for rich."""
-    from rich.markup import escape as rich_escape
-
-    return rich_escape(text)
+        _show_setbacks(run)
+    _show_notes(run.plan, out)
+    _show_files(run)
 
 
 def _show_rejection(run: Run) -> None:
@@ -78,36 +61,62 @@ def _show_rejection(run: Run) -> None:
 
 
 def _show_estimates(run: Run) -> None:
-    table = Table(box=None, header_style="dim", pad_edge=False)
-    for heading in ("object", "quantity", "value", "± std", "95 % interval", "verdict"):
-        table.add_column(heading, no_wrap=True)
+    headings = ["object", "quantity", "value", "± std", "95 % interval", "verdict"]
+    table = plain_table(*headings, no_wrap=True)
     if run.simulated:
         table.add_column("truth", style="dim", no_wrap=True)
     for estimate in run.estimates:
-        unit = estimate.unit.removesuffix("1")
-        value = f"[bold]{_numbers(estimate.value)}[/] {unit}" if estimate.has_value else "–"
-        row = [
-            escape(estimate.parameter.object),
-            estimate.parameter.quantity,
-            value,
-            _numbers(estimate.std, 2),
-            "\n".join(f"{low:.5g} … {high:.5g}" for low, high in estimate.ci95),
-            estimate.verdict,
-        ]
+        cells = _estimate_cells(estimate)
         if run.simulated:
-            truth = run.truth.get(estimate.parameter)
-            row.append(_numbers(truth) if truth else "–")
-        table.add_row(*row)
+            truth = run.truth.get(estimate.parameter, ())
+            cells.append(_numbers(truth) or "–")
+        table.add_row(*cells)
     out.print(table)
-    for setback in run.execution.setbacks if run.execution else ():
-        out.print(f"[yellow]went on after[/] {escape(setback)}")
-    if run.execution and run.execution.stopped_by:
-        out.print(f"[bold red]stopped[/] {escape(run.execution.stopped_by)}")
+
+
+def _estimate_cells(estimate: Estimate) -> list[str]:
+    """A row of the table, a line for each component."""
+    unit = estimate.unit.removesuffix("1")
+    value = "–"
+    if estimate.has_value:
+        value = f"[bold]{_numbers(estimate.value)}[/] {unit}"
+    return [
+        escape(estimate.parameter.object),
+        estimate.parameter.quantity,
+        value,
+        _numbers(estimate.std, 2),
+        "\n".join(f"{low:.5g} … {high:.5g}" for low, high in estimate.ci95),
+        estimate.verdict,
+    ]
 
 
 def _numbers(values: Iterable[float], digits: int = 5) -> str:
     """One number a line."""
     return "\n".join(f"{v:.{digits}g}" for v in values)
+
+
+def _show_setbacks(run: Run) -> None:
+    assert run.execution is not None
+    for setback in run.execution.setbacks:
+        out.print(f"[yellow]went on after[/] {escape(setback)}")
+    if run.execution.stopped_by:
+        out.print(f"[bold red]stopped[/] {escape(run.execution.stopped_by)}")
+
+
+def _show_notes(plan: Plan, console: Console) -> None:
+    for note in plan.notes:
+        console.print(f"[dim]note[/] {escape(note)}")
+
+
+def _show_files(run: Run) -> None:
+    from palpate.pictures.renderer import gl_available
+
+    out.print(f"[dim]run folder[/]  {run.folder}", soft_wrap=True)
+    if run.folder:
+        out.print(f"[dim]report[/]      {run.folder / 'report.html'}", soft_wrap=True)
+    pictures, remedy = gl_available()
+    if not pictures:
+        out.print(f"[dim]no pictures[/] {escape(remedy)}", soft_wrap=True)
 
 
 def show_scenarios(as_json: bool) -> None:
@@ -116,56 +125,45 @@ def show_scenarios(as_json: bool) -> None:
 
     found = scenarios().values()
     if as_json:
-        print_json(
-            [
-                {
-                    "name": s.name,
-                    "title": s.title,
-                    "request": s.request,
-                    "planner": s.planner.split("/")[0],
-                    "expects": [str(g) for g in s.expects],
-                }
-                for s in found
-            ]
-        )
+        print_json([_scenario_json(scenario) for scenario in found])
         return
-    table = Table(box=None, header_style="dim", pad_edge=False)
+    table = plain_table()
     table.add_column("scenario", style="bold")
     table.add_column("what it shows")
     table.add_column("request")
-    for s in found:
-        table.add_row(
-            s.name, s.title, Text(s.request or "– (whatever the scene lacks)", style="italic")
-        )
+    for scenario in found:
+        request = scenario.request or "– (whatever the scene lacks)"
+        table.add_row(scenario.name, scenario.title, Text(request, style="italic"))
     out.print(table)
     out.print("\nRun one with [bold]palpate demo NAME[/].")
+
+
+def _scenario_json(scenario: Scenario) -> dict[str, Any]:
+    return {
+        "name": scenario.name,
+        "title": scenario.title,
+        "request": scenario.request,
+        "planner": scenario.planner.split("/")[0],
+        "expects": [str(parameter) for parameter in scenario.expects],
+    }
 
 
 def show_gap(scene: Scene, as_json: bool) -> None:
     """What is known and what is missing, body by body."""
     if as_json:
-        print_json(
-            {
-                "missing": [{"object": g.object, "quantity": g.quantity} for g in scene.missing()],
-                "bodies": [_body_json(b) for b in scene.bodies.values()],
-            }
-        )
+        print_json(_gap_json(scene))
         return
-    table = Table(box=None, header_style="dim", pad_edge=False)
-    for heading in ("name", "role", "missing", "known", "assumed"):
-        table.add_column(heading)
+    table = plain_table("name", "role", "missing", "known", "assumed")
     for body in scene.bodies.values():
-        known = ", ".join(f"{k} {' '.join(f'{x:.4g}' for x in v)}" for k, v in body.known.items())
-        table.add_row(
-            escape(body.name),
-            body.role,
-            f"[bold red]{', '.join(sorted(body.missing))}[/]"
-            if body.missing
-            else "[green]nothing[/]",
-            f"[dim]{known}[/]",
-            f"[dim]{', '.join(sorted(body.assumed))}[/]",
-        )
+        table.add_row(*_body_cells(body))
     out.print(table)
+
+
+def _gap_json(scene: Scene) -> dict[str, Any]:
+    missing: list[dict[str, str]] = []
+    for parameter in scene.missing():
+        missing.append({"object": parameter.object, "quantity": parameter.quantity})
+    return {"missing": missing, "bodies": [_body_json(body) for body in scene.bodies.values()]}
 
 
 def _body_json(body: Body) -> dict[str, Any]:
@@ -174,24 +172,83 @@ def _body_json(body: Body) -> dict[str, Any]:
         "role": body.role,
         "missing": sorted(body.missing),
         "assumed": sorted(body.assumed),
-        "known": {k: list(v) for k, v in body.known.items()},
+        "known": {quantity: list(values) for quantity, values in body.known.items()},
     }
 
 
+def _body_cells(body: Body) -> list[str]:
+    known: list[str] = []
+    for quantity, values in body.known.items():
+        numbers = " ".join(f"{value:.4g}" for value in values)
+        known.append(f"{quantity} {numbers}")
+    missing = "[green]nothing[/]"
+    if body.missing:
+        missing = f"[bold red]{', '.join(sorted(body.missing))}[/]"
+    return [
+        escape(body.name),
+        body.role,
+        missing,
+        f"[dim]{', '.join(known)}[/]",
+        f"[dim]{', '.join(sorted(body.assumed))}[/]",
+    ]
+
+
 def show_plan(run: Run, as_json: bool, file: Path | None) -> None:
-    """A plan: parameters, tree in the paper's notation, explanation, findings."""
+    """A plan: parameters, tree in the paper's notation, explanation, findings; also to a file."""
     from palpate.runs.result import plan_text
 
+    text = plan_text(run)
     if file:
-        file.write_text(plan_text(run), encoding="utf-8")
+        file.write_text(text, encoding="utf-8")
     if as_json:
-        print_json(
-            json.loads(plan_text(run)) | {"findings": [finding_json(f) for f in run.findings]}
-        )
+        print_json(json.loads(text) | {"findings": _findings_json(run.findings)})
         return
     _print_plan(run.plan, out)
-    for finding in run.findings:
+    _print_findings(run.findings)
+
+
+def _print_plan(plan: Plan, console: Console) -> None:
+    names = ", ".join(str(parameter) for parameter in plan.parameters)
+    console.print("measures  ", names or "nothing", markup=False)
+    if plan.tree:
+        console.print(*tree_lines(plan.tree), sep="\n", markup=False)
+    console.print(f"\n{plan.explanation}", markup=False)
+    _show_notes(plan, console)
+
+
+def tree_lines(node: Node, depth: int = 0) -> Iterator[str]:
+    """The paper's notation: {-} Sequence, /_/ Parallel, -> action."""
+    from palpate.vocabulary.composites import COMPOSITES
+
+    indent = "    " * depth
+    if node.type in COMPOSITES:
+        yield f"{indent}{COMPOSITES[node.type].symbol} {node.type}"
+    else:
+        arguments = ", ".join(str(value) for _, value in node.args)
+        yield f"{indent}→ {node.type}({arguments})"
+    for child in node.children:
+        yield from tree_lines(child, depth + 1)
+
+
+def show_findings(findings: Iterable[Finding], as_json: bool) -> None:
+    """What the check says against a plan."""
+    found = _findings_json(findings)
+    if as_json:
+        print_json({"valid": not found, "findings": found})
+    elif found:
+        _print_findings(findings)
+    else:
+        out.print("[green]valid[/]")
+
+
+def _print_findings(findings: Iterable[Finding]) -> None:
+    for finding in findings:
         out.print(f"[yellow]{finding.rule}[/] {finding.path}: {escape(finding.message)}")
+
+
+def _findings_json(findings: Iterable[Finding]) -> list[dict[str, str]]:
+    """The contract's form of findings."""
+    return [{"path": f.path, "rule": f.rule, "message": f.message} for f in findings]
 
 
 def show_prompt(settings: Settings, as_json: bool) -> None:
@@ -217,12 +274,11 @@ def show_prompt(settings: Settings, as_json: bool) -> None:
     if as_json:
         print_json({"system": prompt.system, "user": prompt.user, "images": images})
         return
-    attached = "\n".join(["", "Attach:", *images]) if images else ""
-    sys.stdout.write(
-        "\n\n".join(part for part in (prompt.system.rstrip(), prompt.user) if part)
-        + attached
-        + "\n"
-    )
+    parts = [part for part in (prompt.system.rstrip(), prompt.user) if part]
+    text = "\n\n".join(parts)
+    if images:
+        text = "\n".join([text, "Attach:", *images])
+    sys.stdout.write(text + "\n")
 
 
 def confirm_plan(run: Run) -> bool:
@@ -230,64 +286,12 @@ def confirm_plan(run: Run) -> bool:
     import typer
 
     _print_plan(run.plan, err)
+    question = f"Let {run.settings.robot} move? (--yes skips this question)"
     try:
-        return typer.confirm(
-            f"Let {run.settings.robot} move? (--yes skips this question)", err=True
-        )
+        return typer.confirm(question, err=True)
     except typer.Abort:
         err.print()
         return False
-
-
-def _print_plan(plan: Plan, console: Console) -> None:
-    console.print(
-        "measures  ", ", ".join(str(g) for g in plan.parameters) or "nothing", markup=False
-    )
-    if plan.tree:
-        console.print(*tree_lines(plan.tree), sep="\n", markup=False)
-    console.print(f"\n{plan.explanation}", markup=False)
-    for note in plan.notes:
-        console.print(f"[dim]note[/] {escape(note)}")
-
-
-def finding_json(finding: Finding) -> dict[str, str]:
-    """The contract's form of a finding."""
-    return {"path": finding.path, "rule": finding.rule, "message": finding.message}
-
-
-def tree_lines(node: Node, depth: int = 0) -> Iterator[str]:
-    """The paper's notation: {-} Sequence, /_/ Parallel, -> action."""
-    from palpate.vocabulary.composites import COMPOSITES
-
-    symbol = COMPOSITES[node.type].symbol if node.type in COMPOSITES else "→"
-    args = ", ".join(str(v) for _, v in node.args)
-    yield f"{'    ' * depth}{symbol} {node.type}" + (
-        f"({args})" if node.type not in COMPOSITES else ""
-    )
-    for child in node.children:
-        yield from tree_lines(child, depth + 1)
-
-
-def check_plan_file(path: Path, scene: Path | None, poses: Path | None, as_json: bool) -> int:
-    """Check a plan file; the exit status is 0 when valid and 3 when not."""
-    from palpate.planning.check.check import check
-    from palpate.planning.recorded import load_proposal
-    from palpate.scene.from_picture import DetectedScene, SceneBuilder
-    from palpate.scene.load import load_scene
-    from palpate.scene.poses import read_poses
-
-    proposal = load_proposal(path)
-    known = load_scene(scene, poses) if scene else None
-    if known is None and poses and proposal.scene:
-        known = DetectedScene(SceneBuilder(read_poses(poses)), proposal.scene).scene()
-    findings = check(proposal.plan, known)
-    if as_json:
-        print_json({"valid": not findings, "findings": [finding_json(f) for f in findings]})
-    elif not findings:
-        out.print("[green]valid[/]")
-    for finding in () if as_json else findings:
-        out.print(f"[yellow]{finding.rule}[/] {finding.path}: {escape(finding.message)}")
-    return 3 if findings else 0
 
 
 def show_vocabulary(as_json: bool, btcpp: bool) -> None:
@@ -303,16 +307,19 @@ def show_vocabulary(as_json: bool, btcpp: bool) -> None:
     if btcpp:
         sys.stdout.write(tree_nodes_model(words))
         return
-    for name, cls in words.primitives.items():
-        fields = ", ".join(cls.model_fields)
-        buffers = "".join(
-            [
-                f" reads {cls.reads}" if cls.reads else "",
-                f" writes {cls.writes}" if cls.writes else "",
-            ]
-        )
-        out.print(f"→ [bold]{name}[/]({fields})[dim]{buffers}[/]\n  {escape(cls.summary())}")
+    for name, primitive in words.primitives.items():
+        out.print(_primitive_text(name, primitive))
     for composite in words.composites.values():
-        out.print(
-            f"{escape(composite.symbol)} [bold]{composite.name}[/]\n  {escape(composite.summary)}"
-        )
+        symbol, summary = escape(composite.symbol), escape(composite.summary)
+        out.print(f"{symbol} [bold]{composite.name}[/]\n  {summary}")
+
+
+def _primitive_text(name: str, primitive: type[Primitive]) -> str:
+    """A primitive with its arguments, its buffers and what it does."""
+    buffers = ""
+    if primitive.reads:
+        buffers += f" reads {primitive.reads}"
+    if primitive.writes:
+        buffers += f" writes {primitive.writes}"
+    arguments = ", ".join(primitive.model_fields)
+    return f"→ [bold]{name}[/]({arguments})[dim]{buffers}[/]\n  {escape(primitive.summary())}"

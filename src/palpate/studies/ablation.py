@@ -63,6 +63,15 @@ def ablation(
     return run_trials(wanted, attempted, file, in_flight, say)
 
 
+def published() -> dict[str, str]:
+    """The paper's syntax and success in words, by configuration."""
+    rates: dict[str, str] = {}
+    for name, (syntax, success) in PAPER.items():
+        successes = "–" if success is None else f"{success}/10"
+        rates[name] = f"{syntax}/10, {successes}"
+    return rates
+
+
 def without(configuration: str) -> frozenset[str]:
     """The modules that a configuration leaves out.
 

@@ -14,6 +14,12 @@ PAPER: dict[str, tuple[int, int]] = {"GPT-4": (20, 20), "Gemini 1.5 Pro": (20, 2
 TRIALS = 20
 
 
+def published() -> dict[str, str]:
+    """The paper's syntax and success in words, by configuration; each pair of rates once."""
+    rates = {f"{syntax}/20, {success}/20" for syntax, success in PAPER.values()}
+    return {"full": "; ".join(sorted(rates))}
+
+
 def repeatability(
     scenario: str,
     planners: Sequence[str],

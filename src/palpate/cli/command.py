@@ -1,0 +1,87 @@
+"""Commands: functions whose option groups are spread out, and whose errors are told as asked."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Mapping
+from dataclasses import MISSING, Field, fields, is_dataclass
+from functools import wraps
+from inspect import Parameter, Signature
+from typing import Annotated, Any, TypeVar, get_origin, get_type_hints
+
+import typer
+
+from palpate.cli.console import print_error
+from palpate.errors import PalpateError
+
+Function = TypeVar("Function", bound=Callable[..., None])
+
+
+def command(app: typer.Typer) -> Callable[[Function], Function]:
+    """Make a function a command of `app`.
+
+    A parameter whose type is a dataclass is an option group: the command has its fields as options,
+    and the function gets the dataclass. A `PalpateError` becomes a message and its exit status; a
+    command with a parameter `as_json` that is set prints it as JSON too.
+    """
+
+    def register(function: Function) -> Function:
+        hints = get_type_hints(function, include_extras=True)
+        groups = {name: kind for name, kind in hints.items() if is_dataclass(kind)}
+
+        @wraps(function)
+        def called(**given: Any) -> None:
+            try:
+                function(**_gathered(given, groups))
+            except PalpateError as error:
+                raise typer.Exit(print_error(error, given.get("as_json", False))) from None
+
+        _set_options(called, _options(function, hints, groups))
+        app.command()(called)
+        return function
+
+    return register
+
+
+def _options(
+    function: Callable[..., None], hints: Mapping[str, Any], groups: Mapping[str, Any]
+) -> list[Parameter]:
+    """The function's parameters, the fields of a group in the place of the group."""
+    options: list[Parameter] = []
+    for name, parameter in inspect.signature(function).parameters.items():
+        if name in groups:
+            options += _fields(groups[name])
+        else:
+            options.append(_option(name, hints[name], parameter.default))
+    return options
+
+
+def _fields(group: Any) -> list[Parameter]:
+    hints = get_type_hints(group, include_extras=True)
+    return [_option(field.name, hints[field.name], _default(field)) for field in fields(group)]
+
+
+def _default(field: Field[Any]) -> Any:
+    if field.default is MISSING:
+        return Parameter.empty
+    return field.default
+
+
+def _option(name: str, hint: Any, default: Any) -> Parameter:
+    assert get_origin(hint) is Annotated, f"'{name}' is no option and no group of options"
+    return Parameter(name, Parameter.KEYWORD_ONLY, default=default, annotation=hint)
+
+
+def _set_options(called: Any, options: list[Parameter]) -> None:
+    """What typer looks at to make a command of a function."""
+    called.__signature__ = Signature(options)
+    called.__annotations__ = {option.name: option.annotation for option in options}
+
+
+def _gathered(given: Mapping[str, Any], groups: Mapping[str, Any]) -> dict[str, Any]:
+    """The options as the function takes them: those of a group in a group."""
+    arguments = dict(given)
+    for name, group in groups.items():
+        values = {field.name: arguments.pop(field.name) for field in fields(group)}
+        arguments[name] = group(**values)
+    return arguments

@@ -1,0 +1,56 @@
+"""Where the commands print: stdout for results, stderr for everything else."""
+
+from __future__ import annotations
+
+import json
+import sys
+from typing import Any
+
+from rich.console import Console
+from rich.table import Table
+
+from palpate.cli.exits import exit_status, in_flags
+from palpate.errors import PalpateError
+
+out = Console(highlight=False)
+err = Console(stderr=True, highlight=False)
+
+
+def print_json(content: Any) -> None:
+    """One object on stdout, strict JSON."""
+    sys.stdout.write(json.dumps(content, ensure_ascii=False, allow_nan=False) + "\n")
+
+
+def print_error(error: PalpateError, as_json: bool) -> int:
+    """One line on stderr, and an object on stdout where JSON is wanted; the exit status."""
+    status, message = exit_status(error), in_flags(str(error))
+    if as_json:
+        ended = "rejected" if status == 3 else "failed"
+        print_json({"status": ended, "error": {"message": message, "exit_status": status}})
+    print(f"palpate: {message}", file=sys.stderr)
+    return status
+
+
+def escape(text: str) -> str:
+    """Untrusted text for rich."""
+    from rich.markup import escape as rich_escape
+
+    return rich_escape(text)
+
+
+def plain_table(*headings: str, no_wrap: bool = False) -> Table:
+    """A table without lines, its headings dim."""
+    table = Table(box=None, header_style="dim", pad_edge=False)
+    for heading in headings:
+        table.add_column(heading, no_wrap=no_wrap)
+    return table
+
+
+def figure_table(*headings: str, title: str | None = None, no_wrap: bool = False) -> Table:
+    """A plain table of figures: the first column names, the others are numbers to the right."""
+    table = Table(title=title, title_justify="left", box=None, header_style="dim", pad_edge=False)
+    names, *figures = headings
+    table.add_column(names, no_wrap=no_wrap)
+    for heading in figures:
+        table.add_column(heading, justify="right", no_wrap=no_wrap)
+    return table

@@ -1,0 +1,152 @@
+"""The options of the commands: each declared once, and those that belong together in groups.
+
+A group is a dataclass whose fields are options; a command that has a parameter of its type takes all
+of them (see `palpate.cli.command`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from palpate.planning.model.session import ModelSettings
+    from palpate.settings import Settings
+
+
+class Noise(StrEnum):
+    """Noise models that `--noise` knows by name."""
+
+    none = "none"
+    lab = "lab"
+    datasheet = "datasheet"
+
+
+Request = Annotated[
+    str | None, typer.Option("-r", "--request", help="What you want to simulate, in your words.")
+]
+SceneFile = Annotated[
+    Path | None, typer.Option("--scene", help="Your MJCF; what is absent or '?' is unknown.")
+]
+Images = Annotated[
+    list[Path] | None, typer.Option("--image", help="Picture of the workspace; may be repeated.")
+]
+Poses = Annotated[
+    Path | None, typer.Option("--poses", help="poses.yaml: objects, places, offsets.")
+]
+Arm = Annotated[
+    str,
+    typer.Option("--arm", metavar="NAME|PATH/", help="Arm, by name or by a description's folder."),
+]
+World = Annotated[
+    Path | None, typer.Option("--world", help="MJCF of the hidden world of the embedded robot.")
+]
+RobotUrl = Annotated[
+    str | None, typer.Option("--robot", help="URL of a real robot instead of the embedded one.")
+]
+Planner = Annotated[
+    str, typer.Option("--planner", help="symbolic | exhaustive | replay:FILE | PROVIDER:MODEL")
+]
+NoiseLevel = Annotated[Noise, typer.Option("--noise", help="Sensor world of the embedded robot.")]
+Seed = Annotated[int, typer.Option("--seed", help="Seed of everything random.")]
+Out = Annotated[
+    Path | None, typer.Option("--out", help="Run folder to make (default: runs/NAME-TIME).")
+]
+AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")]
+Yes = Annotated[bool, typer.Option("--yes", help="Do not ask before a real robot moves.")]
+Rehearse = Annotated[
+    bool | None,
+    typer.Option(
+        "--rehearse/--no-rehearse",
+        help="Execute in simulation first (default: only for a real robot).",
+    ),
+]
+OnFailure = Annotated[
+    str, typer.Option("--on-failure", help="stop | skip | replan: what to do when a leaf fails.")
+]
+Remeasure = Annotated[
+    bool, typer.Option("--remeasure", help="Measure what is asked even if the scene states it.")
+]
+PlanFile = Annotated[
+    Path, typer.Argument(metavar="PLAN", help="A plan, a chat's answer, or a run folder.")
+]
+BaseUrl = Annotated[str | None, typer.Option("--base-url", help="Address of the model's server.")]
+Native = Annotated[bool, typer.Option("--native", help="Ask for the provider's structured output.")]
+Without = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--without", metavar="MODULE", help="Part of the prompt to leave out; may be repeated."
+    ),
+]
+Feedback = Annotated[
+    int, typer.Option("--feedback", min=0, max=10, help="How often findings go back to the model.")
+]
+Seconds = Annotated[
+    float, typer.Option("--budget-seconds", min=1, help="Longest that a model may take for a plan.")
+]
+Tokens = Annotated[
+    int, typer.Option("--budget-tokens", min=1, help="Most tokens that a plan may take.")
+]
+Dollars = Annotated[
+    float,
+    typer.Option("--budget-dollars", min=0, help="Most that a plan may cost, by list prices."),
+]
+
+
+@dataclass(frozen=True)
+class SceneOptions:
+    """What is asked, of which scene, for which arm."""
+
+    request: Request = None
+    scene: SceneFile = None
+    image: Images = None
+    poses: Poses = None
+    arm: Arm = "fr3"
+
+    def settings(self) -> Settings:
+        """Settings with these, and defaults for everything else."""
+        from palpate.settings import Settings
+
+        return Settings(
+            request=self.request,
+            scene=self.scene,
+            images=tuple(self.image or ()),
+            poses=self.poses,
+            arm=self.arm,
+        )
+
+
+@dataclass(frozen=True)
+class ModelOptions:
+    """How a model is asked, where the planner is one."""
+
+    base_url: BaseUrl = None
+    native: Native = False
+    feedback: Feedback = 3
+    budget_seconds: Seconds = 300
+    budget_tokens: Tokens = 200_000
+    budget_dollars: Dollars = 2
+
+    def settings(self, without: Without = None) -> ModelSettings:
+        """As the planner takes them; `without` names modules of the prompt that are left out.
+
+        Raises:
+            InputError: no such module.
+        """
+        from palpate.planning.model.prompt.compose import checked_modules
+        from palpate.planning.model.session import Budget, ModelSettings
+
+        budget = Budget(
+            seconds=self.budget_seconds, tokens=self.budget_tokens, dollars=self.budget_dollars
+        )
+        return ModelSettings(
+            base_url=self.base_url,
+            native=self.native,
+            without=checked_modules(without or ()),
+            rounds=self.feedback,
+            budget=budget,
+        )

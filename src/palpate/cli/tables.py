@@ -1,0 +1,212 @@
+"""The studies' results: tables on the terminal, or one JSON object."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from pathlib import Path
+from statistics import fmean
+from typing import Any
+
+from rich.console import Console
+from rich.markup import escape
+from rich.text import Text
+
+from palpate.cli.console import figure_table, out, plain_table, print_json
+from palpate.studies import faults, trials
+from palpate.studies.accuracy import SeedRun, Summary, summarise
+from palpate.studies.efficiency import Comparison, PublishedEffort
+from palpate.studies.faults import Ending
+from palpate.studies.trials import Rate, Record, Row
+
+WIDTH = 130
+"""Characters of the widest tables, whatever the terminal has: rates with intervals are not
+broken."""
+
+
+def show_seed_runs(runs: Mapping[str, Sequence[SeedRun]], title: str, as_json: bool) -> None:
+    """Estimates against the truth, scenario by scenario."""
+    if as_json:
+        scenarios = [_seed_runs_json(name, found) for name, found in runs.items()]
+        print_json({"title": title, "scenarios": scenarios})
+        return
+    headings = ("parameter", "truth", "mean", "bias", "SD", "stated", "in 95 %", "1-shot SD")
+    table = figure_table(*headings, title=title, no_wrap=True)
+    for name, found in runs.items():
+        table.add_row(f"[bold]{name}[/]")
+        for row in summarise(found):
+            table.add_row(*_summary_cells(row))
+        table.add_row(f"[dim]{_endings_text(found)}[/]")
+    Console(highlight=False, width=WIDTH).print(table)
+
+
+def _seed_runs_json(name: str, runs: Sequence[SeedRun]) -> dict[str, Any]:
+    return {
+        "scenario": name,
+        "statuses": _statuses(runs),
+        "actions": runs[0].actions,
+        "robot_seconds": _robot_seconds(runs),
+        "rows": [asdict(row) for row in summarise(runs)],
+    }
+
+
+def _summary_cells(row: Summary) -> list[str]:
+    name = str(row.parameter)
+    if row.component:
+        name += f"[{row.component}]"
+    single_shot = "–"
+    if row.single_shot_sd is not None:
+        single_shot = f"{row.single_shot_sd:.3g}"
+    return [
+        f"  {escape(name)}",
+        f"{row.truth:.4g}",
+        f"{row.mean:.4g}",
+        f"{row.bias:+.2g}",
+        f"{row.sd:.2g}",
+        f"{row.claimed:.2g}",
+        f"{row.covered}/{row.runs}",
+        single_shot,
+    ]
+
+
+def _endings_text(runs: Sequence[SeedRun]) -> str:
+    """How the runs ended, and what they took."""
+    ended = ", ".join(f"{count} {status}" for status, count in _statuses(runs).items())
+    return f"  {ended}; {runs[0].actions} actions, {_robot_seconds(runs):.1f} s"
+
+
+def _statuses(runs: Sequence[SeedRun]) -> dict[str, int]:
+    return dict(Counter(run.status for run in runs))
+
+
+def _robot_seconds(runs: Sequence[SeedRun]) -> float:
+    return fmean(run.robot_seconds for run in runs)
+
+
+def show_trials(records: Sequence[Record], published: Mapping[str, str], as_json: bool) -> None:
+    """Rates with their 95 % Wilson intervals, beside the published syntax and success."""
+    rows = trials.table(records)
+    if as_json:
+        print_json({"rows": [_row_json(row) for row in rows]})
+        return
+    table = plain_table(
+        "configuration",
+        "planner",
+        "syntax",
+        "valid",
+        "success",
+        "tokens",
+        "US $",
+        "paper: syntax, success",
+    )
+    for row in rows:
+        table.add_row(*_row_cells(row), published.get(row.configuration, "–"))
+    Console(highlight=False, width=max(out.width, WIDTH)).print(table)
+
+
+def _row_cells(row: Row) -> list[str | Text]:
+    cost = "–"
+    if row.cost is not None:
+        cost = f"{row.cost:.3f}"
+    return [
+        row.configuration,
+        Text(row.planner),
+        str(row.syntax),
+        str(row.valid),
+        str(row.success or "–"),
+        f"{row.tokens:.0f}",
+        cost,
+    ]
+
+
+def _row_json(row: Row) -> dict[str, Any]:
+    rates: dict[str, Rate] = {"syntax": row.syntax, "valid": row.valid}
+    if row.success:
+        rates["success"] = row.success
+    intervals = {name: rate.interval for name, rate in rates.items()}
+    return asdict(row) | {"intervals": intervals}
+
+
+def show_endings(endings: Sequence[Ending], as_json: bool) -> None:
+    """How the mishaps ended, and why."""
+    if as_json:
+        print_json({"runs": [asdict(ending) for ending in endings]})
+        return
+    table = plain_table("mishap", "ended", "as it should", "dropped", "still held")
+    reasons: list[Text] = []
+    for row in faults.table(endings):
+        ended = ", ".join(f"{status} {count}" for status, count in row.endings.items())
+        as_expected = f"{row.as_expected}/{row.runs}"
+        table.add_row(row.scenario, ended, as_expected, str(row.dropped), str(row.holding))
+        reasons.append(Text(f"{row.scenario}: {row.reason[:200]}", "dim"))
+    out.print(table, *reasons, sep="\n")
+
+
+def show_comparisons(rows: Sequence[Comparison], paper: PublishedEffort, as_json: bool) -> None:
+    """Both planners' effort, and what intent saves."""
+    if as_json:
+        print_json({"scenarios": [_comparison_json(row) for row in rows]})
+        return
+    table = figure_table(
+        "scenario",
+        "exhaustive actions",
+        "robot s",
+        "intent-driven actions",
+        "robot s",
+        "time saved",
+    )
+    for row in rows:
+        saved = "not completed"
+        if row.time_saved is not None:
+            saved = f"{row.time_saved:.0%}"
+        table.add_row(
+            row.scenario,
+            str(row.exhaustive.actions),
+            f"{row.exhaustive.robot_seconds:.1f}",
+            str(row.intent.actions),
+            f"{row.intent.robot_seconds:.1f}",
+            saved,
+        )
+    table.add_row(
+        "[dim]the paper's pair[/]",
+        str(paper.exhaustive_actions),
+        f"{paper.exhaustive_seconds:.0f}",
+        str(paper.intent_actions),
+        f"{paper.intent_seconds:.0f}",
+        f"{paper.time_saved:.0%}",
+    )
+    out.print(table)
+
+
+def _comparison_json(row: Comparison) -> dict[str, Any]:
+    return {
+        "scenario": row.scenario,
+        "exhaustive": _seed_run_json(row.exhaustive),
+        "intent": _seed_run_json(row.intent),
+        "time_saved": row.time_saved,
+    }
+
+
+def _seed_run_json(run: SeedRun) -> dict[str, Any]:
+    """A run with its estimates under the name that scripts know."""
+    fields = asdict(run)
+    fields["trials"] = fields.pop("estimates")
+    return fields
+
+
+def plot_comparisons(file: Path, rows: Sequence[Comparison], paper: PublishedEffort) -> None:
+    """The same as a plot, in an HTML file."""
+    from palpate.report.efficiency import Effort, efficiency_page
+
+    efforts: list[Effort] = []
+    for row in rows:
+        actions = (row.exhaustive.actions, row.intent.actions)
+        seconds = (row.exhaustive.robot_seconds, row.intent.robot_seconds)
+        efforts.append(Effort(row.scenario, actions, seconds))
+    published = Effort(
+        "the paper's pair",
+        (paper.exhaustive_actions, paper.intent_actions),
+        (paper.exhaustive_seconds, paper.intent_seconds),
+    )
+    file.write_text(efficiency_page(efforts, published), encoding="utf-8")
