@@ -76,16 +76,21 @@ def _textured(random: np.random.Generator) -> mujoco.MjModel:
         "paint": _mottled(random, (0.75, 0.16, 0.12), 0.03),
         "card": _mottled(random, (0.90, 0.74, 0.25), 0.04),
     }
-    assets = "".join(_asset(name, "2d" if name in ("wood", "floor") else "cube") for name in skins)
+    assets = ""
+    files: dict[str, bytes] = {}
+    for name, skin in skins.items():
+        assets += _asset(name)
+        files[f"{name}.png"] = _png(skin)
     xml = re.sub(r"<material .*/>", "", WORLD.read_text(encoding="utf-8"))
     xml = re.sub(r"<light .*/>", LIGHTS, xml.replace("</asset>", f"{assets}</asset>"))
-    return mujoco.MjModel.from_xml_string(
-        xml, {f"{name}.png": _png(skin) for name, skin in skins.items()}
-    )
+    return mujoco.MjModel.from_xml_string(xml, files)
 
 
-def _asset(name: str, kind: str) -> str:
-    shine = 0.1 if kind == "2d" else 0.6
+def _asset(name: str) -> str:
+    """A texture and the material that wears it; flat things are dull."""
+    kind, shine = "cube", 0.6
+    if name in ("wood", "floor"):
+        kind, shine = "2d", 0.1
     return (
         f'<texture name="{name}" type="{kind}" file="{name}.png"/>'
         f'<material name="{name}" texture="{name}" specular="{shine}" shininess="0.5"/>'
@@ -112,10 +117,12 @@ def _mottled(
     random: np.random.Generator, colour: tuple[float, float, float], depth: float
 ) -> Light:
     """One colour with stains of several sizes."""
-    stains = sum(
-        np.kron(random.normal(size=(n, n)), np.ones((256 // n, 256 // n))) for n in (4, 16, 64, 256)
-    )
-    return np.clip(np.array(colour) + depth * np.asarray(stains)[..., None] / 2, 0, 1)
+    size = 256
+    stains = np.zeros((size, size))
+    for n in (4, 16, 64, 256):
+        stain = np.ones((size // n, size // n))
+        stains += np.kron(random.normal(size=(n, n)), stain)
+    return np.clip(np.array(colour) + depth * stains[..., None] / 2, 0, 1)
 
 
 def _through_lens(seen: Light) -> Light:
