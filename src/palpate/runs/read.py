@@ -69,7 +69,7 @@ def _run(folder: Path, settings: Settings, result: dict[str, Any]) -> Run:
         settings,
         found.scene,
         replace(proposal.plan, satisfied=satisfied),
-        tuple(Finding(**finding) for finding in result["plan"]["findings"]),
+        tuple(Finding.of(**finding) for finding in result["plan"]["findings"]),
         conversation=_conversation(folder / "conversation.json"),
         seen=found.seen,
         rehearsal=_rehearsal(result["rehearsal"]),
