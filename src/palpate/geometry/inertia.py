@@ -29,4 +29,4 @@ def tensor_of(parts: Sequence[float]) -> Array:
 def components(tensor: Array) -> list[float]:
     """xx yy zz xy xz yz of a (3, 3) tensor."""
     rows, columns = (0, 1, 2, 0, 0, 1), (0, 1, 2, 1, 2, 2)
-    return [float(v) for v in tensor[rows, columns]]
+    return tensor[rows, columns].tolist()

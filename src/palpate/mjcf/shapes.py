@@ -1,4 +1,8 @@
-"""The compiled geometry of a scene: convex outlines of geoms, boxes of bodies, volumes."""
+"""The compiled geometry of a scene: convex outlines of geoms, boxes of bodies, volumes.
+
+Every geom is handed on as a cloud of points whose convex hull it is: corners of a box, two rings of
+a cylinder, rings between the poles of a ball, and of a mesh the vertices that stand out.
+"""
 
 from __future__ import annotations
 
@@ -47,9 +51,8 @@ class Shapes:
 
     def geom_pose(self, geom: Element) -> Pose:
         """Pose of a geom's frame in the world."""
-        return _pose(
-            self.data.geom_xpos[self.geom_ids[geom]], self.data.geom_xmat[self.geom_ids[geom]]
-        )
+        i = self.geom_ids[geom]
+        return _pose(self.data.geom_xpos[i], self.data.geom_xmat[i])
 
     def points(self, geom: Element) -> Array:
         """(k, 3) points in the world whose convex hull is the geom, m."""
@@ -63,9 +66,8 @@ class Shapes:
     def convex(self, geom: Element) -> Convex:
         """The geom with its edges, in the world."""
         points = self.points(geom)
-        return Convex(
-            points, hull_edges(int(self.model.geom_type[self.geom_ids[geom]]), len(points))
-        )
+        kind = int(self.model.geom_type[self.geom_ids[geom]])
+        return Convex(points, hull_edges(kind, len(points)))
 
     def cloud(self, geoms: Iterable[Element]) -> Array:
         """(k, 3) points of several geoms in the world."""
@@ -78,11 +80,8 @@ class Shapes:
     def solid_geoms(self) -> list[int]:
         """Ids of all geoms that can touch something, planes left out."""
         masks = self.model.geom_contype | self.model.geom_conaffinity
-        return [
-            i
-            for i in range(self.model.ngeom)
-            if masks[i] and self.model.geom_type[i] != mujoco.mjtGeom.mjGEOM_PLANE
-        ]
+        solid = (masks != 0) & (self.model.geom_type != mujoco.mjtGeom.mjGEOM_PLANE)
+        return np.flatnonzero(solid).tolist()
 
     def up(self, geom: Element) -> float:
         """World z component of the geom's z axis."""
@@ -91,11 +90,9 @@ class Shapes:
     def base(self) -> Pose:
         """Pose of the site `robot_base`, else the origin."""
         site = mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_SITE, BASE_SITE)
-        return (
-            _pose(self.data.site_xpos[site], self.data.site_xmat[site])
-            if site >= 0
-            else Pose.of((0, 0, 0))
-        )
+        if site < 0:
+            return Pose.of((0, 0, 0))
+        return _pose(self.data.site_xpos[site], self.data.site_xmat[site])
 
 
 def compile_shapes(document: Document, roles: Roles, edits: Sequence[Edit | Insert]) -> Shapes:
@@ -110,11 +107,12 @@ def compile_shapes(document: Document, roles: Roles, edits: Sequence[Edit | Inse
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     _require_finite(model, data)
-    ids = {
-        geom: mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_GEOM, name)
-        for geom, name in names.items()
-    }
-    return Shapes(model, data, {geom: i for geom, i in ids.items() if i >= 0})
+    ids: dict[Element, int] = {}
+    for geom, name in names.items():
+        i = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_GEOM, name)
+        if i >= 0:
+            ids[geom] = i
+    return Shapes(model, data, ids)
 
 
 def _require_finite(model: mujoco.MjModel, data: mujoco.MjData) -> None:
@@ -136,6 +134,7 @@ def _require_finite(model: mujoco.MjModel, data: mujoco.MjData) -> None:
 
 
 def _name_geoms(twin_of: Mapping[Element, Element]) -> dict[Element, str]:
+    """Names by which the compiled geoms are found again; what has none is given one."""
     names: dict[Element, str] = {}
     for i, (original, twin) in enumerate(twin_of.items()):
         if original.tag == "geom" and next(original.iterancestors("default"), None) is None:
@@ -160,8 +159,9 @@ def hull_points(model: mujoco.MjModel, geom: int) -> Array:
     if kind == mujoco.mjtGeom.mjGEOM_HFIELD:
         x, y, top, below = model.hfield_size[model.geom_dataid[geom]]
         return _corners(np.array([x, y, (top + below) / 2])) + np.array([0, 0, (top - below) / 2])
-    outline = _OUTLINES.get(kind)
-    return outline(size) if outline else np.zeros((1, 3))
+    if kind not in _OUTLINES:
+        return np.zeros((1, 3))
+    return _OUTLINES[kind](size)
 
 
 @cache
@@ -187,18 +187,22 @@ def _ring_edges(rings: int, corners: int) -> NDArray[np.intp]:
 
 
 def _ball_edges() -> NDArray[np.intp]:
-    last = _LATITUDES * _LONGITUDES
-    bottom, top = np.arange(_LONGITUDES), np.arange(last - _LONGITUDES, last)
-    poles = [
-        np.column_stack([ring, np.full(_LONGITUDES, pole)])
-        for ring, pole in ((bottom, last + 1), (top, last))
-    ]
-    return np.concatenate([_ring_edges(_LATITUDES, _LONGITUDES), *poles])
+    """Edges of the points of `_directions`: rings from south to north, then the two poles."""
+    north = _LATITUDES * _LONGITUDES
+    south = north + 1
+    lowest, highest = np.arange(_LONGITUDES), np.arange(north - _LONGITUDES, north)
+    return np.concatenate(
+        [
+            _ring_edges(_LATITUDES, _LONGITUDES),
+            np.column_stack([lowest, np.full(_LONGITUDES, south)]),
+            np.column_stack([highest, np.full(_LONGITUDES, north)]),
+        ]
+    )
 
 
 def geom_volume(model: mujoco.MjModel, geom: int) -> float:
     """Volume of a geom, m³."""
-    r, h, z = (float(s) for s in model.geom_size[geom])
+    r, h, z = model.geom_size[geom].tolist()
     kind = int(model.geom_type[geom])
     if kind == mujoco.mjtGeom.mjGEOM_MESH:
         return _mesh_volume(model, int(model.geom_dataid[geom]))
@@ -217,6 +221,7 @@ def _mesh_vertices(model: mujoco.MjModel, mesh: int) -> Array:
 
 
 def _mesh_volume(model: mujoco.MjModel, mesh: int) -> float:
+    """m³ within the triangles: signed tetrahedra from the origin to each of them."""
     first, count = int(model.mesh_faceadr[mesh]), int(model.mesh_facenum[mesh])
     a, b, c = np.moveaxis(_mesh_vertices(model, mesh)[model.mesh_face[first : first + count]], 1, 0)
     return abs(float(np.einsum("ij,ij->", a, np.cross(b, c)))) / 6
@@ -238,9 +243,9 @@ def _circle() -> Array:
 
 def _cylinder(size: Array) -> Array:
     ring = _circle() * size[0]
-    return np.concatenate(
-        [np.column_stack([ring, np.full(_CIRCLE, z)]) for z in (-size[1], size[1])]
-    )
+    bottom = np.column_stack([ring, np.full(_CIRCLE, -size[1])])
+    top = np.column_stack([ring, np.full(_CIRCLE, size[1])])
+    return np.concatenate([bottom, top])
 
 
 @cache

@@ -71,9 +71,10 @@ def scan(text: str) -> list[Tag]:
     def end(_: str) -> None:
         tag = state.open.pop()
         at = parser.CurrentByteIndex
-        empty = state.data[tag.end - 2 : tag.end] == b"/>"
-        tag.close = tag.start if empty else at
-        tag.last = tag.end if empty else state.data.index(b">", at) + 1
+        if state.data[tag.end - 2 : tag.end] == b"/>":
+            tag.close, tag.last = tag.start, tag.end
+        else:
+            tag.close, tag.last = at, state.data.index(b">", at) + 1
 
     parser.StartElementHandler = start
     parser.EndElementHandler = end
@@ -118,14 +119,18 @@ def escaped(value: str) -> str:
 
 def element(name: str, attributes: Mapping[str, str]) -> str:
     """An empty element."""
-    return f"<{name}" + "".join(f' {k}="{escaped(v)}"' for k, v in attributes.items()) + "/>"
+    text = f"<{name}"
+    for attribute, value in attributes.items():
+        text += f' {attribute}="{escaped(value)}"'
+    return f"{text}/>"
 
 
 def first_child(data: bytes, tag: Tag, content: str) -> Change:
     """Put an element first into another, indented as the one it precedes."""
-    follow = re.match(rb"\s*", data[tag.end :])
-    space = follow[0].decode("utf-8") if follow else ""
-    return Change(tag.end, tag.end, (space if "\n" in space else "") + content)
+    rest = data[tag.end :]
+    space = rest[: len(rest) - len(rest.lstrip())].decode("utf-8")
+    indent = space if "\n" in space else ""
+    return Change(tag.end, tag.end, indent + content)
 
 
 def last_children(data: bytes, tag: Tag, contents: Sequence[str], indent: str) -> Change:

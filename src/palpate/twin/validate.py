@@ -1,5 +1,5 @@
-"""Does the twin behave as the robot felt? It must compile, come to rest, and give back the recorded
-touch."""
+"""Does the twin behave as was measured? It must compile, come to rest, and give back the recorded
+forces and positions."""
 
 from __future__ import annotations
 
@@ -16,8 +16,7 @@ from palpate.trace.recording import Recording
 from palpate.trace.samples import FORCES, Trace
 
 Replay = Callable[[mujoco.MjSpec], Trace]
-"""Executes the plan again in a world made of the given model, and returns what the robot felt
-there."""
+"""Executes the plan again in a world made of the given model, and returns what is recorded there."""
 
 SETTLE_TIME = 2.0
 """s of free simulation before the twin's objects must rest."""
@@ -105,28 +104,30 @@ def _residual(spec: mujoco.MjSpec, recorded: Trace, replay: Replay) -> Residual:
 
 def compare(recorded: Trace, replayed: Trace) -> Residual:
     """The residual between two traces of the same plan, recording by recording."""
-    pairs = list(zip(recorded.recordings, replayed.recordings, strict=False))
-    force = [
-        _mean_force(recorded, a) - _mean_force(replayed, b) for a, b in pairs if a.buffer == FORCES
-    ]
-    position = [
-        _mean_position(recorded, a) - _mean_position(replayed, b)
-        for a, b in pairs
-        if a.buffer != FORCES
-    ]
+    force: list[Array] = []
+    position: list[Array] = []
+    for then, now in zip(recorded.recordings, replayed.recordings, strict=False):
+        if then.buffer == FORCES:
+            force.append(_mean_force(recorded, then) - _mean_force(replayed, now))
+        else:
+            position.append(_mean_position(recorded, then) - _mean_position(replayed, now))
     return Residual(_rms(force), _rms(position))
 
 
 def _mean_force(trace: Trace, recording: Recording) -> Array:
-    """The recording's mean force less what the empty hand felt at rest at the same pose: the arm's
-    own bias."""
-    empty = [
-        trace.samples.between(leaf.end - REST, leaf.end).wrench[:, :3].mean(axis=0)
-        for leaf in trace.leaf_runs("MovePose")
-        if leaf.context and leaf.context.at == recording.context.at and leaf.context.holding is None
-    ]
+    """The recording's mean force less the empty hand's at rest at the same pose: the arm's own
+    bias."""
     force: Array = trace.of(recording).wrench[:, :3].mean(axis=0)
-    return force - np.mean(empty, axis=0) if empty else force
+    empty: list[Array] = []
+    for leaf in trace.leaf_runs("MovePose"):
+        after = leaf.context
+        if after is None or after.holding is not None or after.at != recording.context.at:
+            continue
+        at_rest = trace.samples.between(leaf.end - REST, leaf.end)
+        empty.append(at_rest.wrench[:, :3].mean(axis=0))
+    if not empty:
+        return force
+    return force - np.mean(empty, axis=0)
 
 
 def _mean_position(trace: Trace, recording: Recording) -> Array:
