@@ -1,4 +1,4 @@
-"""I: the images of the workspace, and the camera that took them."""
+"""The images of the workspace, and the camera that took them."""
 
 from __future__ import annotations
 
@@ -56,8 +56,12 @@ class Camera:
         """(3,) where the ray through a pixel meets the level plane at world `z`; None when it does
         not."""
         ray, eye = self.ray(u, v), self.pose_world_camera.position
-        distance = (z - eye[2]) / ray[2] if abs(ray[2]) > 1e-9 else -1.0
-        return eye + distance * ray if distance > 0 else None
+        if abs(ray[2]) <= 1e-9:
+            return None
+        distance = (z - eye[2]) / ray[2]
+        if distance > 0:
+            return eye + distance * ray
+        return None
 
     def project(self, point: Array) -> tuple[float, float] | None:
         """Pixel (u, v) of a point in the world; None behind the camera."""

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 from typing import Literal
 
 import numpy as np
@@ -26,7 +27,13 @@ from palpate.scene.load import parse_scene
 from palpate.scene.places import APPROACH
 from palpate.scene.poses import PoseEntry, Poses
 from palpate.scene.scene import Scene
-from palpate.scene.symbols import DEFAULT_OFFSETS, Symbols, vectors
+from palpate.scene.symbols import (
+    DEFAULT_OFFSETS,
+    Symbols,
+    configurations,
+    given_offsets,
+    vectors,
+)
 
 Shape = Literal["box", "cylinder", "sphere", "plane"]
 
@@ -104,19 +111,20 @@ class SceneBuilder:
     @property
     def symbols(self) -> Symbols:
         """The names that `poses.yaml` gives, before anything was seen."""
-        poses = {
-            f"{name}_pose": Pose.top_down(entry.pos, entry.yaw or 0.0)
-            for name, entry in self.poses.objects.items()
-        }
-        common = {name: v for name, v in self.poses.offsets.items() if not isinstance(v, dict)}
-        own = {name: vectors(v) for name, v in self.poses.offsets.items() if isinstance(v, dict)}
+        poses: dict[str, Pose] = {}
+        subjects: dict[str, str] = {}
+        for name, entry in self.poses.objects.items():
+            poses[f"{name}_pose"] = Pose.top_down(entry.pos, entry.yaw or 0.0)
+            subjects[f"{name}_pose"] = name
+        for name, entry in self.poses.places.items():
+            poses[name] = entry.tool_pose()
+        common, own = given_offsets(self.poses)
         return Symbols(
-            poses=poses | {name: entry.tool_pose() for name, entry in self.poses.places.items()},
-            subjects={f"{name}_pose": name for name in self.poses.objects},
+            poses=poses,
+            subjects=subjects,
             own_offsets=own,
-            configurations={"home_config": self.arm.home}
-            | {n: np.array(q) for n, q in self.poses.joints.items()},
-            offsets={name: np.array(v) for name, v in DEFAULT_OFFSETS.items()} | vectors(common),
+            configurations=configurations(self.poses, self.arm.home),
+            offsets=vectors(DEFAULT_OFFSETS) | common,
         )
 
 
@@ -135,26 +143,29 @@ class DetectedScene:
             InputError: nothing to stand on, or a box that no such shape fills; worded for the
                 model.
         """
-        felt = dict(heights or {})
+        measured = dict(heights or {})
         planes, things = _sorted(self.objects)
-        levels = {p.name: felt.get(p.name, self._level(p)) for p in planes}
-        camera = self.template.camera
-        fitted = [
-            fit(camera, thing, levels[support.name], self.template.poses.objects.get(thing.name))
-            for thing, support in ((t, _support(t, planes)) for t in things)
-        ]
-        slabs = [
-            _widened(
-                fit(camera, p, levels[p.name]),
-                [f for f in fitted if _support(f.thing, planes) is p],
-            )
-            for p in planes
-        ]
+        levels = {p.name: measured.get(p.name, self._level(p)) for p in planes}
+        camera, given = self.template.camera, self.template.poses.objects
+
+        # Things first: a plane must reach as far as what stands on it.
+        fitted: list[Fitted] = []
+        standing: dict[str, list[Fitted]] = {plane.name: [] for plane in planes}
+        for thing in things:
+            support = _support(thing, planes).name
+            shape = fit(camera, thing, levels[support], given.get(thing.name))
+            fitted.append(shape)
+            standing[support].append(shape)
+        slabs: list[Fitted] = []
+        for plane in planes:
+            slab = fit(camera, plane, levels[plane.name])
+            slabs.append(_widened(slab, standing[plane.name]))
+
         text = _mjcf(slabs, fitted, self.template.poses)
         scene = parse_scene(text, poses=self._poses(slabs, levels), arm=self.template.arm)
 
         def refit(name: str, height: float) -> Scene:
-            return self.scene({**felt, name: height})
+            return self.scene({**measured, name: height})
 
         return replace(scene, refit=refit)
 
@@ -171,15 +182,16 @@ class DetectedScene:
         """`poses.yaml` for the scene that is built: names of what was not seen are left out."""
         names = {thing.name for thing in self.objects}
         given = self.template.poses
-        tops = {s.thing.name: PoseEntry(pos=(s.x, s.y, levels[s.thing.name])) for s in slabs}
-        offsets = {n: v for n, v in given.offsets.items() if not isinstance(v, dict) or n in names}
-        return given.model_copy(
-            update={
-                "objects": tops,
-                "offsets": offsets,
-                "grasps": {n: g for n, g in given.grasps.items() if n in names},
-            }
-        )
+        tops: dict[str, PoseEntry] = {}
+        for slab in slabs:
+            name = slab.thing.name
+            tops[name] = PoseEntry(pos=(slab.x, slab.y, levels[name]))
+        grasps = {name: entry for name, entry in given.grasps.items() if name in names}
+        offsets = dict(given.offsets)
+        for name, value in given.offsets.items():
+            if isinstance(value, dict) and name not in names:
+                del offsets[name]
+        return given.model_copy(update={"objects": tops, "offsets": offsets, "grasps": grasps})
 
 
 def fit(
@@ -194,12 +206,13 @@ def fit(
     from scipy.optimize import least_squares
 
     left, top, right, bottom = thing.bbox
-    wanted = np.array(
-        [left * camera.width, top * camera.height, right * camera.width, bottom * camera.height]
-    )
-    yaw = (placed.yaw or 0.0) if placed else 0.0
+    width, height = camera.width, camera.height
+    wanted = np.array([left * width, top * height, right * width, bottom * height])
     start = _start(camera, thing, wanted, level, placed)
-    free = slice(2, None) if placed else slice(0, None)
+    # Where a thing is placed, its x and y are given and only its size is left to find.
+    yaw, free = 0.0, slice(0, None)
+    if placed is not None:
+        yaw, free = placed.yaw or 0.0, slice(2, None)
 
     def residual(chosen: Array) -> Array:
         values = start.copy()
@@ -213,7 +226,9 @@ def fit(
     )
     start[free] = found.x
     foot = camera.pose_world_camera.position[:2]
-    misfit = float(np.abs(found.fun).max()) if not placed else 0.0
+    misfit = 0.0
+    if placed is None:
+        misfit = float(np.abs(found.fun).max())
     if misfit > MISFIT * camera.height or np.hypot(*(start[:2] - foot)) > FAR:
         raise InputError(
             f"scene: no {thing.shape} standing at z = {level:.3f} m fills the bbox of '{thing.name}' "
@@ -227,12 +242,9 @@ def projected(camera: Camera, points: Array) -> Array:
     image."""
     local = (points - camera.pose_world_camera.position) @ camera.pose_world_camera.rotation
     depth = np.maximum(-local[:, 2], 1e-2)
-    return np.column_stack(
-        [
-            camera.width / 2 + camera.focal * local[:, 0] / depth,
-            camera.height / 2 - camera.focal * local[:, 1] / depth,
-        ]
-    )
+    right = camera.width / 2 + camera.focal * local[:, 0] / depth
+    down = camera.height / 2 - camera.focal * local[:, 1] / depth
+    return np.column_stack([right, down])
 
 
 def _start(
@@ -249,8 +261,12 @@ def _start(
         )
     distance = float(np.linalg.norm(at - camera.pose_world_camera.position))
     half = np.clip(distance * (box[2:] - box[:2]) / camera.focal / 2, 0.005, 1.0)
-    x, y = placed.pos[:2] if placed else at[:2]
-    return np.array([x, y, half[0]] if thing.shape == "sphere" else [x, y, *half])
+    x, y = at[:2]
+    if placed is not None:
+        x, y = placed.pos[:2]
+    if thing.shape == "sphere":
+        half = half[:1]
+    return np.array([x, y, *half])
 
 
 def _cylinder(values: Array, level: float, _: float) -> Array:
@@ -268,16 +284,11 @@ def _block(values: Array, level: float, yaw: float) -> Array:
 
 def _ball(values: Array, level: float, _: float) -> Array:
     x, y, radius = values
-    tilts = np.linspace(-np.pi / 2, np.pi / 2, 17)
-    return np.concatenate(
-        [
-            _raised(
-                np.array([x, y]) + radius * np.cos(tilt) * _RING,
-                level + radius * (1 + np.sin(tilt)),
-            )
-            for tilt in tilts
-        ]
-    )
+    rings: list[Array] = []
+    for tilt in np.linspace(-np.pi / 2, np.pi / 2, 17):
+        ring = np.array([x, y]) + radius * np.cos(tilt) * _RING
+        rings.append(_raised(ring, level + radius * (1 + np.sin(tilt))))
+    return np.concatenate(rings)
 
 
 def _slab(values: Array, level: float, _: float) -> Array:
@@ -309,9 +320,9 @@ def _sorted(objects: Sequence[SceneObject]) -> tuple[list[SceneObject], list[Sce
     Raises:
         InputError: no planes, or a name twice.
     """
-    names = [thing.name for thing in objects]
-    if twice := sorted({name for name in names if names.count(name) > 1}):
-        raise InputError(f"scene: '{twice[0]}' is listed twice; give every thing a name of its own")
+    for name, following in pairwise(sorted(thing.name for thing in objects)):
+        if name == following:
+            raise InputError(f"scene: '{name}' is listed twice; give every thing a name of its own")
     planes = [thing for thing in objects if thing.shape == "plane"]
     if not planes:
         raise InputError(
@@ -322,9 +333,17 @@ def _sorted(objects: Sequence[SceneObject]) -> tuple[list[SceneObject], list[Sce
 
 def _support(thing: SceneObject, planes: Sequence[SceneObject]) -> SceneObject:
     """The smallest plane in whose box the foot of the thing's box is, else the largest."""
-    x, y = (thing.bbox[0] + thing.bbox[2]) / 2, thing.bbox[3]
-    below = [p for p in planes if p.bbox[0] <= x <= p.bbox[2] and p.bbox[1] <= y <= p.bbox[3]]
-    return min(below, key=_area) if below else max(planes, key=_area)
+    left, _, right, bottom = thing.bbox
+    below = [plane for plane in planes if _covers(plane, (left + right) / 2, bottom)]
+    if below:
+        return min(below, key=_area)
+    return max(planes, key=_area)
+
+
+def _covers(plane: SceneObject, x: float, y: float) -> bool:
+    """Whether a point of the image is in the plane's box."""
+    left, top, right, bottom = plane.bbox
+    return left <= x <= right and top <= y <= bottom
 
 
 def _area(thing: SceneObject) -> float:
@@ -334,20 +353,19 @@ def _area(thing: SceneObject) -> float:
 
 def _widened(slab: Fitted, standing: Sequence[Fitted]) -> Fitted:
     """The slab, large enough for what stands on it."""
-    spans = [
-        (slab.x, slab.y, slab.width / 2, slab.depth / 2),
-        *((f.x, f.y, f.width / 2 + RIM, f.depth / 2 + RIM) for f in standing),
-    ]
-    low = [min(s[i] - s[i + 2] for s in spans) for i in (0, 1)]
-    high = [max(s[i] + s[i + 2] for s in spans) for i in (0, 1)]
-    return Fitted(
-        slab.thing,
-        (low[0] + high[0]) / 2,
-        (low[1] + high[1]) / 2,
-        high[0] - low[0],
-        high[1] - low[1],
-        0.0,
-    )
+    left, right = _reach(slab.x, slab.width / 2)
+    near, far = _reach(slab.y, slab.depth / 2)
+    for shape in standing:
+        west, east = _reach(shape.x, shape.width / 2 + RIM)
+        south, north = _reach(shape.y, shape.depth / 2 + RIM)
+        left, right = min(left, west), max(right, east)
+        near, far = min(near, south), max(far, north)
+    return Fitted(slab.thing, (left + right) / 2, (near + far) / 2, right - left, far - near, 0.0)
+
+
+def _reach(middle: float, half: float) -> tuple[float, float]:
+    """From where to where."""
+    return middle - half, middle + half
 
 
 def _mjcf(slabs: Sequence[Fitted], things: Sequence[Fitted], poses: Poses) -> str:
@@ -362,26 +380,28 @@ def _mjcf(slabs: Sequence[Fitted], things: Sequence[Fitted], poses: Poses) -> st
         '    <site name="robot_base"/>',
         f'    <camera name="workspace" pos="{_numbers(camera.pos)}" quat="{_numbers(camera.quat)}" '
         f'fovy="{number(camera.fovy)}"/>',
-        *(_slab_line(s) for s in slabs),
-        *(line for f in things for line in _thing_lines(f)),
-        "  </worldbody>",
-        "</mujoco>",
     ]
+    for slab in slabs:
+        lines += _slab_lines(slab)
+    for thing in things:
+        lines += _thing_lines(thing)
+    lines += ["  </worldbody>", "</mujoco>"]
     return "\n".join(lines) + "\n"
 
 
-def _slab_line(slab: Fitted) -> str:
-    return (
-        f'    <body name="{slab.thing.name}" pos="{_metres(slab.x, slab.y)} ?">\n'
-        f'      <geom type="box" size="{_metres(slab.width / 2, slab.depth / 2, THICKNESS / 2)}" '
-        f'pos="0 0 {-THICKNESS / 2:g}"/>\n    </body>'
-    )
+def _slab_lines(slab: Fitted) -> Iterator[str]:
+    size = _metres(slab.width / 2, slab.depth / 2, THICKNESS / 2)
+    yield f'    <body name="{slab.thing.name}" pos="{_metres(slab.x, slab.y)} ?">'
+    yield f'      <geom type="box" size="{size}" pos="0 0 {-THICKNESS / 2:g}"/>'
+    yield "    </body>"
 
 
 def _thing_lines(f: Fitted) -> Iterator[str]:
-    size = {"cylinder": (f.width / 2, f.height / 2), "sphere": (f.width / 2,)}.get(
-        f.thing.shape, (f.width / 2, f.depth / 2, f.height / 2)
-    )
+    size = (f.width / 2, f.depth / 2, f.height / 2)
+    if f.thing.shape == "cylinder":
+        size = (f.width / 2, f.height / 2)
+    elif f.thing.shape == "sphere":
+        size = (f.width / 2,)
     turned = f' euler="0 0 {np.degrees(f.yaw):.2f}"' if f.yaw else ""
     yield f'    <body name="{f.thing.name}" pos="{_metres(f.x, f.y)} ?"{turned}>'
     yield "      <freejoint/>"

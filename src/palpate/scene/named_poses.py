@@ -1,9 +1,23 @@
-"""Symbols that the scene's geometry implies, completed and overruled by `poses.yaml`."""
+"""Symbols that the scene's geometry implies, completed and overruled by `poses.yaml`.
+
+Each object is known by the points of its geoms in the world, each surface by those of the geom that
+carries. Seen from above, a grasp is a strip of the object between the fingers, a temporary place a
+spot of the surface that object and hand together fit on, an approach a spot for the closed fingers:
+
+        +----------------------- surface ------------------------+
+        |    o approach: hand clear of everything                |
+        |                              +------+                  |
+        |    [bottle]  temporary ----> |bottle| + hand, with     |
+        |    grasp: fingers in y       +------+ room around it   |
+        +--------------------------------------------------------+
+                           arm (base)
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -15,9 +29,9 @@ from palpate.mjcf.shapes import RESTING
 from palpate.robots.description import RobotDescription
 from palpate.robots.grasp import Grasp, derive_grasp
 from palpate.scene.places import APPROACH, approach_pose, free_spot
-from palpate.scene.poses import Offset, Poses
+from palpate.scene.poses import Poses
 from palpate.scene.resolve import ResolvedScene
-from palpate.scene.symbols import DEFAULT_OFFSETS, Symbols, vectors
+from palpate.scene.symbols import DEFAULT_OFFSETS, Symbols, configurations, given_offsets, vectors
 
 LIFT = (0.10, 0.35)
 """m: bounds of a derived `z_offset`."""
@@ -88,23 +102,25 @@ class Geometry:
     def on(self, surface: str) -> list[Array]:
         """The objects that stand on a surface."""
         top = self.bodies[surface]
-        return [
-            cloud
-            for cloud in self.clouds.values()
-            if abs(cloud[:, 2].min() - top.top_z()) < RESTING and top.covers(*_middle(cloud))
-        ]
+        standing: list[Array] = []
+        for cloud in self.clouds.values():
+            rests = abs(cloud[:, 2].min() - top.top_z()) < RESTING
+            if rests and top.covers(*_middle(cloud)):
+                standing.append(cloud)
+        return standing
 
     def support(self, name: str) -> str | None:
         """The surface below an object."""
         cloud = self.clouds[name]
-        under = [
-            b
-            for b in self.bodies.values()
-            if b.role == "surface"
-            and b.covers(*_middle(cloud))
-            and b.top_z() < cloud[:, 2].min() + RESTING
-        ]
-        return max(under, key=lambda b: b.top_z()).name if under else None
+        highest: Body | None = None
+        for body in self.bodies.values():
+            if body.role != "surface" or not body.covers(*_middle(cloud)):
+                continue
+            if body.top_z() >= cloud[:, 2].min() + RESTING:
+                continue
+            if highest is None or body.top_z() > highest.top_z():
+                highest = body
+        return None if highest is None else highest.name
 
 
 def _middle(cloud: Array) -> tuple[float, float]:
@@ -120,46 +136,68 @@ def derive_symbols(
     entries = resolved.poses
     grasps = {name: _grasp(geometry, name) for name in geometry.objects}
     poses = _poses(geometry, grasps, entries)
-    later = {
-        f"{n}_temporary": _later(geometry, n, poses[f"{n}_pose"])
-        for n in geometry.objects
-        if f"{n}_temporary" not in poses
-    }
-    subjects = {f"{n}_{suffix}": n for n in geometry.objects for suffix in ("pose", "temporary")}
-    subjects |= {f"{n}_approach": n for n in geometry.tops}
-    common, special = _given_offsets(entries.offsets, geometry.objects)
-    own = {n: _own_offsets(geometry, n, g, poses[f"{n}_pose"]) for n, g in grasps.items()}
+    later = _later(geometry, poses)
+    common, special = _given_offsets(entries, geometry.objects)
+    own: dict[str, dict[str, Array]] = {}
+    for name, grasp in grasps.items():
+        derived = _own_offsets(geometry, name, grasp, poses[f"{name}_pose"])
+        own[name] = derived | common | special.get(name, {})
     return Symbols(
         poses=poses,
-        subjects={n: s for n, s in subjects.items() if n in poses or n in later},
+        subjects=_subjects(geometry, {*poses, *later}),
         later=later,
-        configurations={"home_config": geometry.arm.home}
-        | {n: np.array(q) for n, q in entries.joints.items()},
-        offsets={n: np.array(v) for n, v in DEFAULT_OFFSETS.items()} | common,
-        own_offsets={n: offsets | common | special.get(n, {}) for n, offsets in own.items()},
+        configurations=configurations(entries, arm.home),
+        offsets=vectors(DEFAULT_OFFSETS) | common,
+        own_offsets=own,
         ungraspable=_ungraspable(geometry, grasps, entries),
     )
 
 
 def _poses(geometry: Geometry, grasps: Mapping[str, Grasp], entries: Poses) -> dict[str, Pose]:
-    poses = {f"{n}_pose": g.pose for n, g in grasps.items()}
-    poses |= {
-        f"{n}_pose": geometry.bodies[n].pose_world @ e.tool_pose()
-        for n, e in entries.grasps.items()
-    }
-    poses |= {
-        f"{n}_approach": p for n in geometry.tops if (p := _approach(geometry, n)) is not None
-    }
-    return poses | {n: e.tool_pose() for n, e in entries.places.items()}
+    """Grasps and approaches as derived, then overruled by what poses.yaml says."""
+    poses = {f"{name}_pose": grasp.pose for name, grasp in grasps.items()}
+    for name, entry in entries.grasps.items():
+        poses[f"{name}_pose"] = geometry.bodies[name].pose_world @ entry.tool_pose()
+    for name in geometry.tops:
+        approach = _approach(geometry, name)
+        if approach is not None:
+            poses[f"{name}_approach"] = approach
+    for name, entry in entries.places.items():
+        poses[name] = entry.tool_pose()
+    return poses
+
+
+def _later(geometry: Geometry, poses: Mapping[str, Pose]) -> dict[str, Callable[[], Pose | None]]:
+    """Temporary places that poses.yaml does not give: looked for when they are asked for."""
+    later: dict[str, Callable[[], Pose | None]] = {}
+    for name in geometry.objects:
+        if f"{name}_temporary" not in poses:
+            pose = poses[f"{name}_pose"]
+            later[f"{name}_temporary"] = partial(free_place, geometry, name, pose)
+    return later
+
+
+def _subjects(geometry: Geometry, names: Collection[str]) -> dict[str, str]:
+    """The object or surface that each of the `names` belongs to, where it has the form of one."""
+    subjects: dict[str, str] = {}
+    for name in geometry.objects:
+        subjects[f"{name}_pose"] = name
+        subjects[f"{name}_temporary"] = name
+    for name in geometry.tops:
+        subjects[f"{name}_approach"] = name
+    return {name: subject for name, subject in subjects.items() if name in names}
 
 
 def _ungraspable(geometry: Geometry, grasps: Mapping[str, Grasp], entries: Poses) -> dict[str, str]:
-    lost = {
-        n: "nobody knows where it is; give its pose in poses.yaml"
-        for n in geometry.objects
-        if "position" in geometry.bodies[n].missing and n not in entries.objects
-    }
-    return {n: g.problem for n, g in grasps.items() if g.problem and n not in entries.grasps} | lost
+    """Objects that the hand cannot take, with the reason."""
+    reasons: dict[str, str] = {}
+    for name, grasp in grasps.items():
+        if grasp.problem and name not in entries.grasps:
+            reasons[name] = grasp.problem
+    for name in geometry.objects:
+        if "position" in geometry.bodies[name].missing and name not in entries.objects:
+            reasons[name] = "nobody knows where it is; give its pose in poses.yaml"
+    return reasons
 
 
 def free_place(geometry: Geometry, name: str, pose_world_tcp: Pose) -> Pose | None:
@@ -167,6 +205,10 @@ def free_place(geometry: Geometry, name: str, pose_world_tcp: Pose) -> Pose | No
     surface.
 
     What is stacked on another object is put down on the surface.
+
+    Two outlines are moved about together: the object with the hand around it must be clear of all
+    that stands higher than its bottom, its own present place included, and the object's box, on
+    which it comes to stand, must lie on the surface.
     """
     support = geometry.support(name)
     if support is None:
@@ -178,7 +220,9 @@ def free_place(geometry: Geometry, name: str, pose_world_tcp: Pose) -> Pose | No
     shape = rim(np.concatenate([cloud[:, :2], hand])) - here
     footing = np.array([cloud.min(axis=0)[:2], cloud.max(axis=0)[:2]]) - here
     stacked = float(cloud[:, 2].min() - geometry.tops[support][:, 2].max())
-    drop = stacked if stacked > RESTING else 0.0
+    drop = 0.0
+    if stacked > RESTING:
+        drop = stacked
     bottom = float(cloud[:, 2].min()) - drop
     obstacles = above([*geometry.others(name, support), Obstacle.of(cloud)], bottom + 0.002)
     found = free_spot(
@@ -191,15 +235,15 @@ def free_place(geometry: Geometry, name: str, pose_world_tcp: Pose) -> Pose | No
         bottom,
         geometry.base,
     )
-    return None if found is None else pose_world_tcp.translated((*(found[0] - here), -drop))
-
-
-def _later(geometry: Geometry, name: str, pose: Pose) -> Callable[[], Pose | None]:
-    return lambda: free_place(geometry, name, pose)
+    if found is None:
+        return None
+    spot, _ = found
+    return pose_world_tcp.translated((*(spot - here), -drop))
 
 
 def _grasp(geometry: Geometry, name: str) -> Grasp:
     """The grasp among the neighbours, else the one there is once other objects are carried away."""
+    # The hand turns with the object: by the heading of the body's axis that lies most level.
     rotation = geometry.bodies[name].pose_world.rotation
     level = int(np.argmax(np.hypot(rotation[0], rotation[1])))
     yaw = float(np.arctan2(rotation[1, level], rotation[0, level]))
@@ -238,15 +282,12 @@ def _own_offsets(geometry: Geometry, name: str, grasp: Grasp, pose: Pose) -> dic
 
 
 def _lift(geometry: Geometry, name: str, pose: Pose) -> float:
+    """How high to lift, m: over every neighbour between the arm and the object."""
     bottom = float(geometry.clouds[name][:, 2].min())
-    needed = max(
-        (
-            other.top + CLEAR - bottom
-            for other in geometry.others(name)
-            if _on_the_way(other.outline, pose, geometry.base)
-        ),
-        default=0.0,
-    )
+    needed = 0.0
+    for other in geometry.others(name):
+        if _on_the_way(other.outline, pose, geometry.base):
+            needed = max(needed, other.top + CLEAR - bottom)
     return float(np.clip(max(needed, USUAL_LIFT), *LIFT))
 
 
@@ -255,18 +296,19 @@ def _on_the_way(outline: Array, pose: Pose, base: Pose) -> bool:
     start = base.position[:2] + 0.3 * base.rotation[:2, 0]
     way = pose.position[:2] - start
     low, high = outline.min(axis=0), outline.max(axis=0)
+    # The point of the way nearest to the thing's middle, and how far its box is from there.
     share = np.clip(((low + high) / 2 - start) @ way / max(float(way @ way), 1e-9), 0, 1)
     nearest = start + share * way
-    return bool(np.linalg.norm(np.maximum(np.maximum(low - nearest, nearest - high), 0)) < CORRIDOR)
+    apart = np.maximum(np.maximum(low - nearest, nearest - high), 0)
+    return bool(np.linalg.norm(apart) < CORRIDOR)
 
 
 def _given_offsets(
-    entries: Mapping[str, Offset | dict[str, Offset]], names: Iterable[str]
+    entries: Poses, objects: Collection[str]
 ) -> tuple[dict[str, Array], dict[str, dict[str, Array]]]:
-    """Offsets of poses.yaml: those for every pose, and those of one object."""
-    common = {n: v for n, v in entries.items() if not isinstance(v, dict)}
-    special = {n: v for n, v in entries.items() if isinstance(v, dict)}
+    """Offsets of poses.yaml: those for every pose, and by object those of one object."""
+    common, special = given_offsets(entries)
     for name in special:
-        if name not in names:
-            raise unknown_name("object in offsets", name, names)
-    return vectors(common), {n: vectors(v) for n, v in special.items()}
+        if name not in objects:
+            raise unknown_name("object in offsets", name, objects)
+    return common, special

@@ -60,13 +60,23 @@ def free_spot(
     spots = _grid(footing, top, near)
     spots = spots[reachable(reach, spots, z, base)]
     room = clearance(shape, spots, obstacles)
-    margin = next((m for m in MARGINS if (room >= m).any()), None)
+    margin = _margin(room)
     if margin is None:
         return None
+    # In metres: the way from `near`, and what being at the edge or far from the sweet spot is worth.
     inside = np.minimum(spots - top.min(axis=0)[:2], top.max(axis=0)[:2] - spots).min(axis=1)
     cost = np.linalg.norm(spots - near, axis=1) + np.where(inside < 0.05, 0.3, 0.0)
     cost += 0.3 * np.abs(np.linalg.norm(spots - base.position[:2], axis=1) - reach.preferred)
-    return spots[int(np.argmin(np.where(room >= margin, cost, np.inf)))], margin
+    best = int(np.argmin(np.where(room >= margin, cost, np.inf)))
+    return spots[best], margin
+
+
+def _margin(room: Array) -> float | None:
+    """The largest margin that some spot has room for."""
+    for margin in MARGINS:
+        if (room >= margin).any():
+            return margin
+    return None
 
 
 def _grid(footing: Array, top: Array, near: Array) -> Array:
@@ -75,7 +85,8 @@ def _grid(footing: Array, top: Array, near: Array) -> Array:
     low = np.maximum(top.min(axis=0)[:2] - footing.min(axis=0), near - SEARCH)
     high = np.minimum(top.max(axis=0)[:2] - footing.max(axis=0), near + SEARCH)
     first, last = np.ceil((low - near) / STEP), np.floor((high - near) / STEP)
-    x, y = (np.arange(float(a), float(b) + 1) * STEP for a, b in zip(first, last, strict=True))
+    x = np.arange(float(first[0]), float(last[0]) + 1) * STEP
+    y = np.arange(float(first[1]), float(last[1]) + 1) * STEP
     return np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2) + near
 
 
@@ -104,14 +115,20 @@ def approach_pose(
         spot = free_spot(arm.reach, hand, tips, top, obstacles, near, height, base)
         if spot is not None:
             found.append((spot[1], Pose.top_down((*spot[0], height + clear), yaw)))
-    return max(found, key=lambda f: f[0])[1] if found else None
+    if not found:
+        return None
+    _, pose = max(found, key=lambda candidate: candidate[0])
+    return pose
 
 
 def _middle(reach: Reach, top: Array, objects: Sequence[Array], base: Pose) -> Array:
     """Where to look first: amid the objects on the surface, else its middle or what of it is in
     front of the arm."""
     if objects:
-        return np.mean([(o.max(axis=0) + o.min(axis=0))[:2] / 2 for o in objects], axis=0)
+        middles = [(cloud.max(axis=0) + cloud.min(axis=0))[:2] / 2 for cloud in objects]
+        return np.mean(middles, axis=0)
     ahead = base.position[:2] + reach.preferred * base.rotation[:2, 0]
     low, high = top.min(axis=0)[:2], top.max(axis=0)[:2]
-    return np.clip(ahead, low, high) if (high - low).max() > 1.0 else (low + high) / 2
+    if (high - low).max() > 1.0:
+        return np.clip(ahead, low, high)
+    return (low + high) / 2

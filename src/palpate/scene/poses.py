@@ -57,7 +57,7 @@ class PoseEntry(_Strict):
 
     @model_validator(mode="after")
     def _one_orientation(self) -> PoseEntry:
-        if sum(v is not None for v in (self.yaw, self.euler, self.quat)) > 1:
+        if (self.yaw, self.euler, self.quat).count(None) < 2:
             raise ValueError("give one of yaw, euler, quat")
         if self.quat is not None and sum(v * v for v in self.quat) < 1e-9:
             raise ValueError("quat is all zero")
@@ -130,20 +130,24 @@ def parse_poses(text: str, where: str = "poses") -> Poses:
     try:
         content: Any = _load(text)
     except yaml.YAMLError as error:
-        mark = getattr(error, "problem_mark", None)
-        at = f", line {mark.line + 1}, column {mark.column + 1}" if mark is not None else ""
-        raise InputError(
-            f"{where}{at}: not YAML: {getattr(error, 'problem', None) or error}"
-        ) from None
+        raise InputError(_not_yaml(where, error)) from None
     except ValueError as error:
         raise InputError(f"{where}: not YAML: {error}") from None
     try:
         return Poses.model_validate(content or {})
     except ValidationError as error:
         first = error.errors()[0]
-        raise InputError(
-            f"{where}: {'.'.join(str(p) for p in first['loc']) or 'content'}: {first['msg']}"
-        ) from None
+        place = ".".join(str(part) for part in first["loc"]) or "content"
+        raise InputError(f"{where}: {place}: {first['msg']}") from None
+
+
+def _not_yaml(where: str, error: yaml.YAMLError) -> str:
+    """What is wrong, and where in the text if the parser says so."""
+    problem = getattr(error, "problem", None) or error
+    mark = getattr(error, "problem_mark", None)
+    if mark is not None:
+        where += f", line {mark.line + 1}, column {mark.column + 1}"
+    return f"{where}: not YAML: {problem}"
 
 
 def _load(text: str) -> Any:
@@ -169,5 +173,5 @@ def _from_euler(angles: Vector) -> Quaternion:
 
     quaternion = np.empty(4)
     mujoco.mju_euler2Quat(quaternion, np.array(angles), "XYZ")
-    w, x, y, z = (float(v) for v in quaternion)
+    w, x, y, z = quaternion.tolist()
     return w, x, y, z

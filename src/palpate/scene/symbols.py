@@ -24,6 +24,7 @@ import numpy as np
 
 from palpate.errors import InputError, unknown_name
 from palpate.geometry.pose import Array, Pose
+from palpate.scene.poses import Poses
 
 MAX_EXPRESSION = 200
 """Characters of a pose expression."""
@@ -48,14 +49,14 @@ class PoseExpression:
     terms: tuple[tuple[float, str], ...] = ()
 
     def __str__(self) -> str:
-        return self.name + "".join(
-            _term_text(coefficient, offset) for coefficient, offset in self.terms
-        )
+        return self.name + "".join(_term_text(*term) for term in self.terms)
 
 
 def _term_text(coefficient: float, offset: str) -> str:
     sign, size = ("-" if coefficient < 0 else "+"), abs(coefficient)
-    return f" {sign} {offset}" if size == 1 else f" {sign} {size:g}*{offset}"
+    if size == 1:
+        return f" {sign} {offset}"
+    return f" {sign} {size:g}*{offset}"
 
 
 @dataclass(eq=False)
@@ -93,8 +94,10 @@ class Symbols:
     @cached_property
     def offset_names(self) -> tuple[str, ...]:
         """Every name of an offset."""
-        own = (name for offsets in self.own_offsets.values() for name in offsets)
-        return tuple(sorted({*self.offsets, *own}))
+        names = set(self.offsets)
+        for own in self.own_offsets.values():
+            names.update(own)
+        return tuple(sorted(names))
 
     def parse(self, expression: str) -> PoseExpression:
         """Read a pose expression; aliases (`hammer`, `z_off`, `+z`) become full names.
@@ -120,9 +123,11 @@ class Symbols:
             offset = self._offset_name(match[3])
             terms[offset] = terms.get(offset, 0.0) + _coefficient(match, text)
             position = match.end()
-        return PoseExpression(
-            name, tuple((c, o) for o, c in sorted(terms.items()) if abs(c) > 1e-12)
-        )
+        # What cancels is left out: `a + z_offset - z_offset` is `a`.
+        left = [
+            (coefficient, o) for o, coefficient in sorted(terms.items()) if abs(coefficient) > 1e-12
+        ]
+        return PoseExpression(name, tuple(left))
 
     def resolve(self, expression: str | PoseExpression) -> Pose:
         """The TCP pose in the world that an expression stands for.
@@ -130,10 +135,14 @@ class Symbols:
         Raises:
             InputError: as `parse`; or a temporary place that the scene has no room for.
         """
-        parsed = self.parse(expression) if isinstance(expression, str) else expression
+        parsed = self._parsed(expression)
         base = self.pose(parsed.name)
-        shift = sum((c * self.offset(o, parsed.name) for c, o in parsed.terms), np.zeros(3))
-        return base.translated(_in_world(base, shift)) if parsed.terms else base
+        if not parsed.terms:
+            return base
+        shift = np.zeros(3)
+        for coefficient, offset in parsed.terms:
+            shift = shift + coefficient * self.offset(offset, parsed.name)
+        return base.translated(_in_world(base, shift))
 
     def pose(self, name: str) -> Pose:
         """The pose of a name without offsets.
@@ -176,13 +185,21 @@ class Symbols:
 
     def subject(self, expression: str | PoseExpression) -> str | None:
         """The object or surface an expression's name belongs to."""
-        parsed = self.parse(expression) if isinstance(expression, str) else expression
-        return self.subjects.get(parsed.name)
+        return self.subjects.get(self._parsed(expression).name)
+
+    def _parsed(self, expression: str | PoseExpression) -> PoseExpression:
+        if isinstance(expression, PoseExpression):
+            return expression
+        return self.parse(expression)
 
     def _leading_name(self, text: str) -> tuple[str, str]:
+        """The pose's name and the terms behind it. Names may hold a minus themselves, so the
+        longest that fits is taken."""
         for name in (*self.names, *sorted(self._aliases, key=len, reverse=True)):
+            if not text.startswith(name):
+                continue
             rest = text[len(name) :]
-            if text.startswith(name) and (not rest.strip() or rest.lstrip()[0] in "+-−"):
+            if not rest.strip() or rest.lstrip()[0] in "+-−":
                 return self._aliases.get(name, name), rest
         shown = re.split(r"[+\-−*]", text)[0].strip() or text
         raise unknown_name("pose", shown, self.names)
@@ -190,11 +207,12 @@ class Symbols:
     @cached_property
     def _aliases(self) -> dict[str, str]:
         """`hammer` for `hammer_pose`, where nothing else is called so."""
-        return {
-            subject: f"{subject}_pose"
-            for subject in self.subjects.values()
-            if f"{subject}_pose" in self.poses and subject not in self.poses
-        }
+        aliases: dict[str, str] = {}
+        for subject in self.subjects.values():
+            pose = f"{subject}_pose"
+            if pose in self.poses and subject not in self.poses:
+                aliases[subject] = pose
+        return aliases
 
     def _offset_name(self, written: str) -> str:
         candidates = (
@@ -203,10 +221,10 @@ class Symbols:
             f"{written.removesuffix('_off')}_offset",
             f"{written.removesuffix('off')}_offset",
         )
-        found = next((c for c in candidates if c in self.offset_names), None)
-        if found is None:
-            raise unknown_name("offset", written, self.offset_names)
-        return found
+        for candidate in candidates:
+            if candidate in self.offset_names:
+                return candidate
+        raise unknown_name("offset", written, self.offset_names)
 
 
 def _coefficient(match: re.Match[str], text: str) -> float:
@@ -219,12 +237,12 @@ def _coefficient(match: re.Match[str], text: str) -> float:
 def _in_world(base: Pose, shift: Array) -> Array:
     """A shift along tool x, tool y (both laid level) and world z, in world axes."""
     x, y, z = shift
-    return (
-        _level(base.rotation[:, 0]) * x + _level(base.rotation[:, 1]) * y + np.array([0.0, 0.0, z])
-    )
+    across, along = _level(base.rotation[:, 0]), _level(base.rotation[:, 1])
+    return across * x + along * y + np.array([0.0, 0.0, z])
 
 
 def _level(axis: Array) -> Array:
+    """The unit vector from above along `axis`; zero where it points straight up or down."""
     flat = np.array([axis[0], axis[1], 0.0])
     length = float(np.linalg.norm(flat))
     return flat / length if length > 1e-6 else np.zeros(3)
@@ -233,16 +251,34 @@ def _level(axis: Array) -> Array:
 def vectors(entries: Mapping[str, float | Iterable[float]]) -> dict[str, Array]:
     """Offsets as poses.yaml writes them: a vector, or a length along the axis that the name begins
     with."""
-    made: dict[str, Array] = {}
-    for name, value in entries.items():
-        if isinstance(value, int | float):
-            axis = "xyz".find(name[0])
-            if axis < 0 or not name.endswith("_offset"):
-                raise InputError(
-                    f"offset '{name}' is one number; only x_offset, y_offset, z_offset may be, "
-                    "others are [x, y, z]"
-                )
-            made[name] = float(value) * np.eye(3)[axis]
+    return {name: _vector(name, value) for name, value in entries.items()}
+
+
+def _vector(name: str, value: float | Iterable[float]) -> Array:
+    if not isinstance(value, int | float):
+        return np.array(list(value), dtype=float)
+    axis = "xyz".find(name[0])
+    if axis < 0 or not name.endswith("_offset"):
+        raise InputError(
+            f"offset '{name}' is one number; only x_offset, y_offset, z_offset may be, "
+            "others are [x, y, z]"
+        )
+    return float(value) * np.eye(3)[axis]
+
+
+def given_offsets(poses: Poses) -> tuple[dict[str, Array], dict[str, dict[str, Array]]]:
+    """Offsets of poses.yaml: those for every pose, and by object those of one object."""
+    common: dict[str, Array] = {}
+    own: dict[str, dict[str, Array]] = {}
+    for name, value in poses.offsets.items():
+        if isinstance(value, dict):
+            own[name] = vectors(value)
         else:
-            made[name] = np.array(list(value), dtype=float)
-    return made
+            common[name] = _vector(name, value)
+    return common, own
+
+
+def configurations(poses: Poses, home: Array) -> dict[str, Array]:
+    """Joint configurations (rad) of poses.yaml, and the arm's home unless it names another."""
+    given = {name: np.array(joints) for name, joints in poses.joints.items()}
+    return {"home_config": home} | given

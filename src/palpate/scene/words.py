@@ -52,11 +52,15 @@ def thing_words(
     """Words for a body or geom of that name made of `geoms`; `shapes` adds `box`, `ball`, …"""
     words = name_words(name)
     for geom in geoms:
-        words |= name_words(geom.get("name") or "") if len(geoms) == 1 else set()
-        rgba = _rgba(geom, defaults, root)
-        words |= colour_words(rgba) if rgba else set()
-    if len(geoms) == 1 and shapes:
-        words |= set(_SHAPES.get(defaults.attribute(geoms[0], "type") or "sphere", ()))
+        rgb = _rgb(geom, defaults, root)
+        if rgb is not None:
+            words |= colour_words(rgb)
+    # What a thing of one piece is called, or looks like, is said of the thing.
+    if len(geoms) == 1:
+        (only,) = geoms
+        words |= name_words(only.get("name") or "")
+        if shapes:
+            words.update(_SHAPES.get(defaults.attribute(only, "type") or "sphere", ()))
     return frozenset(words)
 
 
@@ -71,16 +75,20 @@ def colour_words(rgb: tuple[float, float, float]) -> set[str]:
     return words | {_SPELLINGS[w] for w in words if w in _SPELLINGS}
 
 
-def _rgba(geom: Element, defaults: Defaults, root: Element) -> tuple[float, float, float] | None:
+def _rgb(geom: Element, defaults: Defaults, root: Element) -> tuple[float, float, float] | None:
+    """The geom's own colour, else its material's; None where neither states one."""
     stated = defaults.attribute(geom, "rgba")
-    material = defaults.attribute(geom, "material")
-    if stated is None and material is not None:
-        found = next(
-            (m for m in root.iterfind("asset/material") if m.get("name") == material), None
-        )
-        stated = None if found is None else defaults.attribute(found, "rgba")
+    if stated is None:
+        stated = _material_colour(defaults.attribute(geom, "material"), defaults, root)
     try:
         r, g, b = (float(part) for part in tokens(stated)[:3])
     except ValueError:
         return None
     return r, g, b
+
+
+def _material_colour(name: str | None, defaults: Defaults, root: Element) -> str | None:
+    for material in root.iterfind("asset/material"):
+        if name is not None and material.get("name") == name:
+            return defaults.attribute(material, "rgba")
+    return None
