@@ -5,6 +5,9 @@ is public in it and of the group's kind is registered.
 
     [project.entry-points."palpate.planners"]
     cautious = "my_package.cautious"
+
+Where a group has very many heavy members of which few are used (`palpate.estimators`), an entry point names one of
+them, and is loaded when it is.
 """
 
 from __future__ import annotations
@@ -27,6 +30,13 @@ def extensions(group: str) -> Iterator[ModuleType]:
     for entry in sorted(entry_points(group=group), key=lambda entry: entry.name):
         if not entry.value.startswith("palpate."):
             yield _loaded(entry)
+
+
+def references(group: str) -> dict[str, str]:
+    """Of a group whose members are loaded only when they are used: what each entry point's name
+    refers to, `package.module:function`, in the order of the names."""
+    entries = sorted(entry_points(group=group), key=lambda entry: entry.name)
+    return {entry.name: entry.value for entry in entries}
 
 
 def public(module: ModuleType) -> list[object]:

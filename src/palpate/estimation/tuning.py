@@ -1,7 +1,13 @@
 """Every tuning number of the estimators: its value, its unit, why it has it, how sensitive it is.
 
-What an arm or a hand is known for (the tips' length, the datasheet's accuracies) is not tuned: it
-comes with the trace, in `trace.hand`.
+*Sensitive* says what becomes of an estimate when the number is halved or doubled (one that cannot
+exceed 1: half way to 1): by how many of its own standard deviations σ it moves at most, and between
+which factors its standard deviation changes, of 28 estimates: four bundled scenarios and synthetic
+recordings, at the noise of `lab` and `datasheet`. *Hardly* is less than 0.05 σ and 5 %; *no* is a
+threshold between cases that lie far apart, or a prior that says nothing.
+
+What an arm and a hand are known for (the length of the tips, the datasheet's accuracies) is not
+tuned: it comes with the trace, in `trace.hand`.
 """
 
 from __future__ import annotations
@@ -11,257 +17,292 @@ import numpy as np
 # Cutting a trace into rests and passes.
 
 SETTLE = 0.15
-"""s after the commanded pose stopped moving: the impedance controller's transient."""
+"""s after the commanded pose stopped moving: the impedance controller's transient. Sensitive:
+mass 0.3 σ, std ×0.9–1.4; friction 0.2 σ, std ×1.0–1.1; com 0.2 σ, std ×0.9–1.2."""
 
 START = 0.06
-"""s before the commanded pose moves on: a smooth start accelerates before it visibly moves."""
+"""s before the commanded pose moves on: a smooth start accelerates before it visibly moves.
+Sensitive: com 0.08 σ, std ×0.9–1.0."""
 
 STILL_SPEED = 0.001
-"""m/s: below this the TCP counts as at rest."""
+"""m/s: below this the TCP counts as at rest. Sensitive: mass 0.1 σ; friction 0.2 σ, std
+×1.0–1.1; com 0.2 σ."""
 
 NEAR = 0.012
-"""m off the measured pose that a rest may be and still count as the same pose (a loaded arm sags by
-m g / k)."""
+"""m off the measured pose that a rest may be and still count as the same pose (a loaded arm sags
+by m g / k). Sensitive: no."""
 
 NEAR_ANGLE = 0.06
-"""rad, likewise."""
+"""rad off the measured orientation, likewise. Sensitive: no."""
 
 CORRIDOR = 0.02
-"""m beside the line from the grasp to the measured pose that a pass may run."""
+"""m beside the line from the grasp to the measured pose that a pass may run. Sensitive: mass 0.7
+σ, std ×1.0–1.3."""
 
 CLEARANCE = 0.015
-"""m of the path above the grasp left out: there the support may still carry part of the object."""
+"""m of the path above the grasp left out: there the support may still carry part of the object.
+Sensitive: mass 0.7 σ, std ×0.9–1.1; com 0.2 σ, std ×0.8–1.4."""
 
 SHORT_LIFT = 0.4
-"""Part of a short lift that is left out instead."""
+"""part of the path left out instead where the lift is short. Sensitive: no."""
 
 COVERED = 0.4
-"""Part of the lift that a pass must cover."""
+"""part of the lift that a pass must cover, so that all passes have bins in common. Sensitive:
+mass 1.5 σ, std ×1.0–1.5."""
 
 LIFT_MIN = 0.02
-"""m: a lift shorter than this is no path to compare passes on."""
+"""m: a lift shorter than this is no path to compare passes on. Sensitive: no."""
 
 REST_ROWS = 5
-"""Rows that make a rest."""
+"""rows at least that make a rest, so that their mean has a scatter. Sensitive: mass 0.08 σ."""
 
 ARRIVAL = 0.02
-"""m: the last stretch before a rest, whose direction tells how the joints' friction was left."""
+"""m: the last stretch before a rest, whose direction tells how the joints' friction was left.
+Sensitive: no."""
 
 ALONG = 0.7
-"""Cosine between that stretch and the path from which the rest was reached along the path."""
+"""cosine between that stretch and the path from which the rest was reached along the path.
+Sensitive: mass 0.2 σ, std ×0.9–1.0."""
 
 PASS_SPEED = 0.01
-"""m/s along the path from which the joints certainly slide."""
+"""m/s along the path from which the joints certainly slide. Sensitive: mass 0.2 σ, std ×0.9–1.1;
+com 0.1 σ, std ×1.0–1.1."""
 
 SAME_MOTION = 0.25
 """m/s², root mean square along the path: passes whose accelerations differ by more are not
-compared."""
+compared. Sensitive: no."""
 
 BINS = 10
-"""Bins along the path, so that all passes are compared at the same configurations."""
+"""bins along the path, so that all passes are compared at the same configurations. Sensitive:
+mass 0.4 σ, std ×0.9–1.1; com 0.4 σ, std ×0.8–1.4."""
 
 BLOCK = 0.1
-"""s: samples are averaged over blocks of this length before their scatter is taken, so correlation
-counts."""
+"""s: samples are averaged over blocks of this length before their scatter is taken, so
+correlation counts. Sensitive: mass 0.2 σ, std ×0.9–1.2; com 0.2 σ, std ×0.9–1.1."""
 
 TREND = 1
-"""Degree of the trend in time that is taken out of a rest before its scatter is taken."""
+"""degree of the trend in time that is taken out of a rest before its scatter is taken: drift is
+no noise. Sensitive: mass 0.06 σ, std ×0.9–1.2; com 0.09 σ."""
 
 UNKNOWN_NOISE = 0.01
-"""N², (N m)²: variance of a row where no rest is long enough to show it."""
+"""N², (N m)²: variance of a row where no rest is long enough to show it. Sensitive: no."""
 
 # The load from the contrast of rests and passes.
 
 FORCE_BIAS = 0.5
-"""N (1 sigma): bias of an unreferenced force; Franka states 0.8 N relative accuracy."""
+"""N (1 sigma): bias of an unreferenced force; Franka states 0.8 N relative accuracy. Sensitive:
+hardly; without any pass or rest of the empty hand it is most of a mass's std."""
 
 TORQUE_LEVER = 0.3
-"""m: what turns the force figures here into moments about the TCP (typical lever of the arm's wrist
-joints)."""
+"""m: what turns the force figures here into moments about the TCP (typical lever of the arm's
+wrist joints). Sensitive: com 0.07 σ, std ×0.9–1.1."""
 
 KIND_BIAS = 0.3
 """N (1 sigma): how far the bias of one kind of segment lies from the common one (friction
-hysteresis)."""
+hysteresis). Sensitive: mass 0.2 σ, std ×1.0–1.1; com 0.1 σ."""
 
 PASS_SCATTER = 0.003
-"""N: prior scale of the scatter between passes; joints that slide hold no stick residual."""
+"""N: prior scale of the scatter between passes; joints that slide hold no stick residual.
+Sensitive: mass 0.06 σ, std ×0.9–1.2; com 0.09 σ, std ×0.9–1.1."""
 
 REST_GRID = np.geomspace(0.02, 0.8, 12)
-"""N: scatter between rests that is integrated over."""
+"""N: scatter between rests that is integrated over, evenly in its logarithm; from far below the
+force's repeatability to far above. Sensitive: mass 0.07 σ; com 0.1 σ."""
 
 PASS_GRID = np.geomspace(0.001, 0.1, 10)
-"""N: scatter between passes that is integrated over."""
+"""N: scatter between passes that is integrated over, likewise. Sensitive: mass std ×0.8–1.2; com
+0.05 σ."""
 
 ROUGH_SCATTER = 0.02
-"""N: scatter of segments in the first fit, which only shows what the model leaves out."""
+"""N: scatter of segments in the first fit, which only shows what the model leaves out.
+Sensitive: mass 0.05 σ."""
 
 DRIFT = 0.001
-"""N/s (1 sigma)."""
+"""N/s (1 sigma): how fast the sensors' zero wanders; a weighing takes half a minute. Sensitive:
+mass 0.1 σ, std ×0.9–1.1."""
 
 APPARENT_MASS = (6.0, 3.0)
-"""kg, mean and 1 sigma: apparent vertical mass of a 7-axis arm at its TCP."""
+"""kg, mean and 1 sigma: apparent vertical mass at the TCP, wide enough for any seven-axis arm.
+Sensitive: hardly."""
 
 CROSS_INERTIA = 0.5
-"""Part of that 1 sigma by which a vertical acceleration shows in the other components."""
+"""part of that 1 sigma by which a vertical acceleration shows in the other components.
+Sensitive: hardly."""
 
 CENTRIFUGAL = 8.0
-"""N s²/m² (1 sigma): how much two passes differ whose squared speeds differ; equal motions compare
-best."""
+"""N s²/m² (1 sigma): how much two passes differ whose squared speeds differ; equal motions
+compare best. Sensitive: hardly."""
 
 DEGREE = 3
-"""Of the polynomial along the path that the bias of one direction of travel follows."""
+"""degree of the polynomial along the path that the bias of one direction of travel follows.
+Sensitive: mass 0.8 σ, std ×0.9–1.5; com 0.3 σ, std ×1.0–1.1."""
 
 CORRELATED_BINS = 3.0
-"""What the model of a pass leaves out is the same in about so many neighbouring bins."""
+"""bins: what the model of a pass leaves out is the same in about so many neighbouring ones.
+Sensitive: mass 0.1 σ, std ×0.9–1.1; com 0.2 σ, std ×0.9–1.2."""
 
 FLOOR = 1e-4
-"""N: noise that is always assumed."""
+"""N: noise that is always assumed, lest perfect sensors make the equations singular. Sensitive:
+no."""
 
 LOAD_PRIOR = 1e3
-"""N (1 sigma) of the load: nothing is known of it."""
+"""N (1 sigma) of the load: nothing is known of it. Sensitive: no."""
 
 GAIN_AVERAGE = 0.7
-"""Two joints carry a vertical load about equally; the gain errors of both average to 1/sqrt(2) of
-one."""
+"""part of one joint's gain error: two joints carry a vertical load about equally, and their
+errors average to 1/sqrt(2) of one. Sensitive: mass std ×0.8–1.4."""
 
 # Centre of mass.
 
 GRASP_ACCURACY = 7e-4
-"""m (1 sigma): how far a grasp may shift the object from where it is believed to be in the hand."""
+"""m (1 sigma): how far a grasp may shift the object from where it is believed to be in the hand.
+Sensitive: com std ×0.9–1.1."""
 
 GAIN_LEVER = 0.3
-"""m: unequal gains of the joints' torque sensors make a pure force look as if it acted off the TCP,
-by the gain's standard deviation times about so much; the same at all grasps."""
+"""m: unequal gains of the joints' torque sensors make a pure force look as if it acted off the
+TCP, by the gain's standard deviation times about so much; the same at all grasps. Sensitive: com
+std ×0.6–1.9."""
 
 COM_PRIOR = 0.25
-"""Part of the object's extent that is the 1 sigma of a coordinate of the centre of mass before
-measuring."""
+"""part of the object's extent that is the 1 sigma of a coordinate of the centre of mass before
+measuring. Sensitive: com std ×0.5–2.0."""
 
 BLIND = 0.5
-"""Part of that 1 sigma that must be left for a coordinate to count as not measured."""
+"""part of that 1 sigma that must be left for a coordinate to count as not measured. Sensitive:
+no."""
 
 # Height: the loading curve of a guarded descent.
 
 STOPPED = 0.3
-"""Part of the approach speed below which the tip counts as stopped by something much stiffer than
-the arm."""
+"""part of the approach speed below which the tip counts as stopped by something much stiffer
+than the arm. Sensitive: height 0.1 σ."""
 
 TOUCH = 0.15
-"""Part of the pressing force from which the curve is trusted to be contact and not noise."""
+"""part of the pressing force from which the curve is trusted to be contact and not noise.
+Sensitive: height 0.3 σ."""
 
 KNEES = (TOUCH, 0.3, 0.45, 0.6, 0.75)
-"""Parts of the pressing force at which the stiff part may begin."""
+"""Parts of the pressing force at which the stiff part may begin. Sensitive: height 0.6 σ, std
+×0.9–1.0."""
 
 SPAN = 0.25
-"""Part of the pressing force by which it must rise while the tip stands for the surface to be
-stiff."""
+"""part of the pressing force by which it must rise while the tip stands for the surface to be
+stiff. Sensitive: height 0.1 σ."""
 
 CURVE_ROWS = 5
-"""Rows that make a line."""
+"""rows at least that make a line. Sensitive: no."""
 
 INTERVALS = 8
-"""Intervals of force that weigh the same in a line."""
+"""intervals of force that weigh the same in a line. Sensitive: hardly."""
 
 HALTED = 0.5
-"""Part of the descent's speed that must still be commanded for a stop to be the surface's doing."""
+"""part of the descent's speed that must still be commanded for a stop to be the surface's doing.
+Sensitive: no."""
 
 LIFT_OFF = 0.002
-"""m above where it was held: there the tip has left the surface."""
+"""m above where it was held: there the tip has left the surface. Sensitive: no."""
 
 UNSEEN = 2e-5
-"""m (1 sigma): penetration of a rigid surface where the force did not vary enough to see it."""
+"""m (1 sigma): penetration of a rigid surface where the force did not vary enough to see it.
+Sensitive: no."""
 
 STRAIGHT = 5e-5
-"""m: largest residual (rms) of the stiff part about its line."""
+"""m: largest residual (rms) of the stiff part about its line. Sensitive: no."""
 
 RIGID = 2e-4
-"""m/N: what gives way more than this is not a rigid surface."""
+"""m/N: what gives way more than this is not a rigid surface. Sensitive: no."""
 
 SOFT = 0.0015
-"""m above the rigid surface from which an earlier rise of the force is something soft."""
+"""m above the rigid surface from which an earlier rise of the force is something soft.
+Sensitive: no."""
 
 SOFT_ACCURACY = 2e-3
-"""m (1 sigma): what is soft has no sharp beginning."""
+"""m (1 sigma): what is soft has no sharp beginning. Sensitive: `soft onset` std ×0.5–2.0."""
 
 SOFT_SMOOTH = 7
-"""Rows over which the force is averaged before its first rise is looked for."""
+"""rows over which the force is averaged before its first rise is looked for. Sensitive: `soft
+onset` 0.1 σ."""
 
 SOFT_FORCE = 0.15
-"""N: below this the averaged force is none."""
+"""N: below this the averaged force is none. Sensitive: `soft onset` 0.5 σ."""
 
 RETREAT = 1.5
-"""s after the recording in which the unloading curve is looked for."""
+"""s after the recording in which the unloading curve is looked for. Sensitive: no."""
 
 CORRECTION = 0.25
-"""1 sigma, relative, of the correction for penetration: contacts are not quite linear."""
+"""part (1 sigma) of the correction for penetration: contacts are not quite linear. Sensitive:
+height std ×0.9–1.3."""
 
 # Friction: drags along a support.
 
 DRAG_SPEED = 0.002
-"""m/s, commanded and horizontal, from which a row belongs to a drag."""
+"""m/s, commanded and horizontal, from which a row belongs to a drag. Sensitive: no."""
 
 DRAG_SLOPE = 0.3
-"""Vertical over horizontal commanded speed up to which a motion is a drag."""
+"""vertical over horizontal commanded speed up to which a motion is a drag. Sensitive: no."""
 
 DRAG_ROWS = 20
-"""Rows that a drag must exceed."""
+"""rows that a drag must exceed, so that it has a beginning and a later half. Sensitive: no."""
 
 STEADY_ROWS = 10
-"""Rows of steady sliding from which a drag counts."""
+"""rows of steady sliding from which a drag counts. Sensitive: no."""
 
 CRUISE = 0.95
-"""Part of the usual commanded speed from which the motion is at its full speed."""
+"""part of the usual commanded speed from which the motion is at its full speed. Sensitive:
+friction 0.9 σ, std ×1.0–1.1."""
 
 SLIDING = 0.85
-"""Part of the usual quotient of forces from which the object may be sliding: before, it turns in
-the fingers' grip."""
+"""part of the usual quotient of forces from which the object may be sliding: before, it turns in
+the fingers' grip. Sensitive: friction 1.8 σ, std ×0.9–1.0."""
 
 RISE_ROWS = 6
-"""Rows of the rise before the breakaway through which a line is laid."""
+"""rows of the rise before the breakaway through which a line is laid. Sensitive: `static` 0.2 σ,
+std ×0.9–1.1."""
 
 FOLLOWING = 0.7
-"""Part of the commanded speed at which the hand follows; slower, the object may have stuck
-again."""
+"""part of the commanded speed at which the hand follows; slower, the object may have stuck
+again. Sensitive: no."""
 
 PEAK_WITHIN = 0.3
-"""s after that in which the breakaway lies."""
+"""s after that in which the breakaway lies. Sensitive: friction 0.3 σ, std ×0.9–1.0."""
 
 SMOOTH = 0.02
-"""s: forces are averaged over this before the breakaway is looked for."""
+"""s: forces are averaged over this before the breakaway is looked for. Sensitive: hardly."""
 
 TRANSIENT = 0.25
-"""s after breakaway in which the spring between arm and object still swings."""
+"""s after breakaway in which the spring between arm and object still swings. Sensitive: friction
+0.5 σ, std ×0.9–1.2."""
 
 DOWN = 0.006
-"""m above the grasp that the hand may be while the object is on its support."""
+"""m above the grasp that the hand may be while the object is on its support. Sensitive: no."""
 
 HANGING = 0.02
-"""m above the grasp from which the object hangs free."""
+"""m above the grasp from which the object hangs free. Sensitive: no."""
 
 DRIVE_BIAS = 0.3
 """N (1 sigma): residual of the arm's own joint friction in a horizontal force while the joints
-slide."""
+slide. Sensitive: friction 1.2 σ, std ×0.8–1.1."""
 
 HORIZONTAL_MASS = 5.0
 """kg, of a 7-axis arm at its TCP, horizontally: what its acceleration at breakaway takes of the
-force."""
+force. Sensitive: friction 0.06 σ."""
 
 GAIN_RATIO = 0.8
-"""A quotient of two forces that different joints carry: sqrt(2) times a gain uniform within its
-half width."""
+"""part of a gain's half width that a quotient of two forces is wrong by (1 sigma): different
+joints carry them, sqrt(2) times a uniform error, 1/sqrt(3). Sensitive: friction std ×0.9–1.3."""
 
 NORMAL_MIN = 0.5
-"""N: below this the quotient of forces says nothing."""
+"""N: below this the quotient of forces says nothing. Sensitive: no."""
 
 CORRELATION = 10.0
-"""Rows of a drag per independent one: stick-slip and the arm's own swing correlate over a tenth of
-a second."""
+"""rows of a drag per independent one: stick-slip and the arm's own swing correlate over a tenth
+of a second. Sensitive: friction 0.6 σ, std ×0.8–1.4."""
 
 SIGNIFICANT = 2.0
-"""Standard deviations from zero from which a friction is identified."""
+"""standard deviations from zero from which a friction is identified. Sensitive: no."""
 
 # Position.
 
 CENTRING = 0.0015
-"""m (1 sigma): fingers centre an object on themselves as they close; in simulated grasps it ended
-up to 2.5 mm from where it had stood."""
+"""m (1 sigma): fingers centre an object on themselves as they close; in simulated grasps it
+ended up to 2.5 mm from where it had stood. Sensitive: position std ×0.5–2.0."""

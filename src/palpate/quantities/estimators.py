@@ -14,11 +14,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from importlib.metadata import entry_points
 
 from palpate.errors import unknown_name
 from palpate.estimation.estimate import Estimate, not_identified
 from palpate.estimation.estimator import Estimator, Reference, load_estimator
+from palpate.extensions import references
 from palpate.mjcf.body import Body
 from palpate.parameter import Parameter
 from palpate.quantities.catalogue import catalogue
@@ -55,11 +55,11 @@ def known_estimators(quantities: Mapping[str, Quantity] | None = None) -> Estima
     """The estimators of `quantities`, all installed unless given, and after them those of the entry
     points."""
     known = catalogue() if quantities is None else quantities
-    references = {id: dict(quantity.estimators) for id, quantity in known.items()}
-    for entry in sorted(entry_points(group=ENTRY_POINTS), key=lambda e: e.name):
-        quantity, _, name = entry.name.partition(".")
-        references.setdefault(quantity, {}).setdefault(name, entry.value)
-    return Estimators(references)
+    found = {id: dict(quantity.estimators) for id, quantity in known.items()}
+    for entry, reference in references(ENTRY_POINTS).items():
+        quantity, _, name = entry.partition(".")
+        found.setdefault(quantity, {}).setdefault(name, reference)
+    return Estimators(found)
 
 
 def estimate_all(
