@@ -70,7 +70,7 @@ def test_twin_is_the_users_file_with_the_gap_closed(folder: Path) -> None:
     kept = [line for line in before if "?" not in line and 'material="glass" friction' not in line]
     assert [line for line in after if line in kept] == kept
     twin = load_scene(folder / "twin.xml")
-    assert twin.missing() == ()
+    assert twin.missing == ()
     assert twin.body("bottle").known["mass"][0] == pytest.approx(0.254, abs=0.006)
 
 

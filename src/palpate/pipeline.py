@@ -131,13 +131,15 @@ def rehearse(made: Run, progress: Progress = quiet) -> Run:
     return replace(made, rehearsal=rehearsal, findings=(failed,))
 
 
-def confirm(made: Run, may_move: Confirm) -> None:
-    """Ask before a real robot moves; a simulation needs no confirmation.
+def confirm(made: Run, may_move: Confirm, cell: Cell | None = None) -> None:
+    """Ask before a real robot moves, that of `cell` or of the settings; a simulation needs no
+    confirmation.
 
     Raises:
         ExecutionAborted: the plan was not confirmed.
     """
-    if made.settings.robot is not None and made.ready and not may_move(made):
+    real = made.settings.robot is not None or (cell is not None and not cell.simulated)
+    if real and made.ready and not may_move(made):
         raise ExecutionAborted("the plan was not confirmed; nothing has moved")
 
 

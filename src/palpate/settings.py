@@ -55,13 +55,15 @@ class Settings:
     rehearse: bool | None = None
     model_settings: ModelSettings = field(default_factory=ModelSettings)
 
-    def checked(self) -> Settings:
-        """These settings, once nothing is found wrong with them.
+    def checked(self, at_hand: bool = False) -> Settings:
+        """These settings, once nothing is found wrong with them; `at_hand`: there is a scene that
+        came from no file.
 
         Raises:
             InputError: nothing asked, or a value out of range; the message names the argument.
         """
-        if self.request is None and self.scene is None and not self.planner.startswith("replay:"):
+        replayed = self.planner.startswith("replay:")
+        if self.request is None and self.scene is None and not at_hand and not replayed:
             raise InputError(
                 "nothing to do: give a request (request=TEXT), a scene (scene=D.xml), or both"
             )

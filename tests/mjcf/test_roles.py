@@ -120,9 +120,9 @@ def test_position_of_an_object(pos: str, missing: set[str]) -> None:
 )
 def test_height_of_a_surface_is_missing_by_any_of_its_numbers(surface: str) -> None:
     found = scene(surface + cup('mass="1" friction="1"', pos="0.5 0 0.35"))
-    assert [str(parameter) for parameter in found.missing()] == ["table.height"]
+    assert [str(parameter) for parameter in found.missing] == ["table.height"]
     assert found.surfaces["table"].top_z() == pytest.approx(0.30)
-    assert found.priors[found.missing()[0]] == pytest.approx((0.30,))
+    assert found.priors[found.missing[0]] == pytest.approx((0.30,))
 
 
 def test_a_stated_height_is_known() -> None:
@@ -130,7 +130,7 @@ def test_a_stated_height_is_known() -> None:
         '<geom name="floor" type="plane" size="0 0 1"/>'
         '<body name="table" pos="0.5 0 0.4"><geom type="box" size="0.3 0.3 0.02"/></body>'
     )
-    assert found.missing() == ()
+    assert found.missing == ()
     assert {n: s.known["height"] for n, s in found.surfaces.items()} == {
         "floor": pytest.approx((0,)),
         "table": pytest.approx((0.42,)),
@@ -236,7 +236,7 @@ def test_missing_is_in_document_order() -> None:
         cup("") + '<body name="a" pos="0.4 0.3 0.05"><freejoint/><geom size="0.05"/></body>'
         '<geom name="table" type="box" pos="0.5 0 ?" size="0.3 0.3 0.02"/>'
     )
-    missing = [str(g) for g in scene(text).missing()]
+    missing = [str(g) for g in scene(text).missing]
     assert missing == ["cup.mass", "cup.friction", "a.mass", "a.friction", "table.height"]
 
 

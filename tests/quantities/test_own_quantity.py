@@ -53,13 +53,13 @@ def installed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]
 @pytest.mark.usefixtures("installed")
 def test_it_is_found_missing_where_the_file_writes_a_question_mark() -> None:
     scene = parse_scene(SCENE)
-    assert scene.missing() == (ROLLING,)
+    assert scene.missing == (ROLLING,)
     assert scene.priors[ROLLING] == (1e-4,)
     assert unfilled(SCENE) == [ROLLING]
     model = scene.spec({ROLLING: (7e-4,)}).compile()
     assert model.geom_friction[1].tolist() == pytest.approx([0.4, 0.005, 7e-4])
     stated = parse_scene(SCENE.replace("?", "0.0003"))
-    assert stated.missing() == ()
+    assert stated.missing == ()
     assert stated.objects["block"].known["rolling_friction"] == pytest.approx((0.0003,))
 
 
@@ -80,11 +80,11 @@ def test_its_value_is_written_into_the_twin() -> None:
     assert 'friction="0.4 0.005 0.000500" condim="6"' in text
     assert 'name="palpate_block_rolling_friction"' in text
     assert notes == ()
-    assert parse_scene(text).missing() == ()
+    assert parse_scene(text).missing == ()
 
 
 def test_without_the_package_nobody_knows_it() -> None:
     scene = parse_scene(SCENE)
-    assert scene.missing() == ()
+    assert scene.missing == ()
     with pytest.raises(InputError, match="unknown quantity 'rolling_friction'"):
         catalogue().named("rolling_friction")

@@ -123,7 +123,7 @@ def test_a_scene_is_built_whose_unknowns_are_left_open() -> None:
     scene = DetectedScene(SceneBuilder(poses()), things()).scene()
     assert list(scene.objects) == ["can", "block"]
     assert list(scene.surfaces) == ["table"]
-    assert set(scene.missing()) == {
+    assert set(scene.missing) == {
         Parameter("table", "height"),
         Parameter("can", "mass"),
         Parameter("can", "friction"),

@@ -20,7 +20,7 @@ TEXT = """<mujoco><worldbody>
 
 def test_priors_are_plausible() -> None:
     scene = parse_scene(TEXT)
-    assert set(scene.priors) == set(scene.missing())
+    assert set(scene.priors) == set(scene.missing)
     assert scene.priors[Parameter("can", "mass")] == pytest.approx(
         (500 * 3.14159 * 0.03**2 * 0.1,), rel=1e-3
     )
@@ -52,7 +52,7 @@ def test_truth_is_drawn_for_everything_missing_and_repeats_with_its_seed() -> No
     assert draw_truth(scene, 3) != draw_truth(scene, 4)
     for seed in range(20):
         truth = draw_truth(scene, seed)
-        assert set(truth) == set(scene.missing())
+        assert set(truth) == set(scene.missing)
         assert 0.397 <= truth[Parameter("table", "height")][0] <= 0.4, (
             "things must not start inside the table"
         )

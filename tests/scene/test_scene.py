@@ -233,5 +233,5 @@ def test_loading_time_grows_no_faster_than_the_scene() -> None:
 
 def test_fifteen_objects_are_all_read() -> None:
     found = scene(crowd(15))
-    assert len(found.missing()) == 31
+    assert len(found.missing) == 31
     assert found.symbols.ungraspable == {}

@@ -20,8 +20,8 @@ def test_scene_and_world_differ_by_the_gaps(variety: Variety, tmp_path: Path) ->
     assert settings.scene is not None
     assert settings.world is not None
     scene, world = load_scene(settings.scene), load_scene(settings.world)
-    assert set(scene.missing()) == set(variety.missing)
-    assert world.missing() == ()
+    assert set(scene.missing) == set(variety.missing)
+    assert world.missing == ()
     assert (
         set(scene.bodies)
         == set(world.bodies)
@@ -63,4 +63,4 @@ def test_a_frustum_is_closed() -> None:
 @pytest.mark.parametrize("count", [1, 15])
 def test_a_crowd_is_all_unweighed(tmp_path: Path, count: int) -> None:
     scene = load_scene(crowd(tmp_path, count))
-    assert scene.missing() == tuple(Parameter(f"box_{i + 1}", "mass") for i in range(count))
+    assert scene.missing == tuple(Parameter(f"box_{i + 1}", "mass") for i in range(count))

@@ -410,7 +410,7 @@ def strip(text: str) -> list[tuple[str, dict[str, str]]]:
 def test_any_style_of_text_survives(case: tuple[str, str, set[str]]) -> None:
     text, name, missing = case
     scene = parse_scene(text)
-    assert {g.quantity for g in scene.missing()} == missing
+    assert {g.quantity for g in scene.missing} == missing
     known = {"height": ("table", (0.41,)), "mass": (name, (0.254,)), "friction": (name, (0.33,))}
     records = [estimate(known[q][0], q, *known[q][1]) for q in sorted(missing)]
     after = inject(text, {r.parameter: tuple(r.value) for r in records}, records)

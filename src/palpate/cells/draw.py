@@ -17,7 +17,7 @@ def draw_truth(scene: Scene, seed: int) -> dict[Parameter, tuple[float, ...]]:
     seed. Each quantity says how it is drawn around what is believed of it."""
     random = np.random.default_rng(seed)
     truth: dict[Parameter, tuple[float, ...]] = {}
-    for parameter in scene.missing():
+    for parameter in scene.missing:
         quantity = scene.catalogue[parameter.quantity]
         prior = scene.resolved.priors[parameter]
         truth[parameter] = quantity.draw(scene.body(parameter.object), prior, random)

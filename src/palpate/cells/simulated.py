@@ -91,15 +91,15 @@ class SimulatedCell:
 
 def simulated_cell(
     scene: Scene | None,
-    world: Path | None = None,
+    world: Path | Scene | None = None,
     *,
     noise: Noise = "lab",
     seed: int = 0,
     tolerance: float = SIZE_TOLERANCE,
     arm: RobotDescription | None = None,
 ) -> SimulatedCell:
-    """The hidden world for a scene: an MJCF file, or, without one, the scene itself with its
-    unknowns drawn from priors.
+    """The hidden world for a scene: an MJCF file, or a scene made of one, or, without either, the
+    scene itself with its unknowns drawn from priors.
 
     Without a scene the world is taken as it is, with `arm` in it, to be looked at.
 
@@ -108,7 +108,8 @@ def simulated_cell(
             `tolerance` m.
     """
     if world is not None:
-        hidden = load_scene(world, arm=scene.arm if scene is not None else arm)
+        arm = scene.arm if scene is not None else arm
+        hidden = load_scene(world, arm=arm) if isinstance(world, Path) else world
         if scene is not None:
             _match(scene, hidden, tolerance)
         return SimulatedCell(hidden, {}, f"simulated world {world.name}", noise, seed)

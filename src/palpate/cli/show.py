@@ -161,7 +161,7 @@ def show_gap(scene: Scene, as_json: bool) -> None:
 
 def _gap_json(scene: Scene) -> dict[str, Any]:
     missing: list[dict[str, str]] = []
-    for parameter in scene.missing():
+    for parameter in scene.missing:
         missing.append({"object": parameter.object, "quantity": parameter.quantity})
     return {"missing": missing, "bodies": [_body_json(body) for body in scene.bodies.values()]}
 

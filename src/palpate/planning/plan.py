@@ -44,8 +44,17 @@ class Node:
         for i, child in enumerate(self.children):
             yield from child.walk(f"{path}.children[{i}]")
 
+    def __str__(self) -> str:
+        """One node a line, children indented."""
+        lines: list[str] = []
+        for path, node in self.walk():
+            arguments = ", ".join(str(value) for _, value in node.args)
+            depth = path.count(".children[")
+            lines.append("  " * depth + node.type + (f"({arguments})" if arguments else ""))
+        return "\n".join(lines)
 
-@dataclass(frozen=True, slots=True)
+
+@dataclass(frozen=True, slots=True, repr=False)
 class Plan:
     """What a planner returns. `tree` is None when the request cannot be measured; the explanation
     says why."""
@@ -63,6 +72,18 @@ class Plan:
     def actions(self) -> int:
         """How many atomic actions (leaves) the tree has."""
         return 0 if self.tree is None else sum(not node.children for _, node in self.tree.walk())
+
+    def __repr__(self) -> str:
+        by = f" by {self.planner}" if self.planner else ""
+        if self.tree is None:
+            return f"<Plan{by}: nothing to measure>" if self.satisfied else f"<Plan{by}: rejected>"
+        measures = ", ".join(str(parameter) for parameter in self.parameters) or "nothing"
+        return f"<Plan{by}: {measures}, {self.actions} actions>"
+
+    def __str__(self) -> str:
+        """The short line, and below it the tree, one node a line, or why there is none."""
+        below = self.explanation if self.tree is None else str(self.tree)
+        return f"{self!r}\n{below}"
 
 
 def parse_plan(text: str | bytes) -> Plan:

@@ -66,7 +66,7 @@ class Scene:
         counted = [
             _counted(len(self.objects), "object"),
             _counted(len(self.surfaces), "surface"),
-            f"{len(self.missing())} missing",
+            f"{len(self.missing)} missing",
         ]
         return f"<Scene '{self.name}': {', '.join(counted)}>"
 
@@ -104,6 +104,7 @@ class Scene:
             return self.refit(parameter.object, value[0])
         return self
 
+    @property
     def missing(self) -> tuple[Parameter, ...]:
         """Everything the MJCF does not state, in document order ("everything missing")."""
         return tuple(

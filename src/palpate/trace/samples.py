@@ -13,16 +13,35 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, fields, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from palpate.display import table
+from palpate.errors import Unavailable
 from palpate.geometry.pose import Array
 from palpate.parameter import Parameter
 from palpate.trace.recording import Conversion, Hand, LeafRun, Recording
 
+if TYPE_CHECKING:
+    from pandas import DataFrame  # pyright: ignore[reportMissingModuleSource]
+
 FORCES = "gripper_forces"
 POSE = "gripper_pose"
+
+_AXES = ("x", "y", "z")
+_POSE = ("x", "y", "z", "qw", "qx", "qy", "qz")
+COLUMNS = {
+    "q": tuple(f"q{i}" for i in range(1, 8)),
+    "dq": tuple(f"dq{i}" for i in range(1, 8)),
+    "tau_ext": tuple(f"tau_ext{i}" for i in range(1, 8)),
+    "wrench": tuple(f"wrench_{kind}{axis}" for kind in "ft" for axis in _AXES),
+    "pose_world_tcp": tuple(f"tcp_{part}" for part in _POSE),
+    "twist": tuple(f"twist_{kind}{axis}" for kind in "vw" for axis in _AXES),
+    "target_world_tcp": tuple(f"target_{part}" for part in _POSE),
+}
+"""Names of the columns of each signal that has several."""
 
 STANDARD_GRAVITY = 9.81
 """m/s^2, MuJoCo's default gravity; a scene that sets another passes it on in the `Trace`."""
@@ -85,7 +104,7 @@ class Samples:
         return self.where(slice(int(first), int(last)))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Trace:
     """The whole execution: samples, leaves, recordings, conversions, and the nominal hand."""
 
@@ -95,6 +114,52 @@ class Trace:
     conversions: tuple[Conversion, ...]
     hand: Hand
     gravity: float = STANDARD_GRAVITY
+
+    @property
+    def t(self) -> Array:
+        """(n,) robot time, s."""
+        return self.samples.t
+
+    @property
+    def wrench(self) -> Array:
+        """(n, 6) external wrench at the TCP in world axes: N, N m (see the module's
+        convention)."""
+        return self.samples.wrench
+
+    def columns(self) -> dict[str, Array]:
+        """Every sampled number by name, e.g. `q3`, `wrench_fz`, each (n,)."""
+        found: dict[str, Array] = {}
+        for signal in fields(self.samples):
+            values: Array = getattr(self.samples, signal.name)
+            if values.ndim == 1:
+                found[signal.name] = values
+                continue
+            for i, name in enumerate(COLUMNS[signal.name]):
+                found[name] = values[:, i]
+        return found
+
+    def to_dataframe(self) -> DataFrame:
+        """The samples as a pandas data frame, one row a sample; its columns are `columns`'.
+
+        Raises:
+            Unavailable: pandas is not installed.
+        """
+        try:
+            from pandas import DataFrame  # pyright: ignore[reportMissingModuleSource]
+        except ImportError:
+            raise Unavailable("a data frame needs pandas: pip install pandas") from None
+        return DataFrame(self.columns())
+
+    def __repr__(self) -> str:
+        seconds = float(self.t[-1] - self.t[0]) if len(self.t) else 0.0
+        counts = f"{len(self.leaves)} actions, {len(self.recordings)} recordings"
+        return f"<Trace: {seconds:.1f} s, {len(self.samples)} samples, {counts}>"
+
+    def _repr_html_(self) -> str:
+        rows: list[tuple[str, ...]] = []
+        for leaf in self.leaves:
+            rows.append((leaf.label, f"{leaf.start:.1f} s", f"{leaf.end:.1f} s", leaf.status))
+        return table(repr(self), ("action", "from", "to", "ended"), rows)
 
     def of(self, recording: Recording) -> Samples:
         """The samples of a recording."""

@@ -9,6 +9,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from palpate.display import table
 from palpate.errors import InputError, PalpateError
 from palpate.estimation.estimate import Estimate
 from palpate.geometry.pose import Pose
@@ -58,8 +59,15 @@ class Twin:
         if self.validation is None:
             return "<Twin: not simulated>"
         rest = "comes to rest" if self.validation.settled else "does not come to rest"
-        changes = [line for line in self.diff.splitlines() if line.startswith("+")]
-        return f"<Twin: {len(changes[1:])} lines changed, {rest}>"
+        return f"<Twin: {len(self._changes())} lines changed, {rest}>"
+
+    def _repr_html_(self) -> str:
+        return table(repr(self), ("changed lines",), [(line,) for line in self._changes()])
+
+    def _changes(self) -> list[str]:
+        """The lines that the user's file does not have."""
+        added = [line for line in self.diff.splitlines() if line.startswith("+")]
+        return [line[1:].strip() for line in added[1:]]
 
 
 def build_twin(scene: Scene, estimates: Sequence[Estimate], trace: Trace, replay: Replay) -> Twin:

@@ -111,7 +111,7 @@ def test_quantities_meet_the_objects_they_are_said_of(home: Scene, request_: str
 )
 def test_everything_is_what_the_scene_misses(home: Scene, request_: str):
     found = ground(request_, home)
-    assert set(found.asked) == set(home.missing())
+    assert set(found.asked) == set(home.missing)
     assert found.remarks
 
 

@@ -68,7 +68,7 @@ def test_a_centre_of_mass_takes_three_grasps_and_one_weighing(scene: Scene):
 
 def test_without_a_request_all_that_is_missing_is_measured_and_nothing_else(scene: Scene):
     plan = planned(scene, None)
-    assert set(plan.parameters) == set(scene.missing())
+    assert set(plan.parameters) == set(scene.missing)
     assert plan.parameters[0] == parameters("bench.height")[0]
     assert not any("can_pose" in action for action in actions(plan.tree))
 

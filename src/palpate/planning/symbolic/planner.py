@@ -114,7 +114,7 @@ def assemble(
 def _asked(request: str | None, scene: Scene) -> Grounded:
     """What the request asks for; without one, all that the scene misses."""
     if request is None:
-        return Grounded(scene.missing())
+        return Grounded(scene.missing)
     return ground(request, scene)
 
 

@@ -92,7 +92,7 @@ class Resolver:
         mentioned: list[str] = []
         for item in alone:
             mentioned += self._chosen(item, None)
-        missing = list(self.scene.missing())
+        missing = list(self.scene.missing)
         if mentioned:
             return self._missing_of(list(dict.fromkeys(mentioned)), missing)
         everything = any(item.kind == "everything" for item in alone)
@@ -150,7 +150,7 @@ class Resolver:
         )
 
     def _missing_or_all(self, id: str) -> list[Parameter]:
-        missing = [parameter for parameter in self.scene.missing() if parameter.quantity == id]
+        missing = [parameter for parameter in self.scene.missing if parameter.quantity == id]
         return missing or self._of_all(id)
 
     def _of_all(self, id: str) -> list[Parameter]:

@@ -1,0 +1,338 @@
+"""The front door: a scene, a plan and a run, each with the verbs that lead to the next.
+
+    scene = pp.load("desk.xml")
+    plan = scene.plan("how heavy is the mug?")
+    run = plan.run(seed=0)
+
+`Scene`, `Plan` and `Run` are the inner classes plus verbs that call the pipeline, so that inner rooms
+never import upwards and there is no second scene.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, fields, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypedDict, Unpack
+
+from palpate import pipeline
+from palpate.cells.cell import Cell
+from palpate.cells.simulated import simulated_cell
+from palpate.display import table
+from palpate.estimation.estimate import Estimate
+from palpate.execution.recovery import OnFailure
+from palpate.pipeline import Confirm, Progress, quiet, unasked
+from palpate.planning.check.check import Finding
+from palpate.planning.model.session import ModelSettings
+from palpate.planning.plan import Plan as InnerPlan
+from palpate.planning.planner import Planner
+from palpate.robots.registry import DEFAULT, load_description
+from palpate.runs.run import Run as InnerRun
+from palpate.scene.load import load_scene, parse_scene
+from palpate.scene.poses import read_poses
+from palpate.scene.scene import Scene as InnerScene
+from palpate.settings import Noise, Settings
+
+if TYPE_CHECKING:
+    from palpate.execution.runner import Observer
+
+__all__ = ["Plan", "Run", "Scene", "load", "open", "run"]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Scene(InnerScene):
+    """An incomplete simulation description, as `load` reads it.
+
+    Attributes:
+        poses_file: the `poses.yaml` that came with it. arm_name: as `load` was told.
+
+    Else as `palpate.scene.scene.Scene`.
+    """
+
+    poses_file: Path | None = None
+    arm_name: str = DEFAULT
+
+    def plan(
+        self,
+        request: str | None = None,
+        planner: str | Planner = "symbolic",
+        *,
+        images: Sequence[str | Path] = (),
+        remeasure: bool = False,
+        model_settings: ModelSettings | None = None,
+    ) -> Plan:
+        """A checked plan that measures what the request asks and the scene does not know.
+
+        Args:
+            request: what you want to simulate, in your words; None asks for all that is missing.
+            planner: `symbolic`, `exhaustive`, `replay:FILE`, `PROVIDER:MODEL`, or a planner.
+            images: pictures of the workspace, for a model.
+            remeasure: measure what is asked even if the scene states it.
+            model_settings: how a model is asked, where the planner is one.
+
+        Returns:
+            A plan. One without a tree is a rejection, and its explanation says why.
+
+        Raises:
+            InputError: a request or a planner that cannot be used. Unavailable: a provider out of
+                reach.
+        """
+        asked = Settings(
+            request=request,
+            images=_paths(images),
+            planner=_name(planner),
+            remeasure=remeasure,
+            model_settings=model_settings or ModelSettings(),
+        )
+        return _plan_of(self.settings(asked), self, planner)
+
+    def settings(self, asked: Settings) -> Settings:
+        """What is asked, of this scene.
+
+        Raises:
+            InputError: a value out of range.
+        """
+        mine = replace(asked, scene=self.path, poses=self.poses_file, arm=self.arm_name)
+        return mine.checked(at_hand=True)
+
+    def _repr_html_(self) -> str:
+        rows: list[tuple[str, ...]] = []
+        for body in self.bodies.values():
+            missing, known = ", ".join(sorted(body.missing)), ", ".join(sorted(body.known))
+            rows.append((body.name, body.role, missing, known))
+        return table(repr(self), ("body", "role", "missing", "known"), rows)
+
+
+@dataclass(frozen=True, repr=False)
+class Plan(InnerPlan):
+    """A checked plan, and the run that it begins."""
+
+    made: InnerRun = field(kw_only=True, compare=False)
+    """The run so far: what was asked, the scene, this plan and what is wrong with it."""
+
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        """What speaks against the plan; a plan with findings is not executed."""
+        return self.made.findings
+
+    def run(
+        self,
+        cell: Cell | None = None,
+        *,
+        world: str | Path | InnerScene | None = None,
+        robot: str | None = None,
+        noise: Noise = "lab",
+        seed: int = 0,
+        on_failure: OnFailure = "stop",
+        rehearse: bool | None = None,
+        confirm: Confirm = unasked,
+        observer: Observer | None = None,
+        progress: Progress = quiet,
+        out: str | Path | None = None,
+    ) -> Run:
+        """Execute the plan, estimate, and build the twin.
+
+        Args:
+            cell: the workplace; None makes the one that the next arguments describe.
+            world: MJCF of the hidden simulated world (a file, its text, or a scene); None simulates
+                the plan's scene with its unknowns drawn from priors.
+            robot: URL of a real robot.
+            noise: sensor world of the simulated robot. seed: of everything random in it.
+            on_failure: `stop`, `skip` or `replan`: what to do when an action fails.
+            rehearse: execute in simulation first; None means before a real robot moves.
+            confirm: shown the run before a real robot moves; whether it may.
+            observer: watches every tick. progress: told which stage begins, e.g. `print`.
+            out: folder to write the run to; must not exist.
+
+        Returns:
+            The finished run. Where the plan has no tree, or findings, nothing moves and its status
+            is `rejected`.
+
+        Raises:
+            InputError: bad input. Unavailable: no such robot. ExecutionAborted: not confirmed.
+        """
+        if rehearse is None and cell is not None:
+            rehearse = not cell.simulated
+        if _is_text(world):
+            world = load(str(world), arm=self.made.settings.arm)
+        if isinstance(world, InnerScene):
+            cell = simulated_cell(self.made.scene, world, noise=noise, seed=seed)
+            world = world.path
+        settings = replace(
+            self.made.settings,
+            world=_path(world),
+            robot=robot,
+            noise=noise,
+            seed=seed,
+            on_failure=on_failure,
+            rehearse=rehearse,
+            out=_path(out),
+        ).checked(at_hand=True)
+        made = pipeline.rehearse(replace(self.made, settings=settings), progress)
+        pipeline.confirm(made, confirm, cell)
+        made = pipeline.measure(made, observer, progress, cell)
+        made = pipeline.build_twin(made, progress)
+        return _run_of(made if out is None else pipeline.save(made))
+
+    def _repr_html_(self) -> str:
+        rows = [(line,) for line in str(self).splitlines()[1:]]
+        return table(repr(self), ("tree",), rows)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Run(InnerRun):
+    """What a run made: `run["mug.mass"]`, `run.trace`, `run.twin`. See `palpate.runs.run.Run`."""
+
+    def save(self, folder: str | Path) -> Run:
+        """Write the run folder: request, plan, tree, trace, result, twin, report and images.
+
+        Returns:
+            This run, which now knows its folder.
+
+        Raises:
+            InputError: the folder exists or cannot be made.
+        """
+        return _run_of(pipeline.save(self, Path(folder)))
+
+    def _repr_html_(self) -> str:
+        rows: list[tuple[str, ...]] = []
+        for estimate in self.estimates:
+            rows.append((repr(estimate).strip("<>"),))
+        return table(repr(self), ("estimates",), rows)
+
+
+class RunOptions(TypedDict, total=False):
+    """The arguments of `Plan.run`, for those who pass them on."""
+
+    cell: Cell | None
+    world: str | Path | InnerScene | None
+    robot: str | None
+    noise: Noise
+    seed: int
+    on_failure: OnFailure
+    rehearse: bool | None
+    confirm: Confirm
+    observer: Observer | None
+    progress: Progress
+    out: str | Path | None
+
+
+def run(
+    scene: str | Path | Scene | None = None,
+    request: str | None = None,
+    *,
+    poses: str | Path | None = None,
+    arm: str | Path = DEFAULT,
+    planner: str | Planner = "symbolic",
+    images: Sequence[str | Path] = (),
+    remeasure: bool = False,
+    model_settings: ModelSettings | None = None,
+    **options: Unpack[RunOptions],
+) -> Run:
+    """Load, plan, execute, estimate and build the twin, all in memory.
+
+    Args:
+        scene: MJCF as `load` takes it, or a scene; None lets a model look at a picture instead.
+        request: what you want to simulate, in your words; None asks for all that is missing.
+        poses: as `load`. arm: as `load`.
+        planner: as `Scene.plan`. images: as `Scene.plan`. remeasure: as `Scene.plan`.
+        model_settings: as `Scene.plan`.
+        options: as `Plan.run`: `seed`, `noise`, `world`, `robot`, `cell`, `out`, `progress`, …
+
+    Returns:
+        The finished run, in memory; with `out=` also in a folder.
+
+    Raises:
+        InputError: bad input. Unavailable: planner or robot out of reach. ExecutionAborted: a real
+            robot was not allowed to move.
+    """
+    asked = Settings(
+        request=request,
+        poses=_path(poses),
+        images=_paths(images),
+        planner=_name(planner),
+        arm=str(arm),
+        remeasure=remeasure,
+        model_settings=model_settings or ModelSettings(),
+    )
+    if scene is None:
+        return _plan_of(asked.checked(), None, planner).run(**options)
+    found = scene if isinstance(scene, Scene) else load(scene, poses, arm)
+    return _plan_of(found.settings(asked), found, planner).run(**options)
+
+
+def load(source: str | Path, poses: str | Path | None = None, arm: str | Path = DEFAULT) -> Scene:
+    """Read an incomplete MJCF.
+
+    Args:
+        source: a file, or MJCF text (which then begins with `<`).
+        poses: `poses.yaml`: where objects and named places are.
+        arm: the arm that is to touch it: a name, or the folder of a description.
+
+    Raises:
+        InputError: malformed XML, missing files, names that do not match.
+    """
+    file = _path(poses)
+    description = load_description(str(arm))
+    if _is_text(source):
+        entries = read_poses(file) if file is not None else None
+        found = parse_scene(str(source), poses=entries, arm=description)
+    else:
+        found = load_scene(Path(source), file, arm=description)
+    return Scene(**_contents(found), poses_file=file, arm_name=str(arm))
+
+
+def open(folder: str | Path) -> Run:
+    """The run in a folder that `Run.save` or the command line wrote.
+
+    Its trace is read when first asked for. A folder keeps neither the truth of a simulated world nor
+    the camera's footage; where the scene's file has gone since, the scene is empty.
+
+    Raises:
+        InputError: there is no such folder, or it is not a run's.
+    """
+    return _run_of(pipeline.reopen(Path(folder)))
+
+
+def _plan_of(asked: Settings, scene: InnerScene | None, planner: str | Planner) -> Plan:
+    made = pipeline.plan(asked, scene, None if isinstance(planner, str) else planner)
+    return Plan(**_contents(made.plan), made=made)
+
+
+def _run_of(made: InnerRun) -> Run:
+    """The run with its verbs; its estimates say when they come from a simulation."""
+    contents = _contents(made)
+    if made.simulated:
+        contents["estimates"] = tuple(_Simulated(**_contents(e)) for e in made.estimates)
+    return Run(**contents)
+
+
+class _Simulated(Estimate):
+    """An estimate of a simulated run, which says so."""
+
+    __slots__ = ()
+
+    def __repr__(self) -> str:
+        return f"{Estimate.__repr__(self)[:-1]}, simulated>"
+
+
+def _contents(thing: Any) -> dict[str, Any]:
+    """What a dataclass was made of, to make one of a subclass."""
+    return {part.name: getattr(thing, part.name) for part in fields(thing) if part.init}
+
+
+def _is_text(source: object) -> bool:
+    """Whether it is MJCF itself and not the name of a file."""
+    return isinstance(source, str) and source.lstrip().startswith("<")
+
+
+def _path(file: str | Path | None) -> Path | None:
+    return Path(file) if file is not None else None
+
+
+def _paths(files: Sequence[str | Path]) -> tuple[Path, ...]:
+    return tuple(Path(file) for file in files)
+
+
+def _name(planner: str | Planner) -> str:
+    return planner if isinstance(planner, str) else planner.name

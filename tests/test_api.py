@@ -1,0 +1,268 @@
+"""The front door: every program that the design promises, on a scene of a few lines."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+
+import palpate as pp
+from palpate.estimation.estimate import Estimate
+from palpate.planning.plan import Plan
+
+DESK = """<mujoco model="desk"><worldbody>
+  <site name="robot_base"/>
+  <body name="desk" pos="0.4 0 ?"><geom type="box" size=".6 .6 .03" friction="0.6 0.005 0.0001"/></body>
+  <body name="mug" pos="0.5 0.1 0.05"><freejoint/>
+    <geom type="box" size=".03 .02 .05" friction="0.6 0.005 0.0001"/></body>
+</worldbody></mujoco>
+"""
+WORLD = DESK.replace("0.4 0 ?", "0.4 0 -0.032").replace(".03 .02 .05", '.03 .02 .05" mass="0.34')
+REQUEST = "how heavy is the mug?"
+MASS = pp.Parameter("mug.mass")
+
+
+@pytest.fixture(scope="module")
+def done() -> pp.Run:
+    return pp.run(DESK, REQUEST, world=WORLD, noise="none")
+
+
+@pytest.fixture(scope="module")
+def folder(done: pp.Run, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("runs") / "mug"
+    assert done.save(path).folder == path
+    return path
+
+
+def test_a_run_measures_what_was_asked_in_memory(done: pp.Run) -> None:
+    assert done.status == "complete"
+    assert done.folder is None
+    assert [e.parameter for e in done.estimates] == [MASS]
+
+
+def test_an_estimate_is_found_by_name_and_says_what_it_is(done: pp.Run) -> None:
+    mass = done["mug.mass"]
+    assert mass is done[MASS]
+    assert mass.value == pytest.approx([0.34], rel=0.01)
+    assert mass.unit == "kg"
+    assert mass.ci95[0, 0] < 0.34 < mass.ci95[0, 1]
+    assert abs(mass.z_score(0.34)[0]) < 3
+    assert repr(mass).startswith("<mug.mass = 0.3")
+    assert repr(mass).endswith("identified, simulated>")
+
+
+def test_what_was_not_measured_is_named_with_what_was(done: pp.Run) -> None:
+    with pytest.raises(KeyError, match=r"'desk.height' was not measured .* measured: mug.mass"):
+        done["desk.height"]
+    with pytest.raises(pp.InputError, match="'mug' names no parameter"):
+        done["mug"]
+
+
+def test_a_scene_says_what_it_misses() -> None:
+    scene = pp.load(DESK)
+    assert scene.missing == (pp.Parameter("desk.height"), pp.Parameter("mug.mass"))
+    assert repr(scene) == "<Scene 'desk': 1 object, 1 surface, 2 missing>"
+
+
+def test_a_scene_comes_from_a_file_too(tmp_path: Path) -> None:
+    file = tmp_path / "desk.xml"
+    file.write_text(DESK, encoding="utf-8")
+    assert pp.load(str(file)).missing == pp.load(file).missing == pp.load(DESK).missing
+    assert pp.load(file).path == file
+
+
+def test_a_parameters_name_is_split_at_its_last_dot() -> None:
+    dotted = pp.Parameter("cup.v2.mass")
+    assert (dotted.object, dotted.quantity) == ("cup.v2", "mass")
+    assert dotted == pp.Parameter("cup.v2", "mass")
+    assert repr(dotted) == "Parameter('cup.v2.mass')"
+
+
+def test_a_plan_shows_itself_its_tree_and_its_reason() -> None:
+    plan = pp.load(DESK).plan(REQUEST)
+    assert repr(plan) == f"<Plan by symbolic: mug.mass, {plan.actions} actions>"
+    assert plan.findings == ()
+    assert plan.tree is not None
+    first, second, *rest = str(plan).splitlines()
+    assert (first, second) == (repr(plan), "Sequence")
+    assert all(line.startswith("  ") for line in rest)
+    assert "mug" in plan.explanation
+
+
+def test_what_cannot_be_planned_is_a_rejection_that_says_why() -> None:
+    plan = pp.load(DESK).plan("the inertia of the mug")
+    assert plan.tree is None
+    assert repr(plan) == "<Plan by symbolic: rejected>"
+    rejected = plan.run()
+    assert rejected.status == "rejected"
+    assert rejected.trace is None
+    assert repr(rejected) == "<Run rejected>"
+
+
+class Nothing:
+    """A planner that measures nothing."""
+
+    name = "nothing"
+
+    def plan(self, request: str | None, scene: object, images: object = ()) -> Plan:
+        return Plan((), None, f"'{request}' is a matter of opinion.", self.name)
+
+
+def test_a_planner_of_ones_own_is_handed_over() -> None:
+    plan = pp.load(DESK).plan("is the mug beautiful?", planner=Nothing())
+    assert repr(plan) == "<Plan by nothing: rejected>"
+    assert plan.explanation == "'is the mug beautiful?' is a matter of opinion."
+
+
+def test_a_plan_runs_in_a_cell_that_is_handed_over() -> None:
+    told: list[str] = []
+    cell = pp.SimulatedCell(pp.load(WORLD), noise="none")
+    run = pp.load(DESK).plan(REQUEST).run(cell, progress=told.append)
+    assert run["mug.mass"].value == pytest.approx([0.34], rel=0.01)
+    assert run.truth[MASS] == (0.34,)
+    assert told[:2] == ["executing on the simulated robot", "estimating"]
+
+
+def test_the_same_seed_gives_the_same_run() -> None:
+    plan = pp.load(DESK).plan(REQUEST)
+    first, second = plan.run(seed=3), plan.run(seed=3)
+    assert first.estimates == second.estimates
+    assert first.truth == second.truth
+
+
+def test_the_trace_has_the_wrench_and_columns_of_every_sample(done: pp.Run) -> None:
+    assert done.trace is not None
+    assert done.trace.wrench.shape == (len(done.trace.t), 6)
+    columns = done.trace.columns()
+    assert np.array_equal(columns["wrench_fz"], done.trace.wrench[:, 2])
+    assert {len(values) for values in columns.values()} == {len(done.trace.t)}
+    assert len(columns) == 2 + 7 + 7 + 7 + 6 + 7 + 6 + 7
+
+
+def test_a_data_frame_needs_pandas(done: pp.Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert done.trace is not None
+    monkeypatch.setitem(sys.modules, "pandas", None)
+    with pytest.raises(pp.Unavailable, match="pip install pandas"):
+        done.trace.to_dataframe()
+
+
+def test_a_data_frame_has_one_row_a_sample(done: pp.Run) -> None:
+    pytest.importorskip("pandas")
+    assert done.trace is not None
+    assert len(done.trace.to_dataframe()) == len(done.trace.t)
+
+
+def test_the_twin_is_text_a_model_and_a_file(done: pp.Run, tmp_path: Path) -> None:
+    assert done.twin is not None
+    model = done.twin.mjmodel
+    assert isinstance(model, mujoco.MjModel)
+    assert model.body("mug").mass[0] == pytest.approx(done["mug.mass"].value[0], rel=1e-3)
+    done.twin.save(tmp_path / "twin.xml")
+    assert (tmp_path / "twin.xml").read_text(encoding="utf-8") == done.twin.xml
+    assert pp.load(tmp_path / "twin.xml").missing == ()
+
+
+def evidence_apart(estimate: Estimate) -> dict[str, object]:
+    """All of an estimate but its recordings, which the trace keeps."""
+    names = ("parameter", "unit", "method", "verdict")
+    plain = {name: getattr(estimate, name) for name in names}
+    arrays = {name: getattr(estimate, name).tolist() for name in ("value", "std", "ci95")}
+    parts = {name: (part.value, part.std) for name, part in estimate.parts.items()}
+    return plain | arrays | {"parts": parts}
+
+
+def test_a_folder_gives_the_run_back(done: pp.Run, folder: Path) -> None:
+    again = pp.open(folder)
+    assert repr(again) == repr(done)
+    assert (again.status, again.plan, again.findings) == (done.status, done.plan, ())
+    assert again.settings == done.settings
+    assert again.scene.text == DESK
+    assert again.world == done.world
+    assert [*map(evidence_apart, again.estimates)] == [*map(evidence_apart, done.estimates)]
+    assert again.twin is not None
+    assert done.twin is not None
+    assert (again.twin.xml, again.twin.diff, again.twin.notes, again.twin.validation) == (
+        done.twin.xml,
+        done.twin.diff,
+        done.twin.notes,
+        done.twin.validation,
+    )
+
+
+def test_its_trace_is_the_files(done: pp.Run, folder: Path) -> None:
+    kept, again = done.trace, pp.open(folder).trace
+    assert kept is not None
+    assert again is not None
+    assert (again.leaves, again.recordings) == (kept.leaves, kept.recordings)
+    for name, values in kept.columns().items():
+        assert np.array_equal(again.columns()[name], values), name
+
+
+def test_an_opened_run_can_be_saved_again(folder: Path, tmp_path: Path) -> None:
+    copy = pp.open(folder).save(tmp_path / "copy")
+    assert repr(pp.open(tmp_path / "copy")) == repr(copy)
+    for name in ("plan.json", "scene.xml", "twin.xml", "trace.mcap"):
+        assert (tmp_path / "copy" / name).read_bytes() == (folder / name).read_bytes()
+
+
+def test_a_folder_that_is_no_run_is_named(tmp_path: Path) -> None:
+    with pytest.raises(pp.InputError, match=r"is not a run.s folder: .request\.json."):
+        pp.open(tmp_path)
+
+
+def test_a_folder_is_made_where_one_is_asked_for(tmp_path: Path) -> None:
+    run = pp.run(DESK, "the velocity of the gripper", noise="none", out=tmp_path / "run")
+    assert run.folder == tmp_path / "run"
+    assert (run.folder / "result.json").exists()
+    with pytest.raises(pp.InputError, match="exists already"):
+        pp.run(DESK, REQUEST, out=tmp_path / "run")
+
+
+def test_everything_answers_in_one_short_line(done: pp.Run) -> None:
+    things = (done, done.scene, done.plan, done.trace, done.twin, done.estimates[0], MASS)
+    for thing in (*things, pp.load(DESK).plan(REQUEST), pp.load(DESK).arm):
+        assert "\n" not in repr(thing)
+        assert len(repr(thing)) < 160
+
+
+def test_a_notebook_shows_small_tables_and_nothing_of_the_users_as_html(done: pp.Run) -> None:
+    nasty = DESK.replace('"mug"', '"&lt;b&gt;mug"')
+    scene = pp.load(nasty)
+    shown = scene._repr_html_()
+    assert shown.startswith("<table>")
+    assert "<b>" not in shown
+    for thing in (done, done.trace, done.twin, scene.plan(), done.estimates[0]):
+        assert "<table>" in thing._repr_html_()  # type: ignore[union-attr]
+
+
+def test_every_public_name_is_there_and_has_a_docstring() -> None:
+    assert 20 <= len(pp.__all__) <= 25
+    for name in pp.__all__:
+        assert getattr(pp, name).__doc__, name
+    assert set(pp.__all__) <= set(dir(pp))
+    with pytest.raises(AttributeError, match="palpate has no 'weigh'; it has "):
+        pp.weigh  # noqa: B018
+
+
+def test_importing_it_loads_nothing() -> None:
+    code = "import sys; import palpate; print(*[m for m in sys.modules if 'palpate.' in m or m in ('numpy', 'mujoco')])"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == ""
+
+
+def test_a_wrong_argument_is_named_as_it_is_written_in_python() -> None:
+    with pytest.raises(pp.InputError, match="seed= must not be negative"):
+        pp.load(DESK).plan(REQUEST).run(seed=-1)
+    with pytest.raises(pp.InputError, match="world= and robot= exclude each other"):
+        pp.load(DESK).plan(REQUEST).run(world="w.xml", robot="franky://host")
+    with pytest.raises(pp.Unavailable, match="no driver for 'franky://host'"):
+        pp.load(DESK).plan(REQUEST).run(robot="franky://host", rehearse=False)
+
+
+def test_a_run_can_be_changed_and_kept_as_a_value(done: pp.Run) -> None:
+    assert replace(done, folder=Path("x")).folder == Path("x")
