@@ -23,13 +23,16 @@ MAX_ATTEMPTS = 200
 MAX_OBJECTS = 100
 """Objects of a scene that a model may list."""
 
+NO_JSON = "there is no JSON object in the answer; return one with parameters, explanation and tree"
+NO_TREE = "the JSON object has no field 'tree'; return one with parameters, explanation and tree"
+
 _OPENING = re.compile(r"\{\s*[\"}]")
 _DECODER = json.JSONDecoder()
 
 
 @dataclass(frozen=True, slots=True)
 class Proposal:
-    """What an answer holds: a plan, and, when there was no D, the scene's objects."""
+    """What an answer holds: a plan, and, when there was no scene, the objects that the model saw."""
 
     plan: Plan
     scene: tuple[SceneObject, ...] = ()
@@ -52,8 +55,9 @@ def read_answer(text: str) -> Proposal:
             f"the answer has {len(text)} characters, more than {MAX_BYTES}; return the JSON object only"
         )
     source, document = _plan_object(text)
-    plan = parse_plan(json.dumps(nested(document)) if "nodes" in document else source)
-    return Proposal(plan, _scene_objects(document.get("scene") or []))
+    if "nodes" in document:
+        source = json.dumps(nested(document))
+    return Proposal(parse_plan(source), _scene_objects(document.get("scene") or []))
 
 
 def nested(document: Mapping[str, Any]) -> dict[str, Any]:
@@ -65,11 +69,13 @@ def nested(document: Mapping[str, Any]) -> dict[str, Any]:
     Raises:
         InputError: an id is unknown or used twice, or the nodes do not form one tree.
     """
-    nodes = _node_list(document["nodes"])
-    plan = {key: value for key, value in document.items() if key != "nodes"}
+    plan = dict(document)
+    nodes = _node_list(plan.pop("nodes"))
     if not nodes:
         return {**plan, "tree": None}
-    below = [child for node in nodes.values() for child in _children(node)]
+    below: list[int] = []
+    for node in nodes.values():
+        below += _children(node)
     roots = nodes.keys() - set(below)
     if len(roots) != 1 or len(below) != len(set(below)):
         raise InputError(
@@ -84,9 +90,7 @@ def nested(document: Mapping[str, Any]) -> dict[str, Any]:
 def _plan_object(text: str) -> tuple[str, dict[str, Any]]:
     """The source and content of the last JSON object that is a plan."""
     found: tuple[str, dict[str, Any]] | None = None
-    problem = (
-        "there is no JSON object in the answer; return one with parameters, explanation and tree"
-    )
+    problem = NO_JSON
     position = furthest = 0
     for _ in range(MAX_ATTEMPTS):
         opening = _OPENING.search(text, position)
@@ -110,33 +114,25 @@ def _decoded(text: str, start: int) -> tuple[object, int, str]:
     try:
         value, end = _DECODER.raw_decode(text, start)
     except json.JSONDecodeError as error:
-        cut = (
-            "breaks off"
-            if error.pos >= len(text.rstrip()) - 1 or "Unterminated" in error.msg
-            else "is not valid"
-        )
-        near = text[max(start, error.pos - 40) : error.pos]
-        return (
-            None,
-            error.pos,
-            f"the JSON {cut} after {near!r} ({error.msg}); return the whole object again",
-        )
+        return None, error.pos, _complaint(error, text, start)
     except RecursionError:
-        return (
-            None,
-            len(text),
-            f"the JSON is nested deeper than {MAX_NESTING} brackets; flatten the tree",
-        )
+        complaint = f"the JSON is nested deeper than {MAX_NESTING} brackets; flatten the tree"
+        return None, len(text), complaint
     except ValueError as error:
         return None, start + 1, f"the JSON is not usable: {error}"
-    return (
-        value,
-        end,
-        "the JSON object has no field 'tree'; return one with parameters, explanation and tree",
-    )
+    return value, end, NO_TREE
+
+
+def _complaint(error: json.JSONDecodeError, text: str, start: int) -> str:
+    """What is wrong with the JSON that begins at `start`, and where."""
+    at_end = error.pos >= len(text.rstrip()) - 1
+    what = "breaks off" if at_end or "Unterminated" in error.msg else "is not valid"
+    near = text[max(start, error.pos - 40) : error.pos]
+    return f"the JSON {what} after {near!r} ({error.msg}); return the whole object again"
 
 
 def _node_list(value: object) -> dict[int, dict[str, Any]]:
+    """The nodes by id, all of whose children are there."""
     if not isinstance(value, list):
         raise InputError("nodes: must be a list")
     nodes: dict[int, dict[str, Any]] = {}
@@ -147,17 +143,23 @@ def _node_list(value: object) -> dict[int, dict[str, Any]]:
             raise InputError(f"nodes[{i}]: needs an 'id' of its own, a whole number")
         nodes[id] = node
     for id, node in nodes.items():
-        for child in _children(node):
-            if not isinstance(child, int) or child not in nodes:
-                raise InputError(
-                    f"nodes: node {id} has the child {str(child)[:40]}, which is not there"
-                )
+        _require_children(id, node, nodes)
     return nodes
+
+
+def _require_children(id: int, node: Mapping[str, Any], nodes: Mapping[int, object]) -> None:
+    for child in _children(node):
+        if not isinstance(child, int) or child not in nodes:
+            raise InputError(
+                f"nodes: node {id} has the child {str(child)[:40]}, which is not there"
+            )
 
 
 def _children(node: Mapping[str, Any]) -> list[Any]:
     children: object = node.get("children") or []
-    return cast("list[Any]", children) if isinstance(children, list) else [children]
+    if isinstance(children, list):
+        return cast("list[Any]", children)
+    return [children]
 
 
 def _grown(
@@ -166,15 +168,19 @@ def _grown(
     """The node with all that is below it, and how many nodes that is."""
     if depth > MAX_NESTING:
         raise InputError("nodes: the tree is nested too deep; flatten it")
-    node = {
-        key: value
-        for key, value in nodes[id].items()
-        if value is not None and key not in ("id", "children")
-    }
-    below = [_grown(child, nodes, depth + 1) for child in _children(nodes[id])]
-    if below:
-        node["children"] = [child for child, _ in below]
-    return node, 1 + sum(count for _, count in below)
+    node: dict[str, Any] = {}
+    for key, value in nodes[id].items():
+        if value is not None and key not in ("id", "children"):
+            node[key] = value
+    children: list[dict[str, Any]] = []
+    count = 1
+    for child in _children(nodes[id]):
+        below, how_many = _grown(child, nodes, depth + 1)
+        children.append(below)
+        count += how_many
+    if children:
+        node["children"] = children
+    return node, count
 
 
 class _SceneObject(BaseModel):

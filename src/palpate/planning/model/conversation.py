@@ -61,7 +61,7 @@ class Conversation:
     """A whole dialogue, as it is kept in the run folder.
 
     Attributes:
-        planner: as asked for, e.g. `openai:gpt-4o`. system: S as sent.
+        planner: as asked for, e.g. `openai:gpt-4o`. system: the system prompt as sent.
         images: width and height in pixels and SHA-256 of every picture as sent.
     """
 
@@ -78,26 +78,40 @@ class Conversation:
     @property
     def cost(self) -> float | None:
         """US dollars so far; None when an answer has no known price."""
-        costs = [r.answer.cost for r in self.rounds]
-        return None if None in costs else sum(c for c in costs if c is not None)
+        total: float = 0
+        for r in self.rounds:
+            if r.answer.cost is None:
+                return None
+            total += r.answer.cost
+        return total
 
     def summary(self) -> dict[str, Any]:
         """The figures that go into `plan.json`."""
-        answers = [r.answer for r in self.rounds]
-        valid = [not r.findings for r in self.rounds]
+        sent = received = cached = 0
+        seconds: float = 0
+        reported = ""
+        findings: list[list[str]] = []
+        for r in self.rounds:
+            sent += r.answer.input_tokens
+            cached += r.answer.cached_tokens
+            received += r.answer.output_tokens
+            seconds += r.answer.seconds
+            reported = r.answer.model
+            findings.append(list(r.findings))
+        cost = self.cost
         return {
             "model": {
                 "asked": self.planner,
-                "reported": answers[-1].model if answers else "",
-                "rounds": len(answers),
-                "valid_first": valid[:1] == [True],
-                "valid_after_feedback": any(valid),
-                "input_tokens": sum(a.input_tokens for a in answers),
-                "cached_tokens": sum(a.cached_tokens for a in answers),
-                "output_tokens": sum(a.output_tokens for a in answers),
-                "cost_usd": None if self.cost is None else round(self.cost, 6),
-                "seconds": round(sum(a.seconds for a in answers), 3),
-                "findings": [list(r.findings) for r in self.rounds],
+                "reported": reported,
+                "rounds": len(self.rounds),
+                "valid_first": findings[:1] == [[]],
+                "valid_after_feedback": [] in findings,
+                "input_tokens": sent,
+                "cached_tokens": cached,
+                "output_tokens": received,
+                "cost_usd": None if cost is None else round(cost, 6),
+                "seconds": round(seconds, 3),
+                "findings": findings,
             }
         }
 
@@ -151,7 +165,8 @@ def converse(
     for _ in range(rounds + 1):
         answer = ask(message)
         plan, findings = judge(answer.text)
-        conversation.rounds.append(Round(message, answer, tuple(f[:MAX_FINDING] for f in findings)))
+        kept = tuple(finding[:MAX_FINDING] for finding in findings)
+        conversation.rounds.append(Round(message, answer, kept))
         if plan is not None and not findings:
             return plan
         message = feedback(findings)
@@ -162,14 +177,13 @@ def converse(
 
 def feedback(findings: Sequence[str]) -> str:
     """The findings as the next message to the model."""
-    shown = [f"- {finding[:MAX_FINDING]}" for finding in findings[:MAX_FINDINGS]]
+    lines = ["The check refused the plan:"]
+    for finding in findings[:MAX_FINDINGS]:
+        lines.append(f"- {finding[:MAX_FINDING]}")
     if len(findings) > MAX_FINDINGS:
-        shown.append(f"- and {len(findings) - MAX_FINDINGS} more")
-    return (
-        "The check refused the plan:\n"
-        + "\n".join(shown)
-        + "\n\nCorrect it and return the whole JSON object again."
-    )
+        lines.append(f"- and {len(findings) - MAX_FINDINGS} more")
+    lines += ["", "Correct it and return the whole JSON object again."]
+    return "\n".join(lines)
 
 
 def recorded(conversation: Conversation) -> Ask:

@@ -1,4 +1,4 @@
-"""f(S, D, R, I) → behavior tree: a vision-language model as a planner, whoever provides it.
+"""A vision-language model as a planner, whoever provides it.
 
 Keys come from the environment and are blotted out of every message; what is recorded is words and
 figures.
@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from palpate.errors import InputError
+from palpate.parameter import Parameter
 from palpate.planning.model import flat
 from palpate.planning.model.answer import Proposal, read_answer
 from palpate.planning.model.conversation import Conversation, converse
@@ -36,9 +37,9 @@ class VlmPlanner:
     Attributes:
         model: `PROVIDER:MODEL`, or `PROVIDER` alone for its default.
         model_settings: address, form, feedback and budget.
-        builder: makes a scene of what the model saw, for a request without D.
+        builder: makes a scene of what the model saw, for a request without a scene.
         conversation: the latest dialogue, also when `plan` raised.
-        seen: what the model saw, when there was no D.
+        seen: what the model saw, when there was no scene.
     """
 
     model: str
@@ -63,32 +64,25 @@ class VlmPlanner:
         """
         provider, model = find_provider(self.model)
         provider.require_key()
+        settings = self.model_settings
         prompt = self._prompt(request or "", scene, images)
         pictures = [picture(path) for path in prompt.images]
-        self.conversation = Conversation(
-            f"{provider.name}:{model}", prompt.system, tuple(p.note() for p in pictures)
-        )
-        schema = (
-            flat.flat_schema(vocabulary(), with_scene=scene is None)
-            if self.model_settings.native
-            else None
-        )
+        shown = tuple(each.note() for each in pictures)
+        self.conversation = Conversation(f"{provider.name}:{model}", prompt.system, shown)
+        schema = None
+        if settings.native:
+            schema = flat.flat_schema(vocabulary(), with_scene=scene is None)
+        address = provider.address(settings.base_url)
         session = Session(
-            provider,
-            model,
-            provider.address(self.model_settings.base_url),
-            prompt.system,
-            pictures,
-            schema,
-            self.model_settings.budget,
+            provider, model, address, prompt.system, pictures, schema, settings.budget
         )
         plan = converse(
             self.conversation,
             prompt.user,
             session.ask,
             lambda text: self.judge(text, scene, request),
-            self.model_settings.rounds,
-            self.model_settings.budget.exhausted,
+            settings.rounds,
+            settings.budget.exhausted,
         )
         return replace(plan, planner=self.conversation.planner)
 
@@ -97,8 +91,8 @@ class VlmPlanner:
     ) -> tuple[Plan | None, list[str]]:
         """The plan in an answer and what the check finds wrong with it.
 
-        An empty `request` leaves open which parameters are wanted; None wants all that D leaves
-        out.
+        An empty `request` leaves open which parameters are wanted; None wants all that the scene
+        leaves out.
         """
         try:
             proposal = read_answer(text)
@@ -107,16 +101,16 @@ class VlmPlanner:
             return None, [str(error)]
 
     def _prompt(self, request: str, scene: Scene | None, images: Sequence[Path]) -> Prompt:
-        symbols = self._names(images) if scene is None else None
+        symbols = None
+        if scene is None:
+            symbols = self._names(images)
         prompt = compose(vocabulary(), request, scene, images, symbols, self.model_settings.without)
-        return (
-            replace(prompt, user=f"{prompt.user}\n\n{flat.NOTE}")
-            if self.model_settings.native
-            else prompt
-        )
+        if self.model_settings.native:
+            return replace(prompt, user=f"{prompt.user}\n\n{flat.NOTE}")
+        return prompt
 
     def _names(self, images: Sequence[Path]) -> Symbols:
-        """The names there are without D."""
+        """The names there are without a scene."""
         if self.builder is None or not images:
             raise InputError(
                 "there is neither a scene nor a picture for the model to look at: give scene=D.xml, or "
@@ -132,17 +126,16 @@ class VlmPlanner:
         if plan.tree is not None and scene is None:
             self.seen, scene = self._built(proposal.scene)
         wanted = None
-        if (
-            scene is not None
-            and plan.tree is not None
-            and request != ""
-            and "text" not in self.model_settings.without
-        ):
-            wanted = requested(request, scene, self.remeasure)
-        return [
-            f"{f.path}: {f.message}"
-            for f in check(plan, scene, remeasure=self.remeasure, requested=wanted)
-        ]
+        if plan.tree is not None and scene is not None:
+            wanted = self._wanted(request, scene)
+        found = check(plan, scene, remeasure=self.remeasure, requested=wanted)
+        return [f"{finding.path}: {finding.message}" for finding in found]
+
+    def _wanted(self, request: str | None, scene: Scene) -> tuple[Parameter, ...] | None:
+        """What the plan must measure, where the model was told; None leaves it open."""
+        if request == "" or "text" in self.model_settings.without:
+            return None
+        return requested(request, scene, self.remeasure)
 
     def _built(self, objects: tuple[SceneObject, ...]) -> tuple[DetectedScene, Scene]:
         if self.builder is None:

@@ -1,8 +1,9 @@
-"""Puts the prompt together: S from the module files and the vocabulary's declarations, the rest
-from the task.
+"""Puts the prompt together: the system prompt from the module files and the vocabulary's
+declarations, the rest from the task.
 
-S holds nothing of the task and is therefore the same bytes for every one, so that providers can
-cache it.
+The system prompt holds nothing of the task and is therefore the same bytes for every one, so that
+providers can cache it. In what the model reads, as in the paper, S is the system prompt, R the
+request, D the incomplete simulation description, I the picture and Φ the unknown parameters.
 """
 
 from __future__ import annotations
@@ -35,18 +36,18 @@ SYSTEM_MODULES = {
     "metadata": "metadata.md",
     "output": "output.md",
 }
-"""Modules of S in the order in which they are sent, with their files."""
+"""Modules of the system prompt in the order in which they are sent, with their files."""
 
 MODULES = (*SYSTEM_MODULES, "image", "text", "all")
-"""What `--without` takes: a module of S, an input, or all of S."""
+"""What `--without` takes: a module of the system prompt, an input, or all of the system prompt."""
 
 LARGEST_DESCRIPTION = 200_000
-"""Characters of D that are sent; a longer one is refused, not cut."""
+"""Characters of the scene that are sent; a longer one is refused, not cut."""
 
 
 @dataclass(frozen=True, slots=True)
 class Prompt:
-    """What is sent: S, the user's message, and the image files that go with it."""
+    """What is sent: the system prompt, the user's message, and the image files that go with it."""
 
     system: str
     user: str
@@ -68,11 +69,10 @@ def compose(
             too long.
     """
     removed = checked_modules(without)
-    return Prompt(
-        system_prompt(vocabulary, removed),
-        user_prompt(request, scene, symbols, removed, len(images)),
-        () if "image" in removed else tuple(images),
-    )
+    system = system_prompt(vocabulary, removed)
+    user = user_prompt(request, scene, symbols, removed, len(images))
+    shown = () if "image" in removed else tuple(images)
+    return Prompt(system, user, shown)
 
 
 def checked_modules(names: Iterable[str]) -> frozenset[str]:
@@ -88,7 +88,7 @@ def checked_modules(names: Iterable[str]) -> frozenset[str]:
 
 
 def system_prompt(vocabulary: Vocabulary, without: Collection[str] = ()) -> str:
-    """S, less the modules in `without`; the empty string without all of them."""
+    """The system prompt, less the modules in `without`; empty without all of them."""
     if "all" in without:
         return ""
     kept = [file for name, file in SYSTEM_MODULES.items() if name not in without]
@@ -102,21 +102,23 @@ def user_prompt(
     without: Collection[str] = (),
     images: int = 0,
 ) -> str:
-    """R, D and the poses, each fenced as data. Without a scene, `symbols` name the poses."""
-    text = "text" not in without
-    symbols = scene.symbols if scene else symbols
-    parts = [
-        _request(request) if text else "",
-        _description(scene) if text else "",
-        _poses(symbols) if symbols and "metadata" not in without else "",
-        _pictures(images) if "image" not in without else "",
-        "Return Φ, the explanation and the behavior tree.",
-    ]
+    """The request, the scene and the poses, each fenced as data. Without a scene, `symbols` name
+    the poses."""
     if not (request.strip() or scene):
         raise InputError(
             "there is neither a request nor a scene; give a sentence, an MJCF file, or both"
         )
-    return "\n\n".join(part for part in parts if part)
+    parts: list[str] = []
+    if "text" not in without:
+        parts += [_request(request), _description(scene)]
+    if scene is not None:
+        symbols = scene.symbols
+    if symbols and "metadata" not in without:
+        parts.append(_poses(symbols))
+    if images and "image" not in without:
+        parts.append(_pictures(images))
+    parts.append("Return Φ, the explanation and the behavior tree.")
+    return "\n\n".join(parts)
 
 
 def fenced(text: str, language: str = "") -> str:
@@ -128,49 +130,61 @@ def fenced(text: str, language: str = "") -> str:
 
 
 def _filled(file: str, vocabulary: Vocabulary) -> str:
-    text = (
-        resources.files("palpate.planning.model.prompt").joinpath(file).read_text(encoding="utf-8")
-    )
+    """A module of the system prompt, with what is declared elsewhere in place of its marks, such as
+    `{{quantities}}`."""
+    folder = resources.files("palpate.planning.model.prompt")
+    text = folder.joinpath(file).read_text(encoding="utf-8")
     if "{{" not in text:
         return text
-    primitives = vocabulary.primitives.values()
-    entries = {
-        "general": [_primitive_entry(p) for p in primitives if p.group != "conversion"],
-        "conversion": [_primitive_entry(p) for p in primitives if p.group == "conversion"],
-        "composites": [f"- {c.name}: {c.summary}" for c in vocabulary.composites.values()],
-        "quantities": [_quantity_entry(q) for q in catalogue().values()],
-    }
-    for name, lines in entries.items():
+    for name, lines in _declared(vocabulary).items():
         text = text.replace(f"{{{{{name}}}}}", "\n".join(lines))
     return text
 
 
+def _declared(vocabulary: Vocabulary) -> dict[str, list[str]]:
+    """What the primitives, composites and quantities say of themselves, by mark."""
+    general: list[str] = []
+    conversion: list[str] = []
+    for primitive in vocabulary.primitives.values():
+        group = conversion if primitive.group == "conversion" else general
+        group.append(_primitive_entry(primitive))
+    return {
+        "general": general,
+        "conversion": conversion,
+        "composites": [f"- {c.name}: {c.summary}" for c in vocabulary.composites.values()],
+        "quantities": [_quantity_entry(quantity) for quantity in catalogue().values()],
+    }
+
+
 def _primitive_entry(primitive: type[Primitive]) -> str:
-    arguments = "; ".join(
-        f"{name}: {field.description}" for name, field in primitive.model_fields.items()
-    )
-    buffers = f" Reads `{primitive.reads}`." if primitive.reads else ""
-    return (
-        f"- {primitive.__name__}({', '.join(primitive.model_fields)}): {primitive.summary()}{buffers}"
-        + (f" {arguments[0].upper()}{arguments[1:]}." if arguments else "")
-    )
+    fields = primitive.model_fields
+    entry = f"- {primitive.__name__}({', '.join(fields)}): {primitive.summary()}"
+    if primitive.reads:
+        entry += f" Reads `{primitive.reads}`."
+    arguments = "; ".join(f"{name}: {field.description}" for name, field in fields.items())
+    if arguments:
+        entry += f" {arguments[0].upper()}{arguments[1:]}."
+    return entry
+
+
+_SUBJECTS = {
+    "gripper": "the held object or of `gripper`",
+    "object": "an object",
+    "surface": "a surface",
+}
 
 
 def _quantity_entry(quantity: Quantity) -> str:
     unit = "" if quantity.unit == "1" else f" {quantity.unit}"
     kind = "" if quantity.identifiable else ", not measurable"
-    subject = {"gripper": "the held object or of `gripper`", "object": "an object"}.get(
-        quantity.subject, f"a {quantity.subject}"
-    )
+    subject = _SUBJECTS.get(quantity.subject, f"a {quantity.subject}")
     return f"- {quantity.id}{unit}, of {subject}{kind}: {acquisition(quantity)}"
 
 
 def _request(request: str) -> str:
-    return (
-        f"# Request R\n{fenced(request)}"
-        if request.strip()
-        else "# Request R\nNone: acquire what D leaves out."
-    )
+    if request.strip():
+        return f"# Request R\n{fenced(request)}"
+    return "# Request R\nNone: acquire what D leaves out."
 
 
 def _description(scene: Scene | None) -> str:
@@ -190,26 +204,24 @@ def _description(scene: Scene | None) -> str:
 
 
 def _pictures(count: int) -> str:
-    if count == 0:
-        return ""
-    return "# Image I\nAttached: " + (
-        "the workspace now." if count == 1 else f"{count} views of the workspace now."
-    )
+    if count == 1:
+        return "# Image I\nAttached: the workspace now."
+    return f"# Image I\nAttached: {count} views of the workspace now."
 
 
 def _poses(symbols: Symbols) -> str:
-    lines = [
-        *(_pose(name, pose) for name, pose in symbols.poses.items()),
-        *(
-            f"{name}: a free spot for {symbols.subjects.get(name, 'it')}"
-            for name in symbols.later
-            if name not in symbols.poses
-        ),
-        *(f"{name}: joint configuration" for name in symbols.configurations),
-        *(f"offsets of {name}: {_offsets(own)}" for name, own in symbols.own_offsets.items()),
-        f"offsets of other poses: {_offsets(symbols.offsets)}",
-        *(f"{name} cannot be grasped: {reason}" for name, reason in symbols.ungraspable.items()),
-    ]
+    """Every name that a pose expression may use, with where it is or what it stands for."""
+    lines = [_pose(name, pose) for name, pose in symbols.poses.items()]
+    for name in symbols.later:
+        if name not in symbols.poses:
+            lines.append(f"{name}: a free spot for {symbols.subjects.get(name, 'it')}")
+    for name in symbols.configurations:
+        lines.append(f"{name}: joint configuration")
+    for name, own in symbols.own_offsets.items():
+        lines.append(f"offsets of {name}: {_offsets(own)}")
+    lines.append(f"offsets of other poses: {_offsets(symbols.offsets)}")
+    for name, reason in symbols.ungraspable.items():
+        lines.append(f"{name} cannot be grasped: {reason}")
     return (
         "# Named poses (gripper in the world: x y z in m, direction of its x axis in degrees; offsets in m)\n"
         + fenced("\n".join(lines))
@@ -218,14 +230,17 @@ def _poses(symbols: Symbols) -> str:
 
 def _pose(name: str, pose: Pose) -> str:
     x, y, z = pose.position
-    return f"{name}: {x:.3f} {y:.3f} {z:.3f}, {degrees(atan2(pose.rotation[1, 0], pose.rotation[0, 0])):.0f}"
+    direction = degrees(atan2(pose.rotation[1, 0], pose.rotation[0, 0]))
+    return f"{name}: {x:.3f} {y:.3f} {z:.3f}, {direction:.0f}"
 
 
 def _offsets(offsets: Mapping[str, Array]) -> str:
-    """Each with its length, or as a vector where it lies along no single axis."""
-    return ", ".join(
-        f"{name} {max(v, key=abs):.3f}"
-        if sum(abs(v) > 1e-9) <= 1
-        else f"{name} ({', '.join(f'{c:.3f}' for c in v)})"
-        for name, v in offsets.items()
-    )
+    return ", ".join(f"{name} {_offset(vector)}" for name, vector in offsets.items())
+
+
+def _offset(vector: Array) -> str:
+    """The length, with its sign, of an offset along one axis; the vector of any other."""
+    along = [abs(component) > 1e-9 for component in vector]
+    if sum(along) <= 1:
+        return f"{max(vector, key=abs):.3f}"
+    return f"({', '.join(f'{component:.3f}' for component in vector)})"
