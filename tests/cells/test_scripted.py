@@ -1,0 +1,127 @@
+"""A robot of one's own: a scripted arm, its cell and one registry line, and the whole pipeline runs
+on it."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from standin import StandIn
+
+import palpate as pp
+from palpate.cells.registry import drivers
+
+DESK = """<mujoco model="desk"><worldbody>
+  <site name="robot_base"/>
+  <body name="desk" pos="0.4 0 -0.03"><geom type="box" size=".6 .6 .03" friction="0.6 0.005 0.0001"/></body>
+  <body name="mug" pos="0.5 0.1 0.05"><freejoint/>
+    <geom type="box" size=".03 .02 .05" friction="0.6 0.005 0.0001"/></body>
+</worldbody></mujoco>
+"""
+MASS = 0.34
+"""kg: what the scripted arm pretends to lift."""
+
+PACKAGE = """from palpate.cells.registry import Driver
+from test_scripted_bench import Bench
+
+driver = Driver("scripted", lambda url, scene: Bench(url))
+"""
+
+
+class Arm(StandIn):
+    """Reaches every goal at once in its own time, and feels a mug of `MASS` between its fingers."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.weight = MASS * self.gravity
+
+
+class Bench:
+    """A cell that simulates nothing, films nothing and knows nothing. Implements `Cell`."""
+
+    simulated = False
+
+    def __init__(self, url: str = "scripted://here") -> None:
+        self.description = f"bench at {url}"
+        self.arm = Arm()
+
+    def picture(self, camera: object = None) -> None:
+        return None
+
+    def robot(self) -> Arm:
+        return self.arm
+
+    def footage(self) -> None:
+        return None
+
+    def truth(self, parameter: pp.Parameter) -> None:
+        return None
+
+
+@pytest.fixture
+def registered(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """One line in the registry, as an installed package brings it."""
+    metadata = tmp_path / "scripted-1.0.dist-info"
+    metadata.mkdir()
+    (metadata / "METADATA").write_text("Metadata-Version: 2.1\nName: scripted\nVersion: 1.0\n")
+    (metadata / "entry_points.txt").write_text("[palpate.cells]\nscripted = scripted_driver\n")
+    (tmp_path / "scripted_driver.py").write_text(PACKAGE)
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setitem(sys.modules, "test_scripted_bench", sys.modules[__name__])
+    monkeypatch.delitem(sys.modules, "scripted_driver", raising=False)
+    drivers.cache_clear()
+    yield
+    drivers.cache_clear()
+
+
+def test_a_plan_is_executed_and_estimated_on_an_arm_that_is_not_simulated() -> None:
+    bench = Bench()
+    run = pp.load(DESK).plan("how heavy is the mug?").run(bench, rehearse=False)
+    assert run.execution is not None
+    assert run.execution.stopped_by is None
+    assert run.status == "complete"
+    assert run["mug.mass"].value == pytest.approx([MASS], rel=0.01)
+    assert run.truth == {}
+    assert run.footage is None
+    assert not run.simulated
+    assert repr(run).endswith(", on the real robot>")
+    assert "simulated" not in repr(run["mug.mass"])
+    assert bench.arm.calls[-1] == ("close", None)
+
+
+@pytest.mark.usefixtures("registered")
+def test_its_url_is_all_that_names_it_up_to_the_report(tmp_path: Path) -> None:
+    run = pp.run(
+        DESK, "how heavy is the mug?", robot="scripted://b7", rehearse=False, out=tmp_path / "run"
+    )
+    result = json.loads((tmp_path / "run" / "result.json").read_text(encoding="utf-8"))
+    assert result["simulated"] is False
+    assert result["provenance"]["world"] == "bench at scripted://b7"
+    assert result["parameters"][0]["value"] == pytest.approx(MASS, rel=0.01)
+    assert "bench at scripted://b7" in (tmp_path / "run" / "report.html").read_text("utf-8")
+    assert repr(pp.open(tmp_path / "run")) == repr(run)
+
+
+def test_a_real_cell_is_asked_about_and_moves_only_when_allowed() -> None:
+    plan = pp.load(DESK).plan("how heavy is the mug?")
+    bench = Bench()
+    with pytest.raises(pp.ExecutionAborted, match="nothing has moved"):
+        plan.run(bench, rehearse=False, confirm=lambda run: False)
+    assert bench.arm.calls == []
+
+
+def test_a_real_cell_is_rehearsed_for_unless_told_otherwise() -> None:
+    told: list[str] = []
+    pp.load(DESK).plan("how heavy is the mug?").run(Bench(), progress=told.append)
+    assert told[0] == "rehearsing in simulation"
+    assert "executing on the real robot" in told
+
+
+def test_what_the_arm_felt_is_in_the_trace() -> None:
+    run = pp.load(DESK).plan("how heavy is the mug?").run(Bench(), rehearse=False)
+    assert run.trace is not None
+    assert np.isclose(run.trace.wrench[:, 2].max(), MASS * 9.81)
