@@ -179,7 +179,7 @@ def make_data() -> ReportData:
             ParameterRow("bottle", "friction", "known", True, (0.7,)),
             ParameterRow("bottle", "com", "assumed", False),
         ),
-        measured=(Measured(mass, "kg", (0.254,)), Measured(height, "m", (0.765,))),
+        measured=(Measured(mass, (0.254,)), Measured(height, (0.765,))),
         trace=trace,
         robot_seconds=31.0,
         wall_seconds=4.2,

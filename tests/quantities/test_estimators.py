@@ -60,7 +60,9 @@ def installed(tmp_path, monkeypatch):
         "[palpate.estimators]\nmass.mine = my_estimator:estimate_mass\n"
     )
     monkeypatch.syspath_prepend(tmp_path)
+    known_estimators.cache_clear()
     yield
+    known_estimators.cache_clear()
     sys.modules.pop("my_estimator", None)
 
 

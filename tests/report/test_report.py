@@ -137,7 +137,7 @@ def test_hostile_names_are_text(data: ReportData, tmp_path: Path) -> None:
     window = Recording("gripper_forces", 1.0, 2.0, context, HOSTILE)
     estimate = Estimate(
         parameter,
-        "1",
+        HOSTILE,
         (1.0,),
         (0.1,),
         ((0.8, 1.2),),
@@ -161,7 +161,7 @@ def test_hostile_names_are_text(data: ReportData, tmp_path: Path) -> None:
         plan=plan,
         world=HOSTILE,
         parameters=(ParameterRow(HOSTILE, HOSTILE, "known", True),),
-        measured=(Measured(estimate, HOSTILE, (1.1,)),),
+        measured=(Measured(estimate, (1.1,)),),
         findings=(HOSTILE,),
         trace=trace,
         stopped_by=HOSTILE,
@@ -211,7 +211,7 @@ def test_an_aborted_run_says_why_and_shows_the_stop(data: ReportData, tmp_path: 
             status="aborted",
             stopped_by="MovePose: unexpected contact",
             trace=trace,
-            measured=(Measured(lost, "m"),),
+            measured=(Measured(lost),),
         ),
         tmp_path,
     )
@@ -266,7 +266,7 @@ def test_vectors_have_a_bar_for_each_component(data: ReportData, tmp_path: Path)
         "Torques.",
         (),
     )
-    page = page_of(replace(data, measured=(Measured(com, "m", (0.011, -0.002, 0.2)),)), tmp_path)
+    page = page_of(replace(data, measured=(Measured(com, (0.011, -0.002, 0.2)),)), tmp_path)
     assert len(page.all("u")) == 3
     assert [text for text in page.texts if text in ("x", "y", "z")] == ["x", "y", "z"]
 

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from functools import cache
 
 from palpate.errors import unknown_name
 from palpate.estimation.estimate import Estimate, not_identified
@@ -22,7 +23,6 @@ from palpate.extensions import references
 from palpate.mjcf.body import Body
 from palpate.parameter import Parameter
 from palpate.quantities.catalogue import catalogue
-from palpate.quantities.quantity import Quantity
 from palpate.trace.samples import Trace
 
 ENTRY_POINTS = "palpate.estimators"
@@ -51,11 +51,11 @@ class Estimators:
         return load_estimator(self.references[quantity][chosen])
 
 
-def known_estimators(quantities: Mapping[str, Quantity] | None = None) -> Estimators:
-    """The estimators of `quantities`, all installed unless given, and after them those of the entry
-    points."""
-    known = catalogue() if quantities is None else quantities
-    found = {id: dict(quantity.estimators) for id, quantity in known.items()}
+@cache
+def known_estimators() -> Estimators:
+    """Everything installed: the estimators that the catalogue's quantities name, and after them
+    those of the entry points."""
+    found = {id: dict(quantity.estimators) for id, quantity in catalogue().items()}
     for entry, reference in references(ENTRY_POINTS).items():
         quantity, _, name = entry.partition(".")
         found.setdefault(quantity, {}).setdefault(name, reference)

@@ -121,7 +121,7 @@ def _parameter_rows(run: Run) -> list[ParameterRow]:
 
 
 def _measured(run: Run) -> list[Measured]:
-    return [Measured(e, e.unit, run.truth.get(e.parameter)) for e in run.estimates]
+    return [Measured(e, run.truth.get(e.parameter)) for e in run.estimates]
 
 
 def twin_checks(marks: Validation) -> dict[str, str]:

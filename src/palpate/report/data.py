@@ -25,10 +25,9 @@ class ParameterRow:
 
 @dataclass(frozen=True, slots=True)
 class Measured:
-    """An estimate, its unit, and what is true in a simulated world (None on a real robot)."""
+    """An estimate, and what is true in a simulated world (None on a real robot)."""
 
     estimate: Estimate
-    unit: str
     truth: tuple[float, ...] | None = None
 
 
