@@ -25,7 +25,7 @@ MAX_REQUEST = 4_000
 
 
 class Planner(Protocol):
-    """f(R, D, I) → plan."""
+    """Turns a request, an incomplete scene and pictures into a plan: the paper's f(R, D, I)."""
 
     @property
     def name(self) -> str:
@@ -92,7 +92,7 @@ class PlannerKind:
 
 
 def needs_scene(planner: str) -> InputError:
-    """What to tell who wants a planner that cannot look to plan without D."""
+    """What to tell who wants a planner that cannot look to plan without a scene."""
     return InputError(
         f"the {planner} planner needs a scene to work on: give an MJCF with scene=D.xml, or let a "
         "model look at a picture: planner=PROVIDER:MODEL images=I.png poses=poses.yaml (with its "

@@ -25,9 +25,9 @@ class ReplayPlanner:
     """A recorded plan, or a recorded conversation whose answers are checked anew.
 
     Attributes:
-        builder: makes a scene of what the model saw, for a plan without D.
+        builder: makes a scene of what the model saw, for a plan without a scene.
         conversation: the dialogue as judged anew, when the file is one.
-        seen: what the model saw, when there was no D.
+        seen: what the model saw, when there was no scene.
     """
 
     path: Path
@@ -54,7 +54,9 @@ class ReplayPlanner:
         proposal = read_proposal(text)
         if scene is None and proposal.scene and self.builder:
             self.seen = DetectedScene(self.builder, proposal.scene)
-        return proposal.plan if proposal.plan.planner else replace(proposal.plan, planner="replay")
+        if proposal.plan.planner:
+            return proposal.plan
+        return replace(proposal.plan, planner="replay")
 
     def _from_conversation(self, request: str | None, scene: Scene | None) -> Plan:
         from palpate.planning.model.conversation import load, replayed
@@ -99,13 +101,12 @@ def read_proposal(text: bytes) -> Proposal:
 
     try:
         return read_answer(text.decode("utf-8-sig"))
-    except (InputError, UnicodeDecodeError) as error:
-        if (
-            isinstance(error, UnicodeDecodeError)
-            or b"{" not in text
-            or text.lstrip().startswith((b"{", b"["))
-        ):
-            parse_plan(text)
+    except UnicodeDecodeError:
+        parse_plan(text)  # says where it is not text
+        raise
+    except InputError:
+        if b"{" not in text or text.lstrip().startswith((b"{", b"[")):
+            parse_plan(text)  # no chat's prose around it: says what is wrong with the plan itself
         raise
 
 
@@ -115,14 +116,11 @@ def plan_file(path: Path) -> Path:
     Raises:
         InputError: there is none.
     """
-    found = path / "plan.json" if path.is_dir() else path
+    found, lacking = path, f"there is no plan file '{path}'"
+    if path.is_dir():
+        found, lacking = path / "plan.json", f"the folder '{path}' has no plan.json"
     if not found.is_file():
-        what = (
-            f"the folder '{path}' has no plan.json"
-            if path.is_dir()
-            else f"there is no plan file '{path}'"
-        )
-        raise InputError(f"{what}; give a plan (JSON) or the folder of a run")
+        raise InputError(f"{lacking}; give a plan (JSON) or the folder of a run")
     return found
 
 

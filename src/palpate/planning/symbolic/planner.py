@@ -81,7 +81,6 @@ def requested(
     None where that is not certain: something in the request is not understood or is read into it,
     or cannot be measured.
     """
-    vocabulary()
     try:
         asked = _asked(request, scene)
     except (InputError, PlanRejected):

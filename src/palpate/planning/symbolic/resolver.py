@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import NoReturn
 
 from palpate.errors import InputError, PlanRejected
@@ -44,7 +44,7 @@ class Resolver:
                 raise self._not_there(item)
         found: list[Parameter] = []
         for item in objects:
-            found += [Parameter(name, id) for name in self._chosen(item, id)]
+            found += _each(self._chosen(item, id), id)
         if not found:
             self.cannot.append(self._wrong_subject(id, objects))
         return found
@@ -71,7 +71,7 @@ class Resolver:
                 excluded += self._of_all(id)
             for item in objects:
                 names = self.scene.bodies if item.kind == "everything" else item.names
-                excluded += [Parameter(name, id) for name in names]
+                excluded += _each(names, id)
         return excluded
 
     def without_quantity(self, request: str, alone: Sequence[Item]) -> tuple[list[Parameter], str]:
@@ -82,12 +82,11 @@ class Resolver:
             InputError: it names only objects that the scene does not have. PlanRejected: one of
                 several.
         """
-        unknown = [item for item in alone if item.kind == "unknown"]
-        if unknown and not any(item.names for item in alone):
-            raise self._not_there(unknown[0])
-        properties = [item for item in alone if item.kind == "unmeasurable"]
-        if properties:
-            self.cannot += [self._not_measurable(item.names[0]) for item in properties]
+        kinds = {item.kind: item for item in reversed(alone)}  # the first of each kind
+        if "unknown" in kinds and not any(item.names for item in alone):
+            raise self._not_there(kinds["unknown"])
+        if "unmeasurable" in kinds:
+            self._add_unmeasurable(alone)
             return [], ""
         mentioned: list[str] = []
         for item in alone:
@@ -95,8 +94,7 @@ class Resolver:
         missing = list(self.scene.missing)
         if mentioned:
             return self._missing_of(list(dict.fromkeys(mentioned)), missing)
-        everything = any(item.kind == "everything" for item in alone)
-        if everything or lexicon.GOAL.search(request.lower()):
+        if "everything" in kinds or lexicon.GOAL.search(request.lower()):
             return missing, "Everything that the scene misses is meant."
         return [], ""
 
@@ -129,7 +127,9 @@ class Resolver:
         Raises:
             PlanRejected: it may be one of several.
         """
-        names = [name for name in item.names if id is None or self._carries(name, id)]
+        names = list(item.names)
+        if id is not None:
+            names = [name for name in names if self._carries(name, id)]
         if item.plural or len(names) <= 1:
             return names
         choices = " or ".join(f"'{name}'" for name in names)
@@ -154,7 +154,7 @@ class Resolver:
         return missing or self._of_all(id)
 
     def _of_all(self, id: str) -> list[Parameter]:
-        return [Parameter(name, id) for name in self._carriers(id)]
+        return _each(self._carriers(id), id)
 
     def _carriers(self, id: str) -> list[str]:
         """What can have the quantity; of the gripper's own, the empty hand."""
@@ -170,6 +170,12 @@ class Resolver:
         if subject == "gripper":
             return name in self.scene.objects
         return subject == self.scene.bodies[name].role
+
+    def _add_unmeasurable(self, items: Sequence[Item]) -> None:
+        """Say of every property among `items` that it cannot be measured."""
+        for item in items:
+            if item.kind == "unmeasurable":
+                self.cannot.append(self._not_measurable(item.names[0]))
 
     def _not_measurable(self, id: str) -> str:
         reason, label = "no primitive of the robot senses it", id
@@ -191,6 +197,11 @@ class Resolver:
 
     def _listed_bodies(self) -> str:
         return ", ".join(self.scene.bodies) or "no objects at all"
+
+
+def _each(names: Iterable[str], id: str) -> list[Parameter]:
+    """The quantity `id` of each body."""
+    return [Parameter(name, id) for name in names]
 
 
 def _measurable() -> str:

@@ -91,8 +91,11 @@ def system_prompt(vocabulary: Vocabulary, without: Collection[str] = ()) -> str:
     """The system prompt, less the modules in `without`; empty without all of them."""
     if "all" in without:
         return ""
-    kept = [file for name, file in SYSTEM_MODULES.items() if name not in without]
-    return "\n".join(_filled(file, vocabulary) for file in kept)
+    filled: list[str] = []
+    for name, file in SYSTEM_MODULES.items():
+        if name not in without:
+            filled.append(_filled(file, vocabulary))
+    return "\n".join(filled)
 
 
 def user_prompt(
@@ -240,7 +243,8 @@ def _offsets(offsets: Mapping[str, Array]) -> str:
 
 def _offset(vector: Array) -> str:
     """The length, with its sign, of an offset along one axis; the vector of any other."""
-    along = [abs(component) > 1e-9 for component in vector]
-    if sum(along) <= 1:
+    axes = [component for component in vector if abs(component) > 1e-9]
+    if len(axes) <= 1:
         return f"{max(vector, key=abs):.3f}"
-    return f"({', '.join(f'{component:.3f}' for component in vector)})"
+    x, y, z = vector
+    return f"({x:.3f}, {y:.3f}, {z:.3f})"
