@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any
 
 import pytest
 
 from palpate.errors import InputError
 from palpate.planning.planner import MAX_REQUEST
-from palpate.robots.simulated import noise as sensors
-from palpate.settings import Noise, Settings
+from palpate.robots.simulated.noise_models import noise_models
+from palpate.settings import Settings
 
 D = Path("scene.xml")
 
@@ -26,7 +26,7 @@ D = Path("scene.xml")
         Settings(request="x" * MAX_REQUEST, scene=D),
         Settings(scene=D, world=D),
         Settings(scene=D, robot="franka://10.0.0.1"),
-        *(Settings(scene=D, noise=noise) for noise in get_args(Noise)),
+        *(Settings(scene=D, noise=noise) for noise in noise_models().models),
     ],
 )
 def test_what_makes_sense_passes_unchanged(settings: Settings) -> None:
@@ -57,4 +57,4 @@ def test_an_existing_folder_is_refused_at_once(tmp_path: Path) -> None:
 
 
 def test_the_sensor_worlds_are_the_robots() -> None:
-    assert get_args(Noise) == get_args(sensors.Noise)
+    assert list(noise_models().models) == ["none", "lab", "datasheet"]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any, Literal, get_args
+from typing import Any, get_args
 from urllib.parse import urlsplit, urlunsplit
 
 from palpate import __version__
@@ -14,8 +14,6 @@ from palpate.execution.recovery import OnFailure
 from palpate.planning.model.session import Budget, ModelSettings
 from palpate.planning.planner import MAX_REQUEST
 from palpate.robots.registry import DEFAULT
-
-Noise = Literal["none", "lab", "datasheet"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,7 +45,7 @@ class Settings:
     robot: str | None = None
     arm: str = DEFAULT
     planner: str = "symbolic"
-    noise: Noise = "lab"
+    noise: str = "lab"
     seed: int = 0
     out: Path | None = None
     remeasure: bool = False
@@ -62,6 +60,8 @@ class Settings:
         Raises:
             InputError: nothing asked, or a value out of range; the message names the argument.
         """
+        from palpate.robots.simulated.noise_models import noise_models
+
         replayed = self.planner.startswith("replay:")
         if self.request is None and self.scene is None and not at_hand and not replayed:
             raise InputError(
@@ -69,8 +69,7 @@ class Settings:
             )
         if self.request is not None:
             _check_request(self.request)
-        if self.noise not in get_args(Noise):
-            raise unknown_name("noise", self.noise, get_args(Noise))
+        noise_models().check(self.noise)
         if self.on_failure not in get_args(OnFailure):
             raise unknown_name("policy for failures", self.on_failure, get_args(OnFailure))
         if self.world is not None and self.robot is not None:

@@ -17,7 +17,6 @@ from palpate.errors import InputError
 from palpate.mjcf.body import Body
 from palpate.parameter import Parameter
 from palpate.pictures.footage import Footage
-from palpate.robots.simulated.noise import Noise
 from palpate.scene.load import load_scene
 from palpate.scene.scene import Scene
 
@@ -50,7 +49,7 @@ class SimulatedCell:
         default_factory=dict[Parameter, tuple[float, ...]]
     )
     description: str = "simulated world"
-    noise: Noise = "lab"
+    noise: str = "lab"
     seed: int = 0
     _robot: MujocoRobot | None = field(default=None, init=False, repr=False)
 
@@ -93,7 +92,7 @@ def simulated_cell(
     scene: Scene | None,
     world: Path | Scene | None = None,
     *,
-    noise: Noise = "lab",
+    noise: str = "lab",
     seed: int = 0,
     tolerance: float = SIZE_TOLERANCE,
     arm: RobotDescription | None = None,

@@ -5,16 +5,15 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cache
-from importlib.metadata import EntryPoint, entry_points
-from importlib.resources import files
 from pathlib import Path
 
-from palpate.errors import InputError, unknown_name
+from palpate.errors import unknown_name
+from palpate.extensions import extensions
 from palpate.robots.description import RobotDescription, read_description
 from palpate.robots.sheet import FILE
 
 GROUP = "palpate.robots"
-"""Entry points: the arm's name, and a package whose folder has a `description.yaml`."""
+"""Entry points: packages whose folder has a `description.yaml`, named like the arm."""
 DEFAULT = "fr3"
 
 
@@ -59,8 +58,8 @@ def arms() -> Arms:
         InputError: an entry point's package cannot be loaded; the message names it.
     """
     found = {path.parent.name: path.parent for path in Path(__file__).parent.glob(f"*/{FILE}")}
-    for entry in sorted(entry_points(group=GROUP), key=lambda entry: entry.name):
-        found.setdefault(entry.name, _folder(entry))
+    for module in extensions(GROUP):
+        found.setdefault(module.__name__.rpartition(".")[2], Path(str(module.__file__)).parent)
     return Arms(dict(sorted(found.items())))
 
 
@@ -71,13 +70,3 @@ def load_description(name_or_path: str = DEFAULT) -> RobotDescription:
         InputError: as `Arms.load`.
     """
     return arms().load(name_or_path)
-
-
-def _folder(entry: EntryPoint) -> Path:
-    try:
-        return Path(str(files(entry.load())))
-    except Exception as error:
-        raise InputError(
-            f"the arm '{entry.name}' ({entry.value}) cannot be loaded: {type(error).__name__}: "
-            f"{error}; repair or uninstall the package that brings it"
-        ) from error

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import mujoco
 import numpy as np
@@ -11,11 +12,14 @@ import pytest
 from palpate.geometry.pose import Pose
 from palpate.robots.nominal import NominalArm, wrench
 from palpate.robots.registry import load_description
-from palpate.robots.simulated.noise import Imperfections, Sensors, imperfections, perturb_links
+from palpate.robots.simulated.noise import Imperfections, Sensors, perturb_links
+from palpate.robots.simulated.noise_models import noise_models
+from palpate.robots.simulated.robot import MujocoRobot
+from palpate.settings import Settings
 
 PERIOD, BLOCK = 0.005, 5
 ARM = load_description()
-NONE = imperfections("none", ARM)
+NONE = noise_models().imperfections("none", ARM)
 STILL = np.zeros((4, 7))
 
 
@@ -39,7 +43,9 @@ def test_none_is_perfect(jacobian: np.ndarray) -> None:
 
 
 def test_white_noise_is_that_of_a_mean_of_five_samples(jacobian: np.ndarray) -> None:
-    kinds = Imperfections(torque_noise=imperfections("lab", ARM).torque_noise, friction=np.zeros(7))
+    kinds = Imperfections(
+        torque_noise=noise_models().imperfections("lab", ARM).torque_noise, friction=np.zeros(7)
+    )
     measured = sensors(kinds).measure(np.zeros((4000, 7)), np.zeros((4000, 7)), jacobian)
     assert measured.std(0) == pytest.approx(kinds.torque_noise / np.sqrt(5), rel=0.06)
 
@@ -110,7 +116,7 @@ def test_zeroing_takes_out_what_the_gain_does_at_that_torque(jacobian: np.ndarra
 
 
 def test_same_seed_same_signal(jacobian: np.ndarray) -> None:
-    kinds = imperfections("datasheet", ARM)
+    kinds = noise_models().imperfections("datasheet", ARM)
     signal = [sensors(kinds, seed=5).measure(STILL, STILL + 0.1, jacobian) for _ in range(2)]
     assert (signal[0] == signal[1]).all()
 
@@ -118,7 +124,7 @@ def test_same_seed_same_signal(jacobian: np.ndarray) -> None:
 @pytest.mark.parametrize("noise", ["none", "datasheet"])
 def test_native_compensation_holds_the_nominal_weight_whatever_the_true_one(noise: str) -> None:
     robot = ARM.spec()
-    kinds = imperfections(noise, ARM)  # type: ignore[arg-type]
+    kinds = noise_models().imperfections(noise, ARM)
     perturb_links(robot, ARM.links, kinds, np.random.default_rng(1))
     model = robot.compile()
     data = mujoco.MjData(model)
@@ -130,3 +136,44 @@ def test_native_compensation_holds_the_nominal_weight_whatever_the_true_one(nois
     assert data.qfrc_gravcomp[:7] == pytest.approx(nominal.gravity_torque[0], abs=1e-9)
     error = np.abs(data.qfrc_bias[:7] - nominal.gravity_torque[0]).max()
     assert error < 1e-9 if noise == "none" else 0.01 < error < 1.0
+
+
+NOISY = """
+from palpate.robots.simulated.noise import Imperfections
+from palpate.robots.simulated.noise_models import NoiseModel, perfect
+import numpy as np
+
+def worn(arm):
+    return Imperfections(10 * arm.sensors.torque_noise, np.full(7, 0.5))
+
+bench = NoiseModel("worn", worn)
+none = NoiseModel("none", worn)
+"""
+"""All there is to a noise model of one's own: one file, and an entry point."""
+
+
+def test_a_noise_model_of_ones_own_is_one_file_and_an_entry_point(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    info = tmp_path / "noisy-1.0.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: noisy\nVersion: 1.0\n")
+    (info / "entry_points.txt").write_text("[palpate.noise]\nworn = noisy_bench\n")
+    (tmp_path / "noisy_bench.py").write_text(NOISY)
+    monkeypatch.syspath_prepend(tmp_path)
+    noise_models.cache_clear()
+    try:
+        assert list(noise_models().models) == ["none", "lab", "datasheet", "worn"]
+        kinds = noise_models().imperfections("worn", ARM)
+        assert kinds.torque_noise == pytest.approx(10 * ARM.sensors.torque_noise)
+        assert not noise_models().imperfections("none", ARM).friction.any(), "ours stays ours"
+        noisy = MujocoRobot(empty(), Pose.of([0, 0, 0]), ARM, noise="worn")
+        noisy.advance(0.5)
+        assert noisy.drain().tau_ext.std(0).max() > 0.1
+        assert Settings(scene=Path("scene.xml"), noise="worn").checked().noise == "worn"
+    finally:
+        noise_models.cache_clear()
+
+
+def empty() -> mujoco.MjSpec:
+    return mujoco.MjSpec.from_string("<mujoco><worldbody/></mujoco>")

@@ -1,23 +1,17 @@
-"""The sensor worlds: how the arm's signals, and the arm itself, differ from the nominal model.
+"""Sensor worlds: how an arm's signals, and the arm itself, differ from the nominal model.
 
-`none`: perfect. `lab`: noise, residual friction and drift of the joint torque signals. `datasheet`:
-`lab` and what the manufacturer's accuracy figures leave open. Everything random comes from one
-seeded generator.
+Everything random comes from one seeded generator. Which worlds there are says `noise_models`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Collection
-from dataclasses import dataclass, replace
-from typing import Literal
+from dataclasses import dataclass
 
 import mujoco
 import numpy as np
 
 from palpate.geometry.pose import Array
-from palpate.robots.description import RobotDescription
-
-Noise = Literal["none", "lab", "datasheet"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -52,24 +46,6 @@ class Imperfections:
     gain: float = 0.0
     link_mass: float = 0.0
     link_com: float = 0.0
-
-
-def imperfections(noise: Noise, arm: RobotDescription) -> Imperfections:
-    """A sensor world's figures for an arm; their sources stand in its description."""
-    if noise == "none":
-        return Imperfections(torque_noise=np.zeros(7), friction=np.zeros(7))
-    sensors, stated = arm.sensors, arm.nominal
-    lab = Imperfections(sensors.torque_noise, sensors.friction, drift=sensors.drift)
-    if noise == "lab":
-        return lab
-    return replace(
-        lab,
-        repeatability=stated.force_repeatability,
-        pose_repeatability=stated.pose_repeatability,
-        gain=stated.torque_gain,
-        link_mass=sensors.link_mass,
-        link_com=sensors.link_com,
-    )
 
 
 SHARE = 0.3

@@ -18,7 +18,8 @@ from palpate.robots.nominal import NominalArm, wrench
 from palpate.robots.robot import RobotState
 from palpate.robots.simulated.gripper import Gripper
 from palpate.robots.simulated.impedance import Gains, Inertia
-from palpate.robots.simulated.noise import Noise, Sensors, imperfections
+from palpate.robots.simulated.noise import Sensors
+from palpate.robots.simulated.noise_models import noise_models
 from palpate.robots.simulated.readout import Readout
 from palpate.robots.simulated.setpoints import (
     LONGEST_RUN,
@@ -49,7 +50,7 @@ class MujocoRobot:
         world: mujoco.MjSpec,
         pose_world_base: Pose,
         arm: RobotDescription,
-        noise: Noise = "none",
+        noise: str = "none",
         seed: int = 0,
     ) -> None:
         """Put `arm` into `world` (which is changed) at `pose_world_base`.
@@ -58,7 +59,7 @@ class MujocoRobot:
             InputError: the world does not compile with the robot in it.
         """
         random = np.random.default_rng(seed)
-        kinds = imperfections(noise, arm)
+        kinds = noise_models().imperfections(noise, arm)
         self._arm = arm
         self._world = World(world, pose_world_base, arm, kinds, random)
         self._nominal = NominalArm(arm, pose_world_base, self._world.gravity)
