@@ -74,7 +74,7 @@ def _pictures() -> Line:
 
 
 def _robots_and_planners() -> Iterator[Line]:
-    yield Line(True, "embedded robot", "FR3 in a MuJoCo world; needs nothing else")
+    yield Line(True, "embedded robot", "an arm in a MuJoCo world; needs nothing else")
     yield Line(True, "planner symbolic", "needs no key and no network")
     for provider, (distribution, key) in PROVIDERS.items():
         yield _provider(provider, distribution, key)

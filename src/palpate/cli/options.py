@@ -7,7 +7,6 @@ of them (see `palpate.cli.command`).
 from __future__ import annotations
 
 from dataclasses import dataclass
-from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -16,14 +15,6 @@ import typer
 if TYPE_CHECKING:
     from palpate.planning.model.session import ModelSettings
     from palpate.settings import Settings
-
-
-class Noise(StrEnum):
-    """Noise models that `--noise` knows by name."""
-
-    none = "none"
-    lab = "lab"
-    datasheet = "datasheet"
 
 
 Request = Annotated[
@@ -51,7 +42,12 @@ RobotUrl = Annotated[
 Planner = Annotated[
     str, typer.Option("--planner", help="symbolic | exhaustive | replay:FILE | PROVIDER:MODEL")
 ]
-NoiseLevel = Annotated[Noise, typer.Option("--noise", help="Sensor world of the embedded robot.")]
+NoiseLevel = Annotated[
+    str,
+    typer.Option(
+        "--noise", metavar="NAME", help="Sensor world of the robot: none | lab | datasheet | NAME"
+    ),
+]
 Seed = Annotated[int, typer.Option("--seed", help="Seed of everything random.")]
 Out = Annotated[
     Path | None, typer.Option("--out", help="Run folder to make (default: runs/NAME-TIME).")
