@@ -115,6 +115,11 @@ class NominalArm:
         It depends on nothing else, so the arm comes back to a pose with the elbow where it was
         before: a wrench's bias is that of a configuration, not of a pose. Where there is none, the
         search ends as near as it came: it is a tendency, no promise of reachability.
+
+        `kinematics.inverse_kinematics`, which answers whether a pose is reached at all, is another
+        search (mink's, with joint limits). Used here in its place it bends the elbow up to 0.14 rad
+        otherwise, and every force is felt with another bias: friction of the bundled scenario
+        reads 0.3460 and not 0.3456 (std 0.011).
         """
         ahead = self._pose_world_base.local(goal.position)
         posture = posture + np.arctan2(ahead[1], ahead[0]) * np.eye(7)[0]

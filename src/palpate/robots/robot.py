@@ -48,61 +48,83 @@ class RobotState:
 
 
 class Robot(Protocol):
-    """A 7-axis arm with a parallel hand and joint torque sensing."""
+    """A 7-axis arm with a parallel hand and joint torque sensing.
+
+    Its life: it is made connected, at rest and logging; then motions and `advance` alternate, once
+    a tick; `close` ends it. Between two calls of `advance` nothing that is read changes. Every
+    motion may be started while another is under way, and goes on from its position and velocity
+    without a jerk. No method but `advance` takes robot time.
+    """
 
     @property
-    def limits(self) -> Limits: ...
+    def limits(self) -> Limits:
+        """What the arm may do: the description's, the same all its life."""
+        ...
+
     @property
-    def hand(self) -> Hand: ...
+    def hand(self) -> Hand:
+        """What estimators need of the nominal arm; it goes into every trace."""
+        ...
+
     @property
     def gravity(self) -> float:
-        """m/s^2, magnitude, along world -z."""
+        """m/s^2, magnitude, along world -z, where the arm stands."""
         ...
 
     @property
     def state(self) -> RobotState:
-        """The latest cached state; never blocks."""
+        """As of the last `advance`; reading it never blocks. A lost connection shows in its
+        `stamp`, which grows old."""
         ...
 
     def move_joints(self, q: Array, speed: float = 1.0) -> None:
-        """Start a smooth (bounded jerk) motion to joint positions `q` (7,). Replaces any motion
-        under way.
+        """Start a motion with bounded jerk to joint positions `q` (7,), rad.
 
-        `speed` scales the default speed, in (0, 1].
+        `speed` in (0, 1] scales the description's pace. `state.moving` until it has ended.
         """
         ...
 
     def move_pose(self, target: Pose, speed: float) -> None:
-        """Start a smooth straight motion of the commanded TCP pose to `target` (world) at most
-        `speed` m/s."""
+        """Start a straight motion with bounded jerk of the commanded TCP pose to `target` (world),
+        at most `speed` m/s.
+
+        The arm follows like a spring: what is in its way bears a force, and it may end beside the
+        target. `state.moving` until the command has ended.
+        """
         ...
 
     def move_axis(self, direction: Array, speed: float, travel: float) -> None:
-        """Start a straight motion along unit `direction` (3,) (world) at `speed` m/s for `travel`
-        m."""
+        """As `move_pose`, along unit `direction` (3,) (world) at `speed` m/s for `travel` m, with
+        the orientation kept."""
         ...
 
     def open_gripper(self) -> None:
-        """Start opening the fingers fully."""
+        """Start opening the fingers fully. `state.gripper_moving` until they have stopped."""
         ...
 
     def close_gripper(self) -> None:
-        """Start closing the fingers with the default grasp force until they meet resistance or each
-        other."""
+        """Start closing the fingers with the description's grasp force until they meet resistance
+        (then `state.gripping`) or each other. `state.gripper_moving` until they have stopped."""
         ...
 
     def hold(self) -> None:
-        """Stop the arm smoothly where it is and hold there; the fingers keep their grasp."""
+        """Stop the arm smoothly and hold it there; a contact keeps the force that it has, and the
+        fingers their grasp. Without effect at rest."""
         ...
 
     def advance(self, duration: float) -> None:
-        """Let robot time pass: simulated robots step, real ones sleep until the time has come."""
+        """Let `duration` s of robot time pass, and take in what was sensed: simulated robots step,
+        real ones sleep until the time has come.
+
+        Raises:
+            ExecutionAborted: the robot cannot go on; nothing is commanded any more.
+        """
         ...
 
     def drain(self) -> Samples:
-        """The samples logged since the last call."""
+        """The samples logged since the last call, in order of time; after `close` the last ones."""
         ...
 
     def close(self) -> None:
-        """Stop and let go of the connection. May be called twice."""
+        """Stop, and let go of the connection. May be called twice, and at any time."""
         ...

@@ -18,6 +18,9 @@ from palpate.geometry.pose import Array
 class Imperfections:
     """The size of every imperfection; zero is perfect.
 
+    Sizes come from an arm's description. The distances and times over which they act are of the
+    usual order for harmonic drives, bearings and strain gauges; no maker publishes them.
+
     Attributes:
         torque_noise: (7,) N m, standard deviation of a 1 kHz sample.
         friction: (7,) N m, what the bearings, seals and cables behind the sensor hold back at most.
