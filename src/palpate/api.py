@@ -31,7 +31,7 @@ from palpate.runs.run import Run as InnerRun
 from palpate.scene.load import load_scene, parse_scene
 from palpate.scene.poses import read_poses
 from palpate.scene.scene import Scene as InnerScene
-from palpate.settings import Noise, Settings
+from palpate.settings import Settings
 
 if TYPE_CHECKING:
     from palpate.execution.runner import Observer
@@ -121,7 +121,7 @@ class Plan(InnerPlan):
         *,
         world: str | Path | InnerScene | None = None,
         robot: str | None = None,
-        noise: Noise = "lab",
+        noise: str = "lab",
         seed: int = 0,
         on_failure: OnFailure = "stop",
         rehearse: bool | None = None,
@@ -207,7 +207,7 @@ class RunOptions(TypedDict, total=False):
     cell: Cell | None
     world: str | Path | InnerScene | None
     robot: str | None
-    noise: Noise
+    noise: str
     seed: int
     on_failure: OnFailure
     rehearse: bool | None
