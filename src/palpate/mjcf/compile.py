@@ -17,6 +17,9 @@ from palpate.mjcf.roles import Roles
 
 BASE_SITE = "robot_base"
 
+_PLACING = ("pos", "quat", "axisangle", "xyaxes", "zaxis", "euler")
+"""Attributes that place a body or a site."""
+
 _REFERRING = ("actuator", "sensor", "tendon", "equality", "contact", "deformable")
 
 
@@ -28,7 +31,8 @@ def model_tree(
     root, twin_of = copy_root(document)
     apply(edits, twin_of)
     _settle_defaults(root)
-    _remove_robots(root, [twin_of[robot] for robot in roles.robots])
+    robots = [twin_of[robot] for robot in roles.robots]
+    _remove_robots(root, robots)
     return root, twin_of
 
 
@@ -72,8 +76,9 @@ def _settle_defaults(root: Element) -> None:
 
 
 def _remove_robots(root: Element, robots: list[Element]) -> None:
-    removed = {str(e.get("name")) for robot in robots for e in elements(robot) if e.get("name")}
+    removed: set[str] = set()
     for robot in robots:
+        removed |= _names(robot)
         _leave_site(root, robot)
     for keyframe in root.findall("keyframe"):
         root.remove(keyframe)
@@ -83,50 +88,57 @@ def _remove_robots(root: Element, robots: list[Element]) -> None:
         _remove_unused_assets(root)
 
 
+def _names(element: Element) -> set[str]:
+    """Names of an element and all below it."""
+    found = {part.get("name") for part in elements(element)}
+    return {name for name in found if name}
+
+
 def _leave_site(root: Element, robot: Element) -> None:
     """The arm stands where the scene's own robot stood, unless a site says otherwise."""
     parent = robot.getparent()
     assert parent is not None
-    place = {
-        k: str(v)
-        for k, v in robot.items()
-        if k in ("pos", "quat", "axisangle", "xyaxes", "zaxis", "euler")
-    }
     if root.find(f".//site[@name='{BASE_SITE}']") is None:
-        parent.insert(parent.index(robot), etree.Element("site", {"name": BASE_SITE, **place}))
+        site = etree.Element("site", {"name": BASE_SITE})
+        for attribute in _PLACING:
+            value = robot.get(attribute)
+            if value is not None:
+                site.set(attribute, value)
+        parent.insert(parent.index(robot), site)
     parent.remove(robot)
 
 
 def _remove_referring(root: Element, names: set[str]) -> set[str]:
     """Take out what refers to removed elements; the names that go with it."""
     gone: set[str] = set()
-    for entry in [
-        e for tag in _REFERRING for section in root.iterfind(tag) for e in children(section)
-    ]:
-        mentioned = {
-            str(v)
-            for part in elements(entry)
-            for k, v in part.items()
-            if k not in ("name", "class")
-        }
-        if mentioned & names:
-            gone |= {str(entry.get("name"))} if entry.get("name") else set()
-            section = entry.getparent()
-            assert section is not None
-            section.remove(entry)
+    for tag in _REFERRING:
+        for section in root.iterfind(tag):
+            for entry in list(children(section)):
+                if _mentioned(entry) & names:
+                    gone |= {entry.get("name") or ""} - {""}
+                    section.remove(entry)
     return gone
+
+
+def _mentioned(entry: Element) -> set[str]:
+    """What an element and those below it refer to, or may."""
+    found: set[str] = set()
+    for part in elements(entry):
+        found |= {str(value) for key, value in part.items() if key not in ("name", "class")}
+    return found
 
 
 def _remove_unused_assets(root: Element) -> None:
     """The robot's meshes and materials, which would only cost time."""
     for tag in ("mesh", "material", "texture", "hfield"):
         used = _references(root, tag)
-        for asset in [a for section in root.iterfind("asset") for a in section.findall(tag)]:
-            name = asset.get("name") or Path(asset.get("file") or "").stem
-            section = asset.getparent()
-            if name and name not in used and asset.get("type") != "skybox" and section is not None:
-                section.remove(asset)
+        for section in root.iterfind("asset"):
+            for asset in section.findall(tag):
+                name = asset.get("name") or Path(asset.get("file") or "").stem
+                if name and name not in used and asset.get("type") != "skybox":
+                    section.remove(asset)
 
 
 def _references(root: Element, attribute: str) -> set[str]:
-    return {str(v) for e in elements(root) for k, v in e.items() if k == attribute}
+    """Every value of an attribute of that name."""
+    return {str(e.get(attribute)) for e in elements(root) if e.get(attribute) is not None}

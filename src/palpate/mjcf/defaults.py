@@ -38,7 +38,8 @@ class Defaults:
         self._classes: dict[str, list[Element]] = {"": []}
         for top in root.iterfind("default"):
             self._collect(top, ())
-        self._root_class = next((d.get("class") or "main" for d in root.iterfind("default")), "")
+        first = root.find("default")
+        self._root_class = "" if first is None else first.get("class") or "main"
 
     def attribute(self, element: Element, name: str) -> str | None:
         """The attribute as MuJoCo would see it, or None when nothing states it."""
@@ -47,8 +48,9 @@ class Defaults:
             return own
         for default in reversed(self._classes.get(self._class_of(element), [])):
             for entry in default.iterfind(str(element.tag)):
-                if entry.get(name) is not None:
-                    return entry.get(name)
+                inherited = entry.get(name)
+                if inherited is not None:
+                    return inherited
         return None
 
     def _collect(self, default: Element, above: tuple[Element, ...]) -> None:
@@ -61,5 +63,8 @@ class Defaults:
     def _class_of(self, element: Element) -> str:
         if element.get("class"):
             return element.get("class") or ""
-        above = (a.get("childclass") for a in element.iterancestors("body", "frame", "worldbody"))
-        return next((c for c in above if c), self._root_class)
+        for above in element.iterancestors("body", "frame", "worldbody"):
+            inherited = above.get("childclass")
+            if inherited:
+                return inherited
+        return self._root_class

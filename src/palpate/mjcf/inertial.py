@@ -19,8 +19,6 @@ from palpate.mjcf.body import BodyDescription
 from palpate.mjcf.document import UNKNOWN, Element, has_unknown, tokens
 from palpate.mjcf.edits import Change, Edit, Insert, number, unknown_only
 
-INERTIAS = ("diaginertia", "fullinertia")
-
 
 @dataclass(frozen=True, slots=True)
 class Statement:
@@ -42,26 +40,37 @@ def unweighed_geoms(body: BodyDescription) -> tuple[Element, ...]:
     density above zero, all that do not state zero."""
     if body.elements.inertial is not None:
         return ()
-    stated = {geom: _stated_weights(body, geom) for geom in body.elements.geoms}
-    marked = [geom for geom, texts in stated.items() if UNKNOWN in tokens(" ".join(texts))]
+    marked: list[Element] = []
+    unstated: list[Element] = []
+    weighs_something = False
+    for geom in body.elements.geoms:
+        stated = _stated_weights(body, geom)
+        if not stated:
+            unstated.append(geom)
+        elif UNKNOWN in stated:
+            marked.append(geom)
+        elif _heaviest(stated) > 0:
+            weighs_something = True
     if marked:
         return tuple(marked)
-    for texts in stated.values():
-        if any(_number(text) > 0 for text in texts):
-            return ()
-    return tuple(geom for geom, texts in stated.items() if not texts)
+    return () if weighs_something else tuple(unstated)
 
 
 def _stated_weights(body: BodyDescription, geom: Element) -> list[str]:
-    stated = [body.defaults.attribute(geom, name) for name in ("mass", "density")]
-    return [text for text in stated if text is not None]
+    """The parts of a geom's mass and density."""
+    mass = body.defaults.attribute(geom, "mass")
+    density = body.defaults.attribute(geom, "density")
+    return tokens(mass) + tokens(density)
 
 
-def _number(text: str) -> float:
-    try:
-        return float(text)
-    except ValueError:
-        return 0.0
+def _heaviest(stated: list[str]) -> float:
+    heaviest = 0.0
+    for text in stated:
+        try:
+            heaviest = max(heaviest, float(text))
+        except ValueError:
+            continue
+    return heaviest
 
 
 def mass_is_open(body: BodyDescription) -> bool:
@@ -74,8 +83,9 @@ def mass_is_open(body: BodyDescription) -> bool:
 
 def inertia_is_open(inertial: Element) -> bool:
     """Whether an `<inertial>` leaves its inertia open."""
-    stated = [name for name in INERTIAS if inertial.get(name) is not None]
-    return not stated or any(has_unknown(inertial, name) for name in stated)
+    if inertial.get("diaginertia") is None and inertial.get("fullinertia") is None:
+        return True
+    return has_unknown(inertial, "diaginertia") or has_unknown(inertial, "fullinertia")
 
 
 def lacks(inertial: Element, attribute: str) -> bool:
@@ -94,7 +104,7 @@ def mass_of(body: BodyDescription) -> float:
 
 def com_of(body: BodyDescription) -> tuple[float, ...]:
     """Centre of mass in the body frame, as MuJoCo has it, m."""
-    return tuple(float(v) for v in body.shapes.model.body(body.name).ipos)
+    return tuple(np.asarray(body.shapes.model.body(body.name).ipos).tolist())
 
 
 def inertia_for(body: BodyDescription, mass: float, com: Sequence[float]) -> tuple[float, ...]:
@@ -105,8 +115,10 @@ def inertia_for(body: BodyDescription, mass: float, com: Sequence[float]) -> tup
 def _tensor(body: BodyDescription, mass: float, com: Array) -> Array:
     """(3, 3) about `com` in body axes: the geoms' own inertia, or their box's where an `<inertial>`
     hides it, moved by the parallel axis theorem."""
-    compiled = body.elements.inertial is None
-    tensor, centre = _of_geoms(body, mass) if compiled else _of_box(body, mass)
+    if body.elements.inertial is None:
+        tensor, centre = _of_geoms(body, mass)
+    else:
+        tensor, centre = _of_box(body, mass)
     offset = com - centre
     return tensor + mass * (offset @ offset * np.eye(3) - np.outer(offset, offset))
 
@@ -192,28 +204,33 @@ def _mass_beside(body: BodyDescription, geoms: Sequence[Element]) -> float:
 
 
 def _inertial(body: BodyDescription, mine: _Together, known: _Together) -> Iterator[Change]:
-    if any(element.tag == "body" for element in body.elements.element.iterdescendants()):
+    if next(body.elements.element.iterdescendants("body"), None) is not None:
         raise InputError(
             f"'{body.name}' is made of several bodies; MJCF has no one place for its centre of mass"
         )
     mass = _mass_for(body, mine, known)
     com = np.array(mine.com or known.com or com_of(body))
-    tensor = tensor_of(mine.inertia) if mine.inertia is not None else _tensor(body, mass, com)
-    pos = {i: number(float(v), mine.com_std) for i, v in enumerate(com)}
+    tensor = _tensor(body, mass, com) if mine.inertia is None else tensor_of(mine.inertia)
+    pos = _numbered(com.tolist(), mine.com_std)
     mass_text = number(mass, mine.mass_std)
-    if body.elements.inertial is None:
+    inertial = body.elements.inertial
+    if inertial is None:
         stated = {"pos": " ".join(pos.values()), "mass": mass_text}
         attributes = {**stated, **_inertia_attributes(tensor)}
         yield Insert(body.elements.element, "inertial", attributes)
         yield from _weights_answered(body, mass)
         return
-    inertial = body.elements.inertial
     if mine.com is not None:
         yield Edit(inertial, "pos", unknown_only(inertial, "pos", pos), "? ? ?")
     if mine.mass is not None:
         yield Edit(inertial, "mass", {0: mass_text})
     if inertia_is_open(inertial) or mine.inertia is not None:
         yield _inertia_stated(inertial, tensor)
+
+
+def _numbered(values: Sequence[float], std: float | None = None) -> dict[int, str]:
+    """Numbers as text by their position in an attribute."""
+    return {i: number(value, std) for i, value in enumerate(values)}
 
 
 def _mass_for(body: BodyDescription, mine: _Together, known: _Together) -> float:
@@ -235,15 +252,17 @@ def _weights_answered(body: BodyDescription, mass: float) -> Iterator[Edit]:
 def _inertia_attributes(tensor: Array) -> dict[str, str]:
     """`diaginertia`, or `fullinertia` where the axes are not the body's."""
     parts = components(tensor)
-    level = max(abs(part) for part in parts)
-    if max(abs(part) for part in parts[3:]) < 1e-5 * level:
-        return {"diaginertia": " ".join(number(part) for part in parts[:3])}
-    return {"fullinertia": " ".join(number(part) for part in parts)}
+    texts = list(_numbered(parts).values())
+    level, beside = np.abs(parts).max(), np.abs(parts[3:]).max()
+    if beside < 1e-5 * level:
+        return {"diaginertia": " ".join(texts[:3])}
+    return {"fullinertia": " ".join(texts)}
 
 
 def _inertia_stated(inertial: Element, tensor: Array) -> Edit:
-    texts = {i: number(part) for i, part in enumerate(components(tensor))}
+    parts = components(tensor)
     if inertial.get("fullinertia") is not None:
-        return Edit(inertial, "fullinertia", unknown_only(inertial, "fullinertia", texts))
-    diagonal = {i: text for i, text in texts.items() if i < 3}
-    return Edit(inertial, "diaginertia", unknown_only(inertial, "diaginertia", diagonal), "? ? ?")
+        texts = unknown_only(inertial, "fullinertia", _numbered(parts))
+        return Edit(inertial, "fullinertia", texts)
+    texts = unknown_only(inertial, "diaginertia", _numbered(parts[:3]))
+    return Edit(inertial, "diaginertia", texts, "? ? ?")

@@ -101,34 +101,43 @@ def _sort_body(body: Element, found: Roles, actuated: frozenset[str]) -> None:
         found.robots.append(body)
     elif _is_free(body, found.defaults):
         _add_object(body, found)
-    elif not any(child.tag in _JOINTS for child in _through_frames(body)):
+    elif not _has_joint(body):
         if body.get("name") and body.get("mocap") != "true":
             _add_surface(body, _own_geoms(body), found)
         _walk(body, found, actuated, world=not body.get("name"))
 
 
 def _is_free(body: Element, defaults: Defaults) -> bool:
-    return any(
-        child.tag == "freejoint"
-        or (child.tag == "joint" and defaults.attribute(child, "type") == "free")
-        for child in _through_frames(body)
-    )
+    for child in _through_frames(body):
+        is_free = child.tag == "joint" and defaults.attribute(child, "type") == "free"
+        if is_free or child.tag == "freejoint":
+            return True
+    return False
+
+
+def _has_joint(body: Element) -> bool:
+    """Whether a body has a joint of its own."""
+    return any(child.tag in _JOINTS for child in _through_frames(body))
 
 
 def _is_robot_root(body: Element, actuated: frozenset[str]) -> bool:
     """A driven articulated body, or the fixed base that carries its first joint."""
     if not _is_robot(body, actuated):
         return False
-    moving = (body, *(c for c in _through_frames(body) if c.tag == "body"))
-    return any(child.tag in _JOINTS for part in moving for child in _through_frames(part))
+    if _has_joint(body):
+        return True
+    return any(child.tag == "body" and _has_joint(child) for child in _through_frames(body))
 
 
 def _is_robot(body: Element, actuated: frozenset[str]) -> bool:
-    joints = [e for e in elements(body) if e.tag == "joint"]
-    driven = any(
-        e.get("name") in actuated for e in elements(body) if e.tag in ("joint", "site", "body")
-    )
-    return bool(joints) and (driven or len(joints) >= _ROBOT_JOINTS)
+    """Whether it has joints below it, and these are driven or many."""
+    joints = 0
+    driven = False
+    for element in elements(body):
+        joints += element.tag == "joint"
+        if element.tag in ("joint", "site", "body") and element.get("name") in actuated:
+            driven = True
+    return joints > 0 and (driven or joints >= _ROBOT_JOINTS)
 
 
 def _actuated_names(root: Element) -> frozenset[str]:
@@ -167,13 +176,15 @@ def _own_geoms(body: Element) -> tuple[Element, ...]:
 
 
 def _colliding(geoms: tuple[Element, ...], defaults: Defaults) -> tuple[Element, ...]:
-    def touches(geom: Element) -> bool:
-        return any(
-            (defaults.attribute(geom, mask) or "1").strip() != "0"
-            for mask in ("contype", "conaffinity")
-        )
+    """The geoms that can touch something; all of them where none can."""
+    touching = tuple(geom for geom in geoms if _touches(geom, defaults))
+    return touching or geoms
 
-    return tuple(geom for geom in geoms if touches(geom)) or geoms
+
+def _touches(geom: Element, defaults: Defaults) -> bool:
+    contype = defaults.attribute(geom, "contype") or "1"
+    conaffinity = defaults.attribute(geom, "conaffinity") or "1"
+    return contype.strip() != "0" or conaffinity.strip() != "0"
 
 
 def _add_object(body: Element, found: Roles) -> None:

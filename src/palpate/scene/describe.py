@@ -59,8 +59,10 @@ def describe(document: Document, poses: Poses, catalogue: Catalogue) -> Descript
     _refuse_other_unknowns(document, roles, slots)
     _check_names(poses, roles)
     placed = tuple(_placements(poses, roles))
-    stand_ins = [edit for slot in slots for edit in slot.placeholder()]
-    shapes = compile_shapes(document, roles, [*stand_ins, *placed])
+    edits: list[Edit] = []
+    for slot in slots:
+        edits += slot.placeholder()
+    shapes = compile_shapes(document, roles, [*edits, *placed])
     bodies = _described(roles, shapes, poses)
     return Description(document, roles, shapes, bodies, placed)
 
@@ -94,15 +96,16 @@ def _refuse_other_unknowns(document: Document, roles: Roles, slots: Iterable[Slo
     allowed: dict[tuple[Element, str], list[Slot]] = {}
     for slot in slots:
         allowed.setdefault((slot.element, slot.attribute), []).append(slot)
-    robot = {element for root in roles.robots for element in elements(root)}
+    robots: set[Element] = set()
+    for robot in roles.robots:
+        robots.update(elements(robot))
     for element in elements(document.root):
+        if element in robots:
+            continue
         for attribute, value in element.items():
-            if UNKNOWN not in tokens(str(value)) or element in robot or attribute == "name":
-                continue
-            if attribute in INHERITED and _in_default(element):
-                continue
             here = allowed.get((element, str(attribute)), [])
-            if not _all_covered(str(value), here):
+            inherited = attribute in INHERITED and _in_default(element)
+            if attribute != "name" and not inherited and _is_uncovered(str(value), here):
                 raise InputError(
                     f'{label(element)}: {attribute}="{str(value)[:60]}" cannot be measured; `?` may '
                     "stand for an object's mass, density, friction, <inertial> and pos; of a "
@@ -110,9 +113,12 @@ def _refuse_other_unknowns(document: Document, roles: Roles, slots: Iterable[Slo
                 )
 
 
-def _all_covered(value: str, slots: list[Slot]) -> bool:
-    unknown = [i for i, part in enumerate(tokens(value)) if part == UNKNOWN]
-    return all(any(slot.covers(i) for slot in slots) for i in unknown)
+def _is_uncovered(value: str, slots: list[Slot]) -> bool:
+    """Whether a `?` stands where no slot is."""
+    unknown = {i for i, part in enumerate(tokens(value)) if part == UNKNOWN}
+    for slot in slots:
+        unknown -= {i for i in unknown if slot.covers(i)}
+    return bool(unknown)
 
 
 def _in_default(element: Element) -> bool:

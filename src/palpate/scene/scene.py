@@ -57,10 +57,11 @@ class Scene:
     """Static bodies that carry things."""
 
     def __post_init__(self) -> None:
-        for name, role in (("objects", "object"), ("surfaces", "surface")):
-            object.__setattr__(
-                self, name, {n: body for n, body in self.bodies.items() if body.role == role}
-            )
+        object.__setattr__(self, "objects", self._of("object"))
+        object.__setattr__(self, "surfaces", self._of("surface"))
+
+    def _of(self, role: str) -> dict[str, Body]:
+        return {name: body for name, body in self.bodies.items() if body.role == role}
 
     def __repr__(self) -> str:
         counted = [
@@ -107,12 +108,11 @@ class Scene:
     @property
     def missing(self) -> tuple[Parameter, ...]:
         """Everything the MJCF does not state, in document order ("everything missing")."""
-        return tuple(
-            Parameter(body.name, quantity)
-            for body in self.bodies.values()
-            for quantity in self.catalogue
-            if quantity in body.missing
-        )
+        found: list[Parameter] = []
+        for body in self.bodies.values():
+            ids = [id for id in self.catalogue if id in body.missing]
+            found += [Parameter(body.name, id) for id in ids]
+        return tuple(found)
 
     def spec(self, values: Mapping[Parameter, tuple[float, ...]] | None = None) -> mujoco.MjSpec:
         """The scene as an editable model without any robot, unknowns filled from `values`, else
