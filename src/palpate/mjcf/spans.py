@@ -41,6 +41,11 @@ class Tag:
         """Written `<tag/>`."""
         return self.close == self.start
 
+    def value(self, data: bytes, name: str) -> str:
+        """An attribute's text in `data`, as it stands between the quotes; empty without one."""
+        start, end = self.attributes.get(name, (0, 0))
+        return data[start:end].decode("utf-8")
+
 
 @dataclass(slots=True)
 class Change:

@@ -78,14 +78,18 @@ class CentreOfMass(Quantity):
 
     def prior(self, body: BodyDescription, believed: Values) -> Prior:
         """The middle of the geoms, except for the numbers that are stated."""
-        inertial = body.elements.inertial
-        stated = tokens(None if inertial is None else inertial.get("pos")) or [UNKNOWN] * 3
+        stated = [UNKNOWN] * 3
+        if body.elements.inertial is not None:
+            stated = tokens(body.elements.inertial.get("pos")) or stated
         mean: list[float] = []
         std: list[float] = []
         for part, centre, extent in zip(stated, *body.box(), strict=True):
-            is_open = part == UNKNOWN
-            mean.append(float(centre) if is_open else float(part))
-            std.append(tuning.COM_PRIOR * max(float(extent), 1e-3) if is_open else 0.0)
+            if part == UNKNOWN:
+                mean.append(float(centre))
+                std.append(tuning.COM_PRIOR * max(float(extent), 1e-3))
+            else:
+                mean.append(float(part))
+                std.append(0.0)
         return Prior(tuple(mean), tuple(std))
 
     def draw(self, body: Body, prior: Prior, random: np.random.Generator) -> tuple[float, ...]:

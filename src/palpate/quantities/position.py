@@ -57,18 +57,20 @@ class Position(Quantity):
     def prior(self, body: BodyDescription, believed: Values) -> Prior:
         """Where the poses put it; without them, what the file states, and the middle of the
         workspace for the rest."""
-        given = None if body.given is None else body.given.position.tolist()
-        stated = tokens(body.elements.element.get("pos"))
+        usual, spread = PRIOR_POSITION, UNPLACED
+        if body.given is not None:
+            x, y, _ = body.given.position.tolist()
+            usual, spread = (x, y), PLACED
         mean: list[float] = []
         std: list[float] = []
-        for i in (0, 1):
-            is_open = stated[i] == UNKNOWN
-            if given is not None:
-                mean.append(given[i])
+        stated = tokens(body.elements.element.get("pos"))
+        for part, middle in zip(stated[:2], usual, strict=True):
+            if part == UNKNOWN:
+                mean.append(middle)
+                std.append(spread)
             else:
-                mean.append(PRIOR_POSITION[i] if is_open else float(stated[i]))
-            spread = UNPLACED if given is None else PLACED
-            std.append(spread if is_open else 0.0)
+                mean.append(float(part) if body.given is None else middle)
+                std.append(0.0)
         return Prior(tuple(mean), tuple(std))
 
     def draw(self, body: Body, prior: Prior, random: np.random.Generator) -> tuple[float, ...]:
