@@ -79,9 +79,8 @@ def _described(roles: Roles, shapes: Shapes, poses: Poses) -> dict[str, BodyDesc
             given=None if given is None else given.body_pose(),
             given_top=None if approach is None else approach.pos[2] - APPROACH,
         )
-    standing = [body.footing() for body in found.values() if body.role == "object"]
     for name, body in list(found.items()):
-        if body.role == "surface" and not _is_surface(body, standing):
+        if body.role == "surface" and not _is_surface(body):
             del found[name]
     return found
 
@@ -140,15 +139,19 @@ def _placements(poses: Poses, roles: Roles) -> Iterator[Edit]:
         element = roles.bodies[name].element
         _require_in_world(element)
         pose = entry.body_pose()
-        position = {i: repr(float(v)) for i, v in enumerate(pose.position)}
+        position = _numbered(pose.position)
         if has_unknown(element, "pos", 2):
             del position[2]
         for attribute in _ORIENTATIONS:
             if element.get(attribute) is not None:
                 yield Edit(element, attribute, None)
-        quaternion = {i: repr(float(v)) for i, v in enumerate(pose.quaternion)}
         yield Edit(element, "pos", position, "0 0 0")
-        yield Edit(element, "quat", quaternion, "1 0 0 0")
+        yield Edit(element, "quat", _numbered(pose.quaternion), "1 0 0 0")
+
+
+def _numbered(values: Array) -> dict[int, str]:
+    """Numbers in full, by their position in an attribute."""
+    return {i: repr(value) for i, value in enumerate(values.tolist())}
 
 
 def _require_in_world(element: Element) -> None:
@@ -160,15 +163,16 @@ def _require_in_world(element: Element) -> None:
         )
 
 
-def _is_surface(body: BodyDescription, standing: list[Array]) -> bool:
-    """Whether it has a level top that is wide enough or carries one of the `standing` points, and
-    is not just what the arm is mounted on."""
+def _is_surface(body: BodyDescription) -> bool:
+    """Whether it has a level top that is wide enough or carries an object, and is not just what the
+    arm is mounted on."""
     if body.top_is_open:
         return True
     if not _is_level(body.shapes, body.carrier):
         return False
-    if any(_carries(body, point) for point in standing):
-        return True
+    for thing in body.objects():
+        if _carries(body, thing.footing()):
+            return True
     extent = (body.cloud.max(axis=0) - body.cloud.min(axis=0))[:2]
     is_mount = np.max(extent) < MOUNT and _carries(body, body.shapes.base().position)
     return bool(np.min(extent) >= CARRYING) and not is_mount

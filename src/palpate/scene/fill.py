@@ -35,12 +35,10 @@ def changes(
     """
     for name in dict.fromkeys(parameter.object for parameter in values):
         body = _body(bodies, catalogue, name, values)
-        found = list(_stated(body, catalogue, values, std))
-        rests_on = list(_stated(body, catalogue, known, {}))
-        yield from written(body, _statements(found), _statements(rests_on))
-        for change in found:
-            if not isinstance(change, Statement):
-                yield change
+        statements, others = _stated(body, catalogue, values, std)
+        rests_on, _ = _stated(body, catalogue, known, {})
+        yield from written(body, statements, rests_on)
+        yield from others
     believed = {**known, **values}
     for body in bodies.values():
         for quantity in catalogue.of(body.role):
@@ -48,29 +46,33 @@ def changes(
 
 
 def _body(bodies: Bodies, catalogue: Catalogue, name: str, values: Values) -> BodyDescription:
+    """The body of that name, which has one of the quantities that `values` say of it."""
     ids = [parameter.quantity for parameter in values if parameter.object == name]
     body = bodies.get(name)
-    if body is None or (body.role == "surface" and not set(ids) & _ids(catalogue, "surface")):
-        raise InputError(f"no object or surface '{name}' of the scene has a {' or '.join(ids)}")
-    return body
-
-
-def _ids(catalogue: Catalogue, subject: str) -> set[str]:
-    return {quantity.id for quantity in catalogue.of(subject)}
+    if body is not None:
+        for quantity in catalogue.of(body.role):
+            if body.role == "object" or quantity.id in ids:
+                return body
+    raise InputError(f"no object or surface '{name}' of the scene has a {' or '.join(ids)}")
 
 
 def _stated(
     body: BodyDescription, catalogue: Catalogue, values: Values, std: Mapping[Parameter, float]
-) -> Iterator[Change | Statement]:
-    """What each of its quantities has to say, in the catalogue's order."""
+) -> tuple[list[Statement], list[Change]]:
+    """What each of its quantities has to say, in the catalogue's order: of the `<inertial>`, and of
+    everything else."""
+    statements: list[Statement] = []
+    others: list[Change] = []
     for quantity in catalogue.of(body.role):
         parameter = Parameter(body.name, quantity.id)
-        if parameter in values:
-            yield from quantity.write(body, values[parameter], std.get(parameter))
-
-
-def _statements(found: list[Change | Statement]) -> list[Statement]:
-    return [change for change in found if isinstance(change, Statement)]
+        if parameter not in values:
+            continue
+        for change in quantity.write(body, values[parameter], std.get(parameter)):
+            if isinstance(change, Statement):
+                statements.append(change)
+            else:
+                others.append(change)
+    return statements, others
 
 
 def beliefs(bodies: Bodies, catalogue: Catalogue) -> dict[Parameter, Prior]:

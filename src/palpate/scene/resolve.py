@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import mujoco
@@ -11,10 +11,10 @@ from palpate.mjcf.body import Body, BodyDescription
 from palpate.mjcf.compile import compile_spec, model_tree
 from palpate.mjcf.document import Document
 from palpate.mjcf.edits import Change, Edit
-from palpate.mjcf.shapes import RESTING, Shapes, box_around, compile_shapes
+from palpate.mjcf.shapes import RESTING, Shapes, compile_shapes
 from palpate.parameter import Parameter
 from palpate.quantities.catalogue import Catalogue
-from palpate.quantities.quantity import Prior, Values
+from palpate.quantities.quantity import Prior, Status, Values
 from palpate.scene.describe import Description, describe
 from palpate.scene.fill import beliefs, changes, completed
 from palpate.scene.poses import Poses
@@ -77,26 +77,31 @@ class ResolvedScene:
         found: dict[str, Body] = {}
         for name, body in self.description.bodies.items():
             found[name] = self._body(replace(body, shapes=self.shapes))
-        objects = [body for body in found.values() if body.role == "object"]
         for name, body in found.items():
             if body.role == "surface":
-                found[name] = replace(body, carries=tuple(_resting_on(body, objects)))
+                found[name] = replace(body, carries=tuple(_resting_on(body, found.values())))
         return found
 
     def _body(self, body: BodyDescription) -> Body:
-        statuses = {q.id: q.status(body) for q in self.catalogue.of(body.role)}
-        pose = body.pose_world
-        centre, size = box_around(pose, body.cloud)
+        known: dict[str, tuple[float, ...]] = {}
+        others: dict[Status, set[str]] = {"missing": set(), "assumed": set()}
+        for quantity in self.catalogue.of(body.role):
+            status = quantity.status(body)
+            if status == "known":
+                known[quantity.id] = quantity.known(body)
+            elif status in others:
+                others[status].add(quantity.id)
+        centre, size = body.box()
         return Body(
             body.name,
             body.role,
             self._words(body),
-            pose,
+            body.pose_world,
             centre,
             size,
-            {id: self.catalogue[id].known(body) for id, s in statuses.items() if s == "known"},
-            frozenset(id for id, status in statuses.items() if status == "missing"),
-            frozenset(id for id, status in statuses.items() if status == "assumed"),
+            known,
+            missing=frozenset(others["missing"]),
+            assumed=frozenset(others["assumed"]),
         )
 
     def _words(self, body: BodyDescription) -> frozenset[str]:
@@ -130,10 +135,15 @@ def _moves_something(change: Change) -> bool:
     return not (isinstance(change, Edit) and change.attribute in SHAPELESS)
 
 
-def _resting_on(surface: Body, objects: list[Body]) -> Iterator[str]:
-    for body in objects:
+def _resting_on(surface: Body, bodies: Iterable[Body]) -> Iterator[str]:
+    """Names of the objects that stand on a surface."""
+    for body in bodies:
         x, y, _ = body.pose_world.position.tolist()
-        if surface.covers(x, y) and abs(body.bottom_z() - surface.top_z()) < RESTING:
+        if (
+            body.role == "object"
+            and surface.covers(x, y)
+            and abs(body.bottom_z() - surface.top_z()) < RESTING
+        ):
             yield body.name
 
 

@@ -15,7 +15,7 @@ from palpate.mjcf import spans
 from palpate.mjcf.body import BodyDescription
 from palpate.mjcf.defaults import answered_elsewhere
 from palpate.mjcf.document import Element, elements, parse_document
-from palpate.mjcf.edits import Change, Edit, Insert, Slot
+from palpate.mjcf.edits import Change, Edit, Insert
 from palpate.parameter import Parameter
 from palpate.quantities.catalogue import Catalogue, catalogue
 from palpate.quantities.quantity import Quantity, Values
@@ -62,7 +62,7 @@ def complete(scene: Scene, estimates: Sequence[Estimate]) -> tuple[str, tuple[st
     for parameter in unmeasured:
         assumed = as_text(filled[parameter])
         notes.append(f"{parameter} was not measured; the twin holds the assumed value {assumed}")
-    records = [e for e in estimates if e.parameter in fitting]
+    records = [estimate for estimate in estimates if estimate.parameter in fitting]
     return _injected(description, scene.catalogue, filled, records), tuple(notes)
 
 
@@ -80,29 +80,29 @@ def _without_poses(scene: Scene) -> Description:
 
 
 def _marked(description: Description, quantities: Catalogue) -> list[Parameter]:
+    """Parameters that are missing and written `?`, so that the file does not compile without them."""
     found: list[Parameter] = []
     for body in description.bodies.values():
-        marked = [q.id for q in quantities.of(body.role) if _is_marked(body, q)]
-        found += [Parameter(body.name, id) for id in sorted(marked)]
+        here = [q for q in quantities.of(body.role) if _is_marked(body, q)]
+        for quantity in sorted(here, key=lambda quantity: quantity.id):
+            found.append(Parameter(body.name, quantity.id))
     return found
 
 
 def _is_marked(body: BodyDescription, quantity: Quantity) -> bool:
-    """Whether a quantity is missing and written `?`, so that the file does not compile without
-    it."""
     if quantity.status(body) != "missing":
         return False
-    slots = quantity.slots(body.elements)
-    return any(slot.open_numbers(_stated(body, slot)) for slot in slots)
-
-
-def _stated(body: BodyDescription, slot: Slot) -> str | None:
-    return body.defaults.attribute(slot.element, slot.attribute)
+    for slot in quantity.slots(body.elements):
+        if slot.open_numbers(body.defaults.attribute(slot.element, slot.attribute)):
+            return True
+    return False
 
 
 def _unfit(scene: Scene, parameter: Parameter, values: Values, marked: Sequence[Parameter]) -> str:
     """Why a value cannot be written beside what else the twin will hold, or nothing."""
-    others = {p: scene.priors[p] for p in marked} | {**values}
+    others = dict(values)
+    for unknown in marked:
+        others.setdefault(unknown, scene.priors[unknown])
     del others[parameter]
     try:
         scene.resolved.changes({parameter: values[parameter]}, others)
@@ -115,7 +115,10 @@ def _injected(
     description: Description, quantities: Catalogue, values: Values, records: Sequence[Estimate]
 ) -> str:
     document = description.document
-    std = {record.parameter: float(min(record.std)) for record in records if record.has_value}
+    std: dict[Parameter, float] = {}
+    for record in records:
+        if record.has_value:
+            std[record.parameter] = float(min(record.std))
     edits = list(changes(description.bodies, quantities, values, {}, std))
     edits += _leftovers(description, quantities, values, edits)
     if any(_target(edit) not in document.index for edit in edits):
