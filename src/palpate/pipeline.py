@@ -108,7 +108,9 @@ def plan(settings: Settings, scene: Scene | None, planner: Planner | None = None
     if isinstance(planner, VlmPlanner | ReplayPlanner):
         seen, conversation = planner.seen, planner.conversation
     scene = scene or _scene_of(answer, seen)
-    findings = _findings(settings, answer, scene)
+    # A model's answers are checked one by one, until one passes; nobody else checks its own plan.
+    checked = conversation is not None
+    findings = () if checked else _findings(settings, answer, scene)
     return Run(settings, scene, answer, findings, conversation, seen, picture)
 
 

@@ -54,10 +54,15 @@ def _add(parent: Element, node: Node, words: Vocabulary) -> None:
             _add(element, child, words)
         return
     primitive = words.primitive(node.type)
-    ports = {name: _value(value) for name, value in node.args if value is not None}
-    buffers = {buffer: f"{{{buffer}}}" for buffer in (primitive.reads, primitive.writes) if buffer}
-    name = {"name": _value(node.name)} if node.name else {}
-    SubElement(parent, "Action", {"ID": node.type, **name, **ports, **buffers})
+    element = SubElement(parent, "Action", ID=node.type)
+    if node.name:
+        element.set("name", _value(node.name))
+    for name, value in words.arguments(node.type, dict(node.args)).items():
+        if value is not None:
+            element.set(name, _value(value))
+    for buffer in (primitive.reads, primitive.writes):
+        if buffer:
+            element.set(buffer, f"{{{buffer}}}")
 
 
 def _model(words: Vocabulary) -> Element:
@@ -73,20 +78,14 @@ def _model(words: Vocabulary) -> Element:
 
 def _ports(action: Element, primitive: type[Primitive]) -> None:
     for name, field in primitive.model_fields.items():
-        default = (
-            {}
-            if field.is_required() or field.default is None
-            else {"default": _value(field.default)}
-        )
-        port = SubElement(
-            action, "input_port", {"name": name, "type": _type(field.annotation), **default}
-        )
+        port = SubElement(action, "input_port", name=name, type=_type(field.annotation))
+        if not field.is_required() and field.default is not None:
+            port.set("default", _value(field.default))
         port.text = field.description
     for tag, buffer in (("input_port", primitive.reads), ("output_port", primitive.writes)):
         if buffer:
-            port = SubElement(
-                action, tag, {"name": buffer, "type": BUFFER_TYPE, "default": f"{{{buffer}}}"}
-            )
+            port = SubElement(action, tag, name=buffer, type=BUFFER_TYPE)
+            port.set("default", f"{{{buffer}}}")
             port.text = "the latest recording"
 
 

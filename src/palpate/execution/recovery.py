@@ -18,6 +18,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Literal
 
+from palpate.errors import InputError
 from palpate.parameter import Parameter
 from palpate.planning.check.check import check
 from palpate.planning.plan import Plan
@@ -25,8 +26,10 @@ from palpate.planning.symbolic.planner import assemble
 from palpate.robots.robot import Robot
 from palpate.scene.load import rearranged
 from palpate.scene.scene import Scene
-from palpate.trace.recording import LeafRun
+from palpate.trace.recording import Conversion, LeafRun
 from palpate.trace.samples import Samples, Trace
+from palpate.vocabulary.registry import Vocabulary, vocabulary
+from palpate.vocabulary.state import SymbolicState
 
 if TYPE_CHECKING:
     from palpate.execution.runner import Execution
@@ -69,28 +72,31 @@ def remaining(parameters: Sequence[Parameter], trace: Trace) -> list[Parameter]:
     return [parameter for parameter in parameters if parameter not in made]
 
 
-def failed_at(trace: Trace, plan: Plan, scene: Scene) -> str | None:
+def failed_at(
+    trace: Trace, plan: Plan, scene: Scene, words: Vocabulary | None = None
+) -> str | None:
     """The object or surface that the failed leaf of `plan`, the latest in the trace, worked on."""
     failed = next((leaf for leaf in reversed(trace.leaves) if leaf.status == "FAILURE"), None)
     if failed is None or failed.context is None:
         return None
     if failed.context.holding:
         return failed.context.holding
-    expression = _goal(failed, plan) or failed.context.at
-    return (
-        scene.symbols.subject(expression)
-        if expression and expression not in scene.symbols.configurations
-        else None
-    )
+    expression = _goal(failed, plan, scene, words or vocabulary()) or failed.context.at
+    if not expression or expression in scene.symbols.configurations:
+        return None
+    return scene.symbols.subject(expression)
 
 
-def _goal(leaf: LeafRun, plan: Plan) -> str | None:
-    """The pose expression that a MovePose was under way to."""
+def _goal(leaf: LeafRun, plan: Plan, scene: Scene, words: Vocabulary) -> str | None:
+    """The pose expression that a motion was under way to."""
     nodes = dict(plan.tree.walk()) if plan.tree else {}
-    node = nodes.get(
-        leaf.node[leaf.node.find("tree") :]
-    )  # without the part that tells attempts apart
-    return dict(node.args).get("pose") if node else None
+    node = nodes.get(leaf.node[leaf.node.find("tree") :])  # without what tells attempts apart
+    if node is None:
+        return None
+    try:
+        return words.make(node.type, dict(node.args)).effects(SymbolicState(scene)).at
+    except InputError:
+        return None
 
 
 def replan(
@@ -129,14 +135,15 @@ def joined(first: Execution, second: Execution, attempt: int) -> Execution:
 def _renamed(trace: Trace, prefix: str) -> Trace:
     """The trace with its nodes told apart from those of earlier attempts."""
     recordings = {r: replace(r, node=prefix + r.node) for r in trace.recordings}
+    conversions: list[Conversion] = []
+    for conversion in trace.conversions:
+        read = recordings.get(conversion.recording, conversion.recording)
+        conversions.append(replace(conversion, recording=read))
     return replace(
         trace,
         leaves=tuple(replace(leaf, node=prefix + leaf.node) for leaf in trace.leaves),
         recordings=tuple(recordings.values()),
-        conversions=tuple(
-            replace(c, recording=recordings.get(c.recording, c.recording))
-            for c in trace.conversions
-        ),
+        conversions=tuple(conversions),
     )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Any
 
 from palpate.planning.plan import Node
 from palpate.vocabulary.base import Primitive
@@ -10,8 +11,11 @@ from palpate.vocabulary.composites import COMPOSITES
 
 
 def node_of(primitive: Primitive) -> Node:
-    """The plan's node for a primitive."""
-    return Node(type(primitive).__name__, tuple(primitive.model_dump(exclude_none=True).items()))
+    """The plan's node for a primitive: its arguments as they stand in a file."""
+    arguments: list[tuple[str, Any]] = []
+    for name, value in primitive.model_dump(mode="json", exclude_none=True).items():
+        arguments.append((name, tuple(value) if isinstance(value, list) else value))
+    return Node(type(primitive).__name__, tuple(arguments))
 
 
 def leaves(node: Node, path: str = "tree") -> Iterator[tuple[str, Node]]:

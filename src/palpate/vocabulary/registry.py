@@ -50,7 +50,19 @@ class Vocabulary:
         Raises:
             InputError: unknown primitive. pydantic.ValidationError: arguments that do not fit.
         """
-        return self.primitive(type)(**args)
+        return self.primitive(type)(**self.arguments(type, args))
+
+    def arguments(self, type: str, args: Mapping[str, Any]) -> dict[str, Any]:
+        """The arguments without the buffer that the primitive reads or writes anyway, which may be
+        named as the paper names it: `Force2Mass(gripper_forces)`.
+
+        Raises:
+            InputError: unknown primitive.
+        """
+        cls = self.primitive(type)
+        buffer = cls.reads or cls.writes
+        own = cls.model_fields
+        return {k: v for k, v in args.items() if k in own or buffer is None or v != buffer}
 
     def converters(self, quantity: str) -> list[type[Primitive]]:
         """Primitives that convert a buffer into `quantity`."""

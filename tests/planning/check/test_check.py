@@ -57,6 +57,15 @@ def test_the_papers_twelve_actions_are_valid(scene: Scene):
     assert check(plan(sequence(*weigh("bottle")), "bottle.mass"), scene) == ()
 
 
+def test_the_buffer_may_be_named_as_the_paper_names_it(scene: Scene):
+    converting = Node("Force2Mass", (("gripper_forces", "gripper_forces"),))
+    named = plan(sequence(*changed(weigh("bottle"), 7, converting)), "bottle.mass")
+    assert check(named, scene) == ()
+    other = Node("Force2Mass", (("forces", "gripper_pose"),))
+    foreign = plan(sequence(*changed(weigh("bottle"), 7, other)), "bottle.mass")
+    assert rules(foreign, scene)["bad-argument"] == "tree.children[7]"
+
+
 def test_the_papers_probing_of_a_table_is_valid(scene: Scene):
     probing = sequence(
         "MoveJoints home_config",
