@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any
+from typing import Any, cast
 
 from palpate.planning.plan import Node
 from palpate.vocabulary.base import Primitive
@@ -14,7 +14,9 @@ def node_of(primitive: Primitive) -> Node:
     """The plan's node for a primitive: its arguments as they stand in a file."""
     arguments: list[tuple[str, Any]] = []
     for name, value in primitive.model_dump(mode="json", exclude_none=True).items():
-        arguments.append((name, tuple(value) if isinstance(value, list) else value))
+        if isinstance(value, list):
+            value = tuple(cast("list[object]", value))
+        arguments.append((name, value))
     return Node(type(primitive).__name__, tuple(arguments))
 
 
