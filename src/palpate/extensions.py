@@ -1,13 +1,13 @@
 """What other packages bring: the modules that their entry points name.
 
-Every group works alike (`palpate.primitives`, `palpate.planners`, …): an entry point names a module, and what
-is public in it and of the group's kind is registered.
+Every group works alike (`palpate.primitives`, `palpate.planners`, …): an entry point names a
+module, and what is public in it and of the group's kind is registered.
 
     [project.entry-points."palpate.planners"]
     cautious = "my_package.cautious"
 
-Where a group has very many heavy members of which few are used (`palpate.estimators`), an entry point names one of
-them, and is loaded when it is.
+Where a group has very many heavy members of which few are used (`palpate.estimators`), an entry
+point names one of them, and is loaded when it is.
 """
 
 from __future__ import annotations

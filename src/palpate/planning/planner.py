@@ -1,8 +1,9 @@
 """What a planner is: who turns a request, a scene and pictures into a plan.
 
-A planner of your own is one class with the members of `Planner`, public in a module that an entry point of the
-group `palpate.planners` names. Its `name` is the word after `--planner`. It is made without arguments; one that
-takes an argument (`--planner mine:FILE`) or settings is offered as a `PlannerKind` instead.
+A planner of your own is one class with the members of `Planner`, public in a module that an
+entry point of the group `palpate.planners` names. Its `name` is the word after `--planner`. It
+is made without arguments; one that takes an argument (`--planner mine:FILE`) or settings is
+offered as a `PlannerKind` instead.
 """
 
 from __future__ import annotations

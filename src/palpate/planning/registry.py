@@ -38,8 +38,8 @@ class Planners:
 def planners() -> Planners:
     """Palpate's own planners and everything in the entry-point group `palpate.planners`.
 
-    An entry point names a module; every public planner class and every public `PlannerKind` in it is registered
-    under its name. Palpate's own names cannot be taken.
+    An entry point names a module; every public planner class and every public `PlannerKind` in it
+    is registered under its name. Palpate's own names cannot be taken.
 
     Raises:
         InputError: an entry point's module cannot be loaded; the message names it.

@@ -1,11 +1,12 @@
 """One dialogue with a provider through pydantic-ai: messages, retries, deadlines, errors in plain
 words.
 
-The home of the model SDK, which is loaded when a model is asked, never before. Of pydantic-ai this takes the request
-alone. Its `Agent` fences feedback and adds a note about the fence to the system prompt, which then is not the one that
-was recorded; it ends at a refusal or an answer cut short instead of telling the model; and its `UsageLimits` throw away
-the answer that reaches a limit, be it a valid plan. Its retrying transport sees a status, not that a quota is used up,
-and does not repeat a body that breaks off.
+The home of the model SDK, which is loaded when a model is asked, never before. Of pydantic-ai
+this takes the request alone. Its `Agent` fences feedback and adds a note about the fence to the
+system prompt, which then is not the one that was recorded; it ends at a refusal or an answer cut
+short instead of telling the model; and its `UsageLimits` throw away the answer that reaches a
+limit, be it a valid plan. Its retrying transport sees a status, not that a quota is used up, and
+does not repeat a body that breaks off.
 """
 
 from __future__ import annotations

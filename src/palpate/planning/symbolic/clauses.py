@@ -143,8 +143,8 @@ def _clause(items: Sequence[Item], mode: Mode) -> Clause:
 
 
 def _without_relative_where(items: Sequence[Item]) -> tuple[Item, ...]:
-    """The items without any "where" that asks for no position: a relative clause, "tell me where its
-    balance point is"."""
+    """The items without any "where" that asks for no position: a relative clause, "tell me where
+    its balance point is"."""
     kept: list[Item] = []
     for i, item in enumerate(items):
         if item.text != "where" or _asks_where(items, i):

@@ -8,11 +8,13 @@ The grammar, from the outside in:
     request   = clause { turn clause }
     turn      = "." | ";" | "?" | "we know" | "is known" | "except" | "do not measure" | "but" | …
     clause    = { group | filler }           wanted, or, after "we know" and "except", not wanted
-    group     = mention { list mention }     list = "," | "and" | "or" | "plus", with articles between;
-                                             quantities and objects never share a group
+    group     = mention { list mention }     of quantities or of objects, never of both
+    list      = "," | "and" | "or" | "plus", with articles beside it
     mention   = quantity | unmeasurable property | object | unknown object | pronoun | "everything"
-    object    = { colour | shape | name's word } noun, one that fits several bodies is ambiguous, unless
-                it is a plural ("the bottles") or stands after "all", "both", "every"
+    object    = { colour | shape | word of its name } noun
+
+An object that fits several bodies is ambiguous, unless it is a plural ("the bottles") or stands
+after "all", "both", "every".
 
 A clause ends where a turn of phrase says that something else begins. "We know the height but not
 the mass": what is known is taken out, and the "not" turns back to what is wanted. "All but the
@@ -90,7 +92,7 @@ class _Reading:
     spoken: list[Objects] = field(default_factory=list[Objects])
 
     def read(self, clause: Clause) -> None:
-        """Take in the next clause: its quantities with their objects, then the objects left over."""
+        """Take in the next clause: its quantities with their objects, then the other objects."""
         used = self._read_quantities(clause)
         for at, group in enumerate(clause.groups):
             if at in used or group.of_quantities:

@@ -49,14 +49,14 @@ UNMEASURABLE = _by_word(_NOT_FELT)
 """Properties people ask for that no touch of this arm can tell, by the words they use."""
 
 ADJECTIVES = word_set(
-    "heavy high tall slippery hot warm cold stiff hard elastic bouncy viscous full empty rough wet expensive old "
-    "strong transparent sharp"
+    "heavy high tall slippery hot warm cold stiff hard elastic bouncy viscous full empty rough "
+    "wet expensive old strong transparent sharp"
 )
 """Words that ask for a quantity only after "how"."""
 
 COLOURS = word_set(
-    "red green blue yellow orange purple violet pink brown black white grey gray cyan magenta turquoise teal beige "
-    "golden gold silver light dark"
+    "red green blue yellow orange purple violet pink brown black white grey gray cyan magenta "
+    "turquoise teal beige golden gold silver light dark"
 )
 
 # Small words that say which, how many and whose.
@@ -83,7 +83,8 @@ LIST = frozenset((",", "and", "or", "plus"))
 LINKS = word_set("of for between is are was were does do did has have")
 """Words that tie a quantity to the object after it."""
 WEAK = word_set("place where level grip location")
-"""Synonyms that are quantities only before "of", or, for "where", with nothing stronger in the clause."""
+"""Synonyms that are quantities only before "of", or, for "where", with nothing stronger in the
+clause."""
 TURNS = word_set("need want measure determine find estimate tell but")
 """Words that end a remark about what is known already."""
 BEFORE_WHERE = word_set("me out determine measure and , find see")
@@ -95,18 +96,20 @@ GOAL = re.compile(
 )
 
 STOP = word_set(
-    "of for is are was were be been do does did what whats which how much many and or but not to in on at with about "
-    "we i you he she they me us please can could would should will shall may might must need want like know find out "
-    "tell give get determine measure estimate identify compute figure calculate learn see check test acquire obtain "
-    "just only also too then than first second next finally here there now today soon again back so as if when while "
-    "because since from into onto over under by between against through during before after both either have has had "
-    "there s t re ve ll d let lets make build create set up simulate our simulation simulator scene model twin digital "
-    "world file description mujoco mjcf xml request value values number parameter parameters property properties "
-    "coefficient coefficients constant force quantity quantities data measurement measurements exactly approximately "
-    "accurately really actually missing "
-    "unknown everything anything whatever all each every one ones something that this these those it its their them "
-    "where who whose yet already still very more most less least same other another new however whether together "
-    "respectively regarding concerning physical real true correct right sure thanks thank hello hi help no"
+    "of for is are was were be been do does did what whats which how much many and or but not to "
+    "in on at with about we i you he she they me us please can could would should will shall may "
+    "might must need want like know find out tell give get determine measure estimate identify "
+    "compute figure calculate learn see check test acquire obtain just only also too then than "
+    "first second next finally here there now today soon again back so as if when while because "
+    "since from into onto over under by between against through during before after both either "
+    "have has had there s t re ve ll d let lets make build create set up simulate our simulation "
+    "simulator scene model twin digital world file description mujoco mjcf xml request value "
+    "values number parameter parameters property properties coefficient coefficients constant "
+    "force quantity quantities data measurement measurements exactly approximately accurately "
+    "really actually missing unknown everything anything whatever all each every one ones "
+    "something that this these those it its their them where who whose yet already still very "
+    "more most less least same other another new however whether together respectively regarding "
+    "concerning physical real true correct right sure thanks thank hello hi help no"
 )
 """Words that are never the name of an object that is not there."""
 
@@ -138,4 +141,5 @@ MARKS: tuple[tuple[str, str], ...] = (
         " §neg ",
     ),
 )
-"""Turns of phrase that say what is wanted, known or not wanted, with the mark that stands for each."""
+"""Turns of phrase that say what is wanted, known or not wanted, with the mark that stands for
+each."""

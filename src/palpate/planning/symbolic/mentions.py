@@ -116,7 +116,8 @@ class Words:
         return _KIND_NOUNS[body.role] | said
 
     def _whole_name(self, tokens: Sequence[str], at: int) -> Item | None:
-        """A body's name of several words, the longest first, together or apart: `redbox`, `red box`.
+        """A body's name of several words, the longest first, together or apart: "redbox", "red
+        box".
 
         A name of one word is a noun like others, for its article tells it from a look-alike: "the
         can", "can you".

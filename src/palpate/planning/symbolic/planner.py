@@ -1,5 +1,5 @@
-"""The embedded planner: grounds the request, reads what the scene misses, and chains a tree backwards
-from what it needs.
+"""The embedded planner: grounds the request, reads what the scene misses, and chains a tree
+backwards from what it needs.
 
 It needs no key and no network, and it knows what it does not know.
 """
@@ -36,8 +36,8 @@ class Assembled:
 
 @dataclass(frozen=True, slots=True)
 class SymbolicPlanner:
-    """Plans from words and geometry alone. `remeasure`: what the request asks is measured even if the
-    scene states it."""
+    """Plans from words and geometry alone. `remeasure`: what the request asks is measured even if
+    the scene states it."""
 
     remeasure: bool = False
     name: str = "symbolic"

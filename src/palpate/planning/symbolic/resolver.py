@@ -163,7 +163,7 @@ class Resolver:
         return [name for name in self.scene.bodies if self._carries(name, id)]
 
     def _carries(self, name: str, id: str) -> bool:
-        """Whether a body can have the quantity; what the gripper can have, what it holds can too."""
+        """Whether a body can have the quantity; what the gripper has, the object it holds has."""
         subject = catalogue()[id].subject
         if name == GRIPPER:
             return subject == "gripper"
