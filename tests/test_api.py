@@ -210,6 +210,27 @@ def test_an_opened_run_can_be_saved_again(folder: Path, tmp_path: Path) -> None:
         assert (tmp_path / "copy" / name).read_bytes() == (folder / name).read_bytes()
 
 
+def test_a_rejection_is_kept_and_read_too(tmp_path: Path) -> None:
+    rejected = pp.load(DESK).plan("the inertia of the mug").run(out=tmp_path / "run")
+    again = pp.open(tmp_path / "run")
+    assert (again.status, again.plan) == ("rejected", rejected.plan)
+    assert again.trace is again.twin is again.execution is None
+
+
+def test_where_the_scenes_file_is_gone_the_measurement_is_still_there(tmp_path: Path) -> None:
+    file = tmp_path / "desk.xml"
+    file.write_text(DESK, encoding="utf-8")
+    run = pp.run(file, REQUEST, noise="none", out=tmp_path / "run")
+    assert pp.open(tmp_path / "run").scene.text == DESK
+    file.unlink()
+    again = pp.open(tmp_path / "run")
+    assert again["mug.mass"].value.tolist() == run["mug.mass"].value.tolist()
+    assert again.trace is not None
+    assert again.twin is not None
+    assert again.twin.xml == (run.twin and run.twin.xml)
+    assert again.scene.bodies == {}
+
+
 def test_a_folder_that_is_no_run_is_named(tmp_path: Path) -> None:
     with pytest.raises(pp.InputError, match=r"is not a run.s folder: .request\.json."):
         pp.open(tmp_path)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -22,7 +23,8 @@ from palpate.report.data import Measured, ParameterRow, ReportData
 from palpate.scene.camera import load_image
 
 if TYPE_CHECKING:
-    from palpate.runs.run import Run
+    from palpate.runs.run import Ending, Run
+    from palpate.twin.twin import Twin
     from palpate.twin.validate import Residual, Validation
 
 LIBRARIES = ("mujoco", "mink", "py_trees", "numpy", "scipy")
@@ -41,7 +43,9 @@ class Pictures:
 def take_pictures(run: Run) -> Pictures:
     """Workspace, before, after and film, as far as there is something to see and a way to see
     it."""
-    workspace = png(load_image(run.settings.images[0])) if run.settings.images else run.picture
+    workspace = run.picture
+    if run.settings.images:
+        workspace = png(load_image(run.settings.images[0]))
     if not gl_available()[0]:
         return Pictures(workspace)
     names = tuple(run.scene.bodies)
@@ -62,8 +66,9 @@ def write_images(pictures: Pictures, folder: Path) -> None:
         "workspace.png": pictures.workspace,
         "before.png": pictures.before,
         "after.png": pictures.after,
-        "execution.mp4": pictures.film.mp4 if pictures.film else None,
     }
+    if pictures.film is not None:
+        contents["execution.mp4"] = pictures.film.mp4
     for name, content in contents.items():
         if content is not None:
             (folder / name).write_bytes(content)
@@ -71,9 +76,8 @@ def write_images(pictures: Pictures, folder: Path) -> None:
 
 def report_data(run: Run, pictures: Pictures, scratch: Path) -> ReportData:
     """What the page shows."""
-    settings, done, twin = run.settings, run.execution, run.twin
-    gl, remedy = gl_available()
-    return ReportData(
+    settings = run.settings
+    data = ReportData(
         request=settings.request,
         status=run.status,
         plan=run.plan,
@@ -82,42 +86,56 @@ def report_data(run: Run, pictures: Pictures, scratch: Path) -> ReportData:
         measured=tuple(_measured(run)),
         findings=tuple(f"{f.path}: {f.message}" for f in run.findings),
         trace=run.trace,
-        stopped_by=done.stopped_by if done else None,
-        robot_seconds=done.robot_seconds if done else None,
-        wall_seconds=done.wall_seconds if done else None,
         workspace=pictures.workspace,
         before=pictures.before,
         after=pictures.after,
-        video=pictures.film.mp4 if pictures.film else None,
-        video_speed=pictures.film.speed if pictures.film else 1.0,
-        twin_diff=twin.diff if twin else "",
-        twin_notes=twin.notes if twin else (),
-        twin_checks=twin_checks(twin.validation) if twin and twin.validation else {},
         versions={"palpate": __version__, **{name: version(name) for name in LIBRARIES}},
         seed=settings.seed,
         noise=settings.noise,
-        warnings=() if gl else (remedy,),
-        files=tuple(sorted(str(p.relative_to(scratch)) for p in scratch.rglob("*") if p.is_file())),
+        files=tuple(_files(scratch)),
+    )
+    if run.execution is not None:
+        data = _with_execution(data, run.execution)
+    if run.twin is not None:
+        data = _with_twin(data, run.twin)
+    if pictures.film is not None:
+        data = replace(data, video=pictures.film.mp4, video_speed=pictures.film.speed)
+    available, remedy = gl_available()
+    return data if available else replace(data, warnings=(remedy,))
+
+
+def _with_execution(data: ReportData, done: Ending) -> ReportData:
+    return replace(
+        data,
+        stopped_by=done.stopped_by,
+        robot_seconds=done.robot_seconds,
+        wall_seconds=done.wall_seconds,
     )
 
 
-def _parameter_rows(run: Run) -> list[ParameterRow]:
+def _with_twin(data: ReportData, twin: Twin) -> ReportData:
+    if twin.validation is not None:
+        data = replace(data, twin_checks=twin_checks(twin.validation))
+    return replace(data, twin_diff=twin.diff, twin_notes=twin.notes)
+
+
+def _files(scratch: Path) -> list[str]:
+    """Every file that is there already, relative to the run folder."""
+    files = (path for path in scratch.rglob("*") if path.is_file())
+    return sorted(str(path.relative_to(scratch)) for path in files)
+
+
+def _parameter_rows(run: Run) -> Iterator[ParameterRow]:
+    """What the scene lacks, states and leaves to MuJoCo, body by body."""
     asked = set(run.plan.parameters)
-    rows: list[ParameterRow] = []
     for body in run.scene.bodies.values():
-        rows += [
-            ParameterRow(body.name, q, "missing", Parameter(body.name, q) in asked)
-            for q in sorted(body.missing)
-        ]
-        rows += [
-            ParameterRow(body.name, q, "known", Parameter(body.name, q) in asked, v)
-            for q, v in body.known.items()
-        ]
-        rows += [
-            ParameterRow(body.name, q, "assumed", Parameter(body.name, q) in asked)
-            for q in sorted(body.assumed)
-        ]
-    return rows
+        name = body.name
+        for quantity in sorted(body.missing):
+            yield ParameterRow(name, quantity, "missing", Parameter(name, quantity) in asked)
+        for quantity, value in body.known.items():
+            yield ParameterRow(name, quantity, "known", Parameter(name, quantity) in asked, value)
+        for quantity in sorted(body.assumed):
+            yield ParameterRow(name, quantity, "assumed", Parameter(name, quantity) in asked)
 
 
 def _measured(run: Run) -> list[Measured]:
@@ -126,17 +144,22 @@ def _measured(run: Run) -> list[Measured]:
 
 def twin_checks(marks: Validation) -> dict[str, str]:
     """The twin's marks in words and figures."""
+    rests = "yes" if marks.settled else "no"
     return {
-        "Comes to rest": f"{'yes' if marks.settled else 'no'}, after moving {1e3 * marks.drift:.2f} mm",
+        "Comes to rest": f"{rests}, after moving {1e3 * marks.drift:.2f} mm",
         "Recorded touch replayed in the twin": _shown(marks.twin),
         "Recorded touch replayed in the untouched template": _shown(marks.template),
     }
 
 
 def _shown(residual: Residual) -> str:
-    parts = [
-        f"{residual.force:.3f} N" if residual.force is not None else "",
-        f"{1e3 * residual.position:.2f} mm" if residual.position is not None else "",
-        residual.note,
-    ]
-    return "off by " + ", ".join(p for p in parts if p) if any(parts) else "nothing to compare"
+    parts: list[str] = []
+    if residual.force is not None:
+        parts.append(f"{residual.force:.3f} N")
+    if residual.position is not None:
+        parts.append(f"{1e3 * residual.position:.2f} mm")
+    if residual.note:
+        parts.append(residual.note)
+    if not parts:
+        return "nothing to compare"
+    return f"off by {', '.join(parts)}"

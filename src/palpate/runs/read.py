@@ -74,7 +74,7 @@ def _run(folder: Path, settings: Settings, result: dict[str, Any]) -> Run:
         seen=found.seen,
         rehearsal=_rehearsal(result["rehearsal"]),
         world=result["provenance"]["world"],
-        simulated=result["simulated"],
+        simulated=result.get("simulated", settings.robot is None),
         execution=_ending(result["status"], result["execution"]),
         estimates=estimates,
         twin=_twin(folder / "twin.xml", found.scene, estimates, result["twin"]),
@@ -84,8 +84,9 @@ def _run(folder: Path, settings: Settings, result: dict[str, Any]) -> Run:
 
 def _found(folder: Path, settings: Settings, objects: tuple[SceneObject, ...]) -> Found:
     """The scene of the folder, else of its own file, else an empty one."""
-    own, arm = folder / "scene.xml", load_description(settings.arm)
-    poses = read_poses(settings.poses) if settings.poses and settings.poses.exists() else Poses()
+    own, arm, poses = folder / "scene.xml", load_description(settings.arm), Poses()
+    if settings.poses is not None and settings.poses.exists():
+        poses = read_poses(settings.poses)
     if own.exists() and objects:
         seen = DetectedScene(SceneBuilder(poses, arm), objects)
         text = own.read_text(encoding="utf-8")
@@ -98,11 +99,15 @@ def _found(folder: Path, settings: Settings, objects: tuple[SceneObject, ...]) -
 
 
 def _conversation(file: Path) -> Conversation | None:
-    return Conversation.load(file.read_text(encoding="utf-8")) if file.exists() else None
+    if not file.exists():
+        return None
+    return Conversation.load(file.read_text(encoding="utf-8"))
 
 
 def _rehearsal(document: dict[str, Any] | None) -> Rehearsal | None:
-    return Rehearsal(**document) if document else None
+    if document is None:
+        return None
+    return Rehearsal(**document)
 
 
 def _ending(status: str, document: dict[str, Any] | None) -> Ending | None:

@@ -21,16 +21,8 @@ def result_json(run: Run, folder: Path | None) -> dict[str, Any]:
         "status": run.status,
         "simulated": run.simulated,
         "request": run.settings.request,
-        "parameters": [parameter_json(e) for e in run.estimates],
-        "plan": {
-            "planner": run.plan.planner,
-            "actions": run.plan.actions,
-            "explanation": run.plan.explanation,
-            "notes": list(run.plan.notes),
-            "findings": [
-                {"path": f.path, "rule": f.rule, "message": f.message} for f in run.findings
-            ],
-        },
+        "parameters": [parameter_json(estimate) for estimate in run.estimates],
+        "plan": _plan_json(run),
         "rehearsal": asdict(run.rehearsal) if run.rehearsal else None,
         "execution": _execution_json(run),
         "twin": _twin_json(run),
@@ -41,6 +33,19 @@ def result_json(run: Run, folder: Path | None) -> dict[str, Any]:
             "noise": run.settings.noise,
             "world": run.world,
         },
+    }
+
+
+def _plan_json(run: Run) -> dict[str, Any]:
+    findings: list[dict[str, str]] = []
+    for finding in run.findings:
+        findings.append({"path": finding.path, "rule": finding.rule, "message": finding.message})
+    return {
+        "planner": run.plan.planner,
+        "actions": run.plan.actions,
+        "explanation": run.plan.explanation,
+        "notes": list(run.plan.notes),
+        "findings": findings,
     }
 
 
@@ -58,17 +63,13 @@ def plan_text(run: Run) -> str:
 def parameter_json(estimate: Estimate) -> dict[str, Any]:
     """One estimate; scalars for quantities of one component, lists for the others, null where
     nothing is known."""
-
-    def shape(numbers: list[Any]) -> Any:
-        return numbers[0] if len(numbers) == 1 else numbers or None
-
     return {
         "object": estimate.parameter.object,
         "quantity": estimate.parameter.quantity,
-        "value": shape(estimate.value.tolist()),
+        "value": _shaped(estimate.value.tolist()),
         "unit": estimate.unit,
-        "std": shape(estimate.std.tolist()),
-        "ci95": shape(estimate.ci95.tolist()),
+        "std": _shaped(estimate.std.tolist()),
+        "ci95": _shaped(estimate.ci95.tolist()),
         "method": estimate.method,
         "verdict": estimate.verdict,
         "components": {
@@ -77,9 +78,17 @@ def parameter_json(estimate: Estimate) -> dict[str, Any]:
     }
 
 
+def _shaped(numbers: list[Any]) -> Any:
+    """A list of one as what is in it, an empty one as null."""
+    if len(numbers) == 1:
+        return numbers[0]
+    return numbers or None
+
+
 def has_scene_of_its_own(run: Run) -> bool:
     """Whether the scene came from no file: seen in a picture, or handed over as text."""
-    return run.seen is not None or (run.settings.scene is None and bool(run.scene.bodies))
+    from_no_file = run.settings.scene is None and bool(run.scene.bodies)
+    return from_no_file or run.seen is not None
 
 
 def _execution_json(run: Run) -> dict[str, Any] | None:
@@ -107,16 +116,16 @@ def _twin_json(run: Run) -> dict[str, Any] | None:
 def _validation_json(marks: Validation | None) -> dict[str, Any] | None:
     if marks is None:
         return None
-
-    def residual(r: Residual) -> dict[str, Any]:
-        return {"force_N": r.force, "position_m": r.position, "note": r.note}
-
     return {
         "settled": marks.settled,
         "drift_m": marks.drift,
-        "residual_twin": residual(marks.twin),
-        "residual_template": residual(marks.template),
+        "residual_twin": _residual_json(marks.twin),
+        "residual_template": _residual_json(marks.template),
     }
+
+
+def _residual_json(residual: Residual) -> dict[str, Any]:
+    return {"force_N": residual.force, "position_m": residual.position, "note": residual.note}
 
 
 def _files(run: Run, folder: Path | None) -> dict[str, str]:

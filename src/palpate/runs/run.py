@@ -114,7 +114,9 @@ class Run:
         if self.execution.status == "stopped":
             return "aborted"
         found = {e.parameter for e in self.estimates if e.verdict != "not identified"}
-        return "complete" if found >= set(self.plan.parameters) else "failed"
+        if found >= set(self.plan.parameters):
+            return "complete"
+        return "failed"
 
     @cached_property
     def trace(self) -> Trace | None:
@@ -138,12 +140,16 @@ class Run:
         for estimate in self.estimates:
             if estimate.parameter == wanted:
                 return estimate
-        measured = ", ".join(str(e.parameter) for e in self.estimates) or "nothing"
-        raise KeyError(f"'{wanted}' was not measured by this run; measured: {measured}")
+        measured = ", ".join(str(estimate.parameter) for estimate in self.estimates)
+        raise KeyError(
+            f"'{wanted}' was not measured by this run; measured: {measured or 'nothing'}"
+        )
 
     def __repr__(self) -> str:
-        made = ", ".join(_brief(e) for e in self.estimates)
-        return f"<Run {self.status}{': ' if made else ''}{made}{self._where()}>"
+        line = f"Run {self.status}"
+        if self.estimates:
+            line += ": " + ", ".join(_brief(estimate) for estimate in self.estimates)
+        return f"<{line}{self._where()}>"
 
     def _where(self) -> str:
         if self.execution is None:
@@ -153,5 +159,7 @@ class Run:
 
 def _brief(estimate: Estimate) -> str:
     """An estimate in a few characters."""
+    if not estimate.has_value:
+        return f"{estimate.parameter} unknown"
     values = " ".join(f"{value:.4g}" for value in estimate.value.tolist())
-    return f"{estimate.parameter} = {values}" if values else f"{estimate.parameter} unknown"
+    return f"{estimate.parameter} = {values}"

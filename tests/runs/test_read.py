@@ -1,0 +1,22 @@
+"""A run folder of the command line is read back."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from palpate import pipeline
+from palpate.scenarios.catalogue import scenario
+
+
+def test_a_scene_that_was_seen_in_a_picture_is_the_one_that_contact_told(tmp_path: Path) -> None:
+    settings = scenario("from_picture").settings(noise="none", out=tmp_path / "run")
+    run = pipeline.run(settings)
+    again = pipeline.reopen(tmp_path / "run")
+    assert run.seen is not None
+    assert again.seen is not None
+    assert again.seen.objects == run.seen.objects
+    assert again.scene.text == run.scene.text
+    assert again.status == run.status == "complete"
+    assert again.twin is not None
+    assert run.twin is not None
+    assert again.twin.diff == run.twin.diff
