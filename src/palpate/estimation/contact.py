@@ -113,7 +113,7 @@ class Descent:
     @property
     def least(self) -> float:
         """N: from this force on, the curve is contact and not noise."""
-        return max(tuning.TOUCH * self.full, 4.0 * self.noise)
+        return max(tuning.TOUCH * self.full, tuning.CONTACT_NOISE * self.noise)
 
 
 def tip_height(samples: Samples, hand: Hand) -> Array:
@@ -168,7 +168,7 @@ def _descent(trace: Trace, recording: Recording) -> Descent:
 def _cruising(samples: Samples, leaf: LeafRun) -> Mask:
     told = -np.gradient(samples.target_world_tcp[:, 2], samples.t)
     within = samples.t <= leaf.end
-    return within & (told > 0.9 * float(told[within].max(initial=1e-6)))
+    return within & (told > tuning.DESCENDING * float(told[within].max(initial=1e-6)))
 
 
 def _pressing(samples: Samples, leaf: LeafRun) -> tuple[Array, float]:
@@ -204,7 +204,7 @@ def _stiff(descent: Descent, rows: Mask) -> Stiff:
     rising = descent.force[rows & (descent.force > descent.least)]
     span = float(np.ptp(np.percentile(rising, [3, 97]))) if len(rising) else 0.0
     lines = list(_lines(descent, rows))
-    if span < max(tuning.SPAN * descent.full, 6.0 * descent.noise) or not lines:
+    if span < max(tuning.SPAN * descent.full, tuning.SPAN_NOISE * descent.noise) or not lines:
         held = descent.z[descent.pressed]
         return Stiff(float(np.median(held)), 0.0, 0.0, max(float(held.std()), tuning.UNSEEN))
     for stiff, rms in lines:
@@ -262,12 +262,12 @@ def _soft_onset(descent: Descent, rigid: float) -> float | None:
     """
     z, force, rows = descent.z, descent.force, tuning.SOFT_SMOOTH
     smooth = np.convolve(force, np.ones(rows) / rows, mode="same")
-    nothing = max(tuning.SOFT_FORCE, 4.0 * descent.noise / np.sqrt(rows))
+    nothing = max(tuning.SOFT_FORCE, tuning.CONTACT_NOISE * descent.noise / np.sqrt(rows))
     quiet = np.flatnonzero(descent.on_the_way & (smooth < nothing))
     if not len(quiet) or z[quiet[-1]] < rigid + tuning.SOFT:
         return None
     seen = float(z[quiet[-1]])
-    rise = descent.on_the_way & (z < seen) & (z > rigid + 0.5 * (seen - rigid))
+    rise = descent.on_the_way & (z < seen) & (z > rigid + tuning.SOFT_RISE * (seen - rigid))
     if rise.sum() < tuning.CURVE_ROWS:
         return seen
     slope, onset = np.polyfit(force[rise], z[rise], 1)

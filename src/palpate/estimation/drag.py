@@ -56,7 +56,7 @@ class Drag:
         The quotient of forces rises while the object sticks, peaks as it breaks away, and falls to
         the level of sliding, which the later half of the drag shows.
         """
-        late = self.cruising & (self.t > self.t[0] + 0.5 * (self.t[-1] - self.t[0]))
+        late = self.cruising & (self.t > self.t[0] + tuning.LATE * (self.t[-1] - self.t[0]))
         if not late.any():
             return None
         quotient = self.quotient

@@ -158,6 +158,9 @@ GRASP_ACCURACY = 7e-4
 """m (1 sigma): how far a grasp may shift the object from where it is believed to be in the hand.
 Sensitive: com std ×0.9–1.1."""
 
+AT_GRASP = 0.05
+"""s before and after the hand closed, over which its pose is averaged. Sensitive: no."""
+
 GAIN_LEVER = 0.3
 """m: unequal gains of the joints' torque sensors make a pure force look as if it acted off the
 TCP, by the gain's standard deviation times about so much; the same at all grasps. Sensitive: com
@@ -176,6 +179,16 @@ no."""
 STOPPED = 0.3
 """part of the approach speed below which the tip counts as stopped by something much stiffer
 than the arm. Sensitive: height 0.1 σ."""
+
+DESCENDING = 0.9
+"""part of the highest commanded speed from which the arm descends at full speed. Sensitive: no."""
+
+CONTACT_NOISE = 4.0
+"""standard deviations of the noise that a force must exceed to be contact. Sensitive: `soft
+onset` 0.4 σ."""
+
+SPAN_NOISE = 6.0
+"""standard deviations of the noise that the rise of the force must exceed. Sensitive: no."""
 
 TOUCH = 0.15
 """part of the pressing force from which the curve is trusted to be contact and not noise.
@@ -226,6 +239,10 @@ onset` 0.1 σ."""
 SOFT_FORCE = 0.15
 """N: below this the averaged force is none. Sensitive: `soft onset` 0.5 σ."""
 
+SOFT_RISE = 0.5
+"""part of the way down through what is soft that is left out of the line back to its beginning.
+Sensitive: no."""
+
 RETREAT = 1.5
 """s after the recording in which the unloading curve is looked for. Sensitive: no."""
 
@@ -250,6 +267,9 @@ STEADY_ROWS = 10
 CRUISE = 0.95
 """part of the usual commanded speed from which the motion is at its full speed. Sensitive:
 friction 0.9 σ, std ×1.0–1.1."""
+
+LATE = 0.5
+"""part of a drag after which its quotient of forces is the usual one. Sensitive: no."""
 
 SLIDING = 0.85
 """part of the usual quotient of forces from which the object may be sliding: before, it turns in

@@ -192,7 +192,7 @@ def _pose_tcp_body(trace: Trace, recording: Recording, body: Body) -> Pose:
     before = [time for time in grasps if time <= recording.start]
     if not before:
         return mean_pose(trace.of(recording)).inverse() @ body.pose_world
-    at_grasp = trace.samples.between(before[-1] - 0.05, before[-1] + 0.05)
+    at_grasp = trace.samples.between(before[-1] - tuning.AT_GRASP, before[-1] + tuning.AT_GRASP)
     return mean_pose(at_grasp).inverse() @ body.pose_world
 
 
