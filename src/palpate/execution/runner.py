@@ -175,16 +175,10 @@ class _Loop:
         if not put_down:
             return
         self._come_to_rest()
-        if not self.blackboard.robot.state.gripping:
-            self.blackboard.state = (
-                lost(self.blackboard) if self.blackboard.state.holding else self.blackboard.state
-            )
-        else:
-            down = PrimitiveLeaf(PutDown(), self.blackboard, STOP_NODE)
-            try:
-                self.tick_to_end(down, PutDown.timeout, _nobody)
-            finally:
-                down.stop(Status.INVALID)
+        if self.blackboard.robot.state.gripping:
+            self._put_down()
+        elif self.blackboard.state.holding:
+            self.blackboard.state = lost(self.blackboard)
 
     def execution(self, wall_seconds: float) -> Execution:
         """The result as it stands."""
@@ -199,6 +193,13 @@ class _Loop:
             self._elapsed(),
             wall_seconds,
         )
+
+    def _put_down(self) -> None:
+        down = PrimitiveLeaf(PutDown(), self.blackboard, STOP_NODE)
+        try:
+            self.tick_to_end(down, PutDown.timeout, _nobody)
+        finally:
+            down.stop(Status.INVALID)
 
     def _come_to_rest(self) -> None:
         """Wait for the end of all motion, and stop pressing on what was run into: `hold` keeps the
@@ -266,9 +267,16 @@ def _nobody() -> None:
 
 
 def _either(interrupted: Asked, stop_requested: Callable[[], bool] | None) -> Asked:
-    return lambda: (
-        interrupted() or ("stop requested" if stop_requested and stop_requested() else None)
-    )
+    """Asks both: an interrupt, and whoever else may want the run to stop."""
+
+    def asked() -> str | None:
+        if reason := interrupted():
+            return reason
+        if stop_requested is not None and stop_requested():
+            return "stop requested"
+        return None
+
+    return asked
 
 
 def _reason(step: Callable[[], str | None]) -> str | None:

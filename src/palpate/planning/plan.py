@@ -9,12 +9,14 @@ from __future__ import annotations
 import json
 import math
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any, NoReturn, cast
+from typing import Any, NoReturn, TypeVar, cast
 
 from palpate.errors import InputError
 from palpate.parameter import Parameter
+
+T = TypeVar("T")
 
 MAX_BYTES = 1_000_000
 MAX_NESTING = 64
@@ -71,7 +73,9 @@ class Plan:
     @property
     def actions(self) -> int:
         """How many atomic actions (leaves) the tree has."""
-        return 0 if self.tree is None else sum(not node.children for _, node in self.tree.walk())
+        if self.tree is None:
+            return 0
+        return sum(not node.children for _, node in self.tree.walk())
 
     def __repr__(self) -> str:
         by = f" by {self.planner}" if self.planner else ""
@@ -107,31 +111,23 @@ def plan_from(document: object) -> Plan:
     for required in ("parameters", "tree"):
         if required not in fields:
             _fail("a plan", f"needs the field '{required}'; it has {_listed(fields)}")
+    parameters = _each(_parameter, fields["parameters"], "parameters")
     tree = fields["tree"]
-    return Plan(
-        parameters=tuple(
-            _parameter(item, f"parameters[{i}]")
-            for i, item in enumerate(_array(fields["parameters"], "parameters"))
-        ),
-        tree=None if tree is None else _node(tree, "tree", depth=0, budget=[MAX_NODES]),
-        explanation=_text(fields.get("explanation", ""), "explanation"),
-        planner=_text(fields.get("planner", ""), "planner"),
-        notes=tuple(
-            _text(note, f"notes[{i}]")
-            for i, note in enumerate(_array(fields.get("notes", []), "notes"))
-        ),
-    )
+    if tree is not None:
+        tree = _node(tree, "tree", depth=0, budget=[MAX_NODES])
+    explanation = _text(fields.get("explanation", ""), "explanation")
+    planner = _text(fields.get("planner", ""), "planner")
+    notes = _each(_text, fields.get("notes", []), "notes")
+    return Plan(parameters, tree, explanation, planner, notes)
 
 
 def plan_json(plan: Plan) -> dict[str, Any]:
     """The plan as plain JSON values; `plan_from` reads it back unchanged."""
+    promised = [{"object": p.object, "quantity": p.quantity} for p in plan.parameters]
     document: dict[str, Any] = {
-        "parameters": [
-            {"object": parameter.object, "quantity": parameter.quantity}
-            for parameter in plan.parameters
-        ],
+        "parameters": promised,
         "explanation": plan.explanation,
-        "tree": None if plan.tree is None else _node_document(plan.tree),
+        "tree": _node_document(plan.tree) if plan.tree is not None else None,
     }
     if plan.planner:
         document["planner"] = plan.planner
@@ -143,10 +139,10 @@ def plan_json(plan: Plan) -> dict[str, Any]:
 def dump_plan(plan: Plan, extra: Mapping[str, Any] | None = None) -> str:
     """The plan as JSON text, the same for the same plan; `extra` fields (a provider's figures) come
     last."""
-    document = {
-        **plan_json(plan),
-        **{k: v for k, v in (extra or {}).items() if k not in Plan.__slots__},
-    }
+    document = plan_json(plan)
+    for key, value in (extra or {}).items():
+        if key not in Plan.__slots__:
+            document[key] = value
     return json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
 
 
@@ -210,19 +206,18 @@ def _node(value: object, path: str, depth: int, budget: list[int]) -> Node:
     fields = _mapping(value, path)
     if "type" not in fields:
         _fail(path, f"needs the field 'type'; it has {_listed(fields)}")
-    children = _array(fields.get("children", []), f"{path}.children")
-    return Node(
-        type=_text(fields["type"], f"{path}.type"),
-        args=tuple(
-            (_text(k, path), _frozen(v, f"{path}.{k}"))
-            for k, v in fields.items()
-            if k not in _NODE_FIELDS
-        ),
-        children=tuple(
-            _node(c, f"{path}.children[{i}]", depth + 1, budget) for i, c in enumerate(children)
-        ),
-        name=_text(fields.get("name", ""), f"{path}.name"),
-    )
+    type = _text(fields["type"], f"{path}.type")
+    name = _text(fields.get("name", ""), f"{path}.name")
+    arguments: list[tuple[str, object]] = []
+    for key, argument in fields.items():
+        if key not in _NODE_FIELDS:
+            arguments.append((_text(key, path), _frozen(argument, f"{path}.{key}")))
+
+    def child(value: object, place: str) -> Node:
+        return _node(value, place, depth + 1, budget)
+
+    children = _each(child, fields.get("children", []), f"{path}.children")
+    return Node(type, tuple(arguments), children, name)
 
 
 def _parameter(value: object, path: str) -> Parameter:
@@ -265,10 +260,14 @@ def _mapping(value: object, path: str) -> dict[str, Any]:
     return cast("dict[str, Any]", value)
 
 
-def _array(value: object, path: str) -> list[object]:
+def _each(read: Callable[[object, str], T], value: object, path: str) -> tuple[T, ...]:
+    """Every item of a list, read with its path."""
     if not isinstance(value, list):
         _fail(path, f"must be a list, not {_kind(value)}")
-    return cast("list[object]", value)
+    items: list[T] = []
+    for i, item in enumerate(cast("list[object]", value)):
+        items.append(read(item, f"{path}[{i}]"))
+    return tuple(items)
 
 
 def _text(value: object, path: str) -> str:

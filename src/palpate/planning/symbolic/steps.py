@@ -42,6 +42,11 @@ class Step:
         """Whether nothing moves."""
         return not self.moving
 
+    @property
+    def leads_to_sensing(self) -> bool:
+        """Whether sensing after it belongs to it: it senses itself, or touches what is sensed."""
+        return self.senses or self.touches or bool(self.sensing)
+
     def effect(self, state: SymbolicState) -> SymbolicState:
         """The state after it.
 
@@ -146,11 +151,19 @@ def nodes(steps: Sequence[Step]) -> Iterator[Node]:
     """The steps as nodes: sensing is grouped with the contact that it follows, as one Sequence."""
     group: list[Node] = []
     for i, step in enumerate(steps):
-        made = tuple(node_of(primitive) for primitive in step.primitives)
-        node = made[0] if len(made) == 1 else Node("Parallel", children=made)
+        group.append(_node(step))
         sensing_follows = i + 1 < len(steps) and steps[i + 1].senses
-        if sensing_follows and (step.senses or step.touches or len(made) > 1):
-            group.append(node)
+        if sensing_follows and step.leads_to_sensing:
             continue
-        yield Node("Sequence", children=(*group, node)) if group else node
+        if len(group) > 1:
+            yield Node("Sequence", children=tuple(group))
+        else:
+            yield group[0]
         group = []
+
+
+def _node(step: Step) -> Node:
+    made = tuple(node_of(primitive) for primitive in step.primitives)
+    if len(made) == 1:
+        return made[0]
+    return Node("Parallel", children=made)
