@@ -112,6 +112,19 @@ def test_imports_point_down(name: str) -> None:
     assert not upwards, f"{name} must not import {sorted(upwards)}"
 
 
+FRONT = {"api", "tools", "settings", "studies", "scenarios", "runs", "live", "errors", "cli"}
+"""What the command line may know of palpate."""
+REFERENCE = {"vocabulary", "quantities", "planning"}
+"""What its page of the documentation is written from."""
+
+
+@pytest.mark.parametrize("name", [name for name in modules() if name.startswith("palpate.cli")])
+def test_the_command_line_stands_on_the_front_door(name: str) -> None:
+    allowed = FRONT | REFERENCE if name == "palpate.cli.reference" else FRONT
+    rooms_seen = {room(m) for m in imported(name) if m.startswith("palpate.")}
+    assert rooms_seen <= allowed
+
+
 def test_no_folder_is_crowded() -> None:
     folders = Counter(file.parent for file in SOURCE.rglob("*.py") if file.name != "__init__.py")
     assert not {folder: count for folder, count in folders.items() if count > MOST_MODULES}

@@ -294,6 +294,31 @@ def open(folder: str | Path) -> Run:
     return _run_of(pipeline.reopen(Path(folder)))
 
 
+def plan_settings(settings: Settings) -> Plan:
+    """The plan that settings describe, as the command line has them.
+
+    Raises:
+        InputError: bad input. Unavailable: the provider.
+    """
+    settings = settings.checked()
+    return _plan_of(settings, pipeline.load(settings), settings.planner)
+
+
+def run_settings(
+    settings: Settings,
+    observer: Observer | None = None,
+    progress: Progress = quiet,
+    confirm: Confirm = unasked,
+) -> Run:
+    """The run that settings describe, as the command line has them, into a run folder.
+
+    Raises:
+        InputError: bad input; nothing is planned then. Unavailable: planner or robot out of reach.
+        ExecutionAborted: a real robot was not allowed to move.
+    """
+    return _run_of(pipeline.run(settings, observer, progress, confirm))
+
+
 def _plan_of(asked: Settings, scene: InnerScene | None, planner: str | Planner) -> Plan:
     made = pipeline.plan(asked, scene, None if isinstance(planner, str) else planner)
     return Plan(**_contents(made.plan), made=made)

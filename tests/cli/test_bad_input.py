@@ -217,6 +217,14 @@ def test_unknown_planner_and_scenario_list_the_choices(palpate: Palpate, scene: 
     refused(palpate("demo", "atlantis"), 2, "atlantis", "bottle_and_table")
 
 
+@pytest.mark.parametrize("command", ["gap", "plan", "run"])
+def test_an_unknown_arm_lists_those_there_are(
+    palpate: Palpate, scene: SceneMaker, command: str
+) -> None:
+    file = ["--scene", scene(cube())] if command != "gap" else [scene(cube())]
+    refused(palpate(command, *file, "--arm", "hexapod"), 2, "hexapod", "fr3", "iiwa14")
+
+
 def test_errors_are_json_when_asked(palpate: Palpate) -> None:
     answer = palpate("gap", "nowhere.xml", "--json")
     assert answer.status == 2

@@ -67,9 +67,9 @@ def _core(name: str) -> Line:
 
 
 def _pictures() -> Line:
-    from palpate.pictures.renderer import gl_available
+    from palpate.tools import pictures
 
-    good, detail = gl_available()
+    good, detail = pictures()
     return Line(good, "pictures (OpenGL)", detail)
 
 

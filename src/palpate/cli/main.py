@@ -35,7 +35,7 @@ from palpate.cli.options import (
 )
 
 if TYPE_CHECKING:
-    from palpate.planning.check.check import Finding
+    from palpate.runs.run import Run
     from palpate.settings import Settings
 
 app = typer.Typer(
@@ -172,10 +172,10 @@ def gap(
     as_json: AsJson = False,
 ) -> None:
     """Show what a scene states and what is missing."""
+    import palpate as pp
     from palpate.cli.show import show_gap
-    from palpate.scene.load import load_scene
 
-    show_gap(load_scene(scene, poses), as_json)
+    show_gap(pp.load(scene, poses, arm), as_json)
 
 
 @command(app)
@@ -191,7 +191,7 @@ def plan(
     model: ModelOptions,
 ) -> None:
     """Plan only: which parameters, which tree, and why."""
-    from palpate import pipeline
+    from palpate.api import plan_settings
     from palpate.cli.show import show_plan
 
     settings = replace(
@@ -200,10 +200,10 @@ def plan(
         planner=planner,
         remeasure=remeasure,
         model_settings=model.settings(without),
-    ).checked()
-    made = pipeline.plan(settings, pipeline.load(settings))
-    show_plan(made, as_json, out)
-    raise typer.Exit(0 if made.plan.satisfied or made.ready else 3)
+    )
+    found = plan_settings(settings)
+    show_plan(found, as_json, out)
+    raise typer.Exit(0 if found.satisfied or found.made.ready else 3)
 
 
 @command(app)
@@ -212,7 +212,7 @@ def prompt(*, asked: SceneOptions, without: Without = None, as_json: AsJson = Fa
     from palpate.cli.show import show_prompt
 
     settings = replace(asked.settings(), model_settings=ModelOptions().settings(without))
-    show_prompt(settings.checked(), as_json)
+    show_prompt(settings, as_json)
 
 
 @command(app)
@@ -226,25 +226,11 @@ def check(
 ) -> None:
     """Check a plan against the vocabulary and a scene."""
     from palpate.cli.show import show_findings
+    from palpate.tools import check_file
 
-    findings = _findings(plan, scene, poses)
+    findings = check_file(plan, scene, poses, arm)
     show_findings(findings, as_json)
     raise typer.Exit(3 if findings else 0)
-
-
-def _findings(plan: Path, scene: Path | None, poses: Path | None) -> list[Finding]:
-    """What the check says against a plan; without a scene, against what came with the plan."""
-    from palpate.planning.check.check import check
-    from palpate.planning.recorded import load_proposal
-    from palpate.scene.from_picture import DetectedScene, SceneBuilder
-    from palpate.scene.load import load_scene
-    from palpate.scene.poses import read_poses
-
-    proposal = load_proposal(plan)
-    known = load_scene(scene, poses) if scene else None
-    if known is None and poses and proposal.scene:
-        known = DetectedScene(SceneBuilder(read_poses(poses)), proposal.scene).scene()
-    return list(check(proposal.plan, known))
 
 
 @command(app)
@@ -265,14 +251,14 @@ def execute(
     on_failure: OnFailure = "stop",
 ) -> None:
     """Execute a plan that exists already."""
-    from palpate.planning.recorded import plan_file
     from palpate.settings import Settings
+    from palpate.tools import replayed
 
     settings = replace(
         Settings(scene=scene, poses=poses, arm=arm),
         world=world,
         robot=robot,
-        planner=f"replay:{plan_file(plan)}",
+        planner=replayed(plan),
         noise=noise,
         seed=seed,
         out=out,
@@ -303,14 +289,16 @@ def doctor() -> None:
 
 def carry_out(settings: Settings, as_json: bool, yes: bool = False) -> None:
     """Run with a live view on stderr, print the result, leave with its exit status."""
+    from palpate.api import run_settings
     from palpate.cli.show import confirm_plan, live_view, show_run
-    from palpate.pipeline import run as run_pipeline
-    from palpate.pipeline import unasked
+
+    def confirm(run: Run) -> bool:
+        return yes or confirm_plan(run)
 
     with live_view() as (observer, say):
-        made = run_pipeline(settings, observer, say, unasked if yes else confirm_plan)
-    show_run(made, as_json)
-    raise typer.Exit(EXIT[made.status])
+        done = run_settings(settings, observer, say, confirm)
+    show_run(done, as_json)
+    raise typer.Exit(EXIT[done.status])
 
 
 if __name__ == "__main__":

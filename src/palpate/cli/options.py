@@ -133,16 +133,14 @@ class ModelOptions:
         Raises:
             InputError: no such module.
         """
-        from palpate.planning.model.prompt.compose import checked_modules
-        from palpate.planning.model.session import Budget, ModelSettings
+        from palpate.tools import model_settings
 
-        budget = Budget(
-            seconds=self.budget_seconds, tokens=self.budget_tokens, dollars=self.budget_dollars
-        )
-        return ModelSettings(
-            base_url=self.base_url,
-            native=self.native,
-            without=checked_modules(without or ()),
-            rounds=self.feedback,
-            budget=budget,
+        return model_settings(
+            self.base_url,
+            self.native,
+            without or (),
+            self.feedback,
+            seconds=self.budget_seconds,
+            tokens=self.budget_tokens,
+            dollars=self.budget_dollars,
         )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Callable, Generator, Iterable, Iterator
+from collections.abc import Callable, Generator, Iterable
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,11 +15,12 @@ from rich.text import Text
 from palpate.cli.console import err, escape, out, plain_table, print_json
 
 if TYPE_CHECKING:
+    from palpate.api import Plan as CheckedPlan
     from palpate.estimation.estimate import Estimate
     from palpate.execution.runner import Observer
     from palpate.mjcf.body import Body
     from palpate.planning.check.check import Finding
-    from palpate.planning.plan import Node, Plan
+    from palpate.planning.plan import Plan
     from palpate.runs.run import Run
     from palpate.scenarios.catalogue import Scenario
     from palpate.scene.scene import Scene
@@ -109,13 +110,13 @@ def _show_notes(plan: Plan, console: Console) -> None:
 
 
 def _show_files(run: Run) -> None:
-    from palpate.pictures.renderer import gl_available
+    from palpate.tools import pictures
 
     out.print(f"[dim]run folder[/]  {run.folder}", soft_wrap=True)
     if run.folder:
         out.print(f"[dim]report[/]      {run.folder / 'report.html'}", soft_wrap=True)
-    pictures, remedy = gl_available()
-    if not pictures:
+    possible, remedy = pictures()
+    if not possible:
         out.print(f"[dim]no pictures[/] {escape(remedy)}", soft_wrap=True)
 
 
@@ -193,41 +194,29 @@ def _body_cells(body: Body) -> list[str]:
     ]
 
 
-def show_plan(run: Run, as_json: bool, file: Path | None) -> None:
+def show_plan(plan: CheckedPlan, as_json: bool, file: Path | None) -> None:
     """A plan: parameters, tree in the paper's notation, explanation, findings; also to a file."""
     from palpate.runs.result import plan_text
 
-    text = plan_text(run)
+    text = plan_text(plan.made)
     if file:
         file.write_text(text, encoding="utf-8")
     if as_json:
-        print_json(json.loads(text) | {"findings": _findings_json(run.findings)})
+        print_json(json.loads(text) | {"findings": _findings_json(plan.findings)})
         return
-    _print_plan(run.plan, out)
-    _print_findings(run.findings)
+    _print_plan(plan, out)
+    _print_findings(plan.findings)
 
 
 def _print_plan(plan: Plan, console: Console) -> None:
+    from palpate.tools import paper_notation
+
     names = ", ".join(str(parameter) for parameter in plan.parameters)
     console.print("measures  ", names or "nothing", markup=False)
     if plan.tree:
-        console.print(*tree_lines(plan.tree), sep="\n", markup=False)
+        console.print(*paper_notation(plan.tree), sep="\n", markup=False)
     console.print(f"\n{plan.explanation}", markup=False)
     _show_notes(plan, console)
-
-
-def tree_lines(node: Node, depth: int = 0) -> Iterator[str]:
-    """The paper's notation: {-} Sequence, /_/ Parallel, -> action."""
-    from palpate.vocabulary.composites import COMPOSITES
-
-    indent = "    " * depth
-    if node.type in COMPOSITES:
-        yield f"{indent}{COMPOSITES[node.type].symbol} {node.type}"
-    else:
-        arguments = ", ".join(str(value) for _, value in node.args)
-        yield f"{indent}→ {node.type}({arguments})"
-    for child in node.children:
-        yield from tree_lines(child, depth + 1)
 
 
 def show_findings(findings: Iterable[Finding], as_json: bool) -> None:
@@ -253,23 +242,9 @@ def _findings_json(findings: Iterable[Finding]) -> list[dict[str, str]]:
 
 def show_prompt(settings: Settings, as_json: bool) -> None:
     """System prompt, user message and images, as they would be sent."""
-    from palpate.pipeline import load
-    from palpate.planning.model.prompt.compose import compose
-    from palpate.scene.from_picture import SceneBuilder
-    from palpate.scene.poses import Poses, read_poses
-    from palpate.vocabulary.registry import vocabulary
+    from palpate.tools import prompt as compose
 
-    scene = load(settings)
-    poses = read_poses(settings.poses) if settings.poses else Poses()
-    symbols = SceneBuilder(poses).symbols if scene is None else None
-    prompt = compose(
-        vocabulary(),
-        settings.request or "",
-        scene,
-        settings.images,
-        symbols,
-        settings.model_settings.without,
-    )
+    prompt = compose(settings)
     images = [str(path) for path in prompt.images]
     if as_json:
         print_json({"system": prompt.system, "user": prompt.user, "images": images})
@@ -296,17 +271,15 @@ def confirm_plan(run: Run) -> bool:
 
 def show_vocabulary(as_json: bool, btcpp: bool) -> None:
     """The vocabulary for people, as JSON schema, or as BT.CPP TreeNodesModel."""
-    from palpate.execution.btcpp import tree_nodes_model
-    from palpate.vocabulary.registry import vocabulary
-    from palpate.vocabulary.schema import plan_schema
+    from palpate.tools import plan_schema, tree_nodes_model, vocabulary
 
-    words = vocabulary()
     if as_json:
-        print_json(plan_schema(words))
+        print_json(plan_schema())
         return
     if btcpp:
-        sys.stdout.write(tree_nodes_model(words))
+        sys.stdout.write(tree_nodes_model())
         return
+    words = vocabulary()
     for name, primitive in words.primitives.items():
         out.print(_primitive_text(name, primitive))
     for composite in words.composites.values():

@@ -63,12 +63,11 @@ class TrialOptions:
 
     def conditions(self) -> Conditions:
         """As the studies take them."""
-        from palpate.planning.model.session import Budget, ModelSettings
         from palpate.studies.attempt import Conditions
+        from palpate.tools import model_settings
 
-        budget = Budget(dollars=self.budget_dollars)
-        model_settings = ModelSettings(base_url=self.base_url, rounds=self.feedback, budget=budget)
-        return Conditions(tuple(self.image or ()), self.noise, model_settings)
+        asking = model_settings(self.base_url, rounds=self.feedback, dollars=self.budget_dollars)
+        return Conditions(tuple(self.image or ()), self.noise, asking)
 
 
 @command(app)
@@ -119,12 +118,12 @@ def efficiency(
     as_json: AsJson = False,
 ) -> None:
     """Actions and robot time of the symbolic planner against the exhaustive one."""
-    from palpate.cli.tables import plot_comparisons, show_comparisons
+    from palpate.cli.tables import show_comparisons
     from palpate.studies import efficiency
 
     found = efficiency.efficiency(names or efficiency.comparable(), noise, seed)
     if plot:
-        plot_comparisons(plot, found, efficiency.PAPER)
+        plot.write_text(efficiency.plot(found), encoding="utf-8")
     show_comparisons(found, efficiency.PAPER, as_json)
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
-from pathlib import Path
 from statistics import fmean
 from typing import Any
 
@@ -193,20 +192,3 @@ def _seed_run_json(run: SeedRun) -> dict[str, Any]:
     fields = asdict(run)
     fields["trials"] = fields.pop("estimates")
     return fields
-
-
-def plot_comparisons(file: Path, rows: Sequence[Comparison], paper: PublishedEffort) -> None:
-    """The same as a plot, in an HTML file."""
-    from palpate.report.efficiency import Effort, efficiency_page
-
-    efforts: list[Effort] = []
-    for row in rows:
-        actions = (row.exhaustive.actions, row.intent.actions)
-        seconds = (row.exhaustive.robot_seconds, row.intent.robot_seconds)
-        efforts.append(Effort(row.scenario, actions, seconds))
-    published = Effort(
-        "the paper's pair",
-        (paper.exhaustive_actions, paper.intent_actions),
-        (paper.exhaustive_seconds, paper.intent_seconds),
-    )
-    file.write_text(efficiency_page(efforts, published), encoding="utf-8")

@@ -98,8 +98,8 @@ def _judged(run: Run, task: Scenario) -> Judgement:
     """Whether the plan, executed where there is something to execute, did what the task asks."""
     explanation = run.plan.explanation
     if not _is_valid(run):
-        findings = "; ".join(f.message for f in run.findings[:3])
-        return Judgement(False, (findings or explanation)[:500])
+        findings = [finding.message for finding in run.findings[:3]]
+        return Judgement(False, ("; ".join(findings) or explanation)[:500])
     if run.plan.tree is None:
         if task.expects:
             return Judgement(False, f"no tree: {explanation[:300]}")

@@ -55,6 +55,23 @@ def efficiency(names: Iterable[str], noise: str = "lab", seed: int = 0) -> list[
     return [_compare(name, noise, seed) for name in names]
 
 
+def plot(rows: Iterable[Comparison]) -> str:
+    """The comparisons as a page of HTML, beside the paper's."""
+    from palpate.report.efficiency import Effort, efficiency_page
+
+    efforts: list[Effort] = []
+    for row in rows:
+        actions = (row.exhaustive.actions, row.intent.actions)
+        seconds = (row.exhaustive.robot_seconds, row.intent.robot_seconds)
+        efforts.append(Effort(row.scenario, actions, seconds))
+    published = Effort(
+        "the paper's pair",
+        (PAPER.exhaustive_actions, PAPER.intent_actions),
+        (PAPER.exhaustive_seconds, PAPER.intent_seconds),
+    )
+    return efficiency_page(efforts, published)
+
+
 def _compare(name: str, noise: str, seed: int) -> Comparison:
     intent = scenario(name).settings(noise=noise)
     exhaustive = replace(intent, planner="exhaustive")

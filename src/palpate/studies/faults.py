@@ -7,6 +7,7 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
+from itertools import product
 
 import numpy as np
 
@@ -77,8 +78,7 @@ def faults(
     """
     cases: list[tuple[str, int]] = []
     for name in chosen:
-        known = scenario(name).name
-        cases += [(known, seed) for seed in seeds]
+        cases.extend(product([scenario(name).name], seeds))
     return spread(partial(_ending, noise=noise), cases, workers)
 
 

@@ -1,0 +1,148 @@
+"""What can be asked without a run: whether a plan holds, what a model would be sent, what plans are made of.
+
+With `palpate.api` this is all that the command line stands on.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from palpate import pipeline
+from palpate.planning.check.check import check
+from palpate.planning.model.prompt.compose import Prompt, checked_modules, compose
+from palpate.planning.model.session import Budget, ModelSettings
+from palpate.planning.recorded import load_proposal, plan_file
+from palpate.robots.registry import DEFAULT, load_description
+from palpate.scene.from_picture import DetectedScene, SceneBuilder
+from palpate.scene.load import load_scene
+from palpate.scene.poses import Poses, read_poses
+from palpate.settings import Settings
+from palpate.vocabulary.composites import COMPOSITES
+from palpate.vocabulary.registry import vocabulary
+
+if TYPE_CHECKING:
+    from palpate.planning.check.finding import Finding
+    from palpate.planning.plan import Node
+
+__all__ = [
+    "check_file",
+    "model_settings",
+    "paper_notation",
+    "pictures",
+    "plan_schema",
+    "prompt",
+    "replayed",
+    "tree_nodes_model",
+    "vocabulary",
+]
+
+
+def check_file(
+    plan: Path, scene: Path | None = None, poses: Path | None = None, arm: str = DEFAULT
+) -> tuple[Finding, ...]:
+    """What the check says against a plan in a file.
+
+    Args:
+        plan: a plan, a chat's answer, or a run folder.
+        scene: the MJCF it is for; without one the plan is checked against the objects that came with
+            it, or, where none did, by itself.
+        poses: `poses.yaml`. arm: name of the arm, or its folder.
+
+    Raises:
+        InputError: a file that cannot be read.
+    """
+    proposal = load_proposal(plan)
+    description = load_description(arm)
+    known = None
+    if scene is not None:
+        known = load_scene(scene, poses, description)
+    elif poses is not None and proposal.scene:
+        builder = SceneBuilder(read_poses(poses), description)
+        known = DetectedScene(builder, proposal.scene).scene()
+    return check(proposal.plan, known)
+
+
+def prompt(settings: Settings) -> Prompt:
+    """System prompt, user message and images, as a model would be sent them.
+
+    Raises:
+        InputError: a value out of range, or a file that cannot be read.
+    """
+    settings = settings.checked()
+    scene = pipeline.load(settings)
+    symbols = None
+    if scene is None:
+        poses = read_poses(settings.poses) if settings.poses else Poses()
+        symbols = SceneBuilder(poses, load_description(settings.arm)).symbols
+    left_out = settings.model_settings.without
+    return compose(vocabulary(), settings.request or "", scene, settings.images, symbols, left_out)
+
+
+def model_settings(
+    base_url: str | None = None,
+    native: bool = False,
+    without: Iterable[str] = (),
+    rounds: int = 3,
+    **budget: Any,
+) -> ModelSettings:
+    """How a model is asked.
+
+    Args:
+        base_url: address of its server. native: by the provider's structured output.
+        without: modules of the prompt to leave out. rounds: of feedback.
+        budget: `seconds`, `tokens` and `dollars` that a plan may take.
+
+    Raises:
+        InputError: no such module.
+    """
+    return ModelSettings(
+        base_url=base_url,
+        native=native,
+        without=checked_modules(without),
+        rounds=rounds,
+        budget=Budget(**budget),
+    )
+
+
+def replayed(plan: Path) -> str:
+    """The planner that answers with the plan in a file or in a run folder.
+
+    Raises:
+        InputError: there is no such file.
+    """
+    return f"replay:{plan_file(plan)}"
+
+
+def paper_notation(node: Node, depth: int = 0) -> Iterator[str]:
+    """A tree as the paper writes it, a line a node: {-} Sequence, /_/ Parallel, → action."""
+    indent = "    " * depth
+    if node.type in COMPOSITES:
+        yield f"{indent}{COMPOSITES[node.type].symbol} {node.type}"
+    else:
+        arguments = ", ".join(str(value) for _, value in node.args)
+        yield f"{indent}→ {node.type}({arguments})"
+    for child in node.children:
+        yield from paper_notation(child, depth + 1)
+
+
+def plan_schema() -> dict[str, Any]:
+    """The JSON schema of a plan."""
+    from palpate.vocabulary.schema import plan_schema as schema
+
+    return schema(vocabulary())
+
+
+def tree_nodes_model() -> str:
+    """The vocabulary as BT.CPP 4 TreeNodesModel."""
+    from palpate.execution.btcpp import tree_nodes_model as model
+
+    return model(vocabulary())
+
+
+def pictures() -> tuple[bool, str]:
+    """Whether pictures can be made here, and by what, or what to do about it."""
+    from palpate.pictures.renderer import gl_available
+
+    return gl_available()

@@ -1,0 +1,74 @@
+"""Option groups: a command has the fields of a dataclass as options, its function gets the dataclass."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from typing import Annotated
+
+import pytest
+import typer
+
+from palpate.cli.command import command
+from palpate.errors import InputError, Unavailable
+
+Loud = Annotated[bool, typer.Option("--loud", help="Louder.")]
+Times = Annotated[int, typer.Option("--times", min=1)]
+AsJson = Annotated[bool, typer.Option("--json")]
+
+
+@dataclass(frozen=True)
+class Manner:
+    times: Times = 2
+    loud: Loud = False
+
+
+def made(fails: Exception | None = None) -> tuple[typer.Typer, list[tuple[str, Manner, bool]]]:
+    app, calls = typer.Typer(), list[tuple[str, Manner, bool]]()
+    app.callback()(lambda: None)
+
+    @command(app)
+    def greet(
+        name: Annotated[str, typer.Argument()], *, manner: Manner, as_json: AsJson = False
+    ) -> None:
+        """Greet."""
+        calls.append((name, manner, as_json))
+        if fails is not None:
+            raise fails
+
+    return app, calls
+
+
+def test_the_fields_of_a_group_are_options_and_come_as_the_group() -> None:
+    app, calls = made()
+    app(["greet", "Ada", "--times", "3", "--loud"], standalone_mode=False)
+    app(["greet", "Bob"], standalone_mode=False)
+    assert calls == [("Ada", Manner(3, True), False), ("Bob", Manner(), False)]
+
+
+def test_their_declarations_hold(capsys: pytest.CaptureFixture[str]) -> None:
+    app, _ = made()
+    app(["greet", "--help"], standalone_mode=False)
+    assert "Louder." in capsys.readouterr().out
+    with pytest.raises(Exception, match="greater than or equal to 1"):
+        app(["greet", "Ada", "--times", "0"], standalone_mode=False)
+
+
+@pytest.mark.parametrize(("error", "status"), [(InputError("no"), 2), (Unavailable("no"), 5)])
+def test_an_error_is_its_exit_status_and_one_line(
+    error: Exception, status: int, capsys: pytest.CaptureFixture[str]
+) -> None:
+    app, _ = made(error)
+    assert app(["greet", "Ada"], standalone_mode=False) == status
+    assert tuple(capsys.readouterr()) == ("", "palpate: no\n")
+
+
+def test_an_error_is_json_only_where_the_command_was_asked_for_it(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    app, _ = made(InputError("no"))
+    app(["greet", "--", "--json"], standalone_mode=False)
+    assert capsys.readouterr().out == ""
+    app(["greet", "Ada", "--json"], standalone_mode=False)
+    told = json.loads(capsys.readouterr().out)
+    assert told == {"status": "failed", "error": {"message": "no", "exit_status": 2}}
