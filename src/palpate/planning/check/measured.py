@@ -4,13 +4,12 @@ is derived from."""
 from __future__ import annotations
 
 from palpate.parameter import Parameter
-from palpate.quantities.catalogue import catalogue
 from palpate.vocabulary.state import SymbolicState
 
 
 def amount(parameter: Parameter, state: SymbolicState) -> int:
     """How much of the evidence for `parameter` there is: more is nearer to it."""
-    quantity = catalogue()[parameter.quantity]
+    quantity = state.scene.catalogue[parameter.quantity]
     needed = sum(evidence.count for evidence in quantity.evidence)
     if parameter in state.converted:
         return max(needed, 1)
@@ -21,5 +20,5 @@ def measured(parameter: Parameter, state: SymbolicState) -> bool:
     """Whether what was recorded and converted so far yields `parameter`."""
     if parameter in state.converted:
         return True
-    quantity = catalogue()[parameter.quantity]
+    quantity = state.scene.catalogue[parameter.quantity]
     return quantity.derived and quantity.is_evidenced(parameter, state.logged)

@@ -9,7 +9,7 @@ from palpate.errors import InputError, PlanRejected
 from palpate.parameter import Parameter
 from palpate.planning.symbolic import lexicon
 from palpate.planning.symbolic.mentions import GRIPPER, Item
-from palpate.quantities.catalogue import catalogue
+from palpate.quantities.catalogue import Catalogue
 from palpate.scene.scene import Scene
 
 
@@ -22,6 +22,7 @@ class Resolver:
 
     def __init__(self, scene: Scene) -> None:
         self.scene = scene
+        self.catalogue = scene.catalogue
         self.cannot: list[str] = []
 
     def parameters(self, quantity: Item, objects: Sequence[Item]) -> list[Parameter]:
@@ -32,7 +33,7 @@ class Resolver:
             InputError: an object that the scene does not have. PlanRejected: one of several.
         """
         id = quantity.names[0]
-        if quantity.kind == "unmeasurable" or not catalogue()[id].identifiable:
+        if quantity.kind == "unmeasurable" or not self.catalogue[id].identifiable:
             self.cannot.append(self._not_measurable(id))
             return []
         if not objects:
@@ -53,7 +54,7 @@ class Resolver:
         """Whether one of `objects` can have `quantity`."""
         id = quantity.names[0]
         for item in objects:
-            if item.kind in ("everything", "unknown") or id not in catalogue():
+            if item.kind in ("everything", "unknown") or id not in self.catalogue:
                 return True
             if any(self._carries(name, id) for name in item.names):
                 return True
@@ -62,9 +63,9 @@ class Resolver:
     def exclusions(self, quantity: Item | None, objects: Sequence[Item]) -> list[Parameter]:
         """The parameters that "except …" or "we know …" takes out: of one quantity, or, where none
         is named, of all."""
-        ids = list(catalogue())
+        ids = list(self.catalogue)
         if quantity is not None:
-            ids = [id for id in quantity.names if id in catalogue()]
+            ids = [id for id in quantity.names if id in self.catalogue]
         excluded: list[Parameter] = []
         for id in ids:
             if quantity is not None and not objects:
@@ -102,7 +103,7 @@ class Resolver:
         """Each once: surfaces first, then objects, both in document order; quantities as in the
         catalogue."""
         names = [*self.scene.surfaces, *self.scene.objects, GRIPPER]
-        ids = list(catalogue())
+        ids = list(self.catalogue)
 
         def place(parameter: Parameter) -> tuple[int, int]:
             return names.index(parameter.object), ids.index(parameter.quantity)
@@ -118,7 +119,7 @@ class Resolver:
         shown = " ".join(request.split())[:80]
         raise PlanRejected(
             f"nothing in '{shown}' names a quantity or an object of this scene; ask for "
-            f"{_measurable()} of {self._listed_bodies()}"
+            f"{_measurable(self.catalogue)} of {self._listed_bodies()}"
         )
 
     def _chosen(self, item: Item, id: str | None) -> list[str]:
@@ -133,7 +134,7 @@ class Resolver:
         if item.plural or len(names) <= 1:
             return names
         choices = " or ".join(f"'{name}'" for name in names)
-        what = f"the {catalogue()[id].label} of " if id else ""
+        what = f"the {self.catalogue[id].label} of " if id else ""
         raise PlanRejected(
             f"'the {item.text}' may be {choices}; name one, e.g. '{what}{names[0]}', or ask for all of "
             f"them, e.g. '{what}all of {', '.join(names)}'"
@@ -158,13 +159,13 @@ class Resolver:
 
     def _carriers(self, id: str) -> list[str]:
         """What can have the quantity; of the gripper's own, the empty hand."""
-        if catalogue()[id].subject == "gripper":
+        if self.catalogue[id].subject == "gripper":
             return [GRIPPER]
         return [name for name in self.scene.bodies if self._carries(name, id)]
 
     def _carries(self, name: str, id: str) -> bool:
         """Whether a body can have the quantity; what the gripper has, the object it holds has."""
-        subject = catalogue()[id].subject
+        subject = self.catalogue[id].subject
         if name == GRIPPER:
             return subject == "gripper"
         if subject == "gripper":
@@ -179,16 +180,16 @@ class Resolver:
 
     def _not_measurable(self, id: str) -> str:
         reason, label = "no primitive of the robot senses it", id
-        if id in catalogue():
-            reason, label = catalogue()[id].how, catalogue()[id].label
-        return f"The {label} cannot be measured: {reason}; what can be is {_measurable()}."
+        if id in self.catalogue:
+            reason, label = self.catalogue[id].how, self.catalogue[id].label
+        return f"The {label} cannot be measured: {reason}; what can be is {_measurable(self.catalogue)}."
 
     def _wrong_subject(self, id: str, objects: Sequence[Item]) -> str:
-        subject = catalogue()[id].subject
+        subject = self.catalogue[id].subject
         article = "an" if subject[0] in "aeiou" else "a"
         carriers = ", ".join(self._carriers(id)) or "none here"
         return (
-            f"The {catalogue()[id].label} of '{objects[0].text}' cannot be measured: it is measured of "
+            f"The {self.catalogue[id].label} of '{objects[0].text}' cannot be measured: it is measured of "
             f"{article} {subject} ({carriers})."
         )
 
@@ -204,5 +205,5 @@ def _each(names: Iterable[str], id: str) -> list[Parameter]:
     return [Parameter(name, id) for name in names]
 
 
-def _measurable() -> str:
-    return ", ".join(q.label for q in catalogue().values() if q.identifiable)
+def _measurable(catalogue: Catalogue) -> str:
+    return ", ".join(q.label for q in catalogue.values() if q.identifiable)

@@ -22,7 +22,6 @@ from palpate.parameter import Parameter
 from palpate.planning.check.measured import amount, measured
 from palpate.planning.plan import Node
 from palpate.planning.symbolic.steps import SLIDE, TEMPORARY, Step, is_away, is_clear, nodes
-from palpate.quantities.catalogue import catalogue
 from palpate.scene.scene import Scene
 from palpate.vocabulary.admissible.clearance import blockers
 from palpate.vocabulary.base import Primitive, Surroundings
@@ -319,7 +318,7 @@ def _chains(
     quantity: str, words: Vocabulary, around: Surroundings
 ) -> Iterator[tuple[Primitive, ...]]:
     """Sensing and conversion that end in `quantity`."""
-    known = catalogue()[quantity]
+    known = around.state.scene.catalogue[quantity]
     if known.derived:
         for buffer in dict.fromkeys(evidence.buffer for evidence in known.evidence):
             for sensing in _grounded(words.sensors(buffer), around):
@@ -352,11 +351,12 @@ def _yields(parameter: Parameter, steps: Iterable[Step], state: SymbolicState) -
 def _may_concern(parameter: Parameter, step: Step, state: SymbolicState) -> bool:
     """Whether what a step records may be evidence for a derived parameter: a quick look before the
     step is tried."""
-    if not catalogue()[parameter.quantity].derived:
+    catalogue = state.scene.catalogue
+    if not catalogue[parameter.quantity].derived:
         return True
     context = during(step.moving, state).context()
     for primitive in step.primitives:
-        if primitive.writes and catalogue().piece(parameter, primitive.writes, context):
+        if primitive.writes and catalogue.piece(parameter, primitive.writes, context):
             return True
     return False
 
