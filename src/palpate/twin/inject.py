@@ -46,7 +46,9 @@ def inject(
 def complete(scene: Scene, estimates: Sequence[Estimate]) -> tuple[str, tuple[str, ...]]:
     """The twin's text, and remarks: what could not be written, and which `?` nobody measured and
     now hold a prior."""
-    values = {e.parameter: tuple(e.value.tolist()) for e in estimates}
+    values: dict[Parameter, tuple[float, ...]] = {}
+    for estimate in estimates:
+        values[estimate.parameter] = tuple(estimate.value.tolist())
     fitting: dict[Parameter, tuple[float, ...]] = {}
     notes: list[str] = []
     description = _without_poses(scene)
@@ -57,8 +59,8 @@ def complete(scene: Scene, estimates: Sequence[Estimate]) -> tuple[str, tuple[st
             notes.append(f"{parameter} is not in the twin: {reason}")
         else:
             fitting[parameter] = value
-    unmeasured = [parameter for parameter in marked if parameter not in fitting]
-    filled = scene.resolved.completed({p: scene.priors[p] for p in unmeasured}, fitting)
+    unmeasured = {p: scene.priors[p] for p in marked if p not in fitting}
+    filled = scene.resolved.completed(unmeasured, fitting)
     for parameter in unmeasured:
         assumed = as_text(filled[parameter])
         notes.append(f"{parameter} was not measured; the twin holds the assumed value {assumed}")
@@ -83,9 +85,9 @@ def _marked(description: Description, quantities: Catalogue) -> list[Parameter]:
     """Parameters that are missing and written `?`, so that the file does not compile without them."""
     found: list[Parameter] = []
     for body in description.bodies.values():
-        here = [q for q in quantities.of(body.role) if _is_marked(body, q)]
-        for quantity in sorted(here, key=lambda quantity: quantity.id):
-            found.append(Parameter(body.name, quantity.id))
+        for quantity in sorted(quantities.of(body.role), key=lambda quantity: quantity.id):
+            if _is_marked(body, quantity):
+                found.append(Parameter(body.name, quantity.id))
     return found
 
 
@@ -138,7 +140,10 @@ def _leftovers(
 ) -> Iterator[Edit]:
     """A `?` that no longer means anything once every mass, or friction, is known: in a defaults
     class, mostly."""
-    answered = {(e.element, e.attribute) for e in edits if isinstance(e, Edit)}
+    answered: set[tuple[Element, str]] = set()
+    for edit in edits:
+        if isinstance(edit, Edit):
+            answered.add((edit.element, edit.attribute))
     needed: set[str] = set()
     for parameter in _marked(description, quantities):
         if parameter not in values:
@@ -146,7 +151,7 @@ def _leftovers(
             for slot in quantities[parameter.quantity].slots(body.elements):
                 needed.add(slot.attribute)
     for geom in elements(description.document.root):
-        for edit in answered_elsewhere(geom):
-            is_answered = (geom, edit.attribute) in answered
-            if geom.tag == "geom" and edit.attribute not in needed and not is_answered:
-                yield edit
+        for leftover in answered_elsewhere(geom):
+            is_answered = (geom, leftover.attribute) in answered
+            if geom.tag == "geom" and leftover.attribute not in needed and not is_answered:
+                yield leftover

@@ -72,7 +72,7 @@ class Twin:
 
 def build_twin(scene: Scene, estimates: Sequence[Estimate], trace: Trace, replay: Replay) -> Twin:
     """Inject what was identified, then check that the result behaves as recorded."""
-    identified = [e for e in estimates if e.verdict != "not identified"]
+    identified = _identified(estimates)
     text, notes = complete(scene, identified)
     diff = _diff(scene, text)
     try:
@@ -97,9 +97,13 @@ def read_twin(
     """
     if validation is None or not scene.bodies:
         return Twin(xml, _diff(scene, xml), tuple(notes), validation)
-    identified = [e for e in estimates if e.verdict != "not identified"]
+    identified = _identified(estimates)
     twin = scene_from_text(xml, scene, _measured_places(scene, identified))
     return Twin(xml, _diff(scene, xml), tuple(notes), validation, twin)
+
+
+def _identified(estimates: Sequence[Estimate]) -> list[Estimate]:
+    return [estimate for estimate in estimates if estimate.verdict != "not identified"]
 
 
 def _diff(scene: Scene, text: str) -> str:
