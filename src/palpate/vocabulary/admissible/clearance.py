@@ -155,15 +155,15 @@ class Motion:
         )
 
     def _standing(self, names: Sequence[str]) -> Boxes:
-        bodies, poses = (
-            [self.state.scene.body(n) for n in names],
-            [self.state.pose_of(n) for n in names],
-        )
-        return Boxes(
-            np.array([pose.apply(body.centre) for pose, body in zip(poses, bodies, strict=True)]),
-            np.array([pose.rotation for pose in poses]),
-            np.array([body.size / 2 for body in bodies]),
-        )
+        centres: list[Array] = []
+        axes: list[Array] = []
+        halves: list[Array] = []
+        for name in names:
+            body, pose = self.state.scene.body(name), self.state.pose_of(name)
+            centres.append(pose.apply(body.centre))
+            axes.append(pose.rotation)
+            halves.append(body.size / 2)
+        return Boxes(np.array(centres), np.array(axes), np.array(halves))
 
 
 def motion_to(state: SymbolicState, end: Pose) -> Motion | None:
@@ -186,14 +186,13 @@ def configuration_pose(scene: Scene, name: str | None) -> Pose | None:
 
 def straddled(state: SymbolicState, pose_world_tcp: Pose | None) -> str | None:
     """The object that stands between the fingers at a pose, if any."""
-    body = state.object_at(pose_world_tcp) if pose_world_tcp is not None else None
-    if body is None or pose_world_tcp is None:
+    if pose_world_tcp is None:
         return None
-    return (
-        body.name
-        if body.top_z(state.pose_of(body.name)) > pose_world_tcp.position[2] - ABOVE
-        else None
-    )
+    body = state.object_at(pose_world_tcp)
+    if body is None:
+        return None
+    top = body.top_z(state.pose_of(body.name))
+    return body.name if top > pose_world_tcp.position[2] - ABOVE else None
 
 
 def blockers(state: SymbolicState, name: str, approach: Pose, work: Pose) -> list[str]:
