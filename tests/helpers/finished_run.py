@@ -184,7 +184,7 @@ def make_data() -> ReportData:
         robot_seconds=31.0,
         wall_seconds=4.2,
         twin_diff="".join(diff),
-        twin_checks={"force residual, twin": "0.02 N", "settled": "yes"},
+        twin_checks={"Plan replayed in the twin": "off by 0.02 N", "Comes to rest": "yes"},
         versions={"palpate": "0.1.0", "mujoco": "4.0.0"},
         seed=7,
         noise="lab",

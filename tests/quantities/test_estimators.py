@@ -82,7 +82,7 @@ def test_an_estimator_of_ones_own_is_chosen_by_name(weighing, noises, bodies, in
 
     assert known_estimators().names("mass") == ("contrast", "single-shot", "mine")
     (default,) = estimate_all([MASS], trace, bodies)
-    assert "Vertical force with the object less without it" in default.method
+    assert "mass = (F_z loaded − F_z empty) / g" in default.method
 
 
 def test_an_estimator_is_loaded_when_it_is_used(weighing, noises, bodies, installed):

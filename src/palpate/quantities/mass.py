@@ -147,7 +147,7 @@ def _method(found: Sequence[Segment]) -> str:
         )
     count = Counter((segment.at_rest, segment.loaded) for segment in found)
     return (
-        f"Vertical force with the object less without it, over g: {count[True, True]} loaded against "
+        f"mass = (F_z loaded − F_z empty) / g: {count[True, True]} loaded against "
         f"{count[True, False]} empty rests and {count[False, True]} loaded against {count[False, False]} "
         "empty passes over the same path in the same direction, weighted by their scatter."
     )

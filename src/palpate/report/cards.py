@@ -81,7 +81,8 @@ def cards(measured: Sequence[Measured], trace: Trace | None) -> list[Card]:
 
 
 def _card(measured: Measured, trace: Trace | None) -> Card:
-    estimate, unit = measured.estimate, measured.estimate.unit
+    estimate = measured.estimate
+    unit = estimate.unit
     further: list[tuple[str, str]] = []
     for name, part in estimate.parts.items():
         further.append((name, with_spread(part.value, part.std, part.unit or unit)))
@@ -115,7 +116,7 @@ def _intervals(measured: Measured) -> tuple[Interval, ...]:
         truths,
         strict=True,
     )
-    return tuple(_interval(*row, measured.estimate.unit) for row in rows)
+    return tuple(_interval(*row, estimate.unit) for row in rows)
 
 
 def _interval(

@@ -147,8 +147,8 @@ def twin_checks(marks: Validation) -> dict[str, str]:
     rests = "yes" if marks.settled else "no"
     return {
         "Comes to rest": f"{rests}, after moving {1e3 * marks.drift:.2f} mm",
-        "Recorded touch replayed in the twin": _shown(marks.twin),
-        "Recorded touch replayed in the untouched template": _shown(marks.template),
+        "Plan replayed in the twin": _shown(marks.twin),
+        "Plan replayed in the scene as given": _shown(marks.template),
     }
 
 

@@ -10,6 +10,8 @@ from palpate.estimation.estimate import Estimate
 from palpate.planning.plan import Plan
 from palpate.trace.samples import Trace
 
+State = Literal["known", "missing", "assumed"]
+
 
 @dataclass(frozen=True, slots=True)
 class ParameterRow:
@@ -18,7 +20,7 @@ class ParameterRow:
 
     object: str
     quantity: str
-    state: Literal["known", "missing", "assumed"]
+    state: State
     asked: bool
     value: tuple[float, ...] | None = None
 
