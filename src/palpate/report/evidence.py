@@ -45,27 +45,24 @@ def quantity_label(id: str) -> str:
 
 
 def windows(trace: Trace, estimates: Sequence[Estimate]) -> dict[Recording, str]:
-    """Every recording with the names of what it is evidence of, or with its situation."""
+    """Every recording with the names of what it is evidence of, by an estimate's or a conversion's
+    word; with its situation where nobody claims it."""
     names: dict[Recording, list[str]] = {recording: [] for recording in trace.recordings}
-    for recording, parameter in _claims(trace, estimates):
+
+    def claim(recording: Recording, parameter: Parameter) -> None:
         name = f"{parameter.object} {quantity_label(parameter.quantity)}"
         if recording in names and name not in names[recording]:
             names[recording].append(name)
-    return {
-        recording: ", ".join(names[recording]) or _situation(recording.context)
-        for recording in trace.recordings
-    }
 
-
-def _claims(trace: Trace, estimates: Sequence[Estimate]) -> list[tuple[Recording, Parameter]]:
-    """What a recording is said to be evidence of: by an estimate, and by a conversion."""
-    claims: list[tuple[Recording, Parameter]] = []
     for estimate in estimates:
-        claims += [(recording, estimate.parameter) for recording in estimate.evidence]
+        for recording in estimate.evidence:
+            claim(recording, estimate.parameter)
     for conversion in trace.conversions:
-        parameter = Parameter(conversion.object, conversion.quantity)
-        claims.append((conversion.recording, parameter))
-    return claims
+        claim(conversion.recording, Parameter(conversion.object, conversion.quantity))
+    for recording, claimed in names.items():
+        if not claimed:
+            claimed.append(_situation(recording.context))
+    return {recording: ", ".join(claimed) for recording, claimed in names.items()}
 
 
 def _situation(context: Context) -> str:

@@ -57,8 +57,11 @@ def aftermath(plan: Plan, trace: Trace | None) -> list[Branch]:
     planned: set[str] = set()
     if plan.tree is not None:
         planned = {path for path, _ in plan.tree.walk()}
-    beside = [leaf for leaf in trace.leaves if leaf.node not in planned]
-    return [_leaf(run.primitive, run.label, run, _end(trace)) for run in beside]
+    beside: list[Branch] = []
+    for run in trace.leaves:
+        if run.node not in planned:
+            beside.append(_leaf(run.primitive, run.label, run, _end(trace)))
+    return beside
 
 
 def _end(trace: Trace | None) -> float:
@@ -97,14 +100,14 @@ def _leaf(primitive: str, label: str, run: LeafRun | None, end: float) -> Branch
 def _composite(node: Node, path: str, runs: Mapping[str, LeafRun], end: float) -> Branch:
     """A composite lasts from its first leaf's start to its last leaf's end."""
     composite = COMPOSITES[node.type]
-    children = tuple(
-        _branch(child, f"{path}.children[{i}]", runs, end) for i, child in enumerate(node.children)
-    )
-    label, fate = node.name or node.type, _fate([child.fate for child in children])
+    children: list[Branch] = []
+    for i, child in enumerate(node.children):
+        children.append(_branch(child, f"{path}.children[{i}]", runs, end))
+    label, fate = node.name or node.type, _fate(children)
     under = [leaf for at, leaf in runs.items() if at.startswith(f"{path}.")]
     if not under:
         return Branch(
-            composite.symbol, label, "composite", fate, composite.summary, children=children
+            composite.symbol, label, "composite", fate, composite.summary, children=tuple(children)
         )
     start, stop = min(leaf.start for leaf in under), max(leaf.end for leaf in under)
     return Branch(
@@ -115,16 +118,17 @@ def _composite(node: Node, path: str, runs: Mapping[str, LeafRun], end: float) -
         composite.summary,
         f"{stop - start:.1f} s",
         *_place(start, stop, end),
-        children=children,
+        children=tuple(children),
     )
 
 
-def _fate(fates: Sequence[str]) -> str:
+def _fate(children: Sequence[Branch]) -> str:
     """A composite's fate, from its children's: failure outweighs all else."""
+    fates = {child.fate for child in children}
     for fate in ("failure", "stopped"):
         if fate in fates:
             return fate
-    return "success" if set(fates) == {"success"} else "waiting"
+    return "success" if fates == {"success"} else "waiting"
 
 
 def _place(start: float, stop: float, end: float) -> tuple[float, float]:
