@@ -251,12 +251,12 @@ def test_an_observer_sees_every_tick_and_keeps_final_statuses(plan, node, scene,
     views = []
 
     class Watcher:
-        def on_tick(self, view):
+        def on_tick(self, snapshot):
             views.append(
                 (
-                    view.elapsed,
-                    [n.status for n in view.root.iterate() if isinstance(n, PrimitiveLeaf)],
-                    view.stopping,
+                    snapshot.elapsed,
+                    [n.status for n in snapshot.root.iterate() if isinstance(n, PrimitiveLeaf)],
+                    snapshot.stopping,
                 )
             )
 

@@ -7,8 +7,8 @@ import pytest
 from rich.console import Console
 
 from palpate.execution.build import build
-from palpate.execution.runner import View, run
-from palpate.live.terminal import LiveView, render
+from palpate.execution.runner import Snapshot, run
+from palpate.live.terminal import LiveTree, render
 from palpate.planning.plan import Plan
 
 
@@ -24,22 +24,22 @@ def console(terminal, height=40):
     )
 
 
-def drawn(view, room=30):
+def drawn(snapshot, room=30):
     out = console(False)
-    out.print(render(view, room))
+    out.print(render(snapshot, room))
     return out.file.getvalue()
 
 
 @pytest.fixture
 def watched(plan, node, scene, robot, words):
-    """Views of a run, by robot time."""
+    """Snapshots of a run, by robot time."""
 
     def watch(*children):
         pictures = []
 
         class Watcher:
-            def on_tick(self, view):
-                pictures.append(drawn(view))
+            def on_tick(self, snapshot):
+                pictures.append(drawn(snapshot))
 
         run(plan(*children), scene, robot, words=words, observer=Watcher())
         return pictures
@@ -85,16 +85,18 @@ def test_a_tree_taller_than_the_terminal_shows_the_active_part(node, words, blac
     for _ in range(2):
         robot.advance(0.02)
         root.tick_once()
-    lines = drawn(View(root, robot.state, 0.1, blackboard.recorder.leaves), room=10).splitlines()
+    lines = drawn(
+        Snapshot(root, robot.state, 0.1, blackboard.recorder.leaves), room=10
+    ).splitlines()
     assert len(lines) == 11
     assert lines[-1].startswith("  ▶ Go(0.2, 0.1)")
 
 
 def test_elsewhere_every_leaf_gives_one_line(plan, node, scene, robot, words):
     out = console(False)
-    with LiveView(out) as view:
-        view.say("touching")
-        run(plan(node("Go", z=0.28), node("Refuse")), scene, robot, words=words, observer=view)
+    with LiveTree(out) as live:
+        live.progress("touching")
+        run(plan(node("Go", z=0.28), node("Refuse")), scene, robot, words=words, observer=live)
     lines = out.file.getvalue().splitlines()
     assert lines[0] == "touching …"
     assert [line.split()[2:4] for line in lines[1:]] == [
@@ -107,13 +109,13 @@ def test_elsewhere_every_leaf_gives_one_line(plan, node, scene, robot, words):
 def test_on_a_terminal_it_is_redrawn_seldom_and_the_end_stays(plan, node, scene, robot, words):
     out = console(True)
     began = time.monotonic()
-    with LiveView(out) as view:
+    with LiveTree(out) as live:
         run(
             plan(node("Go", z=0.1), node("Wait", seconds=2.0)),
             scene,
             robot,
             words=words,
-            observer=view,
+            observer=live,
         )
     frames = out.file.getvalue().count("robot time")
     assert 2 <= frames <= 3 + (time.monotonic() - began) / 0.125
@@ -124,7 +126,7 @@ def test_a_name_cannot_command_the_terminal(node, scene, robot, words):
     evil = node("Sequence", node("Wait", seconds=0.1))
     evil = type(evil)(evil.type, (), evil.children, name="\x1b]0;owned\x07 [red]markup[/]")
     out = console(True)
-    with LiveView(out) as view:
-        run(Plan((), evil, ""), scene, robot, words=words, observer=view)
+    with LiveTree(out) as live:
+        run(Plan((), evil, ""), scene, robot, words=words, observer=live)
     assert "\x1b]" not in out.file.getvalue()
     assert "[red]markup[/]" in out.file.getvalue()

@@ -31,10 +31,10 @@ if TYPE_CHECKING:
 @contextmanager
 def live_view() -> Generator[tuple[Observer, Callable[[str], None]]]:
     """The live view on stderr and a way to name the present stage."""
-    from palpate.live.terminal import LiveView
+    from palpate.live.terminal import LiveTree
 
-    with LiveView(err) as view:
-        yield view, view.say
+    with LiveTree(err) as live:
+        yield live, live.progress
 
 
 def show_run(run: Run, as_json: bool) -> None:

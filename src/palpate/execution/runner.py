@@ -75,7 +75,7 @@ class Execution:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class View:
+class Snapshot:
     """What an observer sees after a tick.
 
     Attributes:
@@ -94,7 +94,7 @@ class View:
 class Observer(Protocol):
     """Watches a run, e.g. to draw it. Called in the loop after every tick, so it must be quick."""
 
-    def on_tick(self, view: View) -> None: ...
+    def on_tick(self, snapshot: Snapshot) -> None: ...
 
 
 def run(
@@ -234,7 +234,9 @@ class _Loop:
         if self.observer is not None:
             leaves = self.blackboard.recorder.leaves
             self.observer.on_tick(
-                View(self.root, self.blackboard.robot.state, self._elapsed(), leaves, self.stopping)
+                Snapshot(
+                    self.root, self.blackboard.robot.state, self._elapsed(), leaves, self.stopping
+                )
             )
 
     def _elapsed(self) -> float:

@@ -20,7 +20,7 @@ from rich.live import Live
 from rich.text import Text
 
 from palpate.execution.leaf import PrimitiveLeaf
-from palpate.execution.runner import STOP_NODE, View
+from palpate.execution.runner import STOP_NODE, Snapshot
 from palpate.trace.recording import LeafRun
 
 REFRESH_PERIOD = 0.125
@@ -36,7 +36,7 @@ STOPPED = ("–", "magenta")
 WORDS = {"SUCCESS": "ok", "FAILURE": "FAILED", "INVALID": "stopped"}
 
 
-class LiveView:
+class LiveTree:
     """Draws a run on a console, by default on stderr. A context manager and an `Observer`.
 
     On a terminal the tree is redrawn in place; elsewhere every leaf that ends gives one line.
@@ -46,11 +46,11 @@ class LiveView:
         self._console = console or Console(stderr=True, highlight=False)
         self._in_place = self._console.is_terminal and not self._console.is_dumb_terminal
         self._live: Live | None = None
-        self._view: View | None = None
+        self._latest: Snapshot | None = None
         self._drawn = -np.inf
         self._printed = 0
 
-    def __enter__(self) -> LiveView:
+    def __enter__(self) -> LiveTree:
         return self
 
     def __exit__(
@@ -61,16 +61,16 @@ class LiveView:
     ) -> None:
         self.finish()
 
-    def say(self, stage: str) -> None:
+    def progress(self, stage: str) -> None:
         """Name the present stage of the work."""
         self.finish()
         self._console.print(Text(f"{_clean(stage)} …", "dim"))
 
-    def on_tick(self, view: View) -> None:
+    def on_tick(self, snapshot: Snapshot) -> None:
         """Take note of a tick; draws at most every 125 ms."""
-        self._view = view
+        self._latest = snapshot
         if not self._in_place:
-            self._print_ended(view)
+            self._print_ended(snapshot)
         elif time.monotonic() - self._drawn >= REFRESH_PERIOD:
             self._draw()
 
@@ -79,44 +79,44 @@ class LiveView:
         if self._live is not None:
             self._draw()
             self._live.stop()
-        self._live, self._view, self._printed = None, None, 0
+        self._live, self._latest, self._printed = None, None, 0
 
     def _draw(self) -> None:
-        assert self._view is not None
+        assert self._latest is not None
         if self._live is None:
             self._live = Live(console=self._console, auto_refresh=False, redirect_stdout=False)
             self._live.start()
         room = max(3, self._console.height - 6)
-        self._live.update(render(self._view, room), refresh=True)
+        self._live.update(render(self._latest, room), refresh=True)
         self._drawn = time.monotonic()
 
-    def _print_ended(self, view: View) -> None:
-        for leaf in view.leaves[self._printed :]:
+    def _print_ended(self, snapshot: Snapshot) -> None:
+        for leaf in snapshot.leaves[self._printed :]:
             line = f"{leaf.end:8.2f} s  {WORDS[leaf.status]:7} {leaf.label}"
             if leaf.message:
                 line += f": {leaf.message}"
             self._console.print(Text(_clean(line)), soft_wrap=True)
-        self._printed = len(view.leaves)
+        self._printed = len(snapshot.leaves)
 
 
-def render(view: View, room: int) -> Group:
-    """The view in at most `room` lines of tree: those around the active leaf, when there are
+def render(snapshot: Snapshot, room: int) -> Group:
+    """The snapshot in at most `room` lines of tree: those around the active leaf, when there are
     more."""
-    ended = {leaf.node: leaf for leaf in view.leaves}
+    ended = {leaf.node: leaf for leaf in snapshot.leaves}
     lines: list[Text] = []
     active = 0
-    for row, (node, depth) in enumerate(_walk(view.root)):
-        lines.append(_line(node, depth, view, ended))
+    for row, (node, depth) in enumerate(_walk(snapshot.root)):
+        lines.append(_line(node, depth, snapshot, ended))
         if node.status is not Status.INVALID:
             active = row
     first = min(max(0, active - room // 2), max(0, len(lines) - room))
-    return Group(_header(view), *lines[first : first + room], *_stop(view))
+    return Group(_header(snapshot), *lines[first : first + room], *_stop(snapshot))
 
 
-def _header(view: View) -> Text:
-    force = float(np.linalg.norm(view.robot.wrench[:3]))
-    figures = f"{view.elapsed:7.1f} s robot time   |F| {force:5.1f} N"
-    running = [node.name for node, _ in _walk(view.root) if _is_running(node)]
+def _header(snapshot: Snapshot) -> Text:
+    force = float(np.linalg.norm(snapshot.robot.wrench[:3]))
+    figures = f"{snapshot.elapsed:7.1f} s robot time   |F| {force:5.1f} N"
+    running = [node.name for node, _ in _walk(snapshot.root) if _is_running(node)]
     header = Text(figures, "bold", no_wrap=True, overflow="ellipsis")
     return header.append(f"   {_clean(', '.join(running))}", "yellow")
 
@@ -125,11 +125,11 @@ def _is_running(node: Behaviour) -> TypeGuard[PrimitiveLeaf]:
     return isinstance(node, PrimitiveLeaf) and node.status is Status.RUNNING
 
 
-def _stop(view: View) -> Iterator[Text]:
+def _stop(snapshot: Snapshot) -> Iterator[Text]:
     """Why the run is being stopped, and what was done for it."""
-    if view.stopping is not None:
-        yield Text(f"stopping: {_clean(view.stopping)}", "bold red")
-    for leaf in view.leaves:
+    if snapshot.stopping is not None:
+        yield Text(f"stopping: {_clean(snapshot.stopping)}", "bold red")
+    for leaf in snapshot.leaves:
         if leaf.node == STOP_NODE:
             icon, style = ICONS[Status[leaf.status]]
             yield Text.assemble(
@@ -137,7 +137,7 @@ def _stop(view: View) -> Iterator[Text]:
             )
 
 
-def _line(node: Behaviour, depth: int, view: View, ended: dict[str, LeafRun]) -> Text:
+def _line(node: Behaviour, depth: int, snapshot: Snapshot, ended: dict[str, LeafRun]) -> Text:
     """A node with its status, and how long a leaf took or has taken so far."""
     run = None
     if isinstance(node, PrimitiveLeaf):
@@ -150,7 +150,7 @@ def _line(node: Behaviour, depth: int, view: View, ended: dict[str, LeafRun]) ->
     if run is not None:
         line.append(f"  {run.end - run.start:.1f} s  {_clean(run.message)}", "dim")
     elif _is_running(node):
-        line.append(f"  {view.robot.t - node.started:.1f} s", "dim")
+        line.append(f"  {snapshot.robot.t - node.started:.1f} s", "dim")
     return line
 
 
