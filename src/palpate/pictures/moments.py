@@ -105,7 +105,7 @@ def film(
     """The run, from stored frames: times `t` (n,) in s and configurations `qpos` (n, nq). None
     without frames.
 
-    With a trace, each frame says which leaf runs and what force is felt.
+    With a trace, each frame says which leaf runs and which force is measured.
 
     Raises:
         RuntimeError: no usable OpenGL.
@@ -130,7 +130,9 @@ def _frames(
             data.qpos[:] = configuration
             mujoco.mj_forward(model, data)
             picture = painter.paint(data, camera)
-            yield _captioned(picture, _caption(trace, float(now))) if trace else picture
+            if trace is not None:
+                picture = _captioned(picture, _caption(trace, float(now)))
+            yield picture
 
 
 def _caption(trace: Trace, t: float) -> tuple[str, str]:

@@ -35,6 +35,9 @@ AMBIENT = 0.35
 """Least share of light from everywhere, so that shadows are not black; MuJoCo's default is 0.1."""
 
 _REMEDY = "for pictures install a software OpenGL (Debian, Ubuntu: apt-get install libegl1 libgl1-mesa-dri)"
+EMPTY_EXTENT = np.array([[-0.5, -0.5, 0.0], [0.5, 0.5, 0.8]])
+"""m: what is looked at where there is nothing to see: about a table top."""
+
 _OFF = {"disable", "disabled", "off", "false", "0"}
 _PROBE = """
 import mujoco
@@ -56,9 +59,8 @@ def gl_available() -> tuple[bool, str]:
     chosen = os.environ.get("MUJOCO_GL", "").lower().strip()
     if chosen in _OFF:
         return False, f"MUJOCO_GL={chosen} switches pictures off; unset it to get them"
-    automatic = ("egl", "osmesa") if sys.platform == "linux" else ("",)
     reasons: list[str] = []
-    for backend in (chosen,) if chosen else automatic:
+    for backend in _backends(chosen):
         reason = _probe(backend)
         if reason is None:
             _select(backend)
@@ -67,9 +69,18 @@ def gl_available() -> tuple[bool, str]:
     return False, f"no usable OpenGL ({'; '.join(reasons)}); {_REMEDY}"
 
 
+def _backends(chosen: str) -> tuple[str, ...]:
+    """What to try: the user's choice, else what the platform has; "" is MuJoCo's own choice."""
+    if chosen:
+        return (chosen,)
+    return ("egl", "osmesa") if sys.platform == "linux" else ("",)
+
+
 def _probe(backend: str) -> str | None:
     """None when a context can be made, else the last line of what went wrong."""
-    environment = {**os.environ, "MUJOCO_GL": backend} if backend else dict(os.environ)
+    environment = dict(os.environ)
+    if backend:
+        environment["MUJOCO_GL"] = backend
     if backend in ("egl", "osmesa"):
         environment["PYOPENGL_PLATFORM"] = backend
     try:
@@ -129,13 +140,14 @@ def extent(model: mujoco.MjModel, data: mujoco.MjData, bodies: Collection[str] =
     corners: list[Array] = []
     signs = np.array(np.meshgrid([-1, 1], [-1, 1], [-1, 1])).reshape(3, 8).T
     for geom in range(model.ngeom):
-        if model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_PLANE or not _belongs(
-            model, geom, bodies
-        ):
+        is_plane = model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_PLANE
+        if is_plane or not _belongs(model, geom, bodies):
             continue
         local = model.geom_aabb[geom, :3] + signs * model.geom_aabb[geom, 3:]
         corners.append(data.geom_xpos[geom] + local @ data.geom_xmat[geom].reshape(3, 3).T)
-    return np.concatenate(corners) if corners else np.array([[-0.5, -0.5, 0.0], [0.5, 0.5, 0.8]])
+    if not corners:
+        return EMPTY_EXTENT
+    return np.concatenate(corners)
 
 
 def _belongs(model: mujoco.MjModel, geom: int, bodies: Collection[str]) -> bool:
@@ -253,4 +265,6 @@ def points_over(
         data.qpos[:] = qpos
         mujoco.mj_kinematics(model, data)
         corners.append(extent(model, data, bodies))
-    return np.concatenate(corners) if corners else extent(model, data, bodies)
+    if not corners:
+        return extent(model, data, bodies)
+    return np.concatenate(corners)

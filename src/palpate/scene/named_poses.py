@@ -91,7 +91,9 @@ class Geometry:
         for i in shapes.solid_geoms():
             if i not in movable:
                 solids.append((owner.get(i, ""), Obstacle.of(shapes.geom_points(i))))
-        clouds = {n: np.concatenate([g.points for g in geoms]) for n, geoms in objects.items()}
+        clouds: dict[str, Array] = {}
+        for name, geoms in objects.items():
+            clouds[name] = np.concatenate([geom.points for geom in geoms])
         tops = {name: shapes.geom_points(i) for name, i in carriers.items()}
         return cls(objects, clouds, tops, solids, bodies, base, arm)
 

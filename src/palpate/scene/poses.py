@@ -74,9 +74,13 @@ class PoseEntry(_Strict):
         return self.body_pose()
 
     def _quaternion(self) -> Quaternion | None:
-        if self.quat is not None or (self.euler is None and self.yaw is None):
+        if self.quat is not None:
             return self.quat
-        return _from_euler(self.euler or (0.0, 0.0, self.yaw or 0.0))
+        if self.euler is not None:
+            return _from_euler(self.euler)
+        if self.yaw is not None:
+            return _from_euler((0.0, 0.0, self.yaw))
+        return None
 
 
 class CameraEntry(_Strict):

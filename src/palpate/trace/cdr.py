@@ -100,14 +100,16 @@ class Layout:
         return {field.name: rows[str(place)].copy() for place, field in enumerate(self.fields)}
 
     def _dtype(self) -> np.dtype[np.void]:
-        return np.dtype(
-            {
-                "names": [str(place) for place in range(len(self.fields))],
-                "formats": [(field.kind, (field.length,)) for field in self.fields],
-                "offsets": [field.offset for field in self.fields],
-                "itemsize": len(self.constant),
-            }
-        )
+        """A message as a record of its open fields, named by their places; texts are gaps."""
+        names: list[str] = []
+        formats: list[tuple[str, tuple[int]]] = []
+        offsets: list[int] = []
+        for place, field in enumerate(self.fields):
+            names.append(str(place))
+            formats.append((field.kind, (field.length,)))
+            offsets.append(field.offset)
+        size = len(self.constant)
+        return np.dtype({"names": names, "formats": formats, "offsets": offsets, "itemsize": size})
 
     def _field(self, name: str, kind: str, length: int) -> Layout:
         size = np.dtype(kind).itemsize

@@ -30,16 +30,20 @@ if TYPE_CHECKING:
 FORCES = "gripper_forces"
 POSE = "gripper_pose"
 
-_AXES = ("x", "y", "z")
-_POSE = ("x", "y", "z", "qw", "qx", "qy", "qz")
+
+def _named(signal: str, parts: str) -> tuple[str, ...]:
+    return tuple(f"{signal}{part}" for part in parts.split())
+
+
+_JOINTS, _POSE = "1 2 3 4 5 6 7", "x y z qw qx qy qz"
 COLUMNS = {
-    "q": tuple(f"q{i}" for i in range(1, 8)),
-    "dq": tuple(f"dq{i}" for i in range(1, 8)),
-    "tau_ext": tuple(f"tau_ext{i}" for i in range(1, 8)),
-    "wrench": tuple(f"wrench_{kind}{axis}" for kind in "ft" for axis in _AXES),
-    "pose_world_tcp": tuple(f"tcp_{part}" for part in _POSE),
-    "twist": tuple(f"twist_{kind}{axis}" for kind in "vw" for axis in _AXES),
-    "target_world_tcp": tuple(f"target_{part}" for part in _POSE),
+    "q": _named("q", _JOINTS),
+    "dq": _named("dq", _JOINTS),
+    "tau_ext": _named("tau_ext", _JOINTS),
+    "wrench": _named("wrench_", "fx fy fz tx ty tz"),
+    "pose_world_tcp": _named("tcp_", _POSE),
+    "twist": _named("twist_", "vx vy vz wx wy wz"),
+    "target_world_tcp": _named("target_", _POSE),
 }
 """Names of the columns of each signal that has several."""
 
