@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, cast
 
-from palpate import pipeline
+from palpate import pipeline, stages
 from palpate.errors import InputError
 from palpate.planning.model.answer import read_answer
 from palpate.planning.model.session import ModelSettings
@@ -63,7 +63,7 @@ def _picture(name: str) -> bytes | None:
     """PNG of the simulated workspace of a scenario."""
     settings = scenario(name).settings()
     poses = read_poses(settings.poses) if settings.poses else Poses()
-    return pipeline.picture_of(settings, pipeline.load(settings), poses)
+    return stages.picture_of(settings, pipeline.load(settings), poses)
 
 
 def attempt(trial: Trial, without: frozenset[str], conditions: Conditions) -> Record:
