@@ -6,6 +6,7 @@ import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -67,6 +68,34 @@ def test_a_scene_says_what_it_misses() -> None:
     scene = pp.load(DESK)
     assert scene.missing == (pp.Parameter("desk.height"), pp.Parameter("mug.mass"))
     assert repr(scene) == "<Scene 'desk': 1 object, 1 surface, 2 missing>"
+
+
+def test_a_printed_scene_has_one_line_a_body() -> None:
+    scene = pp.load(DESK)
+    lines = str(scene).splitlines()
+    assert lines[0] == repr(scene)
+    assert [line.split()[1].rstrip(":") for line in lines[1:]] == list(scene.bodies)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "named"),
+    [({"seed": -1}, "seed="), ({"noise": "loud"}, "noise"), ({"out": "."}, "out=")],
+)
+def test_what_cannot_run_is_said_before_anybody_plans(wrong: dict[str, Any], named: str) -> None:
+    class Unasked:
+        name = "unasked"
+
+        def plan(self, *_: object) -> pp.Plan:
+            raise AssertionError("somebody planned")
+
+    with pytest.raises(pp.InputError, match=named):
+        pp.run(DESK, "how heavy is the mug?", planner=Unasked(), **wrong)
+
+
+def test_a_run_tells_its_stages(tmp_path: Path) -> None:
+    told: list[str] = []
+    pp.run(DESK, "how heavy is the mug?", noise="none", out=tmp_path / "run", progress=told.append)
+    assert (told[0], told[-1]) == ("planning", "writing the report")
 
 
 def test_a_scene_comes_from_a_file_too(tmp_path: Path) -> None:

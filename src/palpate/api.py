@@ -172,7 +172,10 @@ class Plan(InnerPlan):
         pipeline.confirm(made, confirm, cell)
         made = pipeline.measure(made, observer, progress, cell)
         made = pipeline.build_twin(made, progress)
-        return _run_of(made if out is None else pipeline.save(made))
+        if out is not None:
+            progress("writing the report")
+            made = pipeline.save(made)
+        return _run_of(made)
 
     def _repr_html_(self) -> str:
         rows = [(line,) for line in str(self).splitlines()[1:]]
@@ -255,10 +258,13 @@ def run(
         remeasure=remeasure,
         model_settings=model_settings or ModelSettings(),
     )
-    if scene is None:
-        return _plan_of(asked.checked(), None, planner).run(**options)
-    found = scene if isinstance(scene, Scene) else load(scene, poses, arm)
-    return _plan_of(found.settings(asked), found, planner).run(**options)
+    # How it is to run is looked at before anybody plans: a model's answer costs money.
+    planned = replace(asked, **_stated(options)).checked(at_hand=scene is not None)
+    found = load(scene, poses, arm) if isinstance(scene, str | Path) else scene
+    if found is not None:
+        planned = found.settings(planned)
+    options.get("progress", quiet)("planning")
+    return _plan_of(planned, found, planner).run(**options)
 
 
 def load(source: str | Path, poses: str | Path | None = None, arm: str | Path = DEFAULT) -> Scene:
@@ -317,6 +323,18 @@ def run_settings(
         ExecutionAborted: a real robot was not allowed to move.
     """
     return _run_of(pipeline.run(settings, observer, progress, confirm))
+
+
+def _stated(options: RunOptions) -> dict[str, Any]:
+    """Those of the options that settings hold; a world at hand has no file."""
+    names = ("robot", "noise", "seed", "on_failure", "rehearse")
+    stated: dict[str, Any] = {name: options.get(name) for name in names if name in options}
+    folder, world = options.get("out"), options.get("world")
+    if folder is not None:
+        stated["out"] = Path(folder)
+    if isinstance(world, str | Path) and not _is_text(world):
+        stated["world"] = Path(world)
+    return stated
 
 
 def _plan_of(asked: Settings, scene: InnerScene | None, planner: str | Planner) -> Plan:

@@ -12,7 +12,9 @@ from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 
 from palpate.errors import InputError
+from palpate.robots.registry import load_description
 from palpate.trace.mcap import read_mcap, write_mcap
+from palpate.trace.recording import Hand
 from palpate.trace.samples import Samples, Trace
 
 
@@ -104,6 +106,14 @@ def test_damaged_bytes_are_refused_or_harmless(
     path.write_bytes(content)
     with contextlib.suppress(InputError):
         assert len(read_mcap(path).samples) <= 11
+
+
+def test_a_trace_from_before_joints_were_named_is_an_fr3s() -> None:
+    hand = Hand(
+        tip_offset=0.009, force_repeatability=0.15, torque_gain=0.01, pose_repeatability=1e-4
+    )
+    arm = load_description("fr3").nominal
+    assert (hand.joints, hand.fingers) == (arm.joints, arm.fingers)
 
 
 def test_a_cut_file_is_refused(trace: Trace, tmp_path: Path) -> None:

@@ -71,6 +71,13 @@ class Scene:
         ]
         return f"<Scene '{self.name}': {', '.join(counted)}>"
 
+    def __str__(self) -> str:
+        lines = [repr(self)]
+        for body in self.bodies.values():
+            missing = ", ".join(sorted(body.missing)) or "nothing"
+            lines.append(f"  {body.role} {body.name}: {missing} missing")
+        return "\n".join(lines)
+
     @property
     def name(self) -> str:
         """The file's, else the one that the MJCF gives itself."""

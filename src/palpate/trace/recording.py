@@ -80,12 +80,13 @@ class Hand:
         tip_offset: distance from the TCP to the end of the fingertips along the tool axis, m.
         force_repeatability: N, per approach. torque_gain: relative, half width.
         pose_repeatability: m.
-        joints, fingers: their names, as logged.
+        joints, fingers: their names, as logged; a trace from before arms could be chosen names none,
+            and is an FR3's.
     """
 
     tip_offset: float
     force_repeatability: float
     torque_gain: float
     pose_repeatability: float
-    joints: tuple[str, ...] = tuple(f"joint{i}" for i in range(1, 8))
-    fingers: tuple[str, str] = ("finger_joint1", "finger_joint2")
+    joints: tuple[str, ...] = tuple(f"fr3_joint{i}" for i in range(1, 8))
+    fingers: tuple[str, str] = ("fr3_finger_joint1", "fr3_finger_joint2")

@@ -22,6 +22,8 @@ from palpate.planning.symbolic.search import Backchainer
 from palpate.quantities.catalogue import catalogue
 from palpate.robots.kinematics import reachable
 from palpate.scene.scene import Scene
+from palpate.vocabulary.admissible.grasp import does_not_fit, too_heavy
+from palpate.vocabulary.admissible.reach import too_far
 from palpate.vocabulary.registry import Vocabulary, acquisition, vocabulary
 
 
@@ -173,21 +175,17 @@ def _obstacle(scene: Scene, name: str) -> str:
     """Why a thing cannot be worked on at all, empty when nothing speaks against it."""
     if name == GRIPPER:
         return ""
-    if name in scene.symbols.ungraspable:
-        return f"'{name}' cannot be grasped: {scene.symbols.ungraspable[name]}"
+    unfit = does_not_fit(scene, name)
+    if unfit:
+        return unfit
     symbol = f"{name}_pose" if name in scene.objects else f"{name}_approach"
     try:
         pose = scene.symbols.resolve(symbol)
     except InputError:
         return f"there is no free spot within reach on '{name}' to touch it; give '{symbol}' in poses.yaml"
     if not reachable(scene.arm, pose, scene.pose_world_base):
-        x, y, z = pose.position
-        return f"'{name}' at ({x:.2f}, {y:.2f}, {z:.2f}) m is out of the arm's reach"
-    mass = scene.bodies[name].known.get("mass", (0.0,))[0]
-    payload = scene.arm.limits.payload
-    if mass > payload:
-        return f"'{name}' weighs {mass:g} kg, more than the payload of {payload:g} kg"
-    return ""
+        return too_far(pose, name)
+    return too_heavy(scene, scene.bodies[name])
 
 
 def _is_known(parameter: Parameter, scene: Scene) -> bool:
@@ -201,7 +199,7 @@ def _known_note(parameter: Parameter, scene: Scene) -> str:
     unit = "" if quantity.unit == "1" else f" {quantity.unit}"
     return (
         f"{_spoken([parameter])} is stated by the scene ({value}{unit}) and not measured again "
-        "(--remeasure measures it)."
+        "unless it is to be remeasured."
     )
 
 

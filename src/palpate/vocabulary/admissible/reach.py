@@ -12,14 +12,19 @@ def out_of_reach(state: SymbolicState, pose_world_tcp: Pose, name: str) -> list[
     """What speaks against the pose called `name`: that the arm does not reach it, or nothing."""
     if _reaches(state, pose_world_tcp):
         return []
-    x, y, z = pose_world_tcp.position
     return [
         Violation(
             "unreachable",
-            f"'{name}' at ({x:.3f}, {y:.3f}, {z:.3f}) m is out of the arm's reach; choose a pose "
-            "nearer to the base or a smaller offset, or leave out what needs it and explain",
+            f"{too_far(pose_world_tcp, name)}; choose a pose nearer to the base or a smaller "
+            "offset, or leave out what needs it and explain",
         )
     ]
+
+
+def too_far(pose_world_tcp: Pose, name: str) -> str:
+    """That the arm does not reach the pose called `name`, in words."""
+    x, y, z = pose_world_tcp.position
+    return f"'{name}' at ({x:.3f}, {y:.3f}, {z:.3f}) m is out of the arm's reach"
 
 
 def beyond_joint_limits(state: SymbolicState, joints: Array) -> list[Violation]:
