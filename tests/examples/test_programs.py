@@ -44,7 +44,7 @@ PRINTED = {
     ),
     "07_read_a_trace": (
         r"<Run complete: mug\.mass",
-        r"<Trace: [\d.]+ s, \d+ samples, 12 actions, 1 recordings>",
+        r"<Trace: [\d.]+ s, \d+ samples, 12 actions, 1 recording>",
         r"gripper_forces, holding the mug: F_z = \d\.\d\d N",
     ),
     "08_compare_runs": (r"none +0\.\d+ kg", r"lab +0\.\d+ kg", r"datasheet +0\.\d+ kg"),

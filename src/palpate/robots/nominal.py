@@ -45,9 +45,8 @@ def wrenches(jacobian: Array, torque: Array) -> Array:
     square = np.matmul(jacobian, jacobian.transpose(0, 2, 1))
     square += _RIDGE
     right, out = np.matmul(jacobian, torque[:, :, None]), np.empty((len(torque), 6))
-    for i in range(
-        len(out)
-    ):  # LAPACK without the checks of numpy.linalg, which cost more than the solving
+    # LAPACK without the checks of numpy.linalg, which cost more than the solving.
+    for i in range(len(out)):
         out[i] = dposv(square[i], right[i])[1][:, 0]
     return out
 

@@ -156,7 +156,8 @@ class Trace:
 
     def __repr__(self) -> str:
         seconds = float(self.t[-1] - self.t[0]) if len(self.t) else 0.0
-        counts = f"{len(self.leaves)} actions, {len(self.recordings)} recordings"
+        recordings = "recording" if len(self.recordings) == 1 else "recordings"
+        counts = f"{len(self.leaves)} actions, {len(self.recordings)} {recordings}"
         return f"<Trace: {seconds:.1f} s, {len(self.samples)} samples, {counts}>"
 
     def _repr_html_(self) -> str:
