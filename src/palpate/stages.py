@@ -15,10 +15,8 @@ from palpate.cells.view import image_files
 from palpate.errors import InputError, PlanRejected
 from palpate.execution.recovery import OnFailure
 from palpate.planning.check.check import Finding, check
-from palpate.planning.model.planner import VlmPlanner
 from palpate.planning.plan import Plan
-from palpate.planning.planner import Planner, PlannerSettings
-from palpate.planning.recorded import ReplayPlanner
+from palpate.planning.planner import Observant, Planner, PlannerSettings
 from palpate.planning.registry import planners
 from palpate.planning.symbolic.planner import requested
 from palpate.robots.registry import load_description
@@ -49,7 +47,7 @@ def ask_planner(settings: Settings, scene: Scene | None, planner: Planner | None
     picture = _picture(planner, settings, scene, poses)
     answer = _answer(planner, settings, scene, picture)
     seen, conversation = None, None
-    if isinstance(planner, VlmPlanner | ReplayPlanner):
+    if isinstance(planner, Observant):
         seen, conversation = planner.seen, planner.conversation
     scene = scene or _scene_of(answer, seen)
     # A model's answers are checked one by one, until one passes; nobody else checks its own plan.
@@ -119,7 +117,7 @@ def _picture(
     planner: Planner, settings: Settings, scene: Scene | None, poses: Poses
 ) -> bytes | None:
     """The workspace as PNG, where it is to be looked at and no image was given."""
-    looks = scene is None or isinstance(planner, VlmPlanner)
+    looks = scene is None or (isinstance(planner, Observant) and planner.looks)
     if settings.images or not looks or "image" in settings.model_settings.without:
         return None
     return picture_of(settings, scene, poses)

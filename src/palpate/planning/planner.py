@@ -11,14 +11,15 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, ClassVar, Protocol, runtime_checkable
 
 from palpate.errors import InputError
 from palpate.planning.plan import Plan
 
 if TYPE_CHECKING:
+    from palpate.planning.model.conversation import Conversation
     from palpate.planning.model.session import ModelSettings
-    from palpate.scene.from_picture import SceneBuilder
+    from palpate.scene.from_picture import DetectedScene, SceneBuilder
     from palpate.scene.scene import Scene
 
 MAX_REQUEST = 4_000
@@ -44,6 +45,21 @@ class Planner(Protocol):
             Unavailable: a provider out of reach.
         """
         ...
+
+
+@runtime_checkable
+class Observant(Protocol):
+    """A planner that tells, besides its plan, what it saw and what was said.
+
+    Attributes:
+        looks: whether it wants a picture of the workspace even where there is a scene.
+        conversation: the latest dialogue with a model, also when `plan` raised.
+        seen: what was seen in the pictures, where there was no scene.
+    """
+
+    looks: ClassVar[bool]
+    conversation: Conversation | None
+    seen: DetectedScene | None
 
 
 @dataclass(frozen=True, slots=True)

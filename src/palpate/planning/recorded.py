@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 from palpate.errors import InputError
 from palpate.planning.plan import MAX_BYTES, Plan, parse_plan
@@ -29,6 +29,8 @@ class ReplayPlanner:
         conversation: the dialogue as judged anew, when the file is one.
         seen: what the model saw, when there was no scene.
     """
+
+    looks: ClassVar[bool] = False
 
     path: Path
     remeasure: bool = False

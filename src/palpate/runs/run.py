@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from palpate.estimation.estimate import Estimate
-from palpate.execution.rehearsal import Rehearsal
 from palpate.parameter import Parameter
 from palpate.planning.check.check import Finding
 from palpate.planning.plan import Plan
@@ -19,6 +18,7 @@ from palpate.trace.samples import Trace
 from palpate.twin.twin import Twin
 
 if TYPE_CHECKING:
+    from palpate.execution.rehearsal import Rehearsal
     from palpate.execution.runner import Execution
     from palpate.pictures.footage import Footage
     from palpate.planning.model.conversation import Conversation

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 from palpate.errors import InputError
 from palpate.parameter import Parameter
@@ -41,6 +41,8 @@ class VlmPlanner:
         conversation: the latest dialogue, also when `plan` raised.
         seen: what the model saw, when there was no scene.
     """
+
+    looks: ClassVar[bool] = True
 
     model: str
     model_settings: ModelSettings = field(default_factory=ModelSettings)
