@@ -10,7 +10,9 @@ import pytest
 import typer
 
 from palpate.cli.command import command
+from palpate.cli.options import DEFAULT_ARM
 from palpate.errors import InputError, Unavailable
+from palpate.robots.registry import DEFAULT
 
 Loud = Annotated[bool, typer.Option("--loud", help="Louder.")]
 Times = Annotated[int, typer.Option("--times", min=1)]
@@ -72,3 +74,7 @@ def test_an_error_is_json_only_where_the_command_was_asked_for_it(
     app(["greet", "Ada", "--json"], standalone_mode=False)
     told = json.loads(capsys.readouterr().out)
     assert told == {"status": "failed", "error": {"message": "no", "exit_status": 2}}
+
+
+def test_the_arm_that_the_help_names_is_the_librarys() -> None:
+    assert DEFAULT_ARM == DEFAULT

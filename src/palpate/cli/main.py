@@ -14,6 +14,7 @@ from palpate.cli import study
 from palpate.cli.command import command
 from palpate.cli.exits import EXIT
 from palpate.cli.options import (
+    DEFAULT_ARM,
     Arm,
     AsJson,
     ModelOptions,
@@ -100,7 +101,7 @@ def demo(
     noise: NoiseLevel = "lab",
     seed: Seed = 0,
     planner: Annotated[str | None, typer.Option("--planner")] = None,
-    arm: Arm = "fr3",
+    arm: Arm = DEFAULT_ARM,
     out: Out = None,
     as_json: AsJson = False,
     model: ModelOptions,
@@ -168,7 +169,7 @@ def gap(
     scene: Annotated[Path, typer.Argument(help="Your MJCF.")],
     *,
     poses: Poses = None,
-    arm: Arm = "fr3",
+    arm: Arm = DEFAULT_ARM,
     as_json: AsJson = False,
 ) -> None:
     """Show what a scene states and what is missing."""
@@ -221,7 +222,7 @@ def check(
     *,
     scene: SceneFile = None,
     poses: Poses = None,
-    arm: Arm = "fr3",
+    arm: Arm = DEFAULT_ARM,
     as_json: AsJson = False,
 ) -> None:
     """Check a plan against the vocabulary and a scene."""
@@ -239,7 +240,7 @@ def execute(
     *,
     scene: SceneFile = None,
     poses: Poses = None,
-    arm: Arm = "fr3",
+    arm: Arm = DEFAULT_ARM,
     world: World = None,
     robot: RobotUrl = None,
     noise: NoiseLevel = "lab",

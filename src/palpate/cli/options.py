@@ -33,6 +33,8 @@ Arm = Annotated[
     str,
     typer.Option("--arm", metavar="NAME|PATH/", help="Arm, by name or by a description's folder."),
 ]
+DEFAULT_ARM = "fr3"
+"""`robots.registry.DEFAULT`, written here so that a command's help need not load the robots."""
 World = Annotated[
     Path | None, typer.Option("--world", help="MJCF of the hidden world of the embedded robot.")
 ]
@@ -101,7 +103,7 @@ class SceneOptions:
     scene: SceneFile = None
     image: Images = None
     poses: Poses = None
-    arm: Arm = "fr3"
+    arm: Arm = DEFAULT_ARM
 
     def settings(self) -> Settings:
         """Settings with these, and defaults for everything else."""
