@@ -16,6 +16,7 @@ from py_trees.common import Status
 from palpate.geometry.pose import Pose
 from palpate.planning.plan import Node, Plan
 from palpate.robots.description import Limits
+from palpate.robots.reflex import Reflex
 from palpate.robots.registry import load_description
 from palpate.robots.robot import RobotState
 from palpate.robots.safety import Expectation
@@ -43,6 +44,7 @@ LIMITS = Limits(
     workspace_min=np.array([-1.0, -1.0, -0.5]),
     workspace_max=np.array([1.0, 1.0, 1.2]),
     stale_after=0.1,
+    reflexes=load_description().limits.reflexes,
 )
 
 STIFFNESS = 2000.0
@@ -72,6 +74,7 @@ class StandIn:
         self.on_advance: Callable[[StandIn], None] = lambda _: None
         self.goal, self.speed, self.fingers_until = pose, 0.0, 0.0
         self.gripping_after = False
+        self.thresholds = LIMITS.reflexes.contact
         self.state = RobotState(
             0.0,
             0.0,
@@ -83,6 +86,7 @@ class StandIn:
             pose,
             np.zeros(6),
             np.zeros(6),
+            np.zeros(6),
             0.08,
             False,
             False,
@@ -91,6 +95,9 @@ class StandIn:
         self._log: list[RobotState] = []
 
     def put(self, **changes: Any) -> None:
+        """Change the state; it does not accelerate, so that a contact is the whole wrench."""
+        if "wrench" in changes:
+            changes.setdefault("contact", changes["wrench"])
         self.state = replace(self.state, **changes)
 
     def move_joints(self, q: Any, speed: float = 1.0) -> None:
@@ -119,6 +126,9 @@ class StandIn:
         self.calls.append(("hold", None))
         self.goal = self.state.pose_world_tcp
         self.put(moving=False)
+
+    def set_reflex(self, thresholds: Reflex) -> None:
+        self.thresholds = thresholds
 
     def advance(self, duration: float) -> None:
         state = self.state

@@ -31,6 +31,7 @@ LIMITS = Limits(
     workspace_min=np.array([-0.2, -0.8, -0.3]),
     workspace_max=np.array([0.9, 0.8, 1.0]),
     stale_after=0.1,
+    reflexes=load_description().limits.reflexes,
 )
 
 POSE = Pose.top_down((0.5, 0.0, 0.3), 0.0)
@@ -50,6 +51,7 @@ def state(**changes):
         np.zeros(7),
         POSE,
         POSE,
+        np.zeros(6),
         np.zeros(6),
         np.zeros(6),
         0.03,

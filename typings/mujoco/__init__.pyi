@@ -251,6 +251,9 @@ class MjData:
     ctrl: _Doubles
     qfrc_actuator: _Doubles
     qfrc_bias: _Doubles
+    qfrc_gravcomp: _Doubles
+    qacc: _Doubles
+    cvel: _Doubles
     xpos: _Doubles
     xquat: _Doubles
     xmat: _Doubles

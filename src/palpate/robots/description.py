@@ -16,6 +16,7 @@ import numpy as np
 from palpate.errors import InputError
 from palpate.geometry.pose import Array
 from palpate.robots.model import TCP, compiled, prepared, require_arm, tool_pose
+from palpate.robots.reflex import Reflex, Reflexes
 from palpate.robots.sheet import (
     FILE,
     Pace,
@@ -27,6 +28,7 @@ from palpate.robots.sheet import (
     read_sheet,
 )
 from palpate.trace.recording import Hand
+from palpate.trace.samples import STANDARD_GRAVITY
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -44,6 +46,7 @@ class Limits:
         payload: kg, heaviest object to lift.
         workspace_min, workspace_max: (3,) m, box around the arm's base that the TCP stays in.
         stale_after: s, oldest sensor sample that may be acted upon.
+        reflexes: at what the arm stops itself.
     """
 
     q_min: Array
@@ -60,6 +63,7 @@ class Limits:
     workspace_min: Array
     workspace_max: Array
     stale_after: float
+    reflexes: Reflexes
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -178,6 +182,18 @@ def _limits(where: Path, sheet: Sheet, model: mujoco.MjModel) -> Limits:
         workspace_min=sheet.workspace.min,
         workspace_max=sheet.workspace.max,
         stale_after=safety.stale,
+        reflexes=_reflexes(sheet),
+    )
+
+
+def _reflexes(sheet: Sheet) -> Reflexes:
+    """What hangs on the hand weighs up to the payload; in free air nothing does."""
+    weight, said = sheet.payload * STANDARD_GRAVITY, sheet.reflex
+    return Reflexes(
+        free=Reflex(said.free.force, said.free.torque),
+        carrying=Reflex(said.carrying.force, said.carrying.torque, weight),
+        probing=Reflex(said.probing.force, said.probing.torque),
+        contact=Reflex(said.contact.force, said.contact.torque, weight),
     )
 
 

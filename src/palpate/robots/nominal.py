@@ -28,11 +28,14 @@ class Kinematics:
     Attributes:
         pose_world_tcp: (n, 7). jacobian: (n, 6, 7), world axes about the TCP.
         gravity_torque: (n, 7), N m, what holds the arm up.
+        inertia_torque: (n, 7), N m, what moves its links on top of that: M ddq + C dq, without the
+            motors' own part.
     """
 
     pose_world_tcp: Array
     jacobian: Array
     gravity_torque: Array
+    inertia_torque: Array
 
 
 def wrench(jacobian: Array, torque: Array) -> Array:
@@ -41,13 +44,13 @@ def wrench(jacobian: Array, torque: Array) -> Array:
 
 
 def wrenches(jacobian: Array, torque: Array) -> Array:
-    """`wrench` (n, 6) of n Jacobians (n, 6, 7) and torques (n, 7)."""
+    """`wrench` (n, 6, k) of n Jacobians (n, 6, 7) and k torques each (n, 7, k)."""
     square = np.matmul(jacobian, jacobian.transpose(0, 2, 1))
     square += _RIDGE
-    right, out = np.matmul(jacobian, torque[:, :, None]), np.empty((len(torque), 6))
+    right, out = np.matmul(jacobian, torque), np.empty((len(torque), 6, torque.shape[2]))
     # LAPACK without the checks of numpy.linalg, which cost more than the solving.
     for i in range(len(out)):
-        out[i] = dposv(square[i], right[i])[1][:, 0]
+        out[i] = dposv(square[i], right[i])[1]
     return out
 
 
@@ -76,27 +79,29 @@ class NominalArm:
         self._data = mujoco.MjData(self._model)
         self._tcp = self._model.site(arm.tcp).id
         self._q, self._dq = self._data.qpos[:7], self._data.qvel[:7]
+        self._ddq, self._cvel = self._data.qacc[:7], self._data.cvel
         self._position = self._data.site_xpos[self._tcp]
         self._quaternion = self._data.xquat[self._model.body(arm.hand.body).id]
         self._data.qpos[7:] = arm.hand.opening / 4
 
-    def kinematics(self, q: Array) -> Kinematics:
-        """At configurations `q` (n, 7)."""
+    def kinematics(self, q: Array, dq: Array | None = None, ddq: Array | None = None) -> Kinematics:
+        """At configurations `q` (n, 7), rad; at rest, or moving at `dq` and `ddq` (n, 7)."""
         n, model, data = len(q), self._model, self._data
-        pose, jacobian, gravity = (
-            np.empty((n, 7)),
-            np.empty((n, 6, model.nv)),
-            np.empty((n, model.nv)),
-        )
-        self._dq[:] = 0.0
+        pose, jacobian = np.empty((n, 7)), np.empty((n, 6, model.nv))
+        gravity, inertia = np.empty((n, model.nv)), np.zeros((n, model.nv))
         for i in range(n):
-            self._q[:] = q[i]
+            self._q[:], self._dq[:], self._cvel[:] = q[i], 0.0, 0.0
             mujoco.mj_kinematics(model, data)
             mujoco.mj_comPos(model, data)
             mujoco.mj_jacSite(model, data, jacobian[i, :3], jacobian[i, 3:], self._tcp)
             mujoco.mj_rne(model, data, 0, gravity[i])
             pose[i, :3], pose[i, 3:] = self._position, self._quaternion
-        return Kinematics(pose, jacobian[:, :, :7], gravity[:, :7])
+            if dq is not None and ddq is not None:
+                self._dq[:], self._ddq[:] = dq[i], ddq[i]
+                mujoco.mj_comVel(model, data)
+                mujoco.mj_rne(model, data, 1, inertia[i])
+                inertia[i] -= gravity[i]
+        return Kinematics(pose, jacobian[:, :, :7], gravity[:, :7], inertia[:, :7])
 
     def poses(self, q: Array) -> Array:
         """The TCP's poses (n, 7) at configurations `q` (n, 7)."""

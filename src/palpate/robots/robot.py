@@ -11,6 +11,7 @@ from typing import Protocol
 
 from palpate.geometry.pose import Array, Pose
 from palpate.robots.description import Limits
+from palpate.robots.reflex import Reflex
 from palpate.trace.recording import Hand
 from palpate.trace.samples import Samples
 
@@ -26,6 +27,9 @@ class RobotState:
         pose_world_tcp: measured TCP pose. target_world_tcp: commanded equilibrium pose.
         twist: (6,) TCP velocity, world axes.
         wrench: (6,) external wrench, the convention of `palpate.trace`.
+        contact: (6,) the same with the arm's own inertia taken out: what a contact, or a load, and
+            not the arm's acceleration, exerts. Every threshold looks at this one.
+        reflex: why the arm stopped itself since the last motion was started; None if it did not.
         width: m between the fingers. gripping: fingers stopped on something before closing fully.
         moving: the arm's commanded motion is still under way.
         gripper_moving: the fingers are still under way.
@@ -41,10 +45,12 @@ class RobotState:
     target_world_tcp: Pose
     twist: Array
     wrench: Array
+    contact: Array
     width: float
     gripping: bool
     moving: bool
     gripper_moving: bool
+    reflex: str | None = None
 
 
 class Robot(Protocol):
@@ -110,6 +116,20 @@ class Robot(Protocol):
     def hold(self) -> None:
         """Stop the arm smoothly and hold it there; a contact keeps the force that it has, and the
         fingers their grasp. Without effect at rest."""
+        ...
+
+    def set_reflex(self, thresholds: Reflex) -> None:
+        """From now on the arm stops itself, within 2 ms, when it feels more than `thresholds`
+        allow; `limits.reflexes` has those for free air, carrying, probing and contact. Those for
+        contact, the widest, hold until the first call.
+
+        After a reflex the arm yields: its equilibrium follows where it stands, so that nothing is
+        pressed any more, `state.moving` ends, and `state.reflex` says why. The fingers keep their
+        grasp. The next motion clears it.
+
+        On a Franka this is `setCollisionBehavior`, and `automaticErrorRecovery` before the next
+        motion; a KUKA has force conditions that break a motion.
+        """
         ...
 
     def advance(self, duration: float) -> None:

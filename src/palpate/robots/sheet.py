@@ -150,6 +150,22 @@ class Safety(Section):
     stale: Size
 
 
+class Thresholds(Section):
+    """Of the arm's reflex: N and N m at the TCP, besides what is carried."""
+
+    force: Size
+    torque: Size
+
+
+class ReflexSheet(Section):
+    """The thresholds for what the arm does; see `palpate.robots.reflex.Reflexes`."""
+
+    free: Thresholds
+    carrying: Thresholds
+    probing: Thresholds
+    contact: Thresholds
+
+
 class Stiffness(Section):
     """Default springs: at the TCP in N/m and N m/rad, at the joints (7,) in N m/rad."""
 
@@ -217,6 +233,7 @@ class Sheet(Section):
     reach: Reach
     hand: ParallelHand
     safety: Safety
+    reflex: ReflexSheet
     stiffness: Stiffness
     pace: Pace
     accuracy: Accuracy
@@ -224,7 +241,17 @@ class Sheet(Section):
     postures: tuple[Seven, ...]
 
 
-INHERITED = ("reach", "hand", "safety", "stiffness", "pace", "accuracy", "sensors", "postures")
+INHERITED = (
+    "reach",
+    "hand",
+    "safety",
+    "reflex",
+    "stiffness",
+    "pace",
+    "accuracy",
+    "sensors",
+    "postures",
+)
 """What a description that says `like: NAME` need not say again."""
 
 

@@ -3,37 +3,41 @@ model."""
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from palpate.geometry.pose import Array, Pose
 from palpate.robots.nominal import NominalArm, wrenches
 from palpate.robots.simulated.impedance import Gains
 from palpate.robots.simulated.noise import Sensors
-from palpate.robots.simulated.world import BLOCK, PERIOD, TIMESTEP, Steps
+from palpate.robots.simulated.world import PERIOD, SUBSTEPS, TIMESTEP, Steps
 from palpate.trace.samples import Samples
+
+OBSERVER_TIME = 0.01
+"""s: time constant of the momentum observer, two log periods."""
+DAMPING_DELAY = TIMESTEP / SUBSTEPS / 2
+"""s: torque is sampled at the beginning of a cycle's last physics step, dampers act at the end of
+each."""
 
 
 class Readout:
     """The latest sensed state, and the samples of each run of steps.
 
     Attributes:
-        q, dq: (7,) rad, rad/s. tau, tau_ext: (7,) N m. wrench, twist: (6,).
+        q, dq: (7,) rad, rad/s. tau, tau_ext: (7,) N m. wrench, contact, twist: (6,).
         pose_world_tcp: (7,) of the newest encoder reading, not a block's mean.
         jacobian: (6, 7). gravity_torque: (7,) N m, nominal. commanded: (7,) N m, the last block's.
     """
 
     def __init__(self, nominal: NominalArm, sensors: Sensors, q: Array) -> None:
         self._nominal, self._sensors = nominal, sensors
-        self._turning = nominal.armature / TIMESTEP
+        self._reflected = nominal.armature
         here = nominal.kinematics(q[None])
         self._last = np.concatenate([q, here.pose_world_tcp[0], here.gravity_torque[0]])
         self._speed = np.zeros(7)
-        self.dq, self.tau_ext, self.wrench, self.twist = (
-            np.zeros(7),
-            np.zeros(7),
-            np.zeros(6),
-            np.zeros(6),
-        )
+        self.dq, self.tau_ext, self._external = np.zeros(7), np.zeros(7), np.zeros(7)
+        self.wrench, self.contact, self.twist = np.zeros(6), np.zeros(6), np.zeros(6)
         self.jacobian = here.jacobian[0]
         self.tau = self.commanded = self.gravity_torque
 
@@ -56,7 +60,8 @@ class Readout:
 
         Positions, torques and all that follows are means over a sample's block.
         """
-        n, here = len(steps.q), self._nominal.kinematics(steps.q)
+        n, gained = len(steps.q), self._gained(steps.dq)
+        here = self._nominal.kinematics(steps.q, steps.dq, gained / PERIOD)
         rows = np.empty((n + 1, 21))
         rows[0], rows[1:, :7] = self._last, steps.q
         rows[1:, 7:14], rows[1:, 14:] = here.pose_world_tcp, here.gravity_torque
@@ -65,15 +70,18 @@ class Readout:
         dq = (rows[1:, :7] - rows[:-1, :7]) / PERIOD
         jacobian = here.jacobian
         torque = self._sensors.measure(
-            self._link_torque(steps, gains, jacobian[-1]), dq, jacobian[-1]
+            self._link_torque(steps, gained, gains, jacobian[-1]), dq, jacobian[-1]
         )
         tau_ext = torque - mean[:, 14:]
-        wrench = wrenches(jacobian, tau_ext)
+        external = self._observe(tau_ext - here.inertia_torque)
+        both = wrenches(jacobian, np.stack([tau_ext, external], axis=2))
+        wrench = both[:, :, 0]
         twist = np.matmul(jacobian, dq[:, :, None])[:, :, 0]
         mean[:, 7:10] += self._sensors.pose_error
         self._last, self.dq, self.commanded = rows[-1], dq[-1], steps.torque[-1]
         self.tau, self.tau_ext = torque[-1], tau_ext[-1]
-        self.jacobian, self.wrench, self.twist = jacobian[-1], wrench[-1], twist[-1]
+        self.jacobian, self.twist = jacobian[-1], twist[-1]
+        self.wrench, self.contact = wrench[-1], both[-1, :, 1]
         ends = t - PERIOD * np.arange(n - 1.0, -1.0, -1.0)
         return Samples(
             ends,
@@ -87,18 +95,36 @@ class Readout:
             steps.fingers.sum(1),
         )
 
-    def _link_torque(self, steps: Steps, gains: Gains, jacobian: Array) -> Array:
+    def _gained(self, dq: Array) -> Array:
+        """(n, 7) rad/s that the joints gained in each block."""
+        gained = dq.copy()
+        gained[0] -= self._speed
+        gained[1:] -= dq[:-1]
+        self._speed = dq[-1]
+        return gained
+
+    def _observe(self, residual: Array) -> Array:
+        """The momentum observer: external joint torque (n, 7), N m, of n log periods.
+
+        `residual` (n, 7) is what the torques did in each period beyond moving the links: less than
+        nothing explains it but a contact or a load. The observer is its first-order filter,
+        r' = K (tau_ext - r): A. De Luca, A. Albu-Schäffer, S. Haddadin, G. Hirzinger, "Collision
+        Detection and Safe Reaction with the DLR-III Lightweight Manipulator Arm", IROS 2006. There
+        the momentum is integrated so that no acceleration is needed; over one period, its gain is
+        the mean acceleration's.
+        """
+        keep, out = math.exp(-PERIOD / OBSERVER_TIME), np.empty_like(residual)
+        for i, new in enumerate(residual):
+            self._external = keep * self._external + (1.0 - keep) * new
+            out[i] = self._external
+        return out
+
+    def _link_torque(self, steps: Steps, gained: Array, gains: Gains, jacobian: Array) -> Array:
         """Mean torque behind the gears in each sample's block (n, 7): less what turns the motors
         themselves.
 
-        The integrator is implicit in the dampers: they act with the speed at a step's end, not at
-        its beginning.
+        The integrator is implicit in the dampers: in the mean they act with the speed that the arm
+        has `DAMPING_DELAY` after the torque was sampled.
         """
-        ends = steps.dq
-        change = ends.copy()
-        change[0] -= self._speed
-        change[1:] -= ends[:-1]
-        self._speed = ends[-1]
-        return (
-            steps.torque - (change @ gains.joint_damping(jacobian) + change * self._turning) / BLOCK
-        )
+        late = gains.joint_damping(jacobian) * DAMPING_DELAY
+        return steps.torque - (gained @ late + gained * self._reflected) / PERIOD

@@ -15,6 +15,7 @@ from palpate.geometry.pose import Array, Pose
 from palpate.robots import trajectory
 from palpate.robots.description import Limits, RobotDescription
 from palpate.robots.nominal import NominalArm, wrench
+from palpate.robots.reflex import Reflex
 from palpate.robots.robot import RobotState
 from palpate.robots.simulated.gripper import Gripper
 from palpate.robots.simulated.impedance import Gains, Inertia
@@ -65,6 +66,8 @@ class MujocoRobot:
         self._nominal = NominalArm(arm, pose_world_base, self._world.gravity)
         self._sensors = Sensors(kinds, PERIOD, BLOCK, random)
         self._gripper = Gripper(arm.hand)
+        self._thresholds = arm.limits.reflexes.contact
+        self._reflex: str | None = None
         self._due = 0.0
         self._logged: list[Samples] = []
         self._start(arm.home)
@@ -113,15 +116,18 @@ class MujocoRobot:
                 target_world_tcp=Pose(self._target[:3], self._target[3:]),
                 twist=readout.twist,
                 wrench=readout.wrench,
+                contact=readout.contact,
                 width=gripper.width,
                 gripping=gripper.gripping,
                 moving=self._path.end > t,
                 gripper_moving=gripper.moving,
+                reflex=self._reflex,
             )
         return self._cached
 
     def move_joints(self, q: Array, speed: float = 1.0) -> None:
         """See `Robot`. Neither the joints nor the TCP exceed the description's pace."""
+        self._reflex = None
         goal, now, pace = np.asarray(q, dtype=float), self._joint_motion(), self._arm.pace
         farthest = float(np.abs(goal - now.p).max())
         slowest = max(farthest / pace.joint_speed, self._sweep(now.p, goal) / pace.speed, 1e-6)
@@ -131,6 +137,7 @@ class MujocoRobot:
 
     def move_pose(self, target: Pose, speed: float) -> None:
         """See `Robot`."""
+        self._reflex = None
         now, origin = self._pose_motion()
         goal = np.concatenate(
             [target.position, trajectory.rotation_vector(origin, target.quaternion)]
@@ -177,6 +184,10 @@ class MujocoRobot:
             self._follow_pose(
                 trajectory.PosePath(path, origin), trajectory.still(t, self._readout.q)
             )
+
+    def set_reflex(self, thresholds: Reflex) -> None:
+        """See `Robot`."""
+        self._thresholds = thresholds
 
     def advance(self, duration: float) -> None:
         """Step the world for `duration` s, to the next log period."""
@@ -275,6 +286,14 @@ class MujocoRobot:
         self._target = target[-1]
         self._gripper.observe(world.t, steps.fingers[-1].tolist(), steps.finger_speed[-1].tolist())
         self._cached = None
+        fired = self._thresholds.fired(self._readout.contact)
+        if fired and self._path.end > world.t:
+            self._yield()
+            self._reflex = fired
+
+    def _yield(self) -> None:
+        """The equilibrium goes to where the arm stands."""
+        self._follow_joints(trajectory.still(self._world.t, self._readout.q))
 
     def _command(self, control: Array) -> Array:
         """Fill in the arm's set-points (n, nu); returns the commanded TCP poses, one per log

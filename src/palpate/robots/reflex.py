@@ -1,0 +1,49 @@
+"""What an arm bears before it stops itself: thresholds of the reflex that runs in the robot."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from palpate.geometry.pose import Array
+
+
+@dataclass(frozen=True, slots=True)
+class Reflex:
+    """How much an arm may feel, besides what it carries, before it stops itself.
+
+    Attributes:
+        force: N, magnitude at the TCP. torque: N m, likewise.
+        load: N that may hang on the hand besides: a weight, which pulls straight down.
+    """
+
+    force: float
+    torque: float
+    load: float = 0.0
+
+    def fired(self, contact: Array) -> str | None:
+        """Why the arm stops at the external wrench `contact` (6,), the convention of
+        `palpate.trace`; None while it goes on."""
+        x, y, z, turn_x, turn_y, turn_z = contact.tolist()
+        force = math.hypot(x, y, z - min(max(z, 0.0), self.load))
+        if force > self.force:
+            return f"the arm stopped itself at {force:.1f} N, more than {self.force:g} N"
+        torque = math.hypot(turn_x, turn_y, turn_z)
+        if torque > self.torque:
+            return f"the arm stopped itself at {torque:.1f} N m, more than {self.torque:g} N m"
+        return None
+
+
+@dataclass(frozen=True, slots=True)
+class Reflexes:
+    """An arm's thresholds for what it does.
+
+    Attributes:
+        free: in free air with empty fingers. carrying: with an object between them.
+        probing: in a guarded motion towards something. contact: touching is the purpose.
+    """
+
+    free: Reflex
+    carrying: Reflex
+    probing: Reflex
+    contact: Reflex

@@ -1,0 +1,40 @@
+"""What the arm bears before it stops itself."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from palpate.robots.reflex import Reflex
+from palpate.robots.registry import arms
+
+
+def wrench(*force: float, torque: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> np.ndarray:
+    return np.array([*force, *torque])
+
+
+def test_it_says_what_was_felt_and_what_is_allowed() -> None:
+    reflex = Reflex(20.0, 8.0)
+    assert reflex.fired(wrench(0, 12, -12)) is None
+    assert reflex.fired(wrench(0, 15, -15)) == "the arm stopped itself at 21.2 N, more than 20 N"
+    turning = reflex.fired(wrench(0, 0, 0, torque=(0, 8.5, 0)))
+    assert turning == "the arm stopped itself at 8.5 N m, more than 8 N m"
+
+
+def test_a_load_may_hang_on_the_hand_but_not_press_on_it() -> None:
+    carrying = Reflex(20.0, 8.0, load=30.0)
+    assert carrying.fired(wrench(0, 0, 45)) is None
+    assert carrying.fired(wrench(0, 0, 51))
+    assert carrying.fired(wrench(0, 0, -21))
+
+
+@pytest.mark.parametrize("name", sorted(arms().folders))
+def test_every_arm_is_tightest_in_free_air_and_stops_itself_below_its_limits(name: str) -> None:
+    limits = arms().load(name).limits
+    reflexes = limits.reflexes
+    ordered = (reflexes.free, reflexes.carrying, reflexes.probing, reflexes.contact)
+    assert [r.force for r in ordered] == sorted(r.force for r in ordered)
+    assert reflexes.contact.force <= limits.force_max
+    assert reflexes.contact.torque <= limits.torque_max
+    assert reflexes.free.load == 0.0
+    assert reflexes.carrying.load == pytest.approx(limits.payload * 9.81)
