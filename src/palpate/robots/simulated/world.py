@@ -7,6 +7,7 @@ are made.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import mujoco
@@ -73,6 +74,7 @@ class World:
         actuators: the controller's.
         rest_control: (nu,) what rows of controls start from, valid for actuators that nobody
             commands.
+        watch: shown the data after every single physics step, where somebody wants to see it.
     """
 
     def __init__(
@@ -101,6 +103,7 @@ class World:
         self._stiction = declared(self.model)
         self.frames: list[tuple[float, Array]] = [(0.0, self._data.qpos.copy())]
         self.t = 0.0
+        self.watch: Callable[[mujoco.MjData], None] | None = None
 
     def step(self, control: Array) -> Steps:
         """Step once per row of `control` (n * BLOCK, nu).
@@ -120,7 +123,7 @@ class World:
                 stiction.apply(model, data)
             for i in range(BLOCK):
                 inputs[:] = rows[i]
-                mujoco.mj_step(model, data, nstep=SUBSTEPS)
+                self._substeps()
                 torque[block, i] = commanded
             qpos[block], qvel[block] = now, speed
         self._film(qpos)
@@ -138,6 +141,15 @@ class World:
             qpos[:, self._finger_q],
             qvel[:, self._finger_v],
         )
+
+    def _substeps(self) -> None:
+        """One control cycle, under the eyes of whoever watches."""
+        if self.watch is None:
+            mujoco.mj_step(self.model, self._data, nstep=SUBSTEPS)
+            return
+        for _ in range(SUBSTEPS):
+            mujoco.mj_step(self.model, self._data)
+            self.watch(self._data)
 
     def set_fingers(self, control: Array, opening: Array | float) -> None:
         """Command each finger's way from the middle, m, in the rows of `control`."""

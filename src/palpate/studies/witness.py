@@ -1,0 +1,269 @@
+"""What a run does to the world, seen in MuJoCo's own state after every single physics step.
+
+It knows nothing of plans, checks and verdicts. It writes down who presses on what and how
+hard, and where every object is; `harm` judges it.
+"""
+
+from __future__ import annotations
+
+from array import array
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, NamedTuple
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.geometry.pose import Array
+
+if TYPE_CHECKING:
+    from palpate.robots.simulated.world import World
+
+ROBOT = "robot/"
+"""What the names of the arm's own bodies start with in a world."""
+ALONG = 0.7
+"""Cosine: a pad's contact whose normal lies this near to the closing axis belongs to a grip."""
+LET_GO = 0.02
+"""s that a grip may chatter before it counts as released."""
+LOOK = 10
+"""Physics steps between two looks at where the objects are: 5 ms. What falls 13 mm needs 51 ms."""
+LEANING = 0.7
+"""|n_z| of a contact's normal below which it holds an object sideways."""
+SHOVED = 25.0
+"""N sideways from which on it is looked whether the object can give way at all."""
+
+Ints = NDArray[np.int32]
+Mask = NDArray[np.bool_]
+Frames = list[list[float]]
+"""Contacts' axes in the world: normal, two tangents."""
+
+
+class Pair(NamedTuple):
+    """Who touches what: a body of the robot, or the object that it grips, and a thing."""
+
+    part: str
+    thing: str
+    load: bool
+    """The part is the gripped object."""
+
+
+@dataclass(slots=True)
+class Forces:
+    """A pair's contact force, one row for every physics step in which they touched.
+
+    Attributes:
+        steps: number of the step. vectors: three for every step, N, world axes, what the part does
+            to the thing. blocked: steps in which something else held the thing sideways.
+    """
+
+    steps: array[int] = field(default_factory=lambda: array("q"))
+    vectors: array[float] = field(default_factory=lambda: array("d"))
+    blocked: set[int] = field(default_factory=set[int])
+
+    def rows(self) -> tuple[Ints, Array]:
+        """(n,) steps and (n, 3) forces."""
+        return np.array(self.steps, dtype=np.int32), np.array(self.vectors).reshape(-1, 3)
+
+
+class Look(NamedTuple):
+    """Where everything was at one moment.
+
+    Attributes:
+        step: the physics step. poses: (objects, 7). hand: (4,) quaternion of the hand.
+        held: index of the gripped object, -1 for none. touched: (objects,) touching anything.
+    """
+
+    step: int
+    poses: Array
+    hand: Array
+    held: int
+    touched: Mask
+
+
+class Witness:
+    """Watches a simulation from the moment it is made: to be called after every physics step.
+
+    Attributes:
+        period: s, a physics step. objects: names of the free bodies. masses: kg, theirs.
+        forces: by pair. looks: every 5 ms, the first one before anything has moved.
+    """
+
+    def __init__(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
+        """See a state whose positions are computed."""
+        self._model = model
+        self.period = float(model.opt.timestep)
+        self.steps = 0
+        self.forces: dict[Pair, Forces] = {}
+        self._name_geoms()
+        free = [b for b in range(1, model.nbody) if _is_free(model, b)]
+        self.objects = tuple(model.body(b).name for b in free)
+        self.masses = tuple(float(model.body_subtreemass[b]) for b in free)
+        number = {body: i for i, body in enumerate(free)}
+        roots: list[int] = model.body_rootid[model.geom_bodyid].tolist()
+        self._object = np.array([number.get(root, -1) for root in roots], dtype=np.int32)
+        self._robot = np.array([_is_robot(model, b) for b in model.geom_bodyid])
+        self._mine = self._robot.copy()
+        self._object_of, self._robot_geoms = self._object.tolist(), _set(self._robot)
+        first = [int(model.jnt_qposadr[model.body_jntadr[b]]) for b in free]
+        self._qpos = np.array([range(i, i + 7) for i in first], dtype=np.int32).reshape(-1, 7)
+        self._find_fingers()
+        self._gripped: dict[int, int] = {}
+        self._held = -1
+        self._force = np.zeros(6)
+        self.looks = [self._look(data, np.zeros(len(free), dtype=bool))]
+
+    @classmethod
+    def of(cls, world: World) -> Witness:
+        """A witness of everything that happens in a robot's world from now on."""
+        witness = cls(world.model, world.data())
+        world.watch = witness
+        return witness
+
+    def __call__(self, data: mujoco.MjData) -> None:
+        """Take note of one physics step."""
+        geoms = data.contact.geom
+        if len(geoms) and self._mine.take(geoms).any():
+            self._touching(data, geoms)
+        if self.steps - self._gripped.get(self._held, self.steps) > LET_GO / self.period:
+            self._hold(-1)
+        self.steps += 1
+        if self.steps % LOOK == 0:
+            self.looks.append(self._look(data, self._touched(geoms)))
+
+    def _touching(self, data: mujoco.MjData, geoms: Ints) -> None:
+        """Write down the forces of the robot, and of what it grips, on everything else."""
+        rows = np.flatnonzero(self._mine.take(geoms).any(axis=1)).tolist()
+        frames, pairs = data.contact.frame.tolist(), geoms.tolist()
+        grips = self._grips(data, rows, pairs, frames)
+        sums: dict[Pair, list[float]] = {}
+        for i in rows:
+            self._add(data, i, pairs[i], frames[i], grips, sums)
+        for pair, (x, y, z) in sums.items():
+            forces = self.forces.setdefault(pair, Forces())
+            forces.steps.append(self.steps)
+            forces.vectors.extend((x, y, z))
+            if x * x + y * y > SHOVED**2 and self._is_blocked(pair.thing, pairs, frames):
+                forces.blocked.add(self.steps)
+
+    def _grips(
+        self, data: mujoco.MjData, rows: Iterable[int], pairs: list[list[int]], frames: Frames
+    ) -> set[int]:
+        """Contacts of both fingers with one object along the closing axis: the commanded grip."""
+        found: dict[int, dict[int, list[int]]] = {}
+        x, y, z = data.xaxis[self._closing].tolist()
+        for i in rows:
+            mine, other = self._sides(pairs[i])
+            finger, thing = self._finger.get(mine), self._object_of[other]
+            if finger is None or thing < 0:
+                continue
+            normal = frames[i]
+            if abs(normal[0] * x + normal[1] * y + normal[2] * z) > ALONG:
+                found.setdefault(thing, {}).setdefault(finger, []).append(i)
+        grips: set[int] = set()
+        for thing, fingers in found.items():
+            if len(fingers) < 2:
+                continue
+            self._gripped[thing] = self.steps
+            self._hold(thing)
+            grips.update(i for contacts in fingers.values() for i in contacts)
+        return grips
+
+    def _add(
+        self,
+        data: mujoco.MjData,
+        i: int,
+        pair: list[int],
+        frame: list[float],
+        grips: set[int],
+        sums: dict[Pair, list[float]],
+    ) -> None:
+        mine, other = self._sides(pair)
+        load = mine not in self._robot_geoms
+        if i in grips or self._is_own(mine, other, load):
+            return
+        mujoco.mj_contactForce(self._model, data, i, self._force)
+        normal, first, second = self._force[:3].tolist()
+        # MuJoCo's is what the first geom does to the second, in the contact's frame.
+        sign = 1.0 if mine == pair[0] else -1.0
+        key = Pair(self._part[mine], self._part[other], load)
+        total = sums.setdefault(key, [0.0, 0.0, 0.0])
+        for axis in range(3):
+            along = normal * frame[axis] + first * frame[3 + axis] + second * frame[6 + axis]
+            total[axis] += sign * along
+
+    def _is_own(self, mine: int, other: int, load: bool) -> bool:
+        """Whether a contact is within what the hand holds."""
+        if load:
+            return self._object_of[other] == self._held
+        return self._held >= 0 and self._object_of[other] == self._held and mine in self._finger
+
+    def _sides(self, pair: list[int]) -> tuple[int, int]:
+        """The geom of the robot, else of its load, and the other one."""
+        one, two = pair
+        if one in self._robot_geoms:
+            return one, two
+        if two in self._robot_geoms or self._object_of[one] != self._held:
+            return two, one
+        return one, two
+
+    def _is_blocked(self, thing: str, pairs: list[list[int]], frames: Frames) -> bool:
+        """Whether something that is not the robot's holds the thing sideways."""
+        for (one, two), frame in zip(pairs, frames, strict=True):
+            involved = thing in (self._part[one], self._part[two])
+            others = not (self._mine[one] or self._mine[two])
+            if involved and others and abs(frame[2]) < LEANING:
+                return True
+        return False
+
+    def _hold(self, thing: int) -> None:
+        """From now on the object `thing` belongs to the hand; -1 for none."""
+        if thing == self._held:
+            return
+        self._held = thing
+        self._mine = self._robot.copy()
+        if thing >= 0:
+            self._mine |= self._object == thing
+
+    def _touched(self, geoms: Ints) -> Mask:
+        touched = np.zeros(len(self.objects) + 1, dtype=bool)
+        touched[self._object.take(geoms)] = True
+        return touched[:-1]
+
+    def _look(self, data: mujoco.MjData, touched: Mask) -> Look:
+        poses, hand = data.qpos[self._qpos], data.xquat[self._hand].copy()
+        return Look(self.steps, poses, hand, self._held, touched)
+
+    def _name_geoms(self) -> None:
+        """Each geom's thing: its body, or its own name where it stands in the world itself."""
+        model = self._model
+        self._part: list[str] = []
+        for geom, body in enumerate(model.geom_bodyid.tolist()):
+            name = model.body(body).name if body else model.geom(geom).name
+            self._part.append(name or f"geom {geom}")
+
+    def _find_fingers(self) -> None:
+        """The two fingers are the robot's sliding joints; the hand carries them."""
+        model = self._model
+        self._finger: dict[int, int] = {}
+        self._hand = self._closing = 0
+        for joint in range(model.njnt):
+            body = int(model.jnt_bodyid[joint])
+            if model.jnt_type[joint] != mujoco.mjtJoint.mjJNT_SLIDE or not _is_robot(model, body):
+                continue
+            self._hand, self._closing = int(model.body_parentid[body]), joint
+            for geom in np.flatnonzero(model.geom_bodyid == body).tolist():
+                self._finger[geom] = joint
+
+
+def _is_robot(model: mujoco.MjModel, body: int) -> bool:
+    return model.body(int(body)).name.startswith(ROBOT)
+
+
+def _is_free(model: mujoco.MjModel, body: int) -> bool:
+    first = int(model.body_jntadr[body])
+    return first >= 0 and model.jnt_type[first] == mujoco.mjtJoint.mjJNT_FREE
+
+
+def _set(mask: Mask) -> set[int]:
+    return set(np.flatnonzero(mask).tolist())
