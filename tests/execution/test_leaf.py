@@ -69,6 +69,7 @@ def test_the_arm_is_free_again_after_a_failure(words, blackboard, robot):
 
 
 def test_an_exception_is_failure_and_the_arm_holds(words, blackboard, robot, caplog):
+    caplog.set_level("DEBUG")
     leaf = make(words, blackboard, "Crash")
     assert tick(leaf, robot, 3) is Status.FAILURE
     assert leaf.feedback_message == "ZeroDivisionError: boom"

@@ -5,6 +5,7 @@ import sys
 import types
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from palpate.errors import InputError
@@ -13,7 +14,7 @@ from palpate.parameter import Parameter
 from palpate.quantities.catalogue import catalogue
 from palpate.quantities.estimators import Estimators, estimate_all, known_estimators
 from palpate.scene.load import parse_scene
-from palpate.trace.recording import Conversion
+from palpate.trace.recording import Conversion, LeafRun
 
 SCENE = """
 <mujoco>
@@ -133,6 +134,46 @@ def test_another_partys_quantity_brings_its_own_estimator(weighing, noises, bodi
     monkeypatch.setitem(sys.modules, "thermometer", types.SimpleNamespace(estimate=thermometer))
     own = Estimators({"temperature": {"mean": "thermometer:estimate"}})
     assert estimate_all([parameter], trace, bodies, estimators=own)[0].value == (21.0,)
+
+
+def test_an_estimator_that_fails_costs_its_own_parameter_alone(
+    weighing, noises, bodies, monkeypatch
+):
+    def broken(trace, parameter, body):
+        raise IndexError("list index out of range")
+
+    def adrift(trace, parameter, body):
+        return Estimate.normal(parameter, "m", np.nan, 0.1, "")
+
+    broken_package = types.SimpleNamespace(broken=broken, adrift=adrift)
+    monkeypatch.setitem(sys.modules, "broken_package", broken_package)
+    known = dict(known_estimators().references)
+    known |= {"height": {"it": "broken_package:broken"}, "com": {"it": "broken_package:adrift"}}
+    asked = [Parameter("table", "height"), Parameter("bottle", "com"), MASS]
+    trace = weighing(0.254, noises["none"])
+    height, com, mass = estimate_all(asked, trace, bodies, estimators=Estimators(known))
+    assert height.verdict == com.verdict == "not identified"
+    assert "IndexError: list index out of range" in height.method
+    assert "finite" in com.method
+    assert mass.value[0] == pytest.approx(0.254, rel=3e-3)
+
+
+def test_a_mass_that_was_recorded_before_the_run_was_broken_off_counts(weighing, noises, bodies):
+    trace = weighing(0.254, noises["none"])
+    (last,) = trace.leaves[-1:]
+    failed = replace(last, node="later", start=last.end, end=last.end + 1.0, status="FAILURE")
+    (found,) = estimate_all([MASS], replace(trace, leaves=(*trace.leaves, failed)), bodies)
+    (whole,) = estimate_all([MASS], trace, bodies)
+    assert found == whole
+
+
+def test_what_was_recorded_while_it_was_broken_off_does_not(weighing, noises, bodies):
+    trace = weighing(0.254, noises["none"])
+    recording = trace.recordings[0]
+    slipped = LeafRun("x", "MovePose", "MovePose(up)", recording.start, recording.end, "FAILURE")
+    (found,) = estimate_all([MASS], replace(trace, leaves=(*trace.leaves, slipped)), bodies)
+    assert found.verdict == "not identified"
+    assert "MovePose(up) and after is no evidence" in found.method
 
 
 def test_inertia_is_not_excited(weighing, noises, bodies):

@@ -69,7 +69,7 @@ class PrimitiveLeaf(Behaviour):
         except LeafFailure as failure:
             return self._failed(str(failure))
         except Exception as error:
-            log.exception("%s failed", self.name)
+            log.debug("%s failed", self.name, exc_info=True)
             return self._failed(f"{type(error).__name__}: {error}")
         except BaseException:
             self.terminate(Status.INVALID)
@@ -169,9 +169,16 @@ class PrimitiveLeaf(Behaviour):
                 type(self.primitive).__name__,
                 self.name,
                 self.started,
-                self.blackboard.robot.state.t,
+                self._now(),
                 status.name,  # pyright: ignore[reportArgumentType]
                 message,
                 self.blackboard.state.context(),
             )
         )
+
+    def _now(self) -> float:
+        """Robot time, or, from a robot that does not answer any more, when the life began."""
+        try:
+            return self.blackboard.robot.state.t
+        except Exception:
+            return self.started

@@ -14,6 +14,7 @@ A run that somebody stopped, or that still holds an object, is never taken up ag
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Literal
@@ -34,6 +35,8 @@ from palpate.vocabulary.state import SymbolicState
 if TYPE_CHECKING:
     from palpate.execution.runner import Execution
 
+log = logging.getLogger(__name__)
+
 Runner = Callable[[Plan, Scene, Robot], "Execution"]
 MAX_REPLANS = 2
 
@@ -50,9 +53,7 @@ def recover(
         if policy == "skip" and rest:
             left_alone.add(failed_at(done.trace, now, scene) or rest[0].object)
             rest = [parameter for parameter in rest if parameter.object not in left_alone]
-        again = replan(
-            rest, rearranged(scene, done.final_state.not_restored()), f"{plan.planner}, {policy}"
-        )
+        again = _planned_again(rest, scene, done, f"{plan.planner}, {policy}")
         if again is None:
             break
         now, around = again
@@ -60,10 +61,20 @@ def recover(
     return done
 
 
+def _planned_again(
+    rest: Sequence[Parameter], scene: Scene, done: Execution, planner: str
+) -> tuple[Plan, Scene] | None:
+    """See `replan`; what was executed outlives a planning that fails."""
+    try:
+        return replan(rest, rearranged(scene, done.final_state.not_restored()), planner)
+    except Exception as error:
+        log.warning("no further attempt, planning it failed: %s: %s", type(error).__name__, error)
+        return None
+
+
 def resumable(done: Execution) -> bool:
     """Whether a stopped run left a cell in which to go on."""
-    asked = done.stopped_by in ("interrupted", "stop requested")
-    return done.status == "stopped" and not asked and done.final_state.holding is None
+    return done.status == "stopped" and not done.asked and done.final_state.holding is None
 
 
 def remaining(parameters: Sequence[Parameter], trace: Trace) -> list[Parameter]:

@@ -5,13 +5,9 @@ from __future__ import annotations
 
 import logging
 import math
-import signal
-import threading
 import time
-from collections.abc import Callable, Generator, Sequence
-from contextlib import contextmanager
-from dataclasses import dataclass, field
-from types import FrameType
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Literal, Protocol
 
 import numpy as np
@@ -22,12 +18,13 @@ from palpate.errors import InputError
 from palpate.execution.build import build
 from palpate.execution.leaf import PrimitiveLeaf
 from palpate.execution.stop import PutDown, lost
+from palpate.interrupt import Interrupts, interrupts
 from palpate.planning.plan import Plan
 from palpate.robots.robot import Robot, RobotState
 from palpate.robots.safety import unexplained_force
 from palpate.scene.scene import Scene
 from palpate.trace.recording import LeafRun
-from palpate.trace.samples import Trace
+from palpate.trace.samples import Samples, Trace
 from palpate.vocabulary.base import Blackboard, Recorder
 from palpate.vocabulary.registry import Vocabulary, vocabulary
 from palpate.vocabulary.state import SymbolicState
@@ -48,6 +45,9 @@ node."""
 
 Asked = Callable[[], str | None]
 """Whether somebody wants the run to stop, and who."""
+Keep = Callable[[Samples, Recorder], None]
+"""Handed the newest samples, and all that is recorded, after every tick: writes them down while the
+run goes on. What it raises ends nothing but its own work."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -62,6 +62,7 @@ class Execution:
         actions: leaves of the plan that were started.
         robot_seconds, wall_seconds: how long it took.
         setbacks: why earlier attempts stopped that were gone on from (see `palpate.recovery`).
+        asked: whether somebody wanted it to stop.
     """
 
     trace: Trace
@@ -72,6 +73,7 @@ class Execution:
     robot_seconds: float
     wall_seconds: float
     setbacks: tuple[str, ...] = ()
+    asked: bool = False
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -92,7 +94,8 @@ class Snapshot:
 
 
 class Observer(Protocol):
-    """Watches a run, e.g. to draw it. Called in the loop after every tick, so it must be quick."""
+    """Watches a run, e.g. to draw it. Called in the loop after every tick, so it must be quick; once
+    it has raised, it is not called again."""
 
     def on_tick(self, snapshot: Snapshot) -> None: ...
 
@@ -107,13 +110,14 @@ def run(
     stop_requested: Callable[[], bool] | None = None,
     max_robot_seconds: float = MAX_ROBOT_SECONDS,
     words: Vocabulary | None = None,
+    keep: Keep | None = None,
 ) -> Execution:
     """Run a checked plan to its end, or to a controlled stop.
 
-    A failed leaf, an exception, an interrupt (SIGINT), `stop_requested` and the time budget all end
-    in a controlled stop: the arm comes to rest, then a held object is put down, or, where that is
-    not safe, held still. A second interrupt abandons the putting down and holds at once. What was
-    recorded is returned in every case.
+    A failed leaf, an exception, a signal (`palpate.interrupt`; SIGINT where nobody takes any),
+    `stop_requested` and the time budget all end in a controlled stop: the arm comes to rest, then a
+    held object is put down, or, where that is not safe, held still. A second signal abandons the
+    putting down and holds at once. What was recorded is returned in every case.
 
     The robot is left holding its position; closing it is up to the caller who opened it.
 
@@ -124,17 +128,19 @@ def run(
         raise InputError(f"the plan has no tree to run: {plan.explanation}")
     blackboard = Blackboard(robot, SymbolicState(scene), Recorder(robot))
     root = build(plan.tree, words or vocabulary(), blackboard)
-    loop = _Loop(blackboard, root, tick_period, observer)
     began = time.perf_counter()
-    try:
-        with _interrupts() as interrupts:
-            asked = _either(interrupts.asked, stop_requested)
+    with interrupts() as signals, signals.noted():
+        loop = _Loop(blackboard, root, tick_period, observer, keep, signals)
+        asked = _either(loop.interrupted, stop_requested)
+        try:
             loop.stopping = _reason(lambda: loop.tick_to_end(root, max_robot_seconds, asked))
+            loop.stopping = loop.stopping or asked()
             if loop.stopping is not None:
-                _reason(lambda: loop.stop(put_down=interrupts.pressed < 2))
-    finally:
-        _reason(robot.hold)
-    return loop.execution(time.perf_counter() - began)
+                _reason(loop.stop)
+        finally:
+            if _reason(robot.hold) is not None:
+                _reason(robot.hold)
+        return loop.execution(time.perf_counter() - began, asked() is not None)
 
 
 @dataclass
@@ -145,15 +151,17 @@ class _Loop:
     root: Behaviour
     tick_period: float
     observer: Observer | None
+    keep: Keep | None
+    signals: Interrupts
     stopping: str | None = None
-    start: float = field(init=False)
-
-    def __post_init__(self) -> None:
-        self.start = self.blackboard.robot.state.t
+    start: float | None = None
+    now: float = 0.0
 
     def tick_to_end(self, root: Behaviour, budget: float, asked: Asked) -> str | None:
         """Tick until `root` ends: None when it succeeded, else why not. `budget` is robot time in
         s."""
+        if self.start is None:
+            self.start = self.now = self.blackboard.robot.state.t
         for _ in range(math.ceil(budget / self.tick_period)):
             self._advance()
             if reason := asked():
@@ -166,23 +174,32 @@ class _Loop:
                 return self._failure()
         return f"not done after {budget:g} s of robot time, the budget of a run"
 
-    def stop(self, put_down: bool) -> None:
+    def interrupted(self) -> str | None:
+        """What a signal asks for: a controlled stop."""
+        return self.signals.reason if self.signals.pressed() else None
+
+    def hurried(self) -> str | None:
+        """What a second signal asks for: to hold at once."""
+        return self.signals.reason if self.signals.pressed() > 1 else None
+
+    def stop(self) -> None:
         """Bring everything to rest, then put down what is held."""
         try:
             self._interrupt()
         finally:
             self.blackboard.robot.hold()
-        if not put_down:
+        if not self.hurried():
+            self._come_to_rest()
+        if self.hurried():
             return
-        self._come_to_rest()
         if self.blackboard.robot.state.gripping:
             self._put_down()
         elif self.blackboard.state.holding:
             self.blackboard.state = lost(self.blackboard)
 
-    def execution(self, wall_seconds: float) -> Execution:
+    def execution(self, wall_seconds: float, asked: bool) -> Execution:
         """The result as it stands."""
-        _reason(self.blackboard.recorder.drain)
+        _reason(self._drain)
         trace = self.blackboard.recorder.snapshot()
         return Execution(
             trace,
@@ -192,12 +209,13 @@ class _Loop:
             sum(leaf.node != STOP_NODE for leaf in trace.leaves),
             self._elapsed(),
             wall_seconds,
+            asked=asked,
         )
 
     def _put_down(self) -> None:
         down = PrimitiveLeaf(PutDown(), self.blackboard, STOP_NODE)
         try:
-            self.tick_to_end(down, PutDown.timeout, _nobody)
+            self.tick_to_end(down, PutDown.timeout, self.hurried)
         finally:
             down.stop(Status.INVALID)
 
@@ -209,16 +227,15 @@ class _Loop:
             if self._pressing():
                 self.blackboard.robot.move_joints(self.blackboard.robot.state.q)
             self._rest()
-            if not self._pressing():
+            if self.hurried() or not self._pressing():
                 return
 
     def _rest(self) -> None:
         for _ in range(math.ceil(STOP_SECONDS / self.tick_period)):
             self._advance()
             self._show()
-            if not (
-                self.blackboard.robot.state.moving or self.blackboard.robot.state.gripper_moving
-            ):
+            state = self.blackboard.robot.state
+            if self.hurried() or not (state.moving or state.gripper_moving):
                 return
 
     def _pressing(self) -> bool:
@@ -228,19 +245,37 @@ class _Loop:
 
     def _advance(self) -> None:
         self.blackboard.robot.advance(self.tick_period)
-        self.blackboard.recorder.drain()
+        self.now = self.blackboard.robot.state.t
+        if self.stopping is None:
+            self._drain()
+        else:
+            # A stop goes on without the samples of a robot that no longer hands them out.
+            _reason(self._drain)
+
+    def _drain(self) -> None:
+        samples = self.blackboard.recorder.drain()
+        if self.keep is None:
+            return
+        try:
+            self.keep(samples, self.blackboard.recorder)
+        except Exception as error:
+            log.warning("the trace is no longer written down while it grows: %s", error)
+            self.keep = None
 
     def _show(self) -> None:
-        if self.observer is not None:
-            leaves = self.blackboard.recorder.leaves
-            self.observer.on_tick(
-                Snapshot(
-                    self.root, self.blackboard.robot.state, self._elapsed(), leaves, self.stopping
-                )
-            )
+        if self.observer is None:
+            return
+        leaves, state = self.blackboard.recorder.leaves, self.blackboard.robot.state
+        snapshot = Snapshot(self.root, state, self._elapsed(), leaves, self.stopping)
+        try:
+            self.observer.on_tick(snapshot)
+        # Printing to a terminal that is gone may raise SystemExit (rich does).
+        except (Exception, SystemExit) as error:
+            log.warning("the run goes on unwatched: %s: %s", type(error).__name__, error)
+            self.observer = None
 
     def _elapsed(self) -> float:
-        return self.blackboard.robot.state.t - self.start
+        return self.now - (self.start or 0.0)
 
     def _failure(self) -> str:
         failed = next(
@@ -250,9 +285,16 @@ class _Loop:
 
     def _stopped_by(self) -> str | None:
         held = self.blackboard.state.holding
-        if self.stopping is None or held is None or not self.blackboard.robot.state.gripping:
+        if self.stopping is None or held is None or not self._gripping():
             return self.stopping
         return f"{self.stopping}; the fingers still hold '{held}'"
+
+    def _gripping(self) -> bool:
+        """Whether the fingers hold something; they do, as far as is known, when nobody answers."""
+        try:
+            return self.blackboard.robot.state.gripping
+        except Exception:
+            return True
 
     def _interrupt(self) -> None:
         """End what still runs; what has ended keeps its status, which stopping the root would
@@ -262,10 +304,6 @@ class _Loop:
                 if isinstance(node, PrimitiveLeaf):
                     node.stop(Status.INVALID)
                 node.status = Status.INVALID
-
-
-def _nobody() -> None:
-    """Nobody wants the run to stop."""
 
 
 def _either(interrupted: Asked, stop_requested: Callable[[], bool] | None) -> Asked:
@@ -288,36 +326,6 @@ def _reason(step: Callable[[], str | None]) -> str | None:
         return step()
     except KeyboardInterrupt:
         return "interrupted"
-    except Exception as error:
-        log.exception("the run failed")
+    except (Exception, SystemExit) as error:
+        log.debug("the run failed", exc_info=True)
         return f"{type(error).__name__}: {error}"
-
-
-@dataclass
-class _Interrupts:
-    """How often SIGINT came: the first one only asks, the second raises `KeyboardInterrupt`."""
-
-    pressed: int = 0
-
-    def asked(self) -> str | None:
-        return "interrupted" if self.pressed else None
-
-    def press(self, _signum: int, _frame: FrameType | None) -> None:
-        self.pressed += 1
-        if self.pressed > 1:
-            raise KeyboardInterrupt
-
-
-@contextmanager
-def _interrupts() -> Generator[_Interrupts]:
-    """Counts SIGINTs meanwhile. Off the main thread, where Python takes none, it leaves them
-    alone."""
-    interrupts = _Interrupts()
-    if threading.current_thread() is not threading.main_thread():
-        yield interrupts
-        return
-    previous = signal.signal(signal.SIGINT, interrupts.press)
-    try:
-        yield interrupts
-    finally:
-        signal.signal(signal.SIGINT, previous or signal.SIG_DFL)

@@ -16,6 +16,8 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cache
 
+import numpy as np
+
 from palpate.errors import unknown_name
 from palpate.estimation.estimate import Estimate, not_identified
 from palpate.estimation.estimator import Estimator, Reference, load_estimator
@@ -24,6 +26,7 @@ from palpate.mjcf.body import Body
 from palpate.parameter import Parameter
 from palpate.quantities.catalogue import catalogue
 from palpate.trace.samples import Trace
+from palpate.trace.soundness import sound, spoiled
 
 ENTRY_POINTS = "palpate.estimators"
 
@@ -69,9 +72,11 @@ def estimate_all(
     choice: Mapping[str, str] | None = None,
     estimators: Estimators | None = None,
 ) -> tuple[Estimate, ...]:
-    """An estimate for every parameter, in order, from the whole trace.
+    """An estimate for every parameter, in order, from all of the trace that is evidence.
 
-    A parameter that nothing was recorded for is `not identified`.
+    A parameter that nothing was recorded for is `not identified`, and so is one whose evidence was
+    not complete when an action failed or was broken off (`palpate.trace.soundness`), and one whose
+    estimator fails.
 
     Args:
         parameters: what the plan promised.
@@ -81,24 +86,54 @@ def estimate_all(
         estimators: those to choose from; by default all that are known.
 
     Raises:
-        InputError: `choice` names an unknown estimator; the message lists the valid ones.
+        InputError: `choice` names an unknown estimator; the message lists the valid ones. Or one
+            cannot be loaded.
     """
     known = estimators or known_estimators()
     chosen = choice or {}
     loaded = {quantity: known.load(quantity, name) for quantity, name in chosen.items()}
+    evidence = sound(trace)
     found: list[Estimate] = []
     for parameter in parameters:
         quantity = parameter.quantity
         if not known.names(quantity):
-            found.append(_unknown(parameter))
+            found.append(failed(parameter, f"No estimator of {quantity} is known."))
             continue
         if quantity not in loaded:
             loaded[quantity] = known.load(quantity)
-        found.append(loaded[quantity](trace, parameter, bodies.get(parameter.object)))
+        made = _made(loaded[quantity], evidence, parameter, bodies.get(parameter.object))
+        found.append(_judged(made, evidence, trace))
     return tuple(found)
 
 
-def _unknown(parameter: Parameter) -> Estimate:
+def failed(parameter: Parameter, reason: str) -> Estimate:
+    """What is said of a parameter that no estimate could be made of."""
     known = catalogue().get(parameter.quantity)
-    unit = known.unit if known else "1"
-    return not_identified(parameter, unit, f"No estimator of {parameter.quantity} is known.")
+    return not_identified(parameter, known.unit if known else "1", reason)
+
+
+def _made(estimator: Estimator, trace: Trace, parameter: Parameter, body: Body | None) -> Estimate:
+    """The estimator's estimate; its failure costs this parameter, and no other."""
+    try:
+        found = estimator(trace, parameter, body)
+    except Exception as error:
+        return failed(parameter, f"Its estimator failed, {type(error).__name__}: {error}.")
+    numbers = (found.value, found.std, found.ci95)
+    if not all(np.isfinite(part).all() for part in numbers):
+        return failed(parameter, "Not every number that was recorded for it is finite.")
+    return found
+
+
+def _judged(found: Estimate, evidence: Trace, trace: Trace) -> Estimate:
+    """The estimate, unless a run that was broken off had not recorded all that it rests on."""
+    if evidence is trace:
+        return found
+    action = spoiled(trace)[0].spoiled_by.label
+    reason = f"What was recorded in {action} and after is no evidence: it did not end well."
+    if not found.has_value:
+        return failed(found.parameter, f"{found.method} {reason}")
+    quantity = catalogue().get(found.parameter.quantity)
+    logged = [(recording.buffer, recording.context) for recording in evidence.recordings]
+    if quantity is None or quantity.is_evidenced(found.parameter, logged):
+        return found
+    return failed(found.parameter, f"Its evidence was not complete. {reason}")

@@ -61,14 +61,15 @@ class Recorder:
         self.recordings: list[Recording] = []
         self.conversions: list[Conversion] = []
         self.leaves: list[LeafRun] = []
-        self._robot = robot
+        self._robot, self._hand, self._gravity = robot, robot.hand, robot.gravity
         self._parts: list[Samples] = []
 
-    def drain(self) -> None:
+    def drain(self) -> Samples:
         """Take over the samples that the robot logged since the last call."""
         samples = self._robot.drain()
         if len(samples):
             self._parts.append(samples)
+        return samples
 
     def snapshot(self) -> Trace:
         """The trace so far."""
@@ -78,8 +79,8 @@ class Recorder:
             tuple(self.leaves),
             tuple(self.recordings),
             tuple(self.conversions),
-            self._robot.hand,
-            self._robot.gravity,
+            self._hand,
+            self._gravity,
         )
 
 
