@@ -1,0 +1,88 @@
+"""What a motion comes near: shares of a straight way, and what is hit on it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from workbench import BOTTLE, bench
+
+from palpate.geometry.pose import Pose
+from palpate.vocabulary.admissible.grip import grip
+from palpate.vocabulary.admissible.solids import solids
+from palpate.vocabulary.admissible.sweep import arm_sweep, near_spans
+from palpate.vocabulary.admissible.way import straight
+from palpate.vocabulary.state import SymbolicState
+
+OPEN = SymbolicState(bench(BOTTLE), gripper="open")
+GRASP = OPEN.scene.symbols.resolve("bottle_pose")
+ABOVE = GRASP.translated((0, 0, 0.20))
+
+
+def met(state: SymbolicState, start: Pose, end: Pose, margin: float = 0.002) -> set[str]:
+    """Owners of what is hit on the straight way, the arm bent as its controller would."""
+    shapes = solids(state.scene)
+    q = (shapes.configuration(start), shapes.configuration(end))
+    width = shapes.scene.arm.hand.opening
+    swept = arm_sweep(state, straight(shapes, start, end, q, width))
+    return {hit.other.owner for hit in swept.hits(np.full(len(swept.pairs), margin))}
+
+
+def test_only_the_last_part_of_a_descent_is_near_the_object() -> None:
+    ((first, last),) = near_spans(OPEN, ABOVE, GRASP, 0.02)
+    # The fingertips, 9 mm below the TCP, come to within 20 mm of the top 165 to 175 mm above it.
+    assert 0.6 < first < 0.75
+    assert last == 1.0
+
+
+def test_a_way_through_free_air_is_near_nothing_and_growth_finds_more() -> None:
+    aside = ABOVE.translated((0, 0.2, 0))
+    assert near_spans(OPEN, ABOVE, aside, 0.05) == ()
+    assert near_spans(OPEN, ABOVE, aside, 0.3) == ((0.0, 1.0),)
+
+
+def test_an_object_beside_the_way_is_near_while_the_hand_passes_it() -> None:
+    low = GRASP.translated((-0.20, 0, 0)), GRASP.translated((0.20, 0, 0))
+    ((first, last),) = near_spans(
+        OPEN, low[0].translated((0, 0.1, 0)), low[1].translated((0, 0.1, 0)), 0.03
+    )
+    assert 0.2 < first < 0.5 < last < 0.8
+
+
+def test_an_object_in_the_hand_is_near_what_it_stands_on() -> None:
+    held = OPEN.pose_of("bottle")
+    state = SymbolicState(OPEN.scene, holding="bottle", pose_tcp_object=GRASP.inverse() @ held)
+    ((first, last),) = near_spans(state, GRASP, ABOVE, 0.03)
+    assert first == 0.0
+    assert 0.1 < last < 0.25
+
+
+@pytest.mark.parametrize(
+    ("across", "expected"), [(0.0, set()), (0.047, {"bottle"}), (-0.047, {"bottle"})]
+)
+def test_a_finger_that_comes_down_on_a_top_hits_it(across: float, expected: set[str]) -> None:
+    shift = across * GRASP.rotation[:, 1]
+    assert met(OPEN, ABOVE.translated(shift), GRASP.translated(shift)) == expected
+
+
+def test_the_arm_itself_is_swept_and_not_only_the_hand() -> None:
+    # The hand reaches over a tall wall that the forearm does not clear.
+    wall = '<geom name="wall" type="box" pos="0.25 0 0.3" size=".01 .3 .3"/>'
+    state = SymbolicState(bench(BOTTLE, wall), gripper="open")
+    assert "wall" in met(state, ABOVE, GRASP)
+
+
+def test_what_is_fixed_is_hit_too() -> None:
+    assert met(OPEN, ABOVE, GRASP.translated((0.1, 0.2, -0.13))) >= {"bench"}
+
+
+def test_a_grip_is_what_is_really_between_the_pads() -> None:
+    shapes, body = solids(OPEN.scene), OPEN.pose_of("bottle")
+    taken = grip(shapes, "bottle", GRASP.inverse() @ body)
+    assert taken is not None
+    assert taken.width == pytest.approx(0.06, abs=0.001)
+    assert taken.aside == pytest.approx(0.0, abs=0.001)
+    # 40 mm along the tool's x the pads close beside it, and 15 mm above its top over it.
+    beside = GRASP.translated(0.040 * GRASP.rotation[:, 0])
+    over = GRASP.translated((0, 0, 0.050))
+    assert grip(shapes, "bottle", beside.inverse() @ body) is None
+    assert grip(shapes, "bottle", over.inverse() @ body) is None
