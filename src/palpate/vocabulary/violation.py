@@ -17,6 +17,12 @@ RULES: dict[str, str] = {
     "sideways": "Objects are approached from straight above and left straight upwards.",
     "short-slide": "A slide beside a force log is long enough to feel friction.",
     "blocked": "The hand, and what it holds, meets no other object on its way.",
+    "collision": "The arm, the hand, its fingers and what they hold keep clear of everything on the whole way.",
+    "self-collision": "The arm keeps clear of itself.",
+    "unknown-start": "Where a motion begins is known: a plan starts with MoveJoints to 'home_config'.",
+    "unsupported": "What is let go of, or stands on what is moved, has its centre of mass well over its support.",
+    "tilted": "What is held stays upright.",
+    "twist": "A held object hangs near enough to its centre of mass not to twist in the grip.",
 }
 """Rules of single actions: id to what each demands. The rules of whole plans are in
 `planning.check`."""

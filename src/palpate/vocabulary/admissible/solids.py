@@ -141,6 +141,10 @@ class Solids:
         rubber = [shape for shape in finger if self.model.geom_priority[shape.geom] > 0]
         return tuple(rubber) or finger
 
+    def centre_of_mass(self, name: str) -> Array:
+        """(3,) m, an object's, believed, in its frame."""
+        return self.model.body(name).ipos.copy()
+
     def configuration(self, pose_world_tcp: Pose) -> Array:
         """(7,) rad: how the controller bends the arm at a pose."""
         key = np.round(pose_world_tcp.vector, 6).tobytes()

@@ -1,0 +1,110 @@
+"""What is let go of stays where it is: support polygons, edges, stacks and leaning."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from workbench import BOTTLE, KNOWN, bench
+
+from palpate.geometry.pose import Pose
+from palpate.vocabulary.admissible.footing import clipped, depth, hull
+from palpate.vocabulary.admissible.support import clear_of_support, riders, stable
+from palpate.vocabulary.state import SymbolicState
+
+EDGE_Y = 0.6
+"""m: where the bench ends."""
+LOW = '<body name="low" pos="0.5 0.2 0.03"><freejoint/><geom type="box" size=".05 .05 .03"/></body>'
+UPPER = (
+    '<body name="upper" pos="0.5 0.2 0.09"><freejoint/><geom type="box" size=".03 .03 .03"/></body>'
+)
+HAMMER = (
+    '<body name="hammer" pos="0.5 0 0.018"><freejoint/><inertial pos="{com}" mass="0.5" diaginertia=".001 .001 .001"/>'
+    '<geom type="box" size=".13 .012 .012"/><geom type="box" pos=".145 0 0" size=".015 .045 .018"/></body>'
+)
+
+
+def state(*bodies: str) -> SymbolicState:
+    return SymbolicState(bench(*bodies))
+
+
+def at(x: float, y: float, z: float, turn: float = 0.0) -> Pose:
+    """Upright, turned about the vertical."""
+    return Pose.of((x, y, z), (np.cos(turn / 2), 0, 0, np.sin(turn / 2)))
+
+
+@pytest.mark.parametrize(
+    ("y", "reason"),
+    [(0.3, None), (0.56, None), (0.592, "edge"), (0.6, "edge"), (0.615, "edge"), (0.7, "nothing")],
+)
+def test_a_can_stays_where_its_centre_is_well_over_the_table(y: float, reason: str | None) -> None:
+    found = stable(state(KNOWN), "can", at(0.5, y, 0.06))
+    assert (found is None) if reason is None else found is not None and reason in found
+
+
+def test_what_hangs_in_the_air_or_is_pressed_down_does_not_stay() -> None:
+    can = state(KNOWN)
+    assert stable(can, "can", at(0.5, 0.3, 0.063)) is None
+    assert "fall by 0.040 m" in (stable(can, "can", at(0.5, 0.3, 0.10)) or "")
+    assert "pressed" in (stable(can, "can", at(0.5, 0.3, 0.05)) or "")
+
+
+def test_what_leans_does_not_stay() -> None:
+    lean = Pose.of((0.5, 0.3, 0.06), (np.cos(0.1), np.sin(0.1), 0, 0))
+    assert "lean by 11°" in (stable(state(KNOWN), "can", lean) or "")
+
+
+def test_an_unknown_centre_of_mass_may_be_anywhere() -> None:
+    unknown = state(HAMMER.format(com="? ? ?"))
+    # The head over the edge: with a heavy head it falls.
+    assert stable(unknown, "hammer", at(0.5, 0.3, 0.018, np.pi / 2)) is None
+    assert "edge" in (stable(unknown, "hammer", at(0.5, 0.46, 0.018, np.pi / 2)) or "")
+
+
+def test_a_known_centre_of_mass_decides() -> None:
+    over_the_edge = at(0.5, 0.48, 0.018, np.pi / 2)
+    assert "edge" in (stable(state(HAMMER.format(com=".14 0 0")), "hammer", over_the_edge) or "")
+
+
+def test_what_stands_where_it_was_found_stays_however_it_stood() -> None:
+    on_the_edge = '<body name="box" pos="0.5 0.598 0.03"><freejoint/><geom type="box" size=".03 .03 .03"/></body>'
+    found = state(on_the_edge)
+    assert stable(found, "box", found.pose_of("box")) is None
+    assert stable(found, "box", found.pose_of("box").translated((0.05, 0, 0))) is not None
+
+
+def test_a_stack_is_stable_in_the_middle_and_not_off_it() -> None:
+    stack = state(LOW, KNOWN)
+    assert stable(stack, "can", at(0.5, 0.2, 0.12)) is None
+    assert "tip over the edge of 'low'" in (stable(stack, "can", at(0.5, 0.25, 0.12)) or "")
+
+
+def test_what_carries_it_must_itself_stay() -> None:
+    balanced = '<body name="plank" pos="0.5 0.50 0.01"><freejoint/><geom type="box" size=".03 .19 .01"/></body>'
+    reason = stable(state(balanced, KNOWN), "can", at(0.5, 0.65, 0.08))
+    assert reason is not None
+    assert "'plank' would tip under it" in reason
+
+
+def test_what_stands_on_an_object_goes_where_it_goes() -> None:
+    stack = state(LOW, UPPER, BOTTLE)
+    assert riders(stack, "low") == ["upper"]
+    assert riders(stack, "upper") == riders(stack, "bottle") == []
+
+
+def test_an_object_is_clear_of_its_support_where_nothing_is_close_below_it() -> None:
+    can = state(KNOWN, LOW)
+    assert not clear_of_support(can, "can", at(0.5, -0.3, 0.062))
+    assert clear_of_support(can, "can", at(0.5, -0.3, 0.08))
+    # Its frame is beside the table, and it still stands on it.
+    assert not clear_of_support(can, "can", at(0.5, 0.61, 0.06))
+    assert not clear_of_support(can, "can", at(0.56, 0.2, 0.122))
+
+
+def test_outlines_are_clipped_and_points_measured_against_them() -> None:
+    square = hull(np.array([[0.0, 0], [1, 0], [1, 1], [0, 1], [0.5, 0.5]]))
+    assert len(square) == 4
+    assert depth(square, np.array([0.25, 0.5])) == pytest.approx(0.25)
+    assert depth(square, np.array([-0.5, 0.5])) == pytest.approx(-0.5)
+    shared = clipped(square, square + 0.5)
+    assert hull(shared).tolist() == [[0.5, 0.5], [1, 0.5], [1, 1], [0.5, 1]]
+    assert len(clipped(square, square + 2.0)) == 0
