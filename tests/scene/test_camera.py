@@ -37,7 +37,7 @@ def test_transparency_and_grey_become_rgb(tmp_path: Path) -> None:
 def test_what_is_no_picture_is_an_input_error(tmp_path: Path, content: bytes) -> None:
     path = tmp_path / "a.png"
     path.write_bytes(content)
-    with pytest.raises(InputError, match="cannot read the image"):
+    with pytest.raises(InputError, match="cannot read"):
         load_image(path)
 
 
@@ -45,13 +45,13 @@ def test_a_truncated_or_absent_or_huge_picture(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     path = tmp_path / "a.png"
-    with pytest.raises(InputError, match="cannot read the image"):
+    with pytest.raises(InputError, match="cannot read"):
         load_image(path)
     Image.fromarray(np.random.default_rng(0).integers(0, 255, (64, 64, 3), dtype=np.uint8)).save(
         path
     )
     path.write_bytes(path.read_bytes()[:3000])
-    with pytest.raises(InputError, match="cannot read the image"):
+    with pytest.raises(InputError, match="cannot read"):
         load_image(path)
     Image.new("L", (64, 64)).save(path)
     monkeypatch.setattr(camera, "MAX_PIXELS", 1000)

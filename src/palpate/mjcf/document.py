@@ -17,6 +17,7 @@ from xml.parsers import expat
 from lxml import etree
 
 from palpate.errors import InputError
+from palpate.files import read as files
 
 Element = etree._Element  # pyright: ignore[reportPrivateUsage]
 
@@ -26,8 +27,14 @@ MAX_BYTES = 10_000_000
 MAX_DEPTH = 200
 """Deepest nesting of elements, MuJoCo's own models stay below 50."""
 
+MAX_INCLUDES = 100
+"""Most files that a scene includes, and most models that it attaches."""
+
+MAX_ALL_BYTES = 30_000_000
+"""Most bytes of all of them together."""
+
 MAX_ASSET_BYTES = 200_000_000
-"""Largest mesh, texture or height field file."""
+"""Most bytes of all meshes, textures and height fields of a scene together."""
 
 UNKNOWN = "?"
 """Written in place of a number that is to be measured."""
@@ -48,6 +55,7 @@ class Document:
         index: for every element of the main text, how many start tags come before its own.
         folder: where relative file names start, None for text without files.
         files: every other file it needs, absolute.
+        attached: roots of the models that it attaches, and of those that these do.
     """
 
     text: str
@@ -55,6 +63,7 @@ class Document:
     index: Mapping[Element, int]
     folder: Path | None
     files: tuple[Path, ...]
+    attached: tuple[Element, ...] = ()
 
     @property
     def worldbody(self) -> Element:
@@ -73,18 +82,9 @@ def read_text(path: Path) -> str:
     """The content of an XML file.
 
     Raises:
-        InputError: not readable, too large or not utf-8.
+        InputError: not a regular file, not readable, too large or not utf-8.
     """
-    try:
-        if path.stat().st_size > MAX_BYTES:
-            raise InputError(
-                f"{path} is larger than {MAX_BYTES // 1_000_000} MB, too large for an MJCF scene"
-            )
-        return path.read_bytes().decode("utf-8")
-    except OSError as error:
-        raise InputError(f"cannot read {path}: {error.strerror or error}") from None
-    except UnicodeDecodeError as error:
-        raise InputError(f"{path} is not utf-8 text (byte {error.start})") from None
+    return files.read_text(path, MAX_BYTES, "an MJCF scene")
 
 
 def parse_xml(text: str, where: str) -> Element:
@@ -158,22 +158,100 @@ def read_document(path: Path) -> Document:
     """A scene file with everything it includes.
 
     Raises:
-        InputError: unreadable, malformed, files missing or outside the scene's folder.
+        InputError: unreadable, malformed, files missing or outside the scene's folder, or more in
+            it than is read.
     """
     return parse_document(read_text(path), path.resolve().parent, str(path))
 
 
 def parse_document(text: str, folder: Path | None = None, where: str = "the scene") -> Document:
     """As `read_document`, from text; `folder` is where relative file names start."""
-    root = parse_xml(text, where)
-    index = {element: i for i, element in enumerate(elements(root))}
-    files: list[Path] = []
-    _expand_includes(root, folder, where, files)
-    _check_assets(root, folder, where, files)
-    for element in elements(root):
-        for attribute in _COUNTS.keys() & set(element.keys()):
-            element.set(attribute, spelled_out(attribute, element.get(attribute) or ""))
-    return Document(text, root, index, folder, tuple(dict.fromkeys(files)))
+    return _Reader(folder).document(text, where)
+
+
+@dataclass(slots=True)
+class _Reader:
+    """What reading one scene has taken so far: of its files, and of those that they name."""
+
+    folder: Path | None
+    bytes: int = 0
+    asset_bytes: int = 0
+    models: int = 0
+    within: tuple[Path, ...] = ()
+    """The attached models that this one is part of."""
+
+    def document(self, text: str, where: str) -> Document:
+        root = self.parsed(text, where)
+        index = {element: i for i, element in enumerate(elements(root))}
+        found: list[Path] = []
+        self._expand_includes(root, where, found)
+        attached = self._check_assets(root, where, found)
+        for element in elements(root):
+            for attribute in _COUNTS.keys() & set(element.keys()):
+                element.set(attribute, spelled_out(attribute, element.get(attribute) or ""))
+        files = tuple(dict.fromkeys(found))
+        return Document(text, root, index, self.folder, files, tuple(attached))
+
+    def parsed(self, text: str, where: str) -> Element:
+        """The root of one more text."""
+        self.bytes += len(text)
+        if self.bytes > MAX_ALL_BYTES:
+            raise InputError(
+                f"{where}: the scene and what it includes are larger than "
+                f"{MAX_ALL_BYTES // 1_000_000} MB together, too large for an MJCF scene"
+            )
+        return parse_xml(text, where)
+
+    def _expand_includes(self, root: Element, where: str, found: list[Path]) -> None:
+        while (include := root.find(".//include")) is not None:
+            path = _inside(self.folder, include.get("file") or "", include, where)
+            if path in found:
+                raise InputError(f"{where}: {label(include)} includes {path.name} a second time")
+            found.append(path)
+            if len(found) > MAX_INCLUDES:
+                raise InputError(f"{where} includes more than {MAX_INCLUDES} files")
+            _replace(include, self.parsed(read_text(path), str(path)), where)
+
+    def _check_assets(self, root: Element, where: str, found: list[Path]) -> list[Element]:
+        """Look for every file that is named; the roots of the attached models."""
+        attached: list[Element] = []
+        settings = {k: v for compiler in root.iterfind("compiler") for k, v in compiler.items()}
+        for element in elements(root):
+            for attribute in _FILE_ATTRIBUTES:
+                name = element.get(attribute)
+                if name is None or element.tag == "include":
+                    continue
+                path = _inside(self.folder, _located(name, element, settings), element, where)
+                found.append(path)
+                if element.tag == "model":
+                    model = self._attached(path, where)
+                    found.extend(model.files)
+                    attached += [model.root, *model.attached]
+                else:
+                    self._take_asset(path, element, where)
+        return attached
+
+    def _attached(self, path: Path, where: str) -> Document:
+        """A model that the scene attaches, which has its own folder and may attach others."""
+        if path in self.within:
+            raise InputError(f"{where} attaches {path.name}, of which it is a part")
+        self.models += 1
+        if self.models > MAX_INCLUDES:
+            raise InputError(f"{where} attaches more than {MAX_INCLUDES} models")
+        within = (*self.within, path)
+        inner = _Reader(path.parent, self.bytes, self.asset_bytes, self.models, within)
+        document = inner.document(read_text(path), str(path))
+        self.bytes, self.asset_bytes = inner.bytes, inner.asset_bytes
+        self.models = inner.models
+        return document
+
+    def _take_asset(self, path: Path, element: Element, where: str) -> None:
+        self.asset_bytes += path.stat().st_size
+        if self.asset_bytes > MAX_ASSET_BYTES:
+            raise InputError(
+                f"{where}: with {label(element)} the scene's meshes and pictures are larger than "
+                f"{MAX_ASSET_BYTES // 1_000_000} MB together; use smaller ones"
+            )
 
 
 def elements(root: Element) -> Iterator[Element]:
@@ -231,36 +309,25 @@ def has_unknown(element: Element | None, attribute: str, *indices: int) -> bool:
     return any(i < len(parts) and parts[i] == UNKNOWN for i in chosen)
 
 
-def _expand_includes(root: Element, folder: Path | None, where: str, files: list[Path]) -> None:
-    while (include := root.find(".//include")) is not None:
-        path = _inside(folder, include.get("file") or "", include, where)
-        if path in files:
-            raise InputError(f"{where}: {label(include)} includes {path.name} a second time")
-        files.append(path)
-        if len(files) > 100:
-            raise InputError(f"{where} includes more than 100 files")
-        _replace(include, parse_xml(read_text(path), str(path)))
-
-
-def _replace(include: Element, included: Element) -> None:
+def _replace(include: Element, included: Element, where: str) -> None:
     parent = include.getparent()
     if parent is None:
         raise InputError("<include> cannot be the root of a scene")
+    if len(list(include.iterancestors())) + _depth(included) > MAX_DEPTH:
+        raise InputError(
+            f"{where}: {label(include)} makes the scene's elements nested deeper than {MAX_DEPTH}"
+        )
     at = parent.index(include)
     parent[at : at + 1] = list(included)
 
 
-def _check_assets(root: Element, folder: Path | None, where: str, files: list[Path]) -> None:
-    settings = {k: v for compiler in root.iterfind("compiler") for k, v in compiler.items()}
-    for element in elements(root):
-        for attribute in _FILE_ATTRIBUTES:
-            name = element.get(attribute)
-            if name is None or element.tag == "include":
-                continue
-            path = _inside(folder, _located(name, element, settings), element, where)
-            files.append(path)
-            if element.tag == "model":
-                files.extend(read_document(path).files)
+def _depth(root: Element) -> int:
+    """How many elements there are from the root to the deepest one, both counted."""
+    depth = deepest = 0
+    for event, _ in etree.iterwalk(root, events=("start", "end")):
+        depth += 1 if event == "start" else -1
+        deepest = max(deepest, depth)
+    return deepest
 
 
 def _located(name: str, element: Element, settings: Mapping[str, str]) -> str:
@@ -291,15 +358,11 @@ def _inside(folder: Path | None, name: str, element: Element, where: str) -> Pat
             f"{where}: {label(element)} names the file '{name[:200]}', which is outside the scene's "
             "folder; move it beside the scene"
         )
-    if not path.is_file():
+    if not path.exists():
         raise InputError(
             f"{where}: {label(element)} names the file '{name[:200]}', which does not exist ({path})"
         )
-    if path.stat().st_size > MAX_ASSET_BYTES:
-        raise InputError(
-            f"{where}: {label(element)} names the file '{name[:200]}', larger than "
-            f"{MAX_ASSET_BYTES // 1_000_000} MB"
-        )
+    files.require_regular(path, MAX_ASSET_BYTES, "a file that a scene may name")
     return path
 
 

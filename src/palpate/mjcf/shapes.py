@@ -12,6 +12,7 @@ from functools import cache
 
 import mujoco
 import numpy as np
+from lxml import etree
 from numpy.typing import NDArray
 
 from palpate.errors import InputError
@@ -21,6 +22,7 @@ from palpate.mjcf.compile import BASE_SITE, compile_model, compile_spec, model_t
 from palpate.mjcf.document import Document, Element
 from palpate.mjcf.edits import Edit, Insert
 from palpate.mjcf.roles import Roles
+from palpate.mjcf.trial import require_compiles
 
 INFINITE_PLANE = 10.0
 """m: half extent given to a plane without one."""
@@ -95,14 +97,19 @@ class Shapes:
         return _pose(self.data.site_xpos[site], self.data.site_xmat[site])
 
 
-def compile_shapes(document: Document, roles: Roles, edits: Sequence[Edit | Insert]) -> Shapes:
-    """Compile the scene with `edits` and look at it in its initial configuration.
+def compile_shapes(
+    document: Document, roles: Roles, edits: Sequence[Edit | Insert], on_trial: bool = False
+) -> Shapes:
+    """Compile the scene with `edits` and look at it in its initial configuration; `on_trial`: in a
+    process of its own first, which is bounded.
 
     Raises:
-        InputError: MuJoCo does not accept the scene.
+        InputError: MuJoCo does not accept the scene, or it is too large for the trial.
     """
     root, twin_of = model_tree(document, roles, edits)
     names = _name_geoms(twin_of)
+    if on_trial:
+        require_compiles(etree.tostring(root, encoding="unicode"), document.folder)
     model = compile_model(compile_spec(root, document.folder))
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)

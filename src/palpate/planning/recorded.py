@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
 from palpate.errors import InputError
+from palpate.files.read import read_bytes
 from palpate.planning.plan import MAX_BYTES, Plan, parse_plan
 from palpate.scene.from_picture import DetectedScene, SceneBuilder
 
@@ -121,20 +122,13 @@ def plan_file(path: Path) -> Path:
     found, lacking = path, f"there is no plan file '{path}'"
     if path.is_dir():
         found, lacking = path / "plan.json", f"the folder '{path}' has no plan.json"
-    if not found.is_file():
+    if not found.exists():
         raise InputError(f"{lacking}; give a plan (JSON) or the folder of a run")
     return found
 
 
 def _read(path: Path) -> bytes:
-    try:
-        if path.stat().st_size > MAX_CONVERSATION:
-            raise InputError(
-                f"'{path}' is larger than {MAX_CONVERSATION // MAX_BYTES} MB; it is not a plan"
-            )
-        return path.read_bytes()
-    except OSError as error:
-        raise InputError(f"the plan '{path}' cannot be read: {error.strerror or error}") from None
+    return read_bytes(path, MAX_CONVERSATION, "a plan")
 
 
 def _is_conversation(text: bytes) -> bool:

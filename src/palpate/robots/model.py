@@ -10,6 +10,8 @@ import numpy as np
 
 from palpate.errors import InputError, unknown_name
 from palpate.geometry.pose import Array, Pose
+from palpate.mjcf.bounds import require_bounded
+from palpate.mjcf.document import read_document
 from palpate.robots.sheet import ParallelHand, Sheet
 
 if TYPE_CHECKING:
@@ -33,8 +35,9 @@ def compiled(mjcf: Path) -> mujoco.MjModel:
     """The model as its file has it.
 
     Raises:
-        InputError: MuJoCo does not accept the file.
+        InputError: MuJoCo does not accept the file, or it is larger than a robot's.
     """
+    require_bounded(read_document(mjcf), str(mjcf))
     try:
         return mujoco.MjModel.from_xml_path(str(mjcf))
     except (ValueError, mujoco.FatalError) as error:

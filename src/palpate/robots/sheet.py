@@ -12,10 +12,11 @@ from pathlib import Path
 from typing import Annotated, Any, cast
 
 import numpy as np
-import yaml
 from pydantic import BaseModel, ConfigDict, Field, PlainValidator, ValidationError
 
 from palpate.errors import InputError, unknown_name
+from palpate.files.plain_yaml import plain_yaml
+from palpate.files.read import read_text
 from palpate.geometry.pose import Array
 
 FILE = "description.yaml"
@@ -294,14 +295,7 @@ def _merged(below: Mapping[str, Any], above: Mapping[str, Any]) -> dict[str, Any
 
 
 def _yaml(path: Path) -> Any:
-    try:
-        if path.stat().st_size > MAX_BYTES:
-            raise InputError(f"{path} is larger than {MAX_BYTES // 1000} kB, too large for an arm")
-        return yaml.safe_load(path.read_text("utf-8"))
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"cannot read the description of an arm, {path}: {error}") from None
-    except yaml.YAMLError as error:
-        raise InputError(f"{path} is not YAML: {' '.join(str(error).split())}") from None
+    return plain_yaml(read_text(path, MAX_BYTES, "the description of an arm"), str(path))
 
 
 def _worded(error: ValidationError) -> str:

@@ -12,6 +12,10 @@ from pathlib import Path
 from typing import Any, cast
 
 from palpate.errors import InputError
+from palpate.files.read import read_text
+
+MAX_JSON = 20_000_000
+"""Largest JSON file of a run that is read."""
 
 
 def default_folder(name: str) -> Path:
@@ -58,13 +62,11 @@ def read_json(path: Path) -> dict[str, Any]:
     Raises:
         InputError: there is no such file, or no object in it.
     """
+    if not path.exists():
+        raise InputError(f"'{path.parent}' is not a run's folder: there is no '{path.name}' in it")
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise InputError(
-            f"'{path.parent}' is not a run's folder: '{path.name}' cannot be read ({error.strerror})"
-        ) from None
-    except ValueError as error:
+        content = json.loads(read_text(path, MAX_JSON, "a file of a run"))
+    except (ValueError, RecursionError) as error:
         raise InputError(f"'{path}' is not JSON: {error}") from None
     if not isinstance(content, dict):
         raise InputError(f"'{path}' holds no JSON object")

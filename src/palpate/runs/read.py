@@ -13,9 +13,10 @@ from palpate.errors import InputError
 from palpate.estimation.estimate import Estimate, Part
 from palpate.execution.rehearsal import Rehearsal
 from palpate.geometry.pose import Array
+from palpate.mjcf.document import read_text
 from palpate.parameter import Parameter
 from palpate.planning.check.check import Finding
-from palpate.planning.model.conversation import Conversation
+from palpate.planning.model.conversation import Conversation, read_conversation
 from palpate.planning.recorded import load_proposal
 from palpate.robots.registry import load_description
 from palpate.runs.folder import read_json
@@ -89,10 +90,10 @@ def _found(folder: Path, settings: Settings, objects: tuple[SceneObject, ...]) -
         poses = read_poses(settings.poses)
     if own.exists() and objects:
         seen = DetectedScene(SceneBuilder(poses, arm), objects)
-        text = own.read_text(encoding="utf-8")
+        text = read_text(own)
         return Found(scene_from_text(text, like=seen.scene()), seen)
     if own.exists():
-        return Found(parse_scene(own.read_text(encoding="utf-8"), poses=poses, arm=arm))
+        return Found(parse_scene(read_text(own), poses=poses, arm=arm))
     if settings.scene is not None and settings.scene.exists():
         return Found(load_scene(settings.scene, settings.poses, arm))
     return Found(parse_scene(NOTHING, arm=arm))
@@ -101,7 +102,7 @@ def _found(folder: Path, settings: Settings, objects: tuple[SceneObject, ...]) -
 def _conversation(file: Path) -> Conversation | None:
     if not file.exists():
         return None
-    return Conversation.load(file.read_text(encoding="utf-8"))
+    return read_conversation(file)
 
 
 def _rehearsal(document: dict[str, Any] | None) -> Rehearsal | None:
@@ -148,7 +149,7 @@ def _twin(
 ) -> Twin | None:
     if document is None:
         return None
-    xml = file.read_bytes().decode("utf-8")
+    xml = read_text(file)
     return read_twin(xml, scene, estimates, document["notes"], _validation(document["validation"]))
 
 

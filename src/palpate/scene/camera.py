@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import dataclass
+from io import BytesIO
 from pathlib import Path
 
 import numpy as np
@@ -11,8 +12,12 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from palpate.errors import InputError
+from palpate.files.read import read_bytes
 from palpate.geometry.pose import Array, Pose
 from palpate.scene.poses import CameraEntry
+
+MAX_BYTES = 100_000_000
+"""Largest picture file."""
 
 MAX_PIXELS = 64_000_000
 """Largest picture that is opened."""
@@ -78,10 +83,11 @@ def load_image(path: Path, max_side: int = MAX_SIDE) -> NDArray[np.uint8]:
     Raises:
         InputError: not readable, not such a picture, or too large.
     """
+    content = read_bytes(path, MAX_BYTES, "a picture of the workspace")
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error", Image.DecompressionBombWarning)
-            with Image.open(path, formats=("PNG", "JPEG")) as file:
+            with Image.open(BytesIO(content), formats=("PNG", "JPEG")) as file:
                 if file.width * file.height > MAX_PIXELS:
                     raise InputError(
                         f"the image {path} has {file.width} × {file.height} pixels; at most "

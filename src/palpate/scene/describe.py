@@ -11,6 +11,7 @@ import numpy as np
 from palpate.errors import InputError, unknown_name
 from palpate.geometry.pose import Array
 from palpate.mjcf.body import BodyDescription
+from palpate.mjcf.bounds import require_bounded
 from palpate.mjcf.defaults import INHERITED
 from palpate.mjcf.document import UNKNOWN, Document, Element, elements, has_unknown, label, tokens
 from palpate.mjcf.edits import Edit, Slot
@@ -54,6 +55,7 @@ def describe(document: Document, poses: Poses, catalogue: Catalogue) -> Descript
         InputError: a `?` where nothing can be measured, names that do not match, scenes MuJoCo does
             not accept.
     """
+    extent = require_bounded(document)
     roles = find_roles(document)
     slots = list(_slots(roles, catalogue))
     _refuse_other_unknowns(document, roles, slots)
@@ -62,7 +64,7 @@ def describe(document: Document, poses: Poses, catalogue: Catalogue) -> Descript
     edits: list[Edit] = []
     for slot in slots:
         edits += slot.placeholder()
-    shapes = compile_shapes(document, roles, [*edits, *placed])
+    shapes = compile_shapes(document, roles, [*edits, *placed], extent.is_large)
     bodies = _described(roles, shapes, poses)
     return Description(document, roles, shapes, bodies, placed)
 

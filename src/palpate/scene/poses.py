@@ -16,25 +16,15 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Any
 
-import yaml
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from palpate.errors import InputError
+from palpate.files.plain_yaml import plain_yaml
+from palpate.files.read import read_text
 from palpate.geometry.pose import Pose
 
 MAX_BYTES = 200_000
 """Largest poses file."""
-
-MAX_DEPTH = 10
-"""Deepest nesting of lists and mappings."""
-
-_OPENING = (
-    yaml.BlockMappingStartToken,
-    yaml.BlockSequenceStartToken,
-    yaml.FlowMappingStartToken,
-    yaml.FlowSequenceStartToken,
-)
-_CLOSING = (yaml.BlockEndToken, yaml.FlowMappingEndToken, yaml.FlowSequenceEndToken)
 
 Number = Annotated[float, Field(allow_inf_nan=False, ge=-100.0, le=100.0)]
 Vector = tuple[Number, Number, Number]
@@ -114,14 +104,7 @@ def read_poses(path: Path) -> Poses:
     Raises:
         InputError: unreadable, too large, not YAML, or not of this form.
     """
-    try:
-        if path.stat().st_size > MAX_BYTES:
-            raise InputError(f"{path} is larger than {MAX_BYTES // 1000} kB, too large for poses")
-        text = path.read_text("utf-8")
-    except OSError as error:
-        raise InputError(f"cannot read {path}: {error.strerror or error}") from None
-    except UnicodeDecodeError:
-        raise InputError(f"{path} is not utf-8 text") from None
+    text = read_text(path, MAX_BYTES, "poses")
     return parse_poses(text, str(path))
 
 
@@ -131,44 +114,13 @@ def parse_poses(text: str, where: str = "poses") -> Poses:
     Raises:
         InputError: not YAML, or not of this form.
     """
-    try:
-        content: Any = _load(text)
-    except yaml.YAMLError as error:
-        raise InputError(_not_yaml(where, error)) from None
-    except ValueError as error:
-        raise InputError(f"{where}: not YAML: {error}") from None
+    content: Any = plain_yaml(text, where)
     try:
         return Poses.model_validate(content or {})
     except ValidationError as error:
         first = error.errors()[0]
         place = ".".join(str(part) for part in first["loc"]) or "content"
         raise InputError(f"{where}: {place}: {first['msg']}") from None
-
-
-def _not_yaml(where: str, error: yaml.YAMLError) -> str:
-    """What is wrong, and where in the text if the parser says so."""
-    problem = getattr(error, "problem", None) or error
-    mark = getattr(error, "problem_mark", None)
-    if mark is not None:
-        where += f", line {mark.line + 1}, column {mark.column + 1}"
-    return f"{where}: not YAML: {problem}"
-
-
-def _load(text: str) -> Any:
-    """YAML without aliases, whose expansion is unbounded, and without deep nesting, which takes
-    forever to read."""
-    depth = 0
-    for token in yaml.scan(text, Loader=yaml.SafeLoader):
-        if isinstance(token, yaml.AliasToken):
-            raise yaml.MarkedYAMLError(
-                problem="aliases are not accepted", problem_mark=token.start_mark
-            )
-        depth += isinstance(token, _OPENING) - isinstance(token, _CLOSING)
-        if depth > MAX_DEPTH:
-            raise yaml.MarkedYAMLError(
-                problem=f"nested deeper than {MAX_DEPTH}", problem_mark=token.start_mark
-            )
-    return yaml.safe_load(text)
 
 
 def _from_euler(angles: Vector) -> Quaternion:

@@ -18,7 +18,10 @@ from typing import Any, TextIO
 from pydantic import TypeAdapter, ValidationError
 
 from palpate.errors import InputError, Unavailable
+from palpate.files.read import read_bytes
 
+MAX_RESULTS = 1_000_000_000
+"""Largest results file that is read."""
 OUTAGES = 3
 """Trials in a row that find the provider unavailable, after which no further one is begun."""
 
@@ -165,7 +168,7 @@ def read_records(file: Path) -> list[Record]:
     """
     if not file.exists():
         return []
-    content = file.read_bytes()
+    content = read_bytes(file, MAX_RESULTS, "results of a study")
     whole = content[: content.rfind(b"\n") + 1]
     if whole != content:
         os.truncate(file, len(whole))

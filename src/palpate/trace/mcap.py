@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 
 from palpate import __version__
 from palpate.errors import InputError
+from palpate.files.read import opened
 from palpate.trace.recording import Conversion, Hand, LeafRun, Recording
 from palpate.trace.ros2_messages import definition
 from palpate.trace.samples import Trace
@@ -79,13 +80,13 @@ def read_mcap(path: Path) -> Trace:
     """
     from mcap.reader import SeekingReader
 
-    if not path.is_file():
+    if not path.exists():
         raise InputError(f"no trace at '{path}'")
-    if path.stat().st_size > MAX_BYTES:
-        raise InputError(f"'{path}' is larger than {MAX_BYTES >> 20} MiB, no trace of palpate's is")
     try:
-        with path.open("rb") as file:
+        with opened(path, MAX_BYTES, "a trace of palpate's") as file:
             return _read(SeekingReader(file, validate_crcs=True, record_size_limit=MAX_RECORD))
+    except InputError:
+        raise
     # On damaged bytes the reader raises anything from struct.error to NameError.
     except Exception as error:
         reason = (str(error).splitlines() or [type(error).__name__])[0]

@@ -15,10 +15,12 @@ from typing import Any
 from pydantic import TypeAdapter, ValidationError
 
 from palpate.errors import InputError, PlanRejected
+from palpate.files.read import read_text
 from palpate.planning.plan import MAX_BYTES, Plan
 
 FEEDBACK_ROUNDS = 3
 """How often findings go back to the model."""
+MAX_CONVERSATION = 20 * MAX_BYTES
 MAX_FINDINGS = 20
 MAX_FINDING = 500
 """Findings in one message, and characters of each."""
@@ -126,7 +128,7 @@ class Conversation:
         Raises:
             InputError: it is not one.
         """
-        if len(text) > 20 * MAX_BYTES:
+        if len(text) > MAX_CONVERSATION:
             raise InputError("the conversation is larger than 20 MB")
         try:
             return TypeAdapter(cls).validate_json(text)
@@ -205,13 +207,22 @@ def recorded(conversation: Conversation) -> Ask:
     return ask
 
 
-def load(path: Path) -> Conversation:
+def read_conversation(path: Path) -> Conversation:
     """A conversation that was kept.
+
+    Raises:
+        InputError: no such file, or not a conversation.
+    """
+    return Conversation.load(read_text(path, MAX_CONVERSATION, "a conversation"))
+
+
+def load(path: Path) -> Conversation:
+    """As `read_conversation`, to be replayed.
 
     Raises:
         InputError: not a conversation, or nothing was answered in it.
     """
-    kept = Conversation.load(path.read_text(encoding="utf-8"))
+    kept = read_conversation(path)
     if not kept.rounds:
         raise InputError(f"'{path.name}' holds no answer")
     return kept

@@ -1,0 +1,59 @@
+"""YAML from somebody else: plain values, without what makes a short text a large one."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import yaml
+
+from palpate.errors import InputError
+
+MAX_DEPTH = 10
+"""Deepest nesting of lists and mappings."""
+
+_OPENING = (
+    yaml.BlockMappingStartToken,
+    yaml.BlockSequenceStartToken,
+    yaml.FlowMappingStartToken,
+    yaml.FlowSequenceStartToken,
+)
+_CLOSING = (yaml.BlockEndToken, yaml.FlowMappingEndToken, yaml.FlowSequenceEndToken)
+
+
+def plain_yaml(text: str, where: str) -> Any:
+    """The content of a YAML text without aliases, whose expansion is unbounded, and without deep
+    nesting, which takes forever to read. `where` names it in messages.
+
+    Raises:
+        InputError: not YAML, or one of those; with line and column where the parser knows them.
+    """
+    try:
+        _require_plain(text)
+        return yaml.safe_load(text)
+    except yaml.YAMLError as error:
+        raise InputError(_not_yaml(where, error)) from None
+    except (ValueError, RecursionError) as error:
+        raise InputError(f"{where}: not YAML: {error}") from None
+
+
+def _require_plain(text: str) -> None:
+    depth = 0
+    for token in yaml.scan(text, Loader=yaml.SafeLoader):
+        if isinstance(token, yaml.AliasToken):
+            raise yaml.MarkedYAMLError(
+                problem="aliases are not accepted", problem_mark=token.start_mark
+            )
+        depth += isinstance(token, _OPENING) - isinstance(token, _CLOSING)
+        if depth > MAX_DEPTH:
+            raise yaml.MarkedYAMLError(
+                problem=f"nested deeper than {MAX_DEPTH}", problem_mark=token.start_mark
+            )
+
+
+def _not_yaml(where: str, error: yaml.YAMLError) -> str:
+    """What is wrong, and where in the text if the parser says so."""
+    problem = getattr(error, "problem", None) or error
+    mark = getattr(error, "problem_mark", None)
+    if mark is not None:
+        where += f", line {mark.line + 1}, column {mark.column + 1}"
+    return f"{where}: not YAML: {problem}"

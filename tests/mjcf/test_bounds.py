@@ -1,0 +1,158 @@
+"""Scenes that grow beyond what is built are refused before MuJoCo sees them."""
+
+from __future__ import annotations
+
+import struct
+import time
+import zlib
+from pathlib import Path
+
+import pytest
+
+from palpate.errors import InputError
+from palpate.mjcf import assets, trial
+from palpate.mjcf.bounds import Extent, require_bounded
+from palpate.mjcf.document import parse_document
+from palpate.mjcf.trial import require_compiles
+from palpate.scene.load import load_scene, parse_scene
+
+TABLE = '<body name="table"><geom type="box" size=".4 .4 .2"/></body>'
+
+
+def scene(body: str = "", head: str = "") -> str:
+    return f"<mujoco>{head}<worldbody>{TABLE}{body}</worldbody></mujoco>"
+
+
+def replicated(count: str, inner: str = '<geom size="0.01"/>') -> str:
+    return f'<replicate count="{count}" offset="0.1 0 0">{inner}</replicate>'
+
+
+def flexible(count: str) -> str:
+    return f'<flexcomp name="cloth" type="grid" count="{count}" spacing="1 1 1"/>'
+
+
+BOMBS = [
+    (scene(replicated("1000000")), "replicated elements|more than 10000 elements"),
+    (scene(replicated("1e6")), "more than 10000 elements"),
+    (scene(replicated("nan")), "more than 10000 elements"),
+    (scene(replicated("30", replicated("30", replicated("30")))), "more than 10000 elements"),
+    (scene(replicated("3002")), "more than 3000 replicated elements"),
+    (scene('<geom size="0.01"/>' * 10_000), r"<geom> \(line 1\) the scene has more than 10000"),
+    (scene(flexible("200 200 200")), '<flexcomp name="cloth"> .* more than 4000 points'),
+    (scene(replicated("9", flexible("10 10 10"))), "more than 4000 points"),
+    (scene(replicated("9", '<flexcomp name="a" type="grid"/>')), "more than 4000 points"),
+    (scene(head='<size memory="100G"/>'), 'memory="100G" is larger than is built; at most 512M'),
+    (scene(head='<size nuser_body="100000000"/>'), "nuser_body=.*at most 1000"),
+    (scene(head='<size nkey="1e7"/>'), "nkey=.*at most 1000"),
+    (scene(head='<option iterations="2000000000"/>'), "iterations=.*at most 10000"),
+    (scene(head='<sensor><user dim="200000000"/></sensor>'), "dim=.*at most 1000"),
+    (
+        scene(head='<asset><hfield name="h" nrow="30000" ncol="30000" size="1 1 1 1"/></asset>'),
+        "more than 4000000 cells",
+    ),
+    (
+        scene(head='<asset><texture builtin="flat" width="9999" height="9999"/></asset>'),
+        "more than 64000000 pixels",
+    ),
+    (
+        scene(head='<asset><mesh builtin="supersphere" params="3000 1 1"/></asset>'),
+        "params=.*at most 128",
+    ),
+    (
+        scene(head='<extension><plugin plugin="their.code"/></extension>'),
+        "the plugin 'their.code', which is code of its own; only MuJoCo's own",
+    ),
+]
+
+
+@pytest.mark.parametrize(("text", "message"), BOMBS)
+def test_a_line_that_becomes_a_million_things(text: str, message: str) -> None:
+    started = time.perf_counter()
+    with pytest.raises(InputError, match=message):
+        parse_scene(text)
+    assert time.perf_counter() - started < 2
+
+
+def test_what_keeps_to_the_bounds_is_built() -> None:
+    extent = require_bounded(parse_document(scene(replicated("7"))))
+    assert extent == Extent(elements=12, points=0)
+    assert not extent.is_large
+    assert "table" in parse_scene(scene(replicated("7"))).bodies
+
+
+def test_only_what_may_be_large_is_tried_elsewhere_first(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(trial, "WALL_SECONDS", 0.0)
+    parse_scene(scene())
+    with pytest.raises(InputError, match="compiling the scene takes more than"):
+        parse_scene(scene(replicated("2500")))
+
+
+def test_a_trial_ends_when_there_is_too_little_memory() -> None:
+    grid = '<asset><hfield name="h" nrow="20000" ncol="20000" size="1 1 1 1"/></asset>'
+    started = time.perf_counter()
+    with pytest.raises(InputError, match="takes more than 3 s or 700 MB; use fewer"):
+        require_compiles(scene('<geom type="hfield" hfield="h"/>', grid), None)
+    assert time.perf_counter() - started < 10
+
+
+def test_what_mujoco_refuses_is_not_the_trials_business() -> None:
+    require_compiles(scene(), None)
+    require_compiles(scene('<geom type="mesh" mesh="none"/>'), None)
+
+
+def test_models_that_attach_themselves_or_one_another_without_end(tmp_path: Path) -> None:
+    def model(name: str) -> str:
+        return f'<asset><model name="{name}" file="{name}.xml"/></asset>'
+
+    (tmp_path / "self.xml").write_text(scene(head=model("self")), encoding="utf-8")
+    with pytest.raises(InputError, match=r"attaches self\.xml, of which it is a part"):
+        load_scene(tmp_path / "self.xml")
+    for i in range(20):
+        twice = f'<asset><model name="a" file="{i + 1}.xml"/><model name="b" file="{i + 1}.xml"/></asset>'
+        (tmp_path / f"{i}.xml").write_text(scene(head=twice), encoding="utf-8")
+    (tmp_path / "20.xml").write_text(scene(), encoding="utf-8")
+    with pytest.raises(InputError, match="attaches more than 100 models"):
+        load_scene(tmp_path / "0.xml")
+
+
+def test_an_attached_model_has_the_same_bounds(tmp_path: Path) -> None:
+    (tmp_path / "a.xml").write_text(scene(replicated("3002")), encoding="utf-8")
+    head = '<asset><model name="a" file="a.xml"/></asset>'
+    with pytest.raises(InputError, match="more than 3000 replicated elements"):
+        parse_scene(scene(head=head), tmp_path)
+
+
+def test_includes_do_not_nest_without_end(tmp_path: Path) -> None:
+    deep = "<body>" * 150 + '<include file="b.xml"/>' + "</body>" * 150
+    (tmp_path / "a.xml").write_text(scene(deep), encoding="utf-8")
+    (tmp_path / "b.xml").write_text(
+        "<mujoco>" + "<body>" * 150 + "</body>" * 150 + "</mujoco>", encoding="utf-8"
+    )
+    with pytest.raises(InputError, match="nested deeper than 200"):
+        load_scene(tmp_path / "a.xml")
+
+
+def png(width: int, height: int, packed: bytes) -> bytes:
+    def chunk(kind: bytes, content: bytes) -> bytes:
+        check = struct.pack(">I", zlib.crc32(kind + content))
+        return struct.pack(">I", len(content)) + kind + content + check
+
+    header = struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0)
+    return assets.PNG + chunk(b"IHDR", header) + chunk(b"IDAT", packed) + chunk(b"IEND", b"")
+
+
+def test_pictures_that_unpack_to_more_than_they_seem(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    head = '<asset><texture name="t" type="2d" file="t.png"/></asset>'
+    document = scene(head=head)
+    (tmp_path / "t.png").write_bytes(png(60_000, 60_000, b""))
+    with pytest.raises(InputError, match="60000 × 60000 pixels; at most 64 million"):
+        parse_scene(document, tmp_path)
+    monkeypatch.setattr(assets, "MAX_UNPACKED", 1_000_000)
+    (tmp_path / "t.png").write_bytes(png(8, 8, zlib.compress(bytes(3_000_000))))
+    with pytest.raises(InputError, match="unpacks to more than 1 MB"):
+        parse_scene(document, tmp_path)
+    rows = zlib.compress(bytes(8 * 25))
+    (tmp_path / "t.png").write_bytes(png(8, 8, rows))
+    assert parse_scene(document, tmp_path).bodies
