@@ -71,11 +71,11 @@ def test_a_file_that_grows_while_it_is_read_has_the_same_limit() -> None:
 
 def test_what_is_not_there_or_not_text(tmp_path: Path) -> None:
     with (
-        pytest.raises(InputError, match="cannot read .*: No such file"),
+        pytest.raises(InputError, match=r"cannot read .*: No such file"),
         opened(tmp_path / "a", 10, "a plan"),
     ):
         pass
-    with pytest.raises(InputError, match="cannot read .*null"):
+    with pytest.raises(InputError, match=r"cannot read .*null"):
         read_bytes(Path("a\0b"), 10, "a plan")
     (tmp_path / "b").write_bytes(b"\xff")
     with pytest.raises(InputError, match="not utf-8 text"):

@@ -390,8 +390,13 @@ class MjsBody(_SpecElement):
                   diffuse: _Vector | None = None, specular: _Vector | None = None,
                   castshadow: _Int | None = None) -> MjsLight: ...
 
+class _SpecCompiler:
+    usethread: bool
+
 class MjSpec:
     modelfiledir: str
+    @property
+    def compiler(self) -> _SpecCompiler: ...
     @property
     def option(self) -> _SpecOption: ...
     @property

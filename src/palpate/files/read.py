@@ -27,8 +27,8 @@ _KINDS = (
     (stat.S_ISBLK, "a device"),
 )
 
-_FLAGS = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_NOCTTY", 0)
-_FLAGS |= getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_BINARY", 0)
+_FLAGS = sum({getattr(os, name, 0) for name in ("O_NONBLOCK", "O_NOCTTY", "O_CLOEXEC", "O_BINARY")})
+"""Besides reading; not every system has all of them."""
 
 
 def require_regular(path: Path, limit: int, what: str) -> None:
@@ -53,7 +53,7 @@ def opened(path: Path, limit: int, what: str) -> Generator[BinaryIO]:
     """
     require_regular(path, limit, what)
     try:
-        descriptor = os.open(path, _FLAGS)
+        descriptor = os.open(path, os.O_RDONLY | _FLAGS)
     except OSError as error:
         raise _unreadable(path, error) from None
     with os.fdopen(descriptor, "rb") as file:

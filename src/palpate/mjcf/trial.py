@@ -75,7 +75,7 @@ def main() -> int:
     try:
         spec = mujoco.MjSpec.from_string(xml)
         spec.modelfiledir = folder
-        spec.compiler.usethread = 0
+        spec.compiler.usethread = False
         model = spec.compile()
         mujoco.mj_kinematics(model, mujoco.MjData(model))
     except MemoryError:
