@@ -2,22 +2,22 @@
 Rerun, and back again.
 
 The metadata record `palpate.trace` holds the leaves, recordings, conversions, hand and gravity, so
-that `read_mcap` returns the very trace that was written.
+that `read_mcap` returns the very trace that was written. The file of a run that was cut off
+(`palpate.trace.stream`) is read as far as it goes.
 """
 
 from __future__ import annotations
 
 from collections import defaultdict
-from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import IO, TYPE_CHECKING
 
 from palpate import __version__
 from palpate.errors import InputError
 from palpate.files.read import opened
-from palpate.trace.recording import Conversion, Hand, LeafRun, Recording
 from palpate.trace.ros2_messages import definition
 from palpate.trace.samples import Trace
+from palpate.trace.stream import PROFILE, Record, read_stream
 from palpate.trace.topics import Message, messages, samples_of, topics
 
 if TYPE_CHECKING:
@@ -32,24 +32,13 @@ MAX_RECORD = 64 << 20
 """A record that claims more bytes is damaged; chunks are cut at 1 MiB."""
 
 
-@dataclass(frozen=True, slots=True)
-class _Record:
-    """All of a `Trace` but its samples."""
-
-    leaves: tuple[LeafRun, ...]
-    recordings: tuple[Recording, ...]
-    conversions: tuple[Conversion, ...]
-    hand: Hand
-    gravity: float
-
-
 def write_mcap(path: Path, trace: Trace) -> None:
     """Write `trace` to `path`, in zstd-compressed chunks."""
     from mcap.writer import Writer
     from pydantic import TypeAdapter
 
-    record = _Record(trace.leaves, trace.recordings, trace.conversions, trace.hand, trace.gravity)
-    content = TypeAdapter(_Record).dump_json(record).decode()
+    record = Record(trace.leaves, trace.recordings, trace.conversions, trace.hand, trace.gravity)
+    content = TypeAdapter(Record).dump_json(record).decode()
     with path.open("wb") as file:
         writer = Writer(file)
         writer.start(profile="ros2", library=f"palpate {__version__}")
@@ -73,7 +62,7 @@ def _write_messages(writer: Writer, messages: list[Message]) -> None:
 
 
 def read_mcap(path: Path) -> Trace:
-    """The trace that `write_mcap` wrote.
+    """The trace that `write_mcap` wrote, or, as far as it goes, a `TraceStream`.
 
     Raises:
         InputError: not such a file.
@@ -84,6 +73,8 @@ def read_mcap(path: Path) -> Trace:
         raise InputError(f"no trace at '{path}'")
     try:
         with opened(path, MAX_BYTES, "a trace of palpate's") as file:
+            if _is_unfinished(file):
+                return read_stream(file, MAX_RECORD)
             return _read(SeekingReader(file, validate_crcs=True, record_size_limit=MAX_RECORD))
     except InputError:
         raise
@@ -97,7 +88,7 @@ def _read(reader: SeekingReader) -> Trace:
     from pydantic import TypeAdapter
 
     metadata = {m.name: m.metadata for m in reader.iter_metadata()}
-    record = TypeAdapter(_Record).validate_json(metadata[METADATA]["trace"])
+    record = TypeAdapter(Record).validate_json(metadata[METADATA]["trace"])
     names = topics(record.hand)
     by_topic: defaultdict[str, list[bytes]] = defaultdict(list)
     # Written in order of time: read as they lie, nothing need be sorted.
@@ -111,3 +102,10 @@ def _read(reader: SeekingReader) -> Trace:
         record.hand,
         record.gravity,
     )
+
+
+def _is_unfinished(file: IO[bytes]) -> bool:
+    """Whether it is the file of a run under way, by what its header says."""
+    beginning = file.read(64)
+    file.seek(0)
+    return PROFILE.encode() in beginning

@@ -23,6 +23,7 @@ Events: `/leaves`, `/recordings` and `/conversions` (String, JSON) and `/rosout`
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, fields
 from typing import Any, NamedTuple
@@ -179,8 +180,8 @@ def _pose(position: Array, xyzw: Array) -> Array:
 
 
 def _nanoseconds(t: Array) -> NDArray[np.int64]:
-    """Times are not negative in MCAP."""
-    return np.maximum(0, np.rint(t * 1e9)).astype(np.int64)
+    """Times are numbers, and not negative, in MCAP."""
+    return np.maximum(0, np.rint(np.nan_to_num(t) * 1e9)).astype(np.int64)
 
 
 def _events(trace: Trace) -> list[Message]:
@@ -222,4 +223,4 @@ def _message(t: float, topic: str, datatype: str, layout: Layout) -> Message:
 
 
 def _nanosecond(t: float) -> int:
-    return max(0, round(t * 1e9))
+    return max(0, round(t * 1e9)) if math.isfinite(t) else 0
