@@ -142,14 +142,16 @@ class Plan(InnerPlan):
             rehearse: execute in simulation first; None means before a real robot moves.
             confirm: shown the run before a real robot moves; whether it may.
             observer: watches every tick. progress: told which stage begins, e.g. `print`.
-            out: folder to write the run to; must not exist.
+            out: folder to write the run to, while it grows; must not exist.
 
         Returns:
             The finished run. Where the plan has no tree, or findings, nothing moves and its status
-            is `rejected`.
+            is `rejected`. What failed once something had moved, and where a Ctrl-C ended it, it
+            says itself (`shortfalls`, `interrupted`).
 
         Raises:
-            InputError: bad input. Unavailable: no such robot. ExecutionAborted: not confirmed.
+            InputError: bad input. Unavailable: no such robot. ExecutionAborted: not confirmed, or
+                interrupted before anything moved.
         """
         if rehearse is None and cell is not None:
             rehearse = not cell.simulated
@@ -168,14 +170,8 @@ class Plan(InnerPlan):
             rehearse=rehearse,
             out=_path(out),
         ).checked(at_hand=True)
-        made = pipeline.rehearse(replace(self.made, settings=settings), progress)
-        pipeline.confirm(made, confirm, cell)
-        made = pipeline.measure(made, observer, progress, cell)
-        made = pipeline.build_twin(made, progress)
-        if out is not None:
-            progress("writing the report")
-            made = pipeline.save(made)
-        return _run_of(made)
+        made = replace(self.made, settings=settings)
+        return _run_of(pipeline.carry_out(made, observer, progress, confirm, cell, settings.out))
 
     def _repr_html_(self) -> str:
         rows = [(line,) for line in str(self).splitlines()[1:]]
@@ -323,6 +319,16 @@ def run_settings(
         ExecutionAborted: a real robot was not allowed to move.
     """
     return _run_of(pipeline.run(settings, observer, progress, confirm))
+
+
+def finish(folder: str | Path, progress: Progress = quiet) -> Run:
+    """Do what a run that was cut off has left to do, with what its folder holds, and write its
+    report anew.
+
+    Raises:
+        InputError: there is no such folder, or it is not a run's.
+    """
+    return _run_of(pipeline.finish(Path(folder), progress))
 
 
 def _stated(options: RunOptions) -> dict[str, Any]:

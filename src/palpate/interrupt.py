@@ -29,6 +29,11 @@ class Interrupts:
         self._noting = 0
         self._latest = ""
 
+    @property
+    def count(self) -> int:
+        """How many have come."""
+        return self._count
+
     def __repr__(self) -> str:
         return f"<Interrupts: {self._count} so far>"
 
@@ -65,7 +70,7 @@ class Interrupts:
     @property
     def reason(self) -> str:
         """The latest one in words."""
-        return "interrupted" if self._latest == "SIGINT" else f"interrupted by {self._latest}"
+        return "interrupted" if self._latest in ("", "SIGINT") else f"interrupted by {self._latest}"
 
 
 @contextmanager
@@ -88,3 +93,18 @@ def interrupts(signals: Iterable[signal.Signals] = (signal.SIGINT,)) -> Generato
     finally:
         for number, handler in previous.items():
             signal.signal(number, handler or signal.SIG_DFL)
+
+
+@contextmanager
+def not_noted() -> Generator[None]:
+    """What was only noted inside the block is raised at its end: nothing real had to be brought to
+    an end.
+
+    Raises:
+        Interrupted: a signal came meanwhile.
+    """
+    with interrupts() as signals:
+        before = signals.count
+        yield
+        if signals.count > before:
+            raise Interrupted(signals.reason)

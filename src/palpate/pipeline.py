@@ -6,7 +6,8 @@ request + scene + pictures ─► parameters ─► plan ─► (check) ─► t
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Generator, Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -15,12 +16,19 @@ from typing import TYPE_CHECKING
 from palpate import stages
 from palpate.cells.cell import Cell
 from palpate.errors import ExecutionAborted
+from palpate.interrupt import interrupts, not_noted
 from palpate.planning.check.check import Finding
 from palpate.planning.planner import Planner
-from palpate.quantities.estimators import estimate_all
 from palpate.robots.registry import load_description
-from palpate.runs.folder import default_folder, new_folder, read_json, write_json
-from palpate.runs.run import Ending, Run
+from palpate.runs.folder import (
+    check_writable,
+    default_folder,
+    new_folder,
+    read_json,
+    write_json,
+)
+from palpate.runs.keeper import Keeper, Step
+from palpate.runs.run import Ending, Run, Stage
 from palpate.scene.camera import load_image
 from palpate.scene.load import load_scene
 from palpate.scene.scene import Scene
@@ -28,7 +36,7 @@ from palpate.settings import Settings, request_json, settings_from
 from palpate.twin.twin import build_twin as build
 
 if TYPE_CHECKING:
-    from palpate.execution.runner import Observer
+    from palpate.execution.runner import Keep, Observer
 
 Progress = Callable[[str], None]
 """Told which stage begins."""
@@ -55,16 +63,88 @@ def run(
 
     Raises:
         InputError: bad input. Unavailable: planner or robot out of reach. ExecutionAborted: not
-            confirmed.
+            confirmed, or interrupted before anything moved.
     """
     settings = settings.checked()
-    scene = load(settings)
-    progress("planning")
-    made = rehearse(plan(settings, scene), progress)
-    confirm(made, may_move)
-    made = build_twin(measure(made, observer, progress), progress)
-    progress("writing the report")
-    return save(made)
+    folder = settings.out or default_folder(_name(settings))
+    check_writable(folder)
+    with interrupts(), _before_anything_moves("planning"):
+        scene = load(settings)
+        progress("planning")
+        made = plan(settings, scene)
+    return carry_out(made, observer, progress, may_move, folder=folder)
+
+
+def carry_out(
+    made: Run,
+    observer: Observer | None = None,
+    progress: Progress = quiet,
+    may_move: Confirm = unasked,
+    cell: Cell | None = None,
+    folder: Path | None = None,
+) -> Run:
+    """From a plan to a finished run, kept in `folder` while it grows, or in memory alone.
+
+    A signal ends it: while executing in a controlled stop, after which what was measured is still
+    made something of; else where it stands. What fails once something has moved is one of the run's
+    `shortfalls`.
+
+    Raises:
+        InputError: bad input, or a folder that cannot be written. Unavailable: the robot is out of
+            reach. ExecutionAborted: not confirmed, or interrupted before anything moved.
+    """
+    progress = _unfailing(progress)
+    with interrupts() as signals:
+        with _before_anything_moves("rehearsing"):
+            made = rehearse(made, progress)
+            confirm(made, may_move, cell)
+            if not made.ready:
+                return made if folder is None else save(made, folder)
+            seen = made.seen is not None
+            cell = cell or stages.cell_for(made.settings, made.scene, seen=seen)
+        keeper = Keeper(folder, signals)
+        made = keeper.begin(made, request_json(made.settings))
+        made = keeper.executed(partial(_executed, cell, observer, progress, keeper), made)
+        return _finished(made, keeper, progress, cell)
+
+
+def finish(folder: Path, progress: Progress = quiet) -> Run:
+    """Do what a run that was cut off has left to do, with what its folder holds, and write its
+    report anew.
+
+    Raises:
+        InputError: there is no such folder, or it is not a run's.
+    """
+    made = reopen(folder)
+    with interrupts() as signals:
+        keeper = Keeper(folder, signals)
+        made = replace(made, interrupted=None, shortfalls=())
+        if made.stage == "executing":
+            made = stages.cut_off(made)
+            keeper.trace(made)
+            made = replace(made, stage="estimating")
+        return _finished(made, keeper, _unfailing(progress))
+
+
+def _finished(made: Run, keeper: Keeper, progress: Progress, cell: Cell | None = None) -> Run:
+    """All stages after the execution, from the one that is due; a signal ends them."""
+    steps: dict[Stage, Step] = {
+        "estimating": partial(_estimated, cell, progress),
+        "building the twin": partial(_twinned, keeper, progress),
+        "writing the report": partial(_reported, keeper, progress),
+    }
+    if made.interrupted is not None:
+        return made
+    due = list(steps)
+    if made.stage in due:
+        due = due[due.index(made.stage) :]
+    elif made.stage is None:
+        due = due[-1:]
+    for stage in due:
+        made = keeper.through(stage, steps[stage], made)
+        if made.interrupted is not None:
+            return made
+    return keeper.finished(made)
 
 
 def load(settings: Settings) -> Scene | None:
@@ -134,12 +214,16 @@ def measure(
 
 
 def execute(
-    made: Run, cell: Cell, observer: Observer | None = None, progress: Progress = quiet
+    made: Run,
+    cell: Cell,
+    observer: Observer | None = None,
+    progress: Progress = quiet,
+    keep: Keep | None = None,
 ) -> Run:
-    """From a plan to a trace."""
-    robot = cell.robot()
+    """From a plan to a trace; `keep` writes it down meanwhile."""
+    robot = stages.robot_of(cell)
     progress(f"executing on the {'simulated' if cell.simulated else 'real'} robot")
-    done = stages.perform(made.plan, made.scene, robot, observer, made.settings.on_failure)
+    done = stages.perform(made.plan, made.scene, robot, observer, made.settings.on_failure, keep)
     return replace(
         made,
         world=cell.description,
@@ -147,51 +231,48 @@ def execute(
         execution=Ending.of(done),
         final_state=done.final_state,
         recorded=done.trace,
-        footage=cell.footage(),
+        footage=stages.footage_of(cell),
     )
 
 
-def estimate(made: Run, cell: Cell, progress: Progress = quiet) -> Run:
+def estimate(made: Run, cell: Cell | None, progress: Progress = quiet) -> Run:
     """From a trace to estimates; what is true is asked when they are made, never before."""
-    assert made.trace is not None
-    progress("estimating")
-    estimates = estimate_all(made.plan.parameters, made.trace, made.scene.bodies)
-    known = {e.parameter: cell.truth(e.parameter) for e in estimates}
-    truth = {parameter: values for parameter, values in known.items() if values is not None}
-    return replace(made, estimates=estimates, truth=truth)
+    for grown in _estimated(cell, progress, made):
+        made = grown
+    return made
 
 
 def build_twin(made: Run, progress: Progress = quiet) -> Run:
     """From estimates to a twin of the scene as it was believed in the end."""
-    if made.final_state is None or made.trace is None:
+    if made.trace is None:
         return made
     progress("building the twin, and touching it in simulation")
     replay = partial(stages.replay, made.scene, made.plan)
-    scene = made.final_state.scene if made.seen else made.scene
+    scene = made.scene
+    if made.seen and made.final_state is not None:
+        scene = made.final_state.scene
     twin = build(scene, made.estimates, made.trace, replay)
     return replace(made, scene=scene, twin=twin)
 
 
 def save(made: Run, folder: Path | None = None) -> Run:
-    """The run folder: request, plan, tree, trace, result, twin, report and images.
+    """The folder of a run that is in memory: request, plan, tree, trace, result, twin, report and
+    images, all at once.
 
     `folder` must not exist; without one it is the settings' own, else a new one under `runs`.
 
     Raises:
         InputError: the folder exists or cannot be made.
     """
-    from palpate.report.contents import report_data, take_pictures, write_images
-    from palpate.report.page import write_report
+    from palpate.report.writing import write_all
     from palpate.runs.files import write_files
 
     folder = folder or made.settings.out or default_folder(_name(made.settings))
     with new_folder(folder) as scratch:
         write_json(scratch / "request.json", request_json(made.settings))
         write_files(made, scratch, folder)
-        pictures = take_pictures(made)
-        write_images(pictures, scratch / "images")
-        write_report(scratch / "report.html", report_data(made, pictures, scratch))
-    return replace(made, folder=folder)
+        shortfalls = write_all(made, scratch)
+    return replace(made, folder=folder, shortfalls=(*made.shortfalls, *shortfalls))
 
 
 def reopen(folder: Path) -> Run:
@@ -204,6 +285,63 @@ def reopen(folder: Path) -> Run:
 
     settings = settings_from(read_json(folder / "request.json"))
     return read_run(folder, settings)
+
+
+def _executed(
+    cell: Cell, observer: Observer | None, progress: Progress, keeper: Keeper, made: Run
+) -> Iterator[Run]:
+    made = execute(made, cell, observer, progress, keeper.samples)
+    keeper.trace(made)
+    yield made
+
+
+def _estimated(cell: Cell | None, progress: Progress, made: Run) -> Iterator[Run]:
+    """The run after every estimate, and then with what is true."""
+    progress("estimating")
+    made = replace(made, estimates=())
+    for parameter in made.plan.parameters:
+        found = stages.estimate_of(made, parameter)
+        made = replace(made, estimates=(*made.estimates, found))
+        yield made
+    if cell is not None:
+        yield replace(made, truth=stages.truths(made, cell))
+
+
+def _twinned(keeper: Keeper, progress: Progress, made: Run) -> Iterator[Run]:
+    made = build_twin(made, progress)
+    keeper.twin(made)
+    yield made
+
+
+def _reported(keeper: Keeper, progress: Progress, made: Run) -> Iterator[Run]:
+    if keeper.folder is None:
+        return
+    from palpate.report.writing import write_all
+
+    progress("writing the report")
+    shortfalls = write_all(replace(made, stage=None), keeper.folder)
+    yield replace(made, shortfalls=(*made.shortfalls, *shortfalls))
+
+
+@contextmanager
+def _before_anything_moves(doing: str) -> Generator[None]:
+    """A signal that comes now is told as an `ExecutionAborted`."""
+    try:
+        with not_noted():
+            yield
+    except KeyboardInterrupt:
+        raise ExecutionAborted(f"interrupted while {doing}; nothing has moved") from None
+
+
+def _unfailing(progress: Progress) -> Progress:
+    """Telling which stage begins may fail, e.g. on a terminal that is gone: no stage does."""
+
+    def told(stage: str) -> None:
+        # Printing to a closed pipe may raise SystemExit (rich does).
+        with suppress(Exception, SystemExit):
+            progress(stage)
+
+    return told
 
 
 def _name(settings: Settings) -> str:

@@ -4,7 +4,8 @@ asked of them.
 
 from __future__ import annotations
 
-from contextlib import closing
+import logging
+from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -12,15 +13,19 @@ from palpate.cells.cell import Cell
 from palpate.cells.registry import drivers
 from palpate.cells.simulated import SEEN_TOLERANCE, SIZE_TOLERANCE, simulated_cell
 from palpate.cells.view import image_files
-from palpate.errors import InputError, PlanRejected
+from palpate.errors import InputError, PalpateError, PlanRejected, Unavailable
+from palpate.estimation.estimate import Estimate
 from palpate.execution.recovery import OnFailure
+from palpate.interrupt import not_noted
+from palpate.parameter import Parameter
 from palpate.planning.check.check import Finding, check
 from palpate.planning.plan import Plan
 from palpate.planning.planner import Observant, Planner, PlannerSettings
 from palpate.planning.registry import planners
 from palpate.planning.symbolic.planner import requested
+from palpate.quantities.estimators import estimate_all, failed
 from palpate.robots.registry import load_description
-from palpate.runs.run import Run
+from palpate.runs.run import Ending, Run
 from palpate.scene.from_picture import DetectedScene, SceneBuilder
 from palpate.scene.load import parse_scene
 from palpate.scene.poses import Poses, read_poses
@@ -30,9 +35,12 @@ from palpate.settings import Settings
 if TYPE_CHECKING:
     from mujoco import MjSpec
 
-    from palpate.execution.runner import Execution, Observer
+    from palpate.execution.runner import Execution, Keep, Observer
+    from palpate.pictures.footage import Footage
     from palpate.robots.robot import Robot
     from palpate.trace.samples import Trace
+
+log = logging.getLogger(__name__)
 
 
 def ask_planner(settings: Settings, scene: Scene | None, planner: Planner | None) -> Run:
@@ -83,28 +91,108 @@ def picture_of(settings: Settings, scene: Scene | None, poses: Poses) -> bytes |
     return cell_for(settings, scene).picture(poses.camera)
 
 
+def robot_of(cell: Cell) -> Robot:
+    """The cell's robot.
+
+    Raises:
+        InputError: the workplace cannot be used. Unavailable: the robot is out of reach.
+    """
+    try:
+        return cell.robot()
+    except PalpateError:
+        raise
+    except Exception as error:
+        reason = f"{type(error).__name__}: {error}"
+        raise Unavailable(f"the robot cannot be used: {reason}") from error
+
+
 def perform(
     plan: Plan,
     scene: Scene,
     robot: Robot,
     observer: Observer | None = None,
     on_failure: OnFailure = "stop",
+    keep: Keep | None = None,
 ) -> Execution:
     """Run the tree on the robot, and go on after a failure as far as the policy allows; the robot
-    is let go in any case."""
+    is let go in any case. `keep` writes down what it senses meanwhile."""
     from palpate.execution.recovery import recover
     from palpate.execution.runner import run as run_tree
 
-    attempt = partial(run_tree, observer=observer)
-    with closing(robot):
+    attempt = partial(run_tree, observer=observer, keep=keep)
+    try:
         return recover(attempt(plan, scene, robot), plan, scene, robot, on_failure, attempt)
+    finally:
+        _let_go(robot)
+
+
+def _let_go(robot: Robot) -> None:
+    """What was measured outlives a robot that cannot be closed."""
+    try:
+        robot.close()
+    except Exception as error:
+        log.warning("the robot was not closed: %s: %s", type(error).__name__, error)
+
+
+def footage_of(cell: Cell) -> Footage | None:
+    """What the cell's camera saw, None where it fails."""
+    try:
+        return cell.footage()
+    except Exception as error:
+        log.warning("there is no film: %s: %s", type(error).__name__, error)
+        return None
+
+
+def estimate_of(made: Run, parameter: Parameter) -> Estimate:
+    """The estimate of a parameter from the run's trace, whatever goes wrong on the way."""
+    if made.trace is None:
+        return failed(parameter, "Nothing was recorded.")
+    try:
+        return estimate_all([parameter], made.trace, made.scene.bodies)[0]
+    except PalpateError as error:
+        return failed(parameter, f"There is no estimator: {error}.")
+
+
+def truths(made: Run, cell: Cell) -> dict[Parameter, tuple[float, ...]]:
+    """What is so, as far as the cell knows; asked when the estimates are made, never before."""
+    found: dict[Parameter, tuple[float, ...]] = {}
+    for estimate in made.estimates:
+        try:
+            values = cell.truth(estimate.parameter)
+        except Exception as error:
+            log.warning("the truth is not known: %s: %s", type(error).__name__, error)
+            break
+        if values is not None:
+            found[estimate.parameter] = values
+    return found
+
+
+def cut_off(made: Run) -> Run:
+    """A run whose process ended while it was executing, with the trace as far as that was written
+    down."""
+    try:
+        trace = made.trace
+    except InputError:
+        trace = None
+    seconds = 0.0
+    if trace is not None and len(trace.samples):
+        seconds = float(trace.t[-1] - trace.t[0])
+    actions = len(trace.leaves) if trace is not None else 0
+    ending = Ending("stopped", "the process ended while the arm moved", actions, seconds, 0.0)
+    return replace(made, execution=ending, recorded=trace)
 
 
 def replay(scene: Scene, plan: Plan, world: MjSpec) -> Trace:
-    """What a perfect robot feels when the plan is executed in `world`."""
+    """What a perfect robot feels when the plan is executed in `world`.
+
+    Raises:
+        Interrupted: a signal came meanwhile.
+    """
     from palpate.robots.simulated.robot import MujocoRobot
 
-    return perform(plan, scene, MujocoRobot(world, scene.pose_world_base, scene.arm)).trace
+    robot = MujocoRobot(world, scene.pose_world_base, scene.arm)
+    with not_noted():
+        return perform(plan, scene, robot).trace
 
 
 def _planner(settings: Settings, poses: Poses) -> Planner:

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import json
+import os
 import sys
+from collections.abc import Generator
+from contextlib import contextmanager, suppress
 from typing import Any
 
 from rich.console import Console
@@ -25,10 +28,31 @@ def print_error(error: PalpateError, as_json: bool) -> int:
     """One line on stderr, and an object on stdout where JSON is wanted; the exit status."""
     status, message = exit_status(error), in_flags(str(error))
     if as_json:
-        ended = "rejected" if status == 3 else "failed"
-        print_json({"status": ended, "error": {"message": message, "exit_status": status}})
-    print(f"palpate: {message}", file=sys.stderr)
+        ended = {3: "rejected", 4: "aborted"}.get(status, "failed")
+        with printing():
+            print_json({"status": ended, "error": {"message": message, "exit_status": status}})
+    say(message)
     return status
+
+
+def say(line: str) -> None:
+    """One line on stderr, as far as anybody listens there."""
+    with suppress(OSError, ValueError):
+        print(f"palpate: {line}", file=sys.stderr, flush=True)
+
+
+@contextmanager
+def printing() -> Generator[None]:
+    """Results are printed inside the block: where they cannot be, a line says so, and the exit
+    status stays that of the work."""
+    try:
+        yield
+        sys.stdout.flush()
+    # Rich leaves by SystemExit when its pipe was closed.
+    except (OSError, SystemExit) as error:
+        say(f"the result was not printed: {getattr(error, 'strerror', None) or 'nobody reads it'}")
+        # What is still in its buffer must not fail again when the process ends.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def escape(text: str) -> str:

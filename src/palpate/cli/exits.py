@@ -12,7 +12,7 @@ from palpate.errors import (
     Unavailable,
 )
 
-EXIT = {"complete": 0, "failed": 1, "rejected": 3, "aborted": 4}
+EXIT = {"complete": 0, "failed": 1, "rejected": 3, "aborted": 4, "running": 4}
 """Of a run, by its status."""
 
 ERRORS: dict[type[PalpateError], int] = {

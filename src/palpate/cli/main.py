@@ -12,7 +12,6 @@ import typer
 from palpate import __version__
 from palpate.cli import study
 from palpate.cli.command import command
-from palpate.cli.exits import EXIT
 from palpate.cli.options import (
     DEFAULT_ARM,
     Arm,
@@ -49,7 +48,7 @@ app = typer.Typer(
     help="Physics-accurate digital twins by touch: say what you want to simulate, and a robot measures only what your "
     "MuJoCo scene does not know yet.",
     epilog="Exit status: 0 every parameter estimated · 1 finished, but a parameter is not identified · 2 bad input · "
-    "3 no plan (the explanation says why) · 4 stopped safely during execution · 5 planner or robot unavailable.",
+    "3 no plan (the explanation says why) · 4 interrupted, or stopped safely · 5 planner or robot unavailable.",
 )
 app.add_typer(study.app, name="study")
 
@@ -270,6 +269,21 @@ def execute(
 
 
 @command(app)
+def report(
+    folder: Annotated[Path, typer.Argument(metavar="RUN", help="A run folder.")],
+    *,
+    as_json: AsJson = False,
+) -> None:
+    """Finish a run that was cut off, and write its report anew."""
+    from palpate.api import finish
+    from palpate.cli.show import live_view, show_ended
+
+    with live_view() as (_, say):
+        done = finish(folder, say)
+    raise typer.Exit(show_ended(done, as_json))
+
+
+@command(app)
 def vocabulary(
     as_json: Annotated[bool, typer.Option("--json", help="The JSON schema of a plan.")] = False,
     btcpp: Annotated[bool, typer.Option("--btcpp", help="BT.CPP 4 TreeNodesModel.")] = False,
@@ -291,15 +305,14 @@ def doctor() -> None:
 def carry_out(settings: Settings, as_json: bool, yes: bool = False) -> None:
     """Run with a live view on stderr, print the result, leave with its exit status."""
     from palpate.api import run_settings
-    from palpate.cli.show import confirm_plan, live_view, show_run
+    from palpate.cli.show import confirm_plan, live_view, show_ended
 
     def confirm(run: Run) -> bool:
         return yes or confirm_plan(run)
 
     with live_view() as (observer, say):
         done = run_settings(settings, observer, say, confirm)
-    show_run(done, as_json)
-    raise typer.Exit(EXIT[done.status])
+    raise typer.Exit(show_ended(done, as_json))
 
 
 if __name__ == "__main__":

@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Any
 from rich.console import Console
 from rich.text import Text
 
-from palpate.cli.console import err, escape, out, plain_table, print_json
+from palpate.cli.console import err, escape, out, plain_table, print_json, printing, say
+from palpate.cli.exits import EXIT
 
 if TYPE_CHECKING:
     from palpate.api import Plan as CheckedPlan
@@ -35,6 +36,20 @@ def live_view() -> Generator[tuple[Observer, Callable[[str], None]]]:
 
     with LiveTree(err) as live:
         yield live, live.progress
+
+
+def show_ended(run: Run, as_json: bool) -> int:
+    """The result on stdout, and on stderr, a line each, what it falls short of; the exit status."""
+    with printing():
+        show_run(run, as_json)
+    for line in run.shortfalls:
+        say(line)
+    kept = f"; what there is, is in '{run.folder}'" if run.folder else ""
+    if run.interrupted is not None:
+        say(f"{run.interrupted}{kept}: `palpate report` finishes it")
+    elif run.status == "aborted" and run.execution is not None:
+        say(f"stopped: {run.execution.stopped_by}{kept}")
+    return EXIT[run.status]
 
 
 def show_run(run: Run, as_json: bool) -> None:

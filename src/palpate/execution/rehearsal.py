@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from palpate.execution.runner import Execution, run
+from palpate.interrupt import not_noted
 from palpate.planning.plan import Plan
 from palpate.robots.simulated.robot import MujocoRobot
 from palpate.scene.scene import Scene
@@ -33,10 +34,15 @@ class Rehearsal:
 
 
 def rehearse(plan: Plan, scene: Scene) -> Rehearsal:
-    """Execute the plan with perfect sensors in a world made of the scene alone."""
+    """Execute the plan with perfect sensors in a world made of the scene alone.
+
+    Raises:
+        Interrupted: a signal came meanwhile.
+    """
     robot = MujocoRobot(scene.spec(), scene.pose_world_base, scene.arm)
     try:
-        return _predicted(run(plan, scene, robot))
+        with not_noted():
+            return _predicted(run(plan, scene, robot))
     finally:
         robot.close()
 

@@ -112,10 +112,15 @@ def film(
     """
     if len(t) == 0:
         return None
-    speed = max(SPEED, float(np.ceil((t[-1] - t[0]) / LONGEST)))
+    speed = film_speed(float(t[-1] - t[0]))
     rows = np.searchsorted(t, np.arange(t[0], t[-1], speed / FPS))
     encoded = mp4(_frames(model, t[rows], qpos[rows], trace, bodies), FPS)
     return Film(encoded, speed) if encoded else None
+
+
+def film_speed(seconds: float) -> float:
+    """How many times faster than robot time the film of a run of `seconds` plays."""
+    return max(SPEED, float(np.ceil(seconds / LONGEST)))
 
 
 def _frames(

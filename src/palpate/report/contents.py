@@ -13,6 +13,7 @@ from palpate.parameter import Parameter
 from palpate.pictures.moments import (
     Film,
     film,
+    film_speed,
     frames_of,
     render_before_after,
     render_moment,
@@ -20,6 +21,7 @@ from palpate.pictures.moments import (
 )
 from palpate.pictures.renderer import gl_available, png
 from palpate.report.data import Measured, ParameterRow, ReportData
+from palpate.runs.folder import replacing
 from palpate.scene.camera import load_image
 
 if TYPE_CHECKING:
@@ -27,6 +29,8 @@ if TYPE_CHECKING:
     from palpate.twin.twin import Twin
     from palpate.twin.validate import Residual, Validation
 
+IMAGES, STILLS, FILM = "images", ("workspace.png", "before.png", "after.png"), "execution.mp4"
+"""A run's pictures: their folder, and their names in it."""
 LIBRARIES = ("mujoco", "mink", "py_trees", "numpy", "scipy")
 
 
@@ -40,38 +44,61 @@ class Pictures:
     film: Film | None = None
 
 
-def take_pictures(run: Run) -> Pictures:
-    """Workspace, before, after and film, as far as there is something to see and a way to see
-    it."""
-    workspace = run.picture
+def pictures_in(folder: Path, run: Run) -> Pictures:
+    """The pictures of a run that its folder holds already."""
+
+    def content(name: str) -> bytes | None:
+        file = folder / IMAGES / name
+        return file.read_bytes() if file.exists() else None
+
+    workspace, before, after = (content(name) for name in STILLS)
+    video, moving = content(FILM), None
+    if video is not None and run.execution is not None:
+        moving = Film(video, film_speed(run.execution.robot_seconds))
+    return Pictures(workspace, before, after, moving)
+
+
+def take_stills(run: Run, taken: Pictures) -> Pictures:
+    """`taken` with workspace, before and after, as far as there is something to see and a way to
+    see it."""
+    workspace = run.picture or taken.workspace
     if run.settings.images:
         workspace = png(load_image(run.settings.images[0]))
+    taken = replace(taken, workspace=workspace)
     if not gl_available()[0]:
-        return Pictures(workspace)
+        return taken
     names = tuple(run.scene.bodies)
     before = run.scene.spec()
-    if run.twin is None or run.twin.scene is None or run.footage is None:
-        return Pictures(workspace or render_scene(before, names))
+    if run.twin is None or run.twin.scene is None:
+        return replace(taken, workspace=workspace or render_scene(before, names))
     pair = render_before_after(before, run.twin.scene.spec(), names)
+    if workspace is None and run.footage is not None:
+        _, qpos = frames_of(run.footage.frames)
+        workspace = render_moment(run.footage.model, qpos[0])
+    return Pictures(workspace, *pair, taken.film)
+
+
+def take_film(run: Run, taken: Pictures) -> Pictures:
+    """`taken` with the film, where the cell's camera saw something."""
+    seen = run.footage is not None and run.twin is not None and run.twin.scene is not None
+    if not seen or run.footage is None or not gl_available()[0]:
+        return taken
     t, qpos = frames_of(run.footage.frames)
-    workspace = workspace or render_moment(run.footage.model, qpos[0])
-    moving = film(run.footage.model, t, qpos, run.trace)
-    return Pictures(workspace, *pair, moving)
+    return replace(taken, film=film(run.footage.model, t, qpos, run.trace))
 
 
 def write_images(pictures: Pictures, folder: Path) -> None:
-    """The pictures as files of their own."""
-    folder.mkdir()
-    contents = {
-        "workspace.png": pictures.workspace,
-        "before.png": pictures.before,
-        "after.png": pictures.after,
-    }
+    """The pictures as files of their own, in the run's folder."""
+    folder = folder / IMAGES
+    folder.mkdir(exist_ok=True)
+    stills = (pictures.workspace, pictures.before, pictures.after)
+    contents = dict(zip(STILLS, stills, strict=True))
     if pictures.film is not None:
-        contents["execution.mp4"] = pictures.film.mp4
+        contents[FILM] = pictures.film.mp4
     for name, content in contents.items():
         if content is not None:
-            (folder / name).write_bytes(content)
+            with replacing(folder / name) as part:
+                part.write_bytes(content)
 
 
 def report_data(run: Run, pictures: Pictures, scratch: Path) -> ReportData:

@@ -59,7 +59,7 @@ class ReportData:
     """
 
     request: str | None
-    status: Literal["complete", "rejected", "aborted", "failed"]
+    status: Literal["running", "complete", "rejected", "aborted", "failed"]
     plan: Plan
     world: str
     parameters: tuple[ParameterRow, ...] = ()

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from jinja2 import Template
 
 VERDICTS = {
+    "running": "Under way",
     "complete": "Complete",
     "rejected": "Not measured",
     "aborted": "Stopped safely",

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from palpate.execution.btcpp import tree_xml
-from palpate.runs.folder import write_json
+from palpate.runs.folder import replacing, write_json, write_text
 from palpate.runs.result import has_scene_of_its_own, plan_text, result_json
 from palpate.runs.run import TRACE, Run
 from palpate.trace.mcap import write_mcap
@@ -15,15 +15,37 @@ from palpate.vocabulary.registry import vocabulary
 def write_files(run: Run, scratch: Path, folder: Path) -> None:
     """Write plan, conversation, scene, tree, trace, twin and result into `scratch`, which will
     become `folder`."""
-    (scratch / "plan.json").write_text(plan_text(run), encoding="utf-8")
-    if run.conversation is not None:
-        (scratch / "conversation.json").write_text(run.conversation.dump(), encoding="utf-8")
-    if has_scene_of_its_own(run):
-        (scratch / "scene.xml").write_text(run.scene.text, encoding="utf-8")
-    if run.ready and run.plan.tree is not None:
-        (scratch / "tree.xml").write_text(tree_xml(run.plan, vocabulary()), encoding="utf-8")
-    if run.trace is not None:
-        write_mcap(scratch / TRACE, run.trace)
-    if run.twin is not None:
-        run.twin.save(scratch / "twin.xml")
+    write_plan(run, scratch)
+    write_trace(run, scratch)
+    write_twin(run, scratch)
     write_json(scratch / "result.json", result_json(run, folder))
+
+
+def write_plan(run: Run, folder: Path) -> None:
+    """All that there is before anything moves."""
+    write_text(folder / "plan.json", plan_text(run))
+    if run.conversation is not None:
+        write_text(folder / "conversation.json", run.conversation.dump())
+    if run.ready and run.plan.tree is not None:
+        write_text(folder / "tree.xml", tree_xml(run.plan, vocabulary()))
+    _write_scene(run, folder)
+
+
+def write_trace(run: Run, folder: Path) -> None:
+    """The finished trace, in the place of the one that grew."""
+    if run.trace is not None:
+        with replacing(folder / TRACE) as part:
+            write_mcap(part, run.trace)
+
+
+def write_twin(run: Run, folder: Path) -> None:
+    """The twin, and the scene as contact told it."""
+    if run.twin is not None:
+        with replacing(folder / "twin.xml") as part:
+            run.twin.save(part)
+    _write_scene(run, folder)
+
+
+def _write_scene(run: Run, folder: Path) -> None:
+    if has_scene_of_its_own(run):
+        write_text(folder / "scene.xml", run.scene.text)

@@ -1,10 +1,16 @@
-"""One run, one folder: everything appears at once or not at all."""
+"""One run, one folder. What is finished appears at once or not at all; the folder of a run under way
+says so in its result.json, and grows file by file, each of which is whole.
+"""
 
 from __future__ import annotations
 
 import json
+import os
+import platform
+import re
 import shutil
 import tempfile
+import zlib
 from collections.abc import Generator
 from contextlib import contextmanager
 from datetime import datetime
@@ -17,6 +23,10 @@ from palpate.files.read import read_text
 MAX_JSON = 20_000_000
 """Largest JSON file of a run that is read."""
 
+_HOST = f"{zlib.crc32(platform.node().encode()):08x}"
+_SCRATCH = re.compile(r"\..+\.palpate-([0-9a-f]{8})-([0-9]+)-\w+")
+"""A scratch folder: the machine and the process that made it."""
+
 
 def default_folder(name: str) -> Path:
     """`runs/NAME-TIME` in the present folder (NAME `run` where there is none); a number is added
@@ -26,22 +36,55 @@ def default_folder(name: str) -> Path:
     return next(c for c in candidates if not c.exists())
 
 
+def check_writable(path: Path) -> None:
+    """Try whether a folder can be made at `path`; nothing is left of the trial.
+
+    Raises:
+        InputError: it exists or cannot be made.
+    """
+    _check_free(path)
+    there = next(parent for parent in path.absolute().parents if parent.exists())
+    try:
+        trial = _scratch(there, path.name)
+        try:
+            (trial / "trial").write_bytes(b"trial")
+        finally:
+            shutil.rmtree(trial, ignore_errors=True)
+    except OSError as error:
+        raise _unwritable(path, error) from error
+
+
+def growing_folder(path: Path) -> None:
+    """Make the folder of a run that begins now.
+
+    Raises:
+        InputError: it exists or cannot be made.
+    """
+    _check_free(path)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        sweep(path.parent)
+        path.mkdir()
+    except OSError as error:
+        raise _unwritable(path, error) from error
+
+
 @contextmanager
 def new_folder(path: Path) -> Generator[Path]:
     """A scratch folder beside `path` that becomes `path` when the block ends well, and is removed
     when it does not.
 
     Raises:
-        InputError: `path` exists or cannot be made; or it came into being meanwhile, then the
-            scratch folder is kept.
+        InputError: `path` exists or cannot be made; or it came into being meanwhile, then the run
+            is kept beside it.
     """
-    if path.exists():
-        raise InputError(f"'{path}' exists already: choose another out=, nothing is overwritten")
+    _check_free(path)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        scratch = Path(tempfile.mkdtemp(prefix=f".{path.name}.", dir=path.parent))
+        sweep(path.parent)
+        scratch = _scratch(path.parent, path.name)
     except OSError as error:
-        raise InputError(f"cannot write '{path}': {error.strerror}") from error
+        raise _unwritable(path, error) from error
     try:
         yield scratch
     except BaseException:
@@ -51,9 +94,67 @@ def new_folder(path: Path) -> Generator[Path]:
     try:
         scratch.rename(path)
     except OSError as error:
+        kept = _kept(scratch, path)
         raise InputError(
-            f"'{path}' cannot be made any more ({error.strerror}); the run is kept in '{scratch}'"
+            f"'{path}' cannot be made any more ({error.strerror}); the run is kept in '{kept}'"
         ) from error
+
+
+def sweep(folder: Path) -> None:
+    """Remove the scratch folders that processes of this machine left here when they were killed."""
+    for entry in folder.iterdir():
+        found = _SCRATCH.fullmatch(entry.name)
+        if found and found[1] == _HOST and not _alive(int(found[2])):
+            shutil.rmtree(entry, ignore_errors=True)
+
+
+@contextmanager
+def replacing(path: Path) -> Generator[Path]:
+    """A file beside `path` that takes its place when the block ends well, and is removed when it
+    does not: at every moment, `path` is whole."""
+    part = path.with_name(f"{path.name}.part")
+    try:
+        yield part
+        part.replace(path)
+    except BaseException:
+        part.unlink(missing_ok=True)
+        raise
+
+
+def _check_free(path: Path) -> None:
+    if path.exists():
+        raise InputError(f"'{path}' exists already: choose another out=, nothing is overwritten")
+
+
+def _unwritable(path: Path, error: OSError) -> InputError:
+    return InputError(f"cannot write '{path}': {error.strerror}; choose another out=")
+
+
+def _scratch(parent: Path, name: str) -> Path:
+    prefix = f".{name}.palpate-{_HOST}-{os.getpid()}-"
+    return Path(tempfile.mkdtemp(prefix=prefix, dir=parent))
+
+
+def _kept(scratch: Path, path: Path) -> Path:
+    """Where a scratch folder is kept whose place was taken: where nobody sweeps."""
+    for i in range(2, 100):
+        beside = path.with_name(f"{path.name}-{i}")
+        try:
+            return scratch.rename(beside)
+        except OSError:
+            continue
+    return scratch
+
+
+def _alive(process: int) -> bool:
+    """Whether a process of this machine still runs."""
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    except OSError:
+        return True
+    return True
 
 
 def read_json(path: Path) -> dict[str, Any]:
@@ -74,7 +175,12 @@ def read_json(path: Path) -> dict[str, Any]:
 
 
 def write_json(path: Path, content: Any) -> None:
-    """Pretty, strict JSON (no NaN)."""
-    path.write_text(
-        json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False) + "\n", encoding="utf-8"
-    )
+    """Pretty, strict JSON (no NaN), at once."""
+    text = json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False)
+    write_text(path, f"{text}\n")
+
+
+def write_text(path: Path, text: str) -> None:
+    """A text file, at once."""
+    with replacing(path) as part:
+        part.write_text(text, encoding="utf-8")

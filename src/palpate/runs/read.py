@@ -76,10 +76,13 @@ def _run(folder: Path, settings: Settings, result: dict[str, Any]) -> Run:
         rehearsal=_rehearsal(result["rehearsal"]),
         world=result["provenance"]["world"],
         simulated=result.get("simulated", settings.robot is None),
-        execution=_ending(result["status"], result["execution"]),
+        execution=_ending(result["execution"]),
         estimates=estimates,
         twin=_twin(folder / "twin.xml", found.scene, estimates, result["twin"]),
         folder=folder,
+        stage=result.get("stage"),
+        interrupted=result.get("interrupted"),
+        shortfalls=tuple(result.get("shortfalls", ())),
     )
 
 
@@ -111,11 +114,11 @@ def _rehearsal(document: dict[str, Any] | None) -> Rehearsal | None:
     return Rehearsal(**document)
 
 
-def _ending(status: str, document: dict[str, Any] | None) -> Ending | None:
+def _ending(document: dict[str, Any] | None) -> Ending | None:
     if document is None:
         return None
     return Ending(
-        "stopped" if status == "aborted" else "complete",
+        "complete" if document["stopped_by"] is None else "stopped",
         document["stopped_by"],
         document["actions"],
         document["robot_seconds"],

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 from palpate import __version__
 from palpate.estimation.estimate import Estimate
@@ -17,8 +18,11 @@ if TYPE_CHECKING:
 
 def result_json(run: Run, folder: Path | None) -> dict[str, Any]:
     """The content of `result.json`, which `--json` prints too."""
-    return {
+    content = {
         "status": run.status,
+        "stage": run.stage,
+        "interrupted": run.interrupted,
+        "shortfalls": list(run.shortfalls),
         "simulated": run.simulated,
         "request": run.settings.request,
         "parameters": [parameter_json(estimate) for estimate in run.estimates],
@@ -34,6 +38,19 @@ def result_json(run: Run, folder: Path | None) -> dict[str, Any]:
             "world": run.world,
         },
     }
+    return _finite(content)
+
+
+def _finite(content: Any) -> Any:
+    """The same with null for what is no number, which JSON cannot say."""
+    if isinstance(content, dict):
+        named = cast("dict[str, Any]", content)
+        return {name: _finite(value) for name, value in named.items()}
+    if isinstance(content, list):
+        return [_finite(value) for value in cast("list[Any]", content)]
+    if isinstance(content, float) and not math.isfinite(content):
+        return None
+    return content
 
 
 def _plan_json(run: Run) -> dict[str, Any]:
@@ -142,4 +159,6 @@ def _files(run: Run, folder: Path | None) -> dict[str, str]:
         names["trace"] = "trace.mcap"
     if run.twin:
         names["twin"] = "twin.xml"
+    if folder == run.folder:
+        names = {kind: name for kind, name in names.items() if (folder / name).exists()}
     return {kind: str((folder / name).absolute()) for kind, name in names.items()}

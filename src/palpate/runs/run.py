@@ -26,7 +26,8 @@ if TYPE_CHECKING:
     from palpate.settings import Settings
     from palpate.vocabulary.state import SymbolicState
 
-Status = Literal["complete", "rejected", "aborted", "failed"]
+Status = Literal["running", "complete", "rejected", "aborted", "failed"]
+Stage = Literal["executing", "estimating", "building the twin", "writing the report"]
 TRACE = "trace.mcap"
 """The trace's file in a run folder."""
 
@@ -78,6 +79,9 @@ class Run:
         footage: what the cell's camera saw.
         estimates: one a parameter of the plan. truth: what is so, where somebody knows.
         twin: the finished scene. folder: where all of this lies.
+        stage: what is being done, or was when the run was cut off; None when all is done.
+        interrupted: what a signal cut short, in words.
+        shortfalls: what could not be made or written, and why, a line each.
     """
 
     settings: Settings
@@ -100,6 +104,9 @@ class Run:
     )
     twin: Twin | None = None
     folder: Path | None = None
+    stage: Stage | None = None
+    interrupted: str | None = None
+    shortfalls: tuple[str, ...] = ()
 
     @property
     def ready(self) -> bool:
@@ -108,7 +115,12 @@ class Run:
 
     @property
     def status(self) -> Status:
-        """`complete` when every promised parameter is estimated, or nothing is missing."""
+        """`complete` when every promised parameter is estimated, or nothing is missing; `running`
+        while there is more to do."""
+        if self.interrupted is not None:
+            return "aborted"
+        if self.stage is not None:
+            return "running"
         if self.execution is None:
             return "complete" if self.plan.satisfied else "rejected"
         if self.execution.status == "stopped":
@@ -126,8 +138,11 @@ class Run:
         Raises:
             InputError: the file in the folder is not a trace.
         """
-        if self.recorded is not None or self.execution is None or self.folder is None:
+        if self.recorded is not None or self.folder is None:
             return self.recorded
+        nothing_moved = self.execution is None and self.stage is None
+        if nothing_moved or not (self.folder / TRACE).exists():
+            return None
         return read_mcap(self.folder / TRACE)
 
     def __getitem__(self, name: str | Parameter) -> Estimate:

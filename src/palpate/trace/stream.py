@@ -31,8 +31,10 @@ BLOCK_SECONDS = 0.25
 
 
 class Recorded(Protocol):
-    """All that has ended so far, in order."""
+    """All that has ended so far, in order, and the nominal hand."""
 
+    hand: Hand
+    gravity: float
     leaves: list[LeafRun]
     recordings: list[Recording]
     conversions: list[Conversion]

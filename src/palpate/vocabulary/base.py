@@ -61,7 +61,8 @@ class Recorder:
         self.recordings: list[Recording] = []
         self.conversions: list[Conversion] = []
         self.leaves: list[LeafRun] = []
-        self._robot, self._hand, self._gravity = robot, robot.hand, robot.gravity
+        self.hand, self.gravity = robot.hand, robot.gravity
+        self._robot = robot
         self._parts: list[Samples] = []
 
     def drain(self) -> Samples:
@@ -79,8 +80,8 @@ class Recorder:
             tuple(self.leaves),
             tuple(self.recordings),
             tuple(self.conversions),
-            self._hand,
-            self._gravity,
+            self.hand,
+            self.gravity,
         )
 
 

@@ -1,0 +1,169 @@
+"""Keeps a run while it grows: at every moment its folder holds all that there is, and whatever fails
+costs no more than itself."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from palpate.errors import InputError, PalpateError
+from palpate.interrupt import Interrupted, Interrupts
+from palpate.runs.files import write_plan, write_trace, write_twin
+from palpate.runs.folder import growing_folder, write_json
+from palpate.runs.result import result_json
+from palpate.runs.run import TRACE, Run, Stage
+from palpate.trace.stream import TraceStream
+
+if TYPE_CHECKING:
+    from palpate.trace.samples import Samples
+    from palpate.trace.stream import Recorded
+
+Step = Callable[[Run], Iterator[Run]]
+"""A stage of a run: yields what it has grown to, once or several times."""
+
+
+class Keeper:
+    """Keeps a run in `folder`, in memory alone where that is None.
+
+    A stage that fails, or a file that cannot be written, costs what it would have made and a line
+    in the run's `shortfalls`. A signal ends the run where it stands (`Run.interrupted`).
+    """
+
+    def __init__(self, folder: Path | None, signals: Interrupts) -> None:
+        self.folder = folder
+        self._signals = signals
+        self._shortfalls: list[str] = []
+        self._stream: TraceStream | None = None
+
+    def begin(self, run: Run, request: Mapping[str, Any]) -> Run:
+        """Make the folder, with all that there is before anything moves.
+
+        Raises:
+            InputError: it exists, or cannot be made or written.
+        """
+        run = replace(run, stage="executing", folder=self.folder)
+        if self.folder is None:
+            return run
+        growing_folder(self.folder)
+        try:
+            write_json(self.folder / "request.json", request)
+            write_plan(run, self.folder)
+            write_json(self.folder / "result.json", result_json(run, self.folder))
+        except OSError as error:
+            self._discard()
+            raise InputError(f"cannot write '{self.folder}': {error.strerror}") from error
+        return run
+
+    def through(self, stage: Stage, step: Step, run: Run) -> Run:
+        """`run` after a stage, as far as that came."""
+        run, before = self.kept(replace(run, stage=stage)), self._signals.count
+        try:
+            for grown in step(run):
+                run = self.kept(grown)
+                # One that was raised where Python ignores exceptions is heard here.
+                if self._signals.count > before:
+                    raise Interrupted
+        except KeyboardInterrupt:
+            return self.kept(replace(run, interrupted=f"{self._signals.reason} while {stage}"))
+        except Exception as error:
+            self.fell_short(f"{stage} failed", error)
+        return self.kept(run)
+
+    def executed(self, step: Step, run: Run) -> Run:
+        """`run` after its execution, in which a signal asks for a controlled stop.
+
+        Raises:
+            PalpateError: nothing could be executed; nothing has moved, and nothing is left.
+        """
+        with self._signals.noted():
+            try:
+                for grown in step(run):
+                    run = self.kept(grown)
+            except PalpateError:
+                self._discard()
+                raise
+            except KeyboardInterrupt:
+                return self.kept(
+                    replace(run, interrupted=f"{self._signals.reason} while executing")
+                )
+            finally:
+                self._close_stream()
+            pressed = self._signals.pressed()
+            stopped = run.execution is not None and run.execution.status == "stopped"
+            if pressed > 1 or (pressed and not stopped):
+                run = replace(run, interrupted=f"{self._signals.reason} while executing")
+            return self.kept(run)
+
+    def finished(self, run: Run) -> Run:
+        """`run`, with nothing left to do."""
+        return self.kept(replace(run, stage=None, interrupted=None))
+
+    def kept(self, run: Run) -> Run:
+        """`run` with what it fell short of, its state written to result.json."""
+        with self._signals.noted():
+            run = self._with_shortfalls(run)
+            if self.folder is not None:
+                content = result_json(run, self.folder)
+                self.tried("result.json", lambda at: write_json(at / "result.json", content))
+            return self._with_shortfalls(run)
+
+    def samples(self, samples: Samples, recorded: Recorded) -> None:
+        """Write down what the robot sensed just now.
+
+        Raises:
+            OSError: the disk is full, or gone.
+        """
+        if self.folder is None:
+            return
+        if self._stream is None:
+            self._stream = TraceStream(self.folder / TRACE, recorded.hand, recorded.gravity)
+        self._stream.write(samples, recorded)
+
+    def trace(self, run: Run) -> None:
+        """Write the finished trace in the place of the one that grew."""
+        self._close_stream()
+        self.tried(TRACE, lambda at: write_trace(run, at))
+
+    def twin(self, run: Run) -> None:
+        """Write the twin."""
+        self.tried("twin.xml", lambda at: write_twin(run, at))
+
+    def tried(self, name: str, write: Callable[[Path], None]) -> None:
+        """Let `write` write something into the folder; a failure is noted."""
+        if self.folder is None:
+            return
+        try:
+            write(self.folder)
+        except Exception as error:
+            self.fell_short(f"{name} was not written", error)
+
+    def fell_short(self, what: str, error: Exception) -> None:
+        """Note what could not be made, and why, once."""
+        line = shortfall(what, error)
+        if line not in self._shortfalls:
+            self._shortfalls.append(line)
+
+    def _with_shortfalls(self, run: Run) -> Run:
+        return replace(run, shortfalls=tuple(dict.fromkeys([*run.shortfalls, *self._shortfalls])))
+
+    def _close_stream(self) -> None:
+        stream, self._stream = self._stream, None
+        if stream is not None:
+            try:
+                stream.close()
+            except OSError as error:
+                self.fell_short("the trace was not written down while it grew", error)
+
+    def _discard(self) -> None:
+        """Remove the folder of a run in which nothing has moved."""
+        if self.folder is not None:
+            shutil.rmtree(self.folder, ignore_errors=True)
+
+
+def shortfall(what: str, error: Exception) -> str:
+    """What could not be made, and why, in one line."""
+    reason = getattr(error, "strerror", None) or f"{type(error).__name__}: {error}"
+    return f"{what}: {reason}".splitlines()[0]
