@@ -95,6 +95,7 @@ def test_an_arm_at_rest_is_safe_whatever_is_expected():
         ),
         ({"t": 10.5}, "sensor data is 520 ms old, more than 100 ms"),
         ({"wrench": wrench(np.nan, 0, 0)}, "sensor data is not finite: wrench"),
+        ({"contact": wrench(np.inf, 0, 0)}, "sensor data is not finite: contact"),
         ({"q": np.full(7, np.inf), "dq": np.full(7, -np.inf)}, "sensor data is not finite: q, dq"),
         ({"width": float("nan")}, "sensor data is not finite: pose or width"),
     ],
@@ -143,12 +144,12 @@ def test_the_workspace_box_belongs_to_the_base():
     ],
 )
 def test_which_forces_are_part_of_the_job(expected, force, reason):
-    found = violation(state(wrench=wrench(*force)), LIMITS, expected)
+    found = violation(state(contact=wrench(*force)), LIMITS, expected)
     assert found is None if reason is None else reason in str(found)
 
 
 def test_torque_beyond_the_limit_is_never_part_of_the_job():
-    found = violation(state(wrench=wrench(0, 0, 0, torque=(0, 16.0, 0))), LIMITS, CONTACT)
+    found = violation(state(contact=wrench(0, 0, 0, torque=(0, 16.0, 0))), LIMITS, CONTACT)
     assert found == "external torque 16.0 N m exceeds the limit of 15 N m"
 
 
@@ -162,7 +163,7 @@ def test_a_slip_is_only_looked_for_while_something_must_be_held():
 
 
 def test_stale_data_is_reported_before_what_it_seems_to_say():
-    assert "old" in str(violation(state(t=11.0, wrench=wrench(99, 0, 0)), LIMITS, FREE))
+    assert "old" in str(violation(state(t=11.0, contact=wrench(99, 0, 0)), LIMITS, FREE))
 
 
 forces = st.floats(-100, 100)
@@ -170,7 +171,7 @@ forces = st.floats(-100, 100)
 
 @given(forces, forces, forces, st.booleans(), st.booleans())
 def test_expecting_more_never_forbids_more_force(x, y, z, holding, contact):
-    felt = state(wrench=wrench(x, y, z))
+    felt = state(contact=wrench(x, y, z))
     if violation(felt, LIMITS, Expectation(holding=holding)) is None:
         assert violation(felt, LIMITS, Expectation(holding=holding, contact=contact)) is None
     if np.linalg.norm([x, y, z]) > LIMITS.force_max + WEIGHT:

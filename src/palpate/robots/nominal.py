@@ -40,13 +40,13 @@ class Kinematics:
 
 def wrench(jacobian: Array, torque: Array) -> Array:
     """(J^T)^+ tau: the wrench (6,) at the TCP of joint torques (7,). `jacobian` is (6, 7)."""
-    return dposv(jacobian @ jacobian.T + _RIDGE, jacobian @ torque)[1]
+    return dposv(jacobian @ jacobian.T + RIDGE, jacobian @ torque)[1]
 
 
 def wrenches(jacobian: Array, torque: Array) -> Array:
     """`wrench` (n, 6, k) of n Jacobians (n, 6, 7) and k torques each (n, 7, k)."""
     square = np.matmul(jacobian, jacobian.transpose(0, 2, 1))
-    square += _RIDGE
+    square += RIDGE
     right, out = np.matmul(jacobian, torque), np.empty((len(torque), 6, torque.shape[2]))
     # LAPACK without the checks of numpy.linalg, which cost more than the solving.
     for i in range(len(out)):
@@ -54,7 +54,8 @@ def wrenches(jacobian: Array, torque: Array) -> Array:
     return out
 
 
-_RIDGE = REGULARISATION * np.eye(6)
+RIDGE = REGULARISATION * np.eye(6)
+"""What `REGULARISATION` adds to J J^T."""
 
 
 def _turn(start: Array, goal: Array) -> Array:
@@ -145,16 +146,16 @@ class NominalArm:
                 break
         return q
 
-    def bias_torque(self, q: Array, dq: Array) -> Array:
-        """Gravity, Coriolis and centrifugal torques (7,), N m."""
+    def dynamics(self, q: Array, dq: Array) -> tuple[Array, Array]:
+        """`mass_matrix` (7, 7), and Coriolis and centrifugal torques (7,), N m."""
         model, data = self._model, self._data
-        self._q[:], self._dq[:] = q, dq
-        mujoco.mj_kinematics(model, data)
-        mujoco.mj_comPos(model, data)
+        mass_matrix, gravity, bias = self.mass_matrix(q), np.empty(model.nv), np.empty(model.nv)
+        self._dq[:], self._cvel[:] = 0.0, 0.0
+        mujoco.mj_rne(model, data, 0, gravity)
+        self._dq[:] = dq
         mujoco.mj_comVel(model, data)
-        out = np.empty(model.nv)
-        mujoco.mj_rne(model, data, 0, out)
-        return out[:7]
+        mujoco.mj_rne(model, data, 0, bias)
+        return mass_matrix, (bias - gravity)[:7]
 
     def mass_matrix(self, q: Array) -> Array:
         """Joint-space inertia (7, 7) with the motors' reflected one, kg m^2."""

@@ -61,7 +61,7 @@ def unexplained_force(
     state: RobotState, limits: Limits, holding: bool, gravity: float = STANDARD_GRAVITY
 ) -> Array:
     """(3,) N: the external force less what a held object up to the payload may weigh."""
-    force = state.wrench[:3].copy()
+    force = state.contact[:3].copy()
     if holding:
         force[2] -= min(max(force[2], 0.0), limits.payload * gravity)
     return force
@@ -74,6 +74,7 @@ def _not_finite(state: RobotState) -> str | None:
         + state.tau.sum()
         + state.tau_ext.sum()
         + state.wrench.sum()
+        + state.contact.sum()
         + state.twist.sum()
         + state.pose_world_tcp.position.sum()
         + state.pose_world_tcp.quaternion.sum()
@@ -83,7 +84,7 @@ def _not_finite(state: RobotState) -> str | None:
         return None
     bad = [
         name
-        for name in ("q", "dq", "tau", "tau_ext", "wrench", "twist")
+        for name in ("q", "dq", "tau", "tau_ext", "wrench", "contact", "twist")
         if not np.isfinite(getattr(state, name)).all()
     ]
     return f"sensor data is not finite: {', '.join(bad) or 'pose or width'}"
@@ -147,25 +148,35 @@ def _torques(state: RobotState, limits: Limits) -> str | None:
 
 def _forces(state: RobotState, limits: Limits, expected: Expectation, gravity: float) -> str | None:
     weight = limits.payload * gravity
-    if expected.holding and state.wrench[2] > weight + limits.overload:
+    if expected.holding and state.contact[2] > weight + limits.overload:
         return (
-            f"the held object pulls with {state.wrench[2]:.1f} N, more than the payload of {limits.payload:g} kg "
+            f"the held object pulls with {state.contact[2]:.1f} N, more than the payload of {limits.payload:g} kg "
             f"({weight:.1f} N)"
         )
     force = unexplained_force(state, limits, expected.holding, gravity)
-    size, twisting = _norm(force), _norm(state.wrench[3:])
+    size, twisting = _norm(force), _norm(state.contact[3:])
     if size > limits.force_max:
         return f"external force {size:.1f} N exceeds the limit of {limits.force_max:.0f} N"
     if twisting > limits.torque_max:
         return (
             f"external torque {twisting:.1f} N m exceeds the limit of {limits.torque_max:.0f} N m"
         )
-    if size > limits.free_force and not expected.contact:
+    explained = _explained(limits, expected)
+    if size > explained:
         return (
             f"unexpected contact: {size:.1f} N {_vector(force)} where at most "
-            f"{limits.free_force:g} N is explained"
+            f"{explained:g} N is explained"
         )
     return None
+
+
+def _explained(limits: Limits, expected: Expectation) -> float:
+    """N that belong to what the arm is doing, besides a weight."""
+    if expected.contact:
+        return limits.force_max
+    if expected.holding:
+        return max(limits.free_force, limits.reflexes.carrying.force)
+    return limits.free_force
 
 
 def _slip(state: RobotState, expected: Expectation) -> str | None:

@@ -101,6 +101,11 @@ class Gains:
         own = np.diag(inertia.joints)
         return cls(False, springs.joints, 2 * np.sqrt(springs.joints * own), inertia.joints, own)
 
+    @classmethod
+    def of_torques(cls, inertia: Array) -> Gains:
+        """No springs and no dampers: the joint drives take torques. `inertia` (7, 7) kg m^2."""
+        return cls(False, np.zeros(7), np.zeros(7), inertia, np.diag(inertia))
+
     def joint_damping(self, jacobian: Array) -> Array:
         """What all dampers come to at the joints, (7, 7)."""
         if not self.cartesian:
@@ -142,8 +147,8 @@ class Actuators:
         self.drives = slice(int(first[self._drives[0]]), int(first[self._drives[0]]) + 7)
 
     def set(self, gains: Gains) -> None:
-        """Let these springs act, and no others; where the TCP's do, the joint drives become torque
-        inputs."""
+        """Let these springs act, and no others; where the joints' do not, their drives become
+        torque inputs."""
         if gains.cartesian:
             self._spring(self._axes, gains.stiffness[:3], gains.damping[:3])
             self._spring(self._turn, gains.stiffness[3], gains.damping[3])
@@ -151,6 +156,8 @@ class Actuators:
         else:
             self._spring([*self._axes, self._turn], 0.0, 0.0)
             self._spring(self._drives, gains.stiffness, gains.damping)
+        if not gains.stiffness.any():
+            self._gain[self._drives, 0] = 1.0
 
     def _spring(
         self, which: list[int] | int, stiffness: Array | float, damping: Array | float

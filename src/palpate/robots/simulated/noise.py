@@ -118,6 +118,7 @@ class Sensors:
         random: np.random.Generator,
     ) -> None:
         self._kinds, self._period, self._random = kinds, period, random
+        self._cycles = random.spawn(1)[0]
         self._noise = kinds.torque_noise / np.sqrt(samples_per_period)  # of a block's mean
         self._perfect = not kinds.torque_noise.any()
         self._gain = 1.0 + kinds.gain * random.uniform(-1.0, 1.0, 7)
@@ -162,6 +163,12 @@ class Sensors:
         extra += self._drift - self._zero
         extra += self._gain * torque
         return extra
+
+    def cycles(self, count: int) -> Array:
+        """(count, 7) N m: the noise of single samples, for those who look at every one."""
+        if self._perfect:
+            return np.zeros((count, 7))
+        return self._kinds.torque_noise * self._cycles.standard_normal((count, 7))
 
     def _settle(self, extra: Array, step: Array, jacobian: Array) -> None:
         """Add the torque that sticks in resting joints, and let the pose's deviation follow the

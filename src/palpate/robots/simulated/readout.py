@@ -11,14 +11,14 @@ from palpate.geometry.pose import Array, Pose
 from palpate.robots.nominal import NominalArm, wrenches
 from palpate.robots.simulated.impedance import Gains
 from palpate.robots.simulated.noise import Sensors
-from palpate.robots.simulated.world import PERIOD, SUBSTEPS, TIMESTEP, Steps
+from palpate.robots.simulated.timing import DAMPING_DELAY, PERIOD
+from palpate.robots.simulated.world import Steps
 from palpate.trace.samples import Samples
 
 OBSERVER_TIME = 0.01
 """s: time constant of the momentum observer, two log periods."""
-DAMPING_DELAY = TIMESTEP / SUBSTEPS / 2
-"""s: torque is sampled at the beginning of a cycle's last physics step, dampers act at the end of
-each."""
+LOAD_TIME = 0.2
+"""s: a vertical force that lasts so long is taken for a load."""
 
 
 class Readout:
@@ -28,6 +28,9 @@ class Readout:
         q, dq: (7,) rad, rad/s. tau, tau_ext: (7,) N m. wrench, contact, twist: (6,).
         pose_world_tcp: (7,) of the newest encoder reading, not a block's mean.
         jacobian: (6, 7). gravity_torque: (7,) N m, nominal. commanded: (7,) N m, the last block's.
+        speed: (7,) rad/s at the very end; `dq` is the last block's mean.
+        deviation: (7,) N m, what the torque sensors now show beyond the truth.
+        load: N that hangs on the hand: the slow part of the vertical force.
     """
 
     def __init__(self, nominal: NominalArm, sensors: Sensors, q: Array) -> None:
@@ -35,9 +38,10 @@ class Readout:
         self._reflected = nominal.armature
         here = nominal.kinematics(q[None])
         self._last = np.concatenate([q, here.pose_world_tcp[0], here.gravity_torque[0]])
-        self._speed = np.zeros(7)
+        self.speed = np.zeros(7)
         self.dq, self.tau_ext, self._external = np.zeros(7), np.zeros(7), np.zeros(7)
         self.wrench, self.contact, self.twist = np.zeros(6), np.zeros(6), np.zeros(6)
+        self.deviation, self.load = np.zeros(7), 0.0
         self.jacobian = here.jacobian[0]
         self.tau = self.commanded = self.gravity_torque
 
@@ -69,9 +73,9 @@ class Readout:
         mean *= 0.5
         dq = (rows[1:, :7] - rows[:-1, :7]) / PERIOD
         jacobian = here.jacobian
-        torque = self._sensors.measure(
-            self._link_torque(steps, gained, gains, jacobian[-1]), dq, jacobian[-1]
-        )
+        true = self._link_torque(steps, gained, gains, jacobian[-1])
+        torque = self._sensors.measure(true, dq, jacobian[-1])
+        self.deviation = torque[-1] - true[-1]
         tau_ext = torque - mean[:, 14:]
         external = self._observe(tau_ext - here.inertia_torque)
         both = wrenches(jacobian, np.stack([tau_ext, external], axis=2))
@@ -82,6 +86,7 @@ class Readout:
         self.tau, self.tau_ext = torque[-1], tau_ext[-1]
         self.jacobian, self.twist = jacobian[-1], twist[-1]
         self.wrench, self.contact = wrench[-1], both[-1, :, 1]
+        self.load += (self.contact[2] - self.load) * -math.expm1(-n * PERIOD / LOAD_TIME)
         ends = t - PERIOD * np.arange(n - 1.0, -1.0, -1.0)
         return Samples(
             ends,
@@ -98,9 +103,9 @@ class Readout:
     def _gained(self, dq: Array) -> Array:
         """(n, 7) rad/s that the joints gained in each block."""
         gained = dq.copy()
-        gained[0] -= self._speed
+        gained[0] -= self.speed
         gained[1:] -= dq[:-1]
-        self._speed = dq[-1]
+        self.speed = dq[-1]
         return gained
 
     def _observe(self, residual: Array) -> Array:

@@ -18,17 +18,18 @@ from palpate.robots.nominal import NominalArm, wrench
 from palpate.robots.reflex import Reflex
 from palpate.robots.robot import RobotState
 from palpate.robots.simulated.gripper import Gripper
+from palpate.robots.simulated.guard import EVERY, Guard, Reaction
 from palpate.robots.simulated.impedance import Gains, Inertia
 from palpate.robots.simulated.noise import Sensors
 from palpate.robots.simulated.noise_models import noise_models
 from palpate.robots.simulated.readout import Readout
 from palpate.robots.simulated.setpoints import (
-    LONGEST_RUN,
     Setpoints,
     joint_setpoints,
     pose_setpoints,
 )
-from palpate.robots.simulated.world import BLOCK, PERIOD, TIMESTEP, World
+from palpate.robots.simulated.timing import BLOCK, DAMPING_DELAY, LONGEST_RUN, PERIOD, TIMESTEP
+from palpate.robots.simulated.world import World
 from palpate.trace.recording import Hand
 from palpate.trace.samples import Samples
 
@@ -38,6 +39,10 @@ if TYPE_CHECKING:
 GIVING_WAY = 0.2
 """s, about 2 d / k of the TCP's springs: a stop this long moves the equilibrium on by as much as it
 leads the arm, so that a contact keeps the force it had."""
+STANDSTILL = 0.005
+"""rad/s: slower joints have stopped giving way."""
+SHORTEST_YIELD, LONGEST_YIELD = 0.1, 0.5
+"""s after a reflex."""
 
 
 class MujocoRobot:
@@ -66,6 +71,7 @@ class MujocoRobot:
         self._nominal = NominalArm(arm, pose_world_base, self._world.gravity)
         self._sensors = Sensors(kinds, PERIOD, BLOCK, random)
         self._gripper = Gripper(arm.hand)
+        self._guard = Guard()
         self._thresholds = arm.limits.reflexes.contact
         self._reflex: str | None = None
         self._due = 0.0
@@ -195,7 +201,7 @@ class MujocoRobot:
         periods = round((self._due - self._world.t) / PERIOD)
         while periods > 0:
             self._run(min(periods, LONGEST_RUN))
-            periods -= LONGEST_RUN
+            periods = round((self._due - self._world.t) / PERIOD)
 
     def drain(self) -> Samples:
         """See `Robot`."""
@@ -230,12 +236,15 @@ class MujocoRobot:
         """Where a joint motion begins: on the present one, or where the joints' springs pull as the
         TCP's do now."""
         t, path, readout = self._world.t, self._path, self._readout
-        if isinstance(path, trajectory.Path):
+        if isinstance(path, trajectory.Path) and not self._yielding:
             return path.at(t)
-        # The springs' set-point leads the arm by torque / stiffness: from there on nothing jerks.
-        lead = self._sprung() / self._arm.stiffness.joints
         rate = readout.dq if path.end > t else np.zeros(7)
-        return trajectory.Motion(readout.q + lead, rate, np.zeros(7))
+        return trajectory.Motion(self._leading(), rate, np.zeros(7))
+
+    def _leading(self) -> Array:
+        """(7,) rad where the joints' springs would pull as hard as is pulled now: from there on
+        nothing jerks."""
+        return self._readout.q + self._sprung() / self._arm.stiffness.joints
 
     def _pose_motion(self) -> tuple[trajectory.Motion, Array]:
         """Where a Cartesian motion begins: on the present one, or where the TCP's springs pull as
@@ -275,25 +284,60 @@ class MujocoRobot:
     def _run(self, periods: int) -> None:
         """Let the world run for some log periods, and read the sensors."""
         world, n = self._world, periods * BLOCK
+        self._dynamics = self._nominal.dynamics(self._readout.q, self._readout.dq)
         control = np.empty((n, len(world.rest_control)))
         control[:] = world.rest_control
         target = self._command(control)
         world.set_fingers(
             control, self._gripper.setpoints(world.t + TIMESTEP * np.arange(n, dtype=float))
         )
-        steps = world.step(control)
-        self._logged.append(self._readout.read(steps, self._gains, world.t, target))
-        self._target = target[-1]
+        self._begin_guard(n)
+        steps = world.step(control, self._guard)
+        self._logged.append(self._readout.read(steps, self._gains, world.t, target[: len(steps.q)]))
+        self._target = target[len(steps.q) - 1]
         self._gripper.observe(world.t, steps.fingers[-1].tolist(), steps.finger_speed[-1].tolist())
         self._cached = None
-        fired = self._thresholds.fired(self._readout.contact)
-        if fired and self._path.end > world.t:
-            self._yield()
-            self._reflex = fired
+        if self._guard.fired:
+            self._yield(self._guard.fired)
+        elif self._yielding and self._rests():
+            self._follow_joints(trajectory.still(world.t, self._leading()))
 
-    def _yield(self) -> None:
-        """The equilibrium goes to where the arm stands."""
-        self._follow_joints(trajectory.still(self._world.t, self._readout.q))
+    def _begin_guard(self, cycles: int) -> None:
+        """Look out for contacts in the run of cycles ahead."""
+        readout, thresholds = self._readout, self._thresholds
+        mass_matrix, velocity_torque = self._dynamics
+        jacobian = readout.jacobian
+        damping = self._gains.joint_damping(jacobian)
+
+        def reaction() -> Reaction:
+            load = min(max(readout.load, 0.0), thresholds.load)
+            return Reaction.of(mass_matrix, jacobian[2] * load)
+
+        self._guard.begin(
+            None if self._yielding else thresholds,
+            reaction,
+            jacobian,
+            mass_matrix + DAMPING_DELAY * damping,
+            readout.speed,
+            self._sensors.cycles(cycles // EVERY) + (readout.deviation - velocity_torque),
+        )
+
+    @property
+    def _yielding(self) -> bool:
+        return not self._gains.stiffness.any()
+
+    def _yield(self, why: str) -> None:
+        """Go where pushed, until the arm rests."""
+        self._reflex, self._since = why, self._world.t
+        here = trajectory.still(self._world.t, self._readout.q)
+        self._follow_joints(here)
+        self._gains = self._guard.reaction.gains
+        self._world.actuators.set(self._gains)
+
+    def _rests(self) -> bool:
+        yielded = self._world.t - self._since
+        slow = float(np.abs(self._readout.dq).max()) < STANDSTILL
+        return yielded > LONGEST_YIELD or (slow and yielded > SHORTEST_YIELD)
 
     def _command(self, control: Array) -> Array:
         """Fill in the arm's set-points (n, nu); returns the commanded TCP poses, one per log
@@ -302,6 +346,8 @@ class MujocoRobot:
         first = setpoints.first(self._world.t)
         block, last = first // BLOCK, first + len(control)
         rows, target = setpoints.rows[first:last], setpoints.poses[block : last // BLOCK]
+        if self._yielding:
+            return target
         if not self._gains.cartesian:
             control[:, actuators.drives] = rows
             return target
@@ -311,7 +357,7 @@ class MujocoRobot:
         torque = self._gains.posture_torque(
             posture[:7] - readout.q, posture[7:] - readout.dq, readout.jacobian
         )
-        torque += self._nominal.bias_torque(readout.q, readout.dq) - readout.gravity_torque
+        torque += self._dynamics[1]
         control[:, actuators.drives] = torque
         return target
 

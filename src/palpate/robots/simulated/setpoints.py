@@ -9,11 +9,8 @@ import numpy as np
 
 from palpate.geometry.pose import Array, Pose
 from palpate.robots.simulated.impedance import Gains
-from palpate.robots.simulated.world import BLOCK, PERIOD, TIMESTEP
+from palpate.robots.simulated.timing import BLOCK, LONGEST_RUN, PERIOD, TIMESTEP
 from palpate.robots.trajectory import Path, PosePath, turned
-
-LONGEST_RUN = 8
-"""Log periods that pass between two updates of the feed-forward torques, at most: 25 Hz."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

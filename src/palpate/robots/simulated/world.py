@@ -17,18 +17,12 @@ from palpate.errors import ExecutionAborted, InputError, unknown_name
 from palpate.geometry.pose import Array, Pose
 from palpate.robots.description import RobotDescription
 from palpate.robots.simulated.gripper import DRIVE, add_drive
+from palpate.robots.simulated.guard import EVERY, Guard
 from palpate.robots.simulated.impedance import PREFIX, Actuators, add_actuators
 from palpate.robots.simulated.noise import Imperfections, perturb_links
 from palpate.robots.simulated.stiction import declared
+from palpate.robots.simulated.timing import BLOCK, PERIOD, SUBSTEPS, TIMESTEP
 
-TIMESTEP = 0.001
-"""s: the control cycle, 1 kHz."""
-SUBSTEPS = 2
-"""Physics steps in a control cycle: contacts and grasps are stiffer than what 1 ms resolves
-well."""
-BLOCK = 5
-"""Steps per logged sample: 200 Hz."""
-PERIOD = BLOCK * TIMESTEP
 FRAME_PERIOD = 1.0 / 30.0
 """s between camera frames."""
 LEVEL = 0.01
@@ -105,8 +99,9 @@ class World:
         self.t = 0.0
         self.watch: Callable[[mujoco.MjData], None] | None = None
 
-    def step(self, control: Array) -> Steps:
-        """Step once per row of `control` (n * BLOCK, nu).
+    def step(self, control: Array, guard: Guard) -> Steps:
+        """Step once per row of `control` (n * BLOCK, nu), or until the guard feels too much: then
+        the arm gives way for what is left of that block, and the run ends with it.
 
         Raises:
             ExecutionAborted: the physics became unstable.
@@ -118,14 +113,25 @@ class World:
             np.empty((n, BLOCK, 7)),
         )
         now, speed, inputs, commanded = data.qpos, data.qvel, data.ctrl, data.qfrc_actuator[self._v]
+        dq, weight, done = data.qvel[self._v], data.qfrc_gravcomp[self._v], n
+        drives, cycle = self.actuators.drives, 0
         for block, rows in enumerate(control.reshape(n, BLOCK, -1)):
             for stiction in self._stiction:
                 stiction.apply(model, data)
             for i in range(BLOCK):
                 inputs[:] = rows[i]
+                if guard.yielding:
+                    inputs[drives] = guard.reaction.torque(dq)
                 self._substeps()
                 torque[block, i] = commanded
+                cycle += 1
+                if not (cycle % EVERY or guard.yielding) and guard.feels(commanded, weight, dq):
+                    self.actuators.set(guard.reaction.gains)
             qpos[block], qvel[block] = now, speed
+            if guard.fired:
+                done = block + 1
+                break
+        n, qpos, qvel, torque = done, qpos[:done], qvel[:done], torque[:done]
         self._film(qpos)
         self.t = round(self.t + n * PERIOD, 9)
         if abs(data.time - self.t) > TIMESTEP / 2:  # MuJoCo starts over when it diverges

@@ -1,0 +1,125 @@
+"""The 1 kHz reflex: a momentum observer in the control loop, and what it does when too much is felt.
+
+Only what a real arm has at every cycle enters: encoders, measured joint torques, and the nominal
+model as of the beginning of a run of cycles.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+from scipy.linalg.lapack import dposv
+
+from palpate.geometry.pose import Array
+from palpate.robots.nominal import RIDGE
+from palpate.robots.reflex import Reflex
+from palpate.robots.simulated.impedance import Gains
+from palpate.robots.simulated.timing import TIMESTEP
+
+OBSERVER_TIME = 0.005
+"""s: time constant of the observer; Franka states that its arms detect a collision within 2 ms
+(Panda datasheet, "collision detection time")."""
+EVERY = 2
+"""Control cycles between two looks at the forces."""
+BRAKING = 60.0
+"""1/s: how fast the arm slows down when it has stopped itself; 0.25 m/s end after 4 mm."""
+
+_BLEND = -math.expm1(-EVERY * TIMESTEP / OBSERVER_TIME)
+_ANYTHING = Reflex(math.inf, math.inf)
+
+
+class Reaction(NamedTuple):
+    """What the arm does when it stops itself: it gives way.
+
+    Attributes:
+        gains: of the drives, which then take torques.
+        damping: (7, 7) N m s/rad. load: (7,) N m that hold what hangs on the hand.
+    """
+
+    gains: Gains
+    damping: Array
+    load: Array
+
+    @classmethod
+    def of(cls, inertia: Array, load: Array) -> Reaction:
+        """Dampers like the inertia (7, 7): the whole arm slows down as one, and no joint pushes
+        another against what has stopped the TCP."""
+        return cls(Gains.of_torques(inertia), BRAKING * inertia, load)
+
+    def torque(self, dq: Array) -> Array:
+        """(7,) N m at joint rates (7,), rad/s."""
+        return self.load - self.damping @ dq
+
+
+class Guard:
+    """Follows the external wrench while the control loop runs, and says when it is too much.
+
+    Within a run of at most 40 ms inertia and Jacobian are those of its beginning; what the arm
+    turns meanwhile is below 0.04 rad.
+    """
+
+    def __init__(self) -> None:
+        self._wrench, self._weightless = np.zeros(6), np.empty(7)
+        self._momentum, self._before, self._felt = np.empty(6), np.empty(6), np.empty(6)
+        self.yielding = False
+        """Whether the arm gives way now."""
+        self.fired: str | None = None
+        """Why the arm stopped itself in the last run; None while it goes on."""
+
+    def begin(
+        self,
+        thresholds: Reflex | None,
+        reaction: Callable[[], Reaction],
+        jacobian: Array,
+        inertia: Array,
+        dq: Array,
+        deviation: Array,
+    ) -> None:
+        """Before a run of cycles.
+
+        Args:
+            thresholds: what may be felt; None while the arm gives way.
+            reaction: what the arm does where it is more.
+            jacobian: (6, 7), world axes about the TCP.
+            inertia: (7, 7) kg m^2 that the commanded torques move.
+            dq: (7,) rad/s now.
+            deviation: (n, 7) N m of each look: what the sensors show beyond what is commanded,
+                less Coriolis and centrifugal torques.
+        """
+        self._to_wrench = dposv(jacobian @ jacobian.T + RIDGE, jacobian)[1]
+        self._to_momentum = self._to_wrench @ inertia / (EVERY * TIMESTEP)
+        self._known = deviation @ self._to_wrench.T
+        self._to_momentum.dot(dq, out=self._before)
+        self._thresholds = thresholds or _ANYTHING
+        self._little = min(self._thresholds.force, self._thresholds.torque) ** 2
+        self._look, self._reaction = 0, reaction
+        self.yielding, self.fired = thresholds is None, None
+        if self.yielding:
+            self.reaction = reaction()
+
+    def feels(self, commanded: Array, weight: Array, dq: Array) -> bool:
+        """`EVERY` cycles later: whether it is too much, and the arm gives way from now on.
+
+        `commanded` (7,) N m at the joints, of which `weight` holds the nominal arm up.
+        """
+        momentum, before, felt, wrench = self._momentum, self._before, self._felt, self._wrench
+        np.subtract(commanded, weight, out=self._weightless)
+        self._to_wrench.dot(self._weightless, out=felt)
+        self._to_momentum.dot(dq, out=momentum)
+        felt += self._known[self._look]
+        felt += before
+        felt -= momentum
+        felt -= wrench
+        felt *= _BLEND
+        wrench += felt
+        self._momentum, self._before, self._look = before, momentum, self._look + 1
+        if wrench.dot(wrench) <= self._little:
+            return False
+        self.fired = self._thresholds.fired(wrench)
+        if self.fired is None:
+            return False
+        self.yielding, self.reaction = True, self._reaction()
+        return True

@@ -1,0 +1,175 @@
+"""The arm runs into things that nobody told it of; what they bear is read from MuJoCo's own contacts
+at every physics step."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import mujoco
+import numpy as np
+import pytest
+
+from palpate.geometry.pose import Pose
+from palpate.robots.reflex import Reflex
+from palpate.robots.registry import load_description
+from palpate.robots.simulated.robot import MujocoRobot
+
+ARM = load_description()
+BASE = Pose.of([0.0, 0.0, 0.0])
+REFLEXES = ARM.limits.reflexes
+STEPS_A_MS = 2
+"""Physics steps."""
+POST = 'type="capsule" fromto="0.58 0 0 0.58 0 0.4" size="0.02"'
+SIDE = 'type="capsule" fromto="0.5 0.14 0 0.5 0.14 0.4" size="0.02"'
+BAR = 'type="capsule" fromto="0.5 -0.2 0.15 0.5 0.2 0.15" size="0.02"'
+
+
+@dataclass
+class Felt:
+    """What the geom `post` bears, N, one number a physics step."""
+
+    forces: list[float] = field(default_factory=list)
+
+    def look(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
+        post, total, out = model.geom("post").id, np.zeros(3), np.empty(6)
+        for i in range(data.ncon):
+            contact = data.contact[i]
+            if post in (contact.geom1, contact.geom2):
+                mujoco.mj_contactForce(model, data, i, out)
+                sign = 1.0 if contact.geom1 == post else -1.0
+                total += sign * contact.frame.reshape(3, 3).T @ out[:3]
+        self.forces.append(float(np.linalg.norm(total)))
+
+    def mean(self, ms: int) -> float:
+        """The largest mean over so many milliseconds."""
+        window = np.ones(ms * STEPS_A_MS) / (ms * STEPS_A_MS)
+        return float(np.convolve(self.forces, window).max())
+
+    def after(self, ms: int) -> float:
+        """The largest force from so long after the first contact on."""
+        forces = np.array(self.forces)
+        first = int(np.flatnonzero(forces > 0)[0])
+        return float(forces[first + ms * STEPS_A_MS :].max())
+
+
+def watched(arm: MujocoRobot) -> Felt:
+    """What the post of an arm's world bears from now on."""
+    felt = Felt()
+    arm.world.watch = lambda data: felt.look(arm.world.model, data)
+    return felt
+
+
+def among(shape: str, stiffness: float | None = None, more: str = "") -> MujocoRobot:
+    """An arm and one thing: fixed, or on a spring of `stiffness` N/m along x, y and z."""
+    spring = (
+        f'stiffness="{stiffness}" damping="{0.6 * (4 * stiffness) ** 0.5}"' if stiffness else ""
+    )
+    joints = "".join(
+        f'<joint type="slide" axis="{axis}" {spring}/>' for axis in ("1 0 0", "0 1 0", "0 0 1")
+    )
+    world = f"""<mujoco><worldbody>
+      <body gravcomp="1">{joints if stiffness else ""}
+        <geom name="post" {shape} mass="0.2" friction="0.5"/></body>{more}
+    </worldbody></mujoco>"""
+    return MujocoRobot(mujoco.MjSpec.from_string(world), BASE, ARM, noise="datasheet", seed=1)
+
+
+def go(arm: MujocoRobot, position: tuple[float, float, float], speed: float = 0.25) -> None:
+    """Until the motion has ended, however it did, and half a second longer."""
+    arm.move_pose(Pose.top_down(position, 0.0), speed)
+    arm.advance(0.02)
+    while arm.state.moving:
+        arm.advance(0.02)
+    arm.advance(0.5)
+
+
+def test_a_motion_through_free_air_feels_no_contact() -> None:
+    arm = among('type="sphere" pos="0 -0.8 0" size="0.02"')
+    arm.set_reflex(Reflex(5.0, 2.0))
+    felt, sensed = [], []
+    arm.move_pose(Pose.top_down((0.5, 0.1, 0.1), 0.5), 0.25)
+    arm.advance(0.02)
+    while arm.state.moving:
+        arm.advance(0.005)
+        felt.append(np.linalg.norm(arm.state.contact[:3]))
+        sensed.append(np.linalg.norm(arm.state.wrench[:3]))
+    assert arm.state.reflex is None
+    assert max(sensed) > 6.0, "the arm's own inertia"
+    assert max(felt) < 2.0
+
+
+@pytest.mark.parametrize("stiffness", [None, 1e4, 1e5])
+@pytest.mark.parametrize(
+    ("shape", "start", "goal", "speed"),
+    [
+        (POST, (0.45, 0.0, 0.2), (0.65, 0.0, 0.2), 0.15),
+        (SIDE, (0.5, 0.0, 0.2), (0.5, 0.2, 0.2), 0.25),
+        (BAR, (0.5, 0.0, 0.25), (0.5, 0.0, 0.1), 0.1),
+    ],
+    ids=["outwards", "sideways", "downwards"],
+)
+def test_what_is_run_into_is_not_pressed(
+    shape: str,
+    start: tuple[float, float, float],
+    goal: tuple[float, float, float],
+    speed: float,
+    stiffness: float | None,
+) -> None:
+    arm = among(shape, stiffness)
+    felt = watched(arm)
+    go(arm, start)
+    assert not any(felt.forces)
+    arm.set_reflex(REFLEXES.free)
+    go(arm, goal, speed)
+    assert str(arm.state.reflex).startswith("the arm stopped itself at ")
+    assert felt.mean(10) < 180.0
+    assert felt.mean(20) < 150.0
+    assert felt.after(100) < 25.0
+    assert np.abs(arm.state.dq).max() < 0.01
+
+
+def test_a_reflex_ends_the_motion_where_the_arm_stands_until_the_next_one() -> None:
+    arm = among(POST)
+    go(arm, (0.45, 0.0, 0.2))
+    arm.set_reflex(REFLEXES.free)
+    arm.move_pose(Pose.top_down((0.65, 0.0, 0.2), 0.0), 0.15)
+    while arm.state.reflex is None:
+        arm.advance(0.02)
+    assert not arm.state.moving
+    arm.advance(1.0)
+    state = arm.state
+    assert state.pose_world_tcp.distance_to(state.target_world_tcp) < 0.002
+    go(arm, (0.45, 0.0, 0.2))
+    assert arm.state.reflex is None
+    assert arm.state.pose_world_tcp.distance_to(Pose.top_down((0.45, 0, 0.2), 0)) < 1e-3
+
+
+def test_wider_thresholds_let_it_press_on() -> None:
+    arm = among(BAR)
+    go(arm, (0.5, 0.0, 0.19))
+    arm.set_reflex(REFLEXES.contact)
+    arm.move_axis(np.array([0.0, 0.0, -1.0]), 0.01, 0.03)
+    while abs(arm.state.contact[2]) < 20.0:
+        arm.advance(0.02)
+    assert arm.state.reflex is None
+    assert arm.state.moving
+
+
+def test_what_is_held_stays_in_the_fingers_and_does_not_sink() -> None:
+    cup = """<body name="cup" pos="0.45 0 0.2"><freejoint/>
+      <geom type="box" size="0.02 0.02 0.04" mass="0.8" friction="0.8"/></body>
+      <geom type="box" pos="0.45 0 0.08" size="0.03 0.03 0.08"/>"""
+    arm = among(POST, more=cup)
+    go(arm, (0.45, 0.0, 0.3))
+    go(arm, (0.45, 0.0, 0.2))
+    arm.close_gripper()
+    arm.advance(1.0)
+    go(arm, (0.45, 0.0, 0.3))
+    arm.set_reflex(REFLEXES.carrying)
+    go(arm, (0.65, 0.0, 0.3), 0.15)
+    assert arm.state.reflex
+    assert arm.state.gripping
+    assert arm.state.pose_world_tcp.position[2] == pytest.approx(0.3, abs=0.006)
+    assert arm.world.true_pose("cup").position[2] == pytest.approx(
+        arm.world.true_tcp().position[2], abs=0.002
+    )
