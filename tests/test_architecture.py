@@ -112,7 +112,19 @@ def test_imports_point_down(name: str) -> None:
     assert not upwards, f"{name} must not import {sorted(upwards)}"
 
 
-FRONT = {"api", "tools", "settings", "studies", "scenarios", "runs", "live", "errors", "cli"}
+FRONT = {
+    "api",
+    "tools",
+    "settings",
+    "studies",
+    "scenarios",
+    "runs",
+    "live",
+    "display",
+    "redaction",
+    "errors",
+    "cli",
+}
 """What the command line may know of palpate."""
 REFERENCE = {"vocabulary", "quantities", "planning"}
 """What its page of the documentation is written from."""

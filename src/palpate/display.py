@@ -1,9 +1,46 @@
-"""How things look in a notebook: small tables, everything in them escaped."""
+"""How text from elsewhere is shown: without what a terminal would take for a command; and how
+things look in a notebook: small tables, everything in them escaped."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Sequence
 from html import escape
+
+_UNSEEN = re.compile(
+    "["
+    "\x00-\x08\x0b-\x1f\x7f"  # C0 but for tab and line feed, and delete
+    "\x80-\x9f"  # C1: one character of these begins a command on some terminals
+    "\u061c\u200e\u200f\u2028\u2029\u202a-\u202e\u2066-\u2069"  # order of writing, lines
+    "\ufeff\ufff9-\ufffb\U000e0000-\U000e007f"  # byte order, annotations, tags
+    "\ud800-\udfff"  # halves of characters, which cannot be written at all
+    "]"
+)
+
+
+def visible(text: str) -> str:
+    """`text` with every control character as its escape, `\\x1b`: nothing in it moves a cursor, sets
+    a colour or turns the order of writing round. Tabs and line feeds stay."""
+    return _UNSEEN.sub(_escape, text)
+
+
+def json_visible(text: str) -> str:
+    """JSON text with the same characters as JSON's own escapes: the same document."""
+    return _UNSEEN.sub(_json_escape, text)
+
+
+def _escape(found: re.Match[str]) -> str:
+    code = ord(found.group())
+    if code < 0x100:
+        return f"\\x{code:02x}"
+    return f"\\u{code:04x}"
+
+
+def _json_escape(found: re.Match[str]) -> str:
+    units = found.group().encode("utf-16-be", "surrogatepass")
+    return "".join(
+        f"\\u{high:02x}{low:02x}" for high, low in zip(units[::2], units[1::2], strict=True)
+    )
 
 
 def table(caption: str, headings: Sequence[str], rows: Iterable[Sequence[str]]) -> str:

@@ -9,24 +9,27 @@ from collections.abc import Generator
 from contextlib import contextmanager, suppress
 from typing import Any
 
-from rich.console import Console
 from rich.table import Table
 
 from palpate.cli.exits import exit_status, in_flags
+from palpate.display import json_visible, visible
 from palpate.errors import PalpateError
+from palpate.live.console import SafeConsole
+from palpate.redaction import redact
 
-out = Console(highlight=False)
-err = Console(stderr=True, highlight=False)
+out = SafeConsole(highlight=False)
+err = SafeConsole(stderr=True, highlight=False)
 
 
 def print_json(content: Any) -> None:
     """One object on stdout, strict JSON."""
-    sys.stdout.write(json.dumps(content, ensure_ascii=False, allow_nan=False) + "\n")
+    text = json.dumps(content, ensure_ascii=False, allow_nan=False)
+    sys.stdout.write(json_visible(text) + "\n")
 
 
 def print_error(error: PalpateError, as_json: bool) -> int:
     """One line on stderr, and an object on stdout where JSON is wanted; the exit status."""
-    status, message = exit_status(error), in_flags(str(error))
+    status, message = exit_status(error), redact(in_flags(str(error)))
     if as_json:
         ended = {3: "rejected", 4: "aborted"}.get(status, "failed")
         with printing():
@@ -38,7 +41,7 @@ def print_error(error: PalpateError, as_json: bool) -> int:
 def say(line: str) -> None:
     """One line on stderr, as far as anybody listens there."""
     with suppress(OSError, ValueError):
-        print(f"palpate: {line}", file=sys.stderr, flush=True)
+        print(f"palpate: {visible(line)}", file=sys.stderr, flush=True)
 
 
 @contextmanager

@@ -33,6 +33,7 @@ from palpate.cli.options import (
     World,
     Yes,
 )
+from palpate.display import visible
 
 if TYPE_CHECKING:
     from palpate.runs.run import Run
@@ -72,9 +73,10 @@ def usage(error: Any) -> NoReturn:
     """A wrong option or argument: the command line library's own message."""
     show = getattr(error, "show", None)
     if show:
+        error.message = visible(error.message)
         show()
     else:
-        print(f"palpate: {error}", file=sys.stderr)
+        print(f"palpate: {visible(str(error))}", file=sys.stderr)
     sys.exit(getattr(error, "exit_code", 2))
 
 

@@ -14,6 +14,8 @@ from rich.text import Text
 
 from palpate.cli.console import err, escape, out, plain_table, print_json, printing, say
 from palpate.cli.exits import EXIT
+from palpate.display import visible
+from palpate.redaction import redact
 
 if TYPE_CHECKING:
     from palpate.api import Plan as CheckedPlan
@@ -215,7 +217,7 @@ def show_plan(plan: CheckedPlan, as_json: bool, file: Path | None) -> None:
 
     text = plan_text(plan.made)
     if file:
-        file.write_text(text, encoding="utf-8")
+        file.write_text(redact(text), encoding="utf-8")
     if as_json:
         print_json(json.loads(text) | {"findings": _findings_json(plan.findings)})
         return
@@ -268,7 +270,7 @@ def show_prompt(settings: Settings, as_json: bool) -> None:
     text = "\n\n".join(parts)
     if images:
         text = "\n".join([text, "Attach:", *images])
-    sys.stdout.write(text + "\n")
+    sys.stdout.write(visible(text) + "\n")
 
 
 def confirm_plan(run: Run) -> bool:
@@ -276,7 +278,7 @@ def confirm_plan(run: Run) -> bool:
     import typer
 
     _print_plan(run.plan, err)
-    question = f"Let {run.settings.robot} move? (--yes skips this question)"
+    question = f"Let {visible(str(run.settings.robot))} move? (--yes skips this question)"
     try:
         return typer.confirm(question, err=True)
     except typer.Abort:

@@ -8,11 +8,11 @@ from dataclasses import asdict
 from statistics import fmean
 from typing import Any
 
-from rich.console import Console
 from rich.markup import escape
 from rich.text import Text
 
 from palpate.cli.console import figure_table, out, plain_table, print_json
+from palpate.live.console import SafeConsole
 from palpate.studies import faults, trials
 from palpate.studies.accuracy import SeedRun, Summary, summarise
 from palpate.studies.efficiency import Comparison, PublishedEffort
@@ -37,7 +37,7 @@ def show_seed_runs(runs: Mapping[str, Sequence[SeedRun]], title: str, as_json: b
         for row in summarise(found):
             table.add_row(*_summary_cells(row))
         table.add_row(f"[dim]{_endings_text(found)}[/]")
-    Console(highlight=False, width=WIDTH).print(table)
+    SafeConsole(highlight=False, width=WIDTH).print(table)
 
 
 def _seed_runs_json(name: str, runs: Sequence[SeedRun]) -> dict[str, Any]:
@@ -101,7 +101,7 @@ def show_trials(records: Sequence[Record], published: Mapping[str, str], as_json
     )
     for row in rows:
         table.add_row(*_row_cells(row), published.get(row.configuration, "–"))
-    Console(highlight=False, width=max(out.width, WIDTH)).print(table)
+    SafeConsole(highlight=False, width=max(out.width, WIDTH)).print(table)
 
 
 def _row_cells(row: Row) -> list[str | Text]:

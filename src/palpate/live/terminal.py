@@ -19,8 +19,10 @@ from rich.console import Console, Group
 from rich.live import Live
 from rich.text import Text
 
+from palpate.display import visible
 from palpate.execution.leaf import PrimitiveLeaf
 from palpate.execution.runner import STOP_NODE, Snapshot
+from palpate.live.console import SafeConsole
 from palpate.trace.recording import LeafRun
 
 REFRESH_PERIOD = 0.125
@@ -43,7 +45,7 @@ class LiveTree:
     """
 
     def __init__(self, console: Console | None = None) -> None:
-        self._console = console or Console(stderr=True, highlight=False)
+        self._console = console or SafeConsole(stderr=True, highlight=False)
         self._in_place = self._console.is_terminal and not self._console.is_dumb_terminal
         self._live: Live | None = None
         self._latest: Snapshot | None = None
@@ -161,5 +163,6 @@ def _walk(node: Behaviour, depth: int = 0) -> Iterator[tuple[Behaviour, int]]:
 
 
 def _clean(text: str) -> str:
-    """Names may come from a model: nothing that a terminal would take for a command."""
-    return "".join(character if character.isprintable() else "�" for character in text)
+    """Names may come from a model: one line, with nothing that a terminal would take for a
+    command."""
+    return visible(text.replace("\n", " "))

@@ -15,6 +15,7 @@ from typing import Any, NoReturn, TypeVar, cast
 
 from palpate.errors import InputError
 from palpate.parameter import Parameter
+from palpate.redaction import redact
 
 T = TypeVar("T")
 
@@ -275,7 +276,7 @@ def _text(value: object, path: str) -> str:
         _fail(path, f"must be text, not {_kind(value)}")
     if any("\ud800" <= c <= "\udfff" for c in value):
         _fail(path, "contains half of a surrogate pair")
-    return value
+    return redact(value)  # a key that was escaped in the JSON stands here in full
 
 
 def _kind(value: object) -> str:

@@ -8,6 +8,8 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from palpate.display import visible
+from palpate.redaction import redact
 from palpate.report.assets import picture_uri, plotly, policy, script, video_uri
 from palpate.report.cards import cards, in_words
 from palpate.report.data import ReportData
@@ -34,7 +36,7 @@ SAFE_PATH = re.compile(r"[\w.-]+(/[\w.-]+)*")
 
 def write_report(path: Path, data: ReportData) -> None:
     """Write the page to `path`."""
-    path.write_text(render_report(data), encoding="utf-8")
+    path.write_text(redact(render_report(data)), encoding="utf-8")
 
 
 def render_report(data: ReportData) -> str:
@@ -105,6 +107,13 @@ def _linked(names: Sequence[str]) -> list[str]:
     return [name for name in names if SAFE_PATH.fullmatch(name) and ".." not in name]
 
 
+def _shown(value: Any) -> Any:
+    """Text as the page shows it: nothing in it turns the order of writing round."""
+    if type(value) is str:  # markup is the page's own
+        return visible(value)
+    return value
+
+
 @cache
 def _template() -> Template:
     from jinja2 import Environment, PackageLoader, StrictUndefined, select_autoescape
@@ -113,6 +122,7 @@ def _template() -> Template:
         loader=PackageLoader("palpate.report", "."),
         autoescape=select_autoescape(),
         undefined=StrictUndefined,
+        finalize=_shown,
         trim_blocks=True,
         lstrip_blocks=True,
     )

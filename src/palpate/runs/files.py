@@ -41,8 +41,7 @@ def write_trace(run: Run, folder: Path) -> None:
 def write_twin(run: Run, folder: Path) -> None:
     """The twin, and the scene as contact told it."""
     if run.twin is not None:
-        with replacing(folder / "twin.xml") as part:
-            run.twin.save(part)
+        write_text(folder / "twin.xml", run.twin.xml)
     _write_scene(run, folder)
 
 

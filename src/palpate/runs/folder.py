@@ -19,6 +19,7 @@ from typing import Any, cast
 
 from palpate.errors import InputError
 from palpate.files.read import read_text
+from palpate.redaction import redact, redacted
 
 MAX_JSON = 20_000_000
 """Largest JSON file of a run that is read."""
@@ -175,12 +176,12 @@ def read_json(path: Path) -> dict[str, Any]:
 
 
 def write_json(path: Path, content: Any) -> None:
-    """Pretty, strict JSON (no NaN), at once."""
-    text = json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False)
+    """Pretty, strict JSON (no NaN), without keys of the environment, at once."""
+    text = json.dumps(redacted(content), indent=2, ensure_ascii=False, allow_nan=False)
     write_text(path, f"{text}\n")
 
 
 def write_text(path: Path, text: str) -> None:
-    """A text file, at once."""
+    """A text file as it is, but for keys of the environment, at once."""
     with replacing(path) as part:
-        part.write_text(text, encoding="utf-8")
+        part.write_text(redact(text), encoding="utf-8", newline="")

@@ -15,6 +15,7 @@ from typing import IO, TYPE_CHECKING
 from palpate import __version__
 from palpate.errors import InputError
 from palpate.files.read import opened
+from palpate.redaction import redact
 from palpate.trace.ros2_messages import definition
 from palpate.trace.samples import Trace
 from palpate.trace.stream import PROFILE, Record, read_stream
@@ -38,7 +39,7 @@ def write_mcap(path: Path, trace: Trace) -> None:
     from pydantic import TypeAdapter
 
     record = Record(trace.leaves, trace.recordings, trace.conversions, trace.hand, trace.gravity)
-    content = TypeAdapter(Record).dump_json(record).decode()
+    content = redact(TypeAdapter(Record).dump_json(record).decode())
     with path.open("wb") as file:
         writer = Writer(file)
         writer.start(profile="ros2", library=f"palpate {__version__}")

@@ -16,6 +16,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 
 from palpate.errors import InputError
 from palpate.planning.plan import MAX_BYTES, MAX_NESTING, Plan, parse_plan
+from palpate.redaction import redacted
 from palpate.scene.from_picture import SceneObject, Shape
 
 MAX_ATTEMPTS = 200
@@ -210,7 +211,7 @@ def _scene_objects(value: object) -> tuple[SceneObject, ...]:
 
 def _scene_object(item: object, index: int) -> SceneObject:
     try:
-        read = _SceneObject.model_validate(item)
+        read = _SceneObject.model_validate(redacted(item))
     except ValidationError as error:
         first = error.errors()[0]
         place = ".".join(str(part) for part in first["loc"]) or "object"

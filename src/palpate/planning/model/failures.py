@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from palpate.planning.model.provider import Provider
 from palpate.planning.model.wire import is_too_large
+from palpate.redaction import redact
 
 if TYPE_CHECKING:
     from pydantic_ai.exceptions import ModelAPIError
@@ -54,4 +55,4 @@ def reason(error: ModelAPIError, provider: Provider, model: str) -> str:
         return f"the provider failed{status}"
     if not isinstance(error, e.ModelHTTPError):
         return NOT_THE_API
-    return f"the request was refused{status}: {' '.join(str(error.body).split())[:200]}"
+    return f"the request was refused{status}: {redact(' '.join(str(error.body).split()))[:200]}"

@@ -4,7 +4,6 @@ loaded here."""
 from __future__ import annotations
 
 import os
-import re
 from dataclasses import dataclass
 from urllib.parse import urlsplit
 
@@ -115,8 +114,6 @@ PROVIDERS = {
 }
 """`compatible` is any other server that speaks OpenAI chat completions, such as llama.cpp's."""
 
-_KEY_LIKE = re.compile(r"\b(?:sk-[\w-]{12,}|AIza[\w-]{20,})|(?i:bearer\s+)[\w.~+/-]{12,}=*")
-
 
 def find_provider(planner: str) -> tuple[Provider, str]:
     """Provider and model of `PROVIDER:MODEL` or `PROVIDER`.
@@ -133,12 +130,3 @@ def find_provider(planner: str) -> tuple[Provider, str]:
             f"the planner '{name}' needs a model: '{name}:MODEL', with a model your server has"
         )
     return provider, model or provider.model
-
-
-def redact(text: str) -> str:
-    """`text` without any key that is in the environment, or looks like one."""
-    for variable in {v for p in PROVIDERS.values() for v in p.key_variables}:
-        value = os.environ.get(variable, "")
-        if len(value) >= 6:
-            text = text.replace(value, "[key]")
-    return _KEY_LIKE.sub("[key]", text)

@@ -21,9 +21,10 @@ from palpate.errors import PalpateError, Unavailable
 from palpate.planning.model.conversation import FEEDBACK_ROUNDS, Answer, Conversation
 from palpate.planning.model.failures import NOT_THE_API, TOO_LARGE, may_pass, reason
 from palpate.planning.model.picture import Picture
-from palpate.planning.model.provider import Provider, redact
+from palpate.planning.model.provider import Provider
 from palpate.planning.model.sdk import sdk_model
 from palpate.planning.model.wire import bounded_client, is_too_large
+from palpate.redaction import redact
 
 if TYPE_CHECKING:
     from pydantic_ai.exceptions import ModelAPIError
@@ -228,15 +229,15 @@ def _answer(response: ModelResponse, seconds: float, requests: int) -> Answer:
     text = "".join(part.content for part in response.parts if isinstance(part, TextPart))
     refusal = str((response.provider_details or {}).get("refusal", ""))
     return Answer(
-        text or redact(refusal),
-        response.model_name or "",
+        redact(text or refusal),
+        redact(response.model_name or ""),
         usage.input_tokens,
         usage.cache_read_tokens,
         usage.output_tokens,
         _cost(response),
         seconds,
         requests,
-        response.finish_reason or "",
+        redact(response.finish_reason or ""),
     )
 
 

@@ -1,0 +1,135 @@
+"""Keys of the environment, blotted out of whatever is kept or shown.
+
+A server is sent its key with every request. A hostile one can say it back: as its model's name, in
+an error, in a plan, in pieces, or written otherwise. Text is redacted where it enters
+(`planning.model.session`), and once more where files are written.
+"""
+
+from __future__ import annotations
+
+import base64
+import os
+import re
+from collections.abc import Iterable, Iterator, Mapping
+from functools import lru_cache
+from typing import Any, TypeVar, cast
+from urllib.parse import quote
+
+T = TypeVar("T")
+
+BLOT = "[key]"
+
+SHORTEST = 6
+"""Characters: a shorter value is a placeholder such as `none`, and no key."""
+
+STRETCH = 12
+"""Characters of a key that are blotted out wherever they stand in a row; of a shorter key, all."""
+
+_KEY_NAME = re.compile(r".*_API_KEY$")
+_KEY_LIKE = re.compile(r"\b(?:sk-[\w-]{12,}|AIza[\w-]{20,})|(?i:bearer\s+)[\w.~+/-]{12,}=*")
+_CREDENTIALS = re.compile(r"(?<=://)[^\s/@\"'<>]+@")
+"""User and password in an address."""
+
+_BETWEEN = r"[\s\u00ad\u200b-\u200f\u2060\ufeff]*"
+"""What one key may be spread with: white space and characters that nobody sees."""
+
+
+def redact(text: str) -> str:
+    """`text` without any key that is in the environment, or looks like one, however it is written:
+    in part, spread, escaped, percent-encoded, in base64 or hexadecimal."""
+    text = _CREDENTIALS.sub(f"{BLOT}@", _KEY_LIKE.sub(BLOT, text))
+    for key in _keys():
+        text = _without_stretches(_spread(key).sub(BLOT, text), _forms(key))
+    return text
+
+
+def redacted(content: T) -> T:
+    """A JSON document with every text in it redacted, those that name fields as well."""
+    return cast("T", _redacted(content))
+
+
+def _redacted(content: Any) -> Any:
+    if isinstance(content, str):
+        return redact(content)
+    if isinstance(content, Mapping):
+        items = cast("Mapping[Any, Any]", content).items()
+        return {_redacted(key): _redacted(value) for key, value in items}
+    if isinstance(content, list | tuple):
+        return [_redacted(item) for item in cast("list[Any]", content)]
+    return content
+
+
+def _keys() -> Iterator[str]:
+    """Every key in the environment, the longest first: one may begin with another."""
+    values = {value.strip() for name, value in os.environ.items() if _KEY_NAME.match(name)}
+    yield from sorted((v for v in values if len(v) >= SHORTEST), key=lambda v: (-len(v), v))
+
+
+@lru_cache(maxsize=64)
+def _spread(key: str) -> re.Pattern[str]:
+    """The key with each character plain or escaped (JSON, URL, XML), and blanks between them."""
+    return re.compile(_BETWEEN.join(_spellings(character) for character in key))
+
+
+def _spellings(character: str) -> str:
+    code = ord(character)
+    escapes = rf"\\+u{code:04x}|\\+x{code:02x}|%(?:25)*{code:02x}|&#0*{code};|&#x0*{code:x};"
+    return f"(?:{re.escape(character)}|(?i:{escapes}))"
+
+
+@lru_cache(maxsize=64)
+def _forms(key: str) -> tuple[str, ...]:
+    """The key as it may be written as a whole."""
+    data = key.encode("utf-8")
+    forms = {
+        key,
+        key[::-1],
+        key.lower(),
+        key.upper(),
+        quote(key, safe=""),
+        data.hex(),
+        data.hex().upper(),
+    }
+    for offset in range(3):
+        # What depends on the key alone, wherever in the encoded text it begins (3 bytes: 4 letters).
+        encoded = base64.b64encode(bytes(offset) + data)
+        first, last = (0, 2, 3)[offset], (len(data) + offset) * 4 // 3
+        form = encoded.decode("ascii")[first:last]
+        forms |= {form, form.replace("+", "-").replace("/", "_")}
+    return tuple(forms)
+
+
+def _without_stretches(text: str, forms: Iterable[str]) -> str:
+    """`text` without those parts of it that are parts of a form, if they are long enough."""
+    covered: list[tuple[int, int]] = []
+    for form in forms:
+        covered += _stretches(text, form)
+    parts: list[str] = []
+    position = 0
+    for start, end in _joined(covered):
+        parts += [text[position:start], BLOT]
+        position = end
+    return "".join([*parts, text[position:]])
+
+
+def _stretches(text: str, form: str) -> Iterator[tuple[int, int]]:
+    """Where `text` has `STRETCH` characters of the form in a row."""
+    width = min(STRETCH, len(form))
+    for i in range(len(form) - width + 1):
+        start = text.find(form[i : i + width])
+        while start >= 0:
+            yield start, start + width
+            start = text.find(form[i : i + width], start + 1)
+
+
+def _joined(spans: list[tuple[int, int]]) -> Iterator[tuple[int, int]]:
+    """Spans that overlap or touch, as one."""
+    first = last = -1
+    for start, end in sorted(spans):
+        if start > last:
+            if last >= 0:
+                yield first, last
+            first = start
+        last = max(last, end)
+    if last >= 0:
+        yield first, last
