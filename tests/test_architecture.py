@@ -123,6 +123,7 @@ FRONT = {
     "display",
     "redaction",
     "errors",
+    "interrupt",
     "cli",
 }
 """What the command line may know of palpate."""

@@ -26,7 +26,7 @@ class Interrupts:
         self._count = 0
         self._heard = 0
         self._before = 0
-        self._noting = 0
+        self._noting = False
         self._latest = ""
 
     @property
@@ -53,17 +53,39 @@ class Interrupts:
 
     @contextmanager
     def noted(self) -> Generator[None]:
-        """Signals are only noted inside the outermost of these blocks, and those inside it."""
-        if not self._noting:
+        """Signals are only noted inside the block."""
+        noting, before = self._noting, self._before
+        if not noting:
             self._before = self._count
-        self._noting += 1
+        self._noting = True
         try:
             yield
         finally:
-            self._noting -= 1
+            self._noting, self._before = noting, before
+
+    @contextmanager
+    def raised(self) -> Generator[None]:
+        """Signals are raised inside the block: at its beginning one that was noted and nobody has
+        heard, at its end one that was noted inside it, or raised where Python ignores exceptions.
+
+        Raises:
+            Interrupted: a signal came.
+        """
+        noting, before, self._noting = self._noting, self._heard, False
+        try:
+            self._raise_beyond(before)
+            yield
+            self._raise_beyond(before)
+        finally:
+            self._noting = noting
+
+    def _raise_beyond(self, before: int) -> None:
+        if self._count > before:
+            self._heard = self._count
+            raise Interrupted(self.reason)
 
     def pressed(self) -> int:
-        """How many have come since signals are noted; they are heard now."""
+        """How many have come since they are noted; they are heard now."""
         self._heard = self._count
         return self._count - self._before
 
@@ -95,16 +117,16 @@ def interrupts(signals: Iterable[signal.Signals] = (signal.SIGINT,)) -> Generato
             signal.signal(number, handler or signal.SIG_DFL)
 
 
-@contextmanager
-def not_noted() -> Generator[None]:
-    """What was only noted inside the block is raised at its end: nothing real had to be brought to
-    an end.
+def ending_signals() -> tuple[signal.Signals, ...]:
+    """Those that ask a program to end; a hang-up where nobody said that it is to be ignored (as
+    nohup does)."""
+    hang_up = getattr(signal, "SIGHUP", None)
+    if hang_up is None or signal.getsignal(hang_up) == signal.SIG_IGN:
+        return (signal.SIGINT, signal.SIGTERM)
+    return (signal.SIGINT, signal.SIGTERM, hang_up)
 
-    Raises:
-        Interrupted: a signal came meanwhile.
-    """
-    with interrupts() as signals:
-        before = signals.count
-        yield
-        if signals.count > before:
-            raise Interrupted(signals.reason)
+
+def ignore_signals() -> None:
+    """Let a process that is ending already end."""
+    for number in ending_signals():
+        signal.signal(number, signal.SIG_IGN)

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 from palpate import stages
 from palpate.cells.cell import Cell
 from palpate.errors import ExecutionAborted
-from palpate.interrupt import interrupts, not_noted
+from palpate.interrupt import interrupts
 from palpate.planning.check.check import Finding
 from palpate.planning.planner import Planner
 from palpate.robots.registry import load_description
@@ -68,7 +68,7 @@ def run(
     settings = settings.checked()
     folder = settings.out or default_folder(_name(settings))
     check_writable(folder)
-    with interrupts(), _before_anything_moves("planning"):
+    with _before_anything_moves("planning"):
         scene = load(settings)
         progress("planning")
         made = plan(settings, scene)
@@ -102,6 +102,7 @@ def carry_out(
                 return made if folder is None else save(made, folder)
             seen = made.seen is not None
             cell = cell or stages.cell_for(made.settings, made.scene, seen=seen)
+        made = replace(made, world=cell.description, simulated=cell.simulated)
         keeper = Keeper(folder, signals)
         made = keeper.begin(made, request_json(made.settings))
         made = keeper.executed(partial(_executed, cell, observer, progress, keeper), made)
@@ -327,7 +328,7 @@ def _reported(keeper: Keeper, progress: Progress, made: Run) -> Iterator[Run]:
 def _before_anything_moves(doing: str) -> Generator[None]:
     """A signal that comes now is told as an `ExecutionAborted`."""
     try:
-        with not_noted():
+        with interrupts() as signals, signals.raised():
             yield
     except KeyboardInterrupt:
         raise ExecutionAborted(f"interrupted while {doing}; nothing has moved") from None

@@ -16,7 +16,7 @@ from palpate.cells.view import image_files
 from palpate.errors import InputError, PalpateError, PlanRejected, Unavailable
 from palpate.estimation.estimate import Estimate
 from palpate.execution.recovery import OnFailure
-from palpate.interrupt import not_noted
+from palpate.interrupt import interrupts
 from palpate.parameter import Parameter
 from palpate.planning.check.check import Finding, check
 from palpate.planning.plan import Plan
@@ -170,16 +170,27 @@ def truths(made: Run, cell: Cell) -> dict[Parameter, tuple[float, ...]]:
 def cut_off(made: Run) -> Run:
     """A run whose process ended while it was executing, with the trace as far as that was written
     down."""
-    try:
-        trace = made.trace
-    except InputError:
-        trace = None
+    trace = _readable_trace(made)
+    leaves = trace.leaves if trace is not None else ()
     seconds = 0.0
     if trace is not None and len(trace.samples):
         seconds = float(trace.t[-1] - trace.t[0])
-    actions = len(trace.leaves) if trace is not None else 0
-    ending = Ending("stopped", "the process ended while the arm moved", actions, seconds, 0.0)
+    ended_well = sum(leaf.status == "SUCCESS" for leaf in leaves) == made.plan.actions
+    ending = Ending(
+        "complete" if ended_well else "stopped",
+        None if ended_well else "the process ended while the plan was executed",
+        len(leaves),
+        seconds,
+        0.0,
+    )
     return replace(made, execution=ending, recorded=trace)
+
+
+def _readable_trace(made: Run) -> Trace | None:
+    try:
+        return made.trace
+    except InputError:
+        return None
 
 
 def replay(scene: Scene, plan: Plan, world: MjSpec) -> Trace:
@@ -191,7 +202,7 @@ def replay(scene: Scene, plan: Plan, world: MjSpec) -> Trace:
     from palpate.robots.simulated.robot import MujocoRobot
 
     robot = MujocoRobot(world, scene.pose_world_base, scene.arm)
-    with not_noted():
+    with interrupts() as signals, signals.raised():
         return perform(plan, scene, robot).trace
 
 

@@ -5,35 +5,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from failing import Failing
 
 from palpate.execution.runner import run
-from palpate.robots.robot import RobotState
 
 MOMENTS = (0.0, 0.3, 1.0, 1.9)
 """s: at the start, under way, while closing the fingers, while lifting."""
-
-
-class Failing:
-    """A stand-in one of whose members raises from some moment on, or only once."""
-
-    def __init__(self, robot, member, moment, lasting):
-        self.robot, self.member, self.moment, self.left = robot, member, moment, 10**9
-        if not lasting:
-            self.left = 1
-
-    def __getattr__(self, name):
-        found = getattr(self.robot, name)
-        if name != self.member:
-            return found
-        if isinstance(found, RobotState):
-            self.fail()
-            return found
-        return lambda *args: self.fail() or found(*args)
-
-    def fail(self):
-        if self.robot.state.t >= self.moment and self.left:
-            self.left -= 1
-            raise ConnectionError("no answer")
 
 
 @pytest.fixture
@@ -49,7 +26,7 @@ def lifting(robot, node, plan):
     "member", ["state", "advance", "drain", "hold", "move_pose", "close_gripper"]
 )
 def test_nothing_is_lost(lifting, scene, robot, words, member, moment, lasting):
-    failing = Failing(robot, member, moment, lasting)
+    failing = Failing(robot, member, moment, 10**9 if lasting else 1)
     done = run(lifting, scene, failing, words=words)
     if done.status == "complete":
         assert member in ("hold", "move_pose", "close_gripper")
@@ -63,7 +40,7 @@ def test_nothing_is_lost(lifting, scene, robot, words, member, moment, lasting):
 
 
 def test_a_robot_that_hands_out_no_more_samples_still_puts_down(lifting, scene, robot, words):
-    done = run(lifting, scene, Failing(robot, "drain", 1.9, lasting=True), words=words)
+    done = run(lifting, scene, Failing(robot, "drain", 1.9), words=words)
     assert done.stopped_by == "ConnectionError: no answer"
     assert done.final_state.holding is None
     assert [call for call, _ in robot.calls].count("open_gripper") == 1

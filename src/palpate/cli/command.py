@@ -12,7 +12,8 @@ from typing import Annotated, Any, TypeVar, get_origin, get_type_hints
 import typer
 
 from palpate.cli.console import print_error
-from palpate.errors import PalpateError
+from palpate.errors import ExecutionAborted, PalpateError
+from palpate.interrupt import interrupts
 
 Function = TypeVar("Function", bound=Callable[..., None])
 
@@ -21,8 +22,8 @@ def command(app: typer.Typer) -> Callable[[Function], Function]:
     """Make a function a command of `app`.
 
     A parameter whose type is a dataclass is an option group: the command has its fields as options,
-    and the function gets the dataclass. A `PalpateError` becomes a message and its exit status; a
-    command with a parameter `as_json` that is set prints it as JSON too.
+    and the function gets the dataclass. A `PalpateError`, or a signal, becomes a message and its
+    exit status; a command with a parameter `as_json` that is set prints it as JSON too.
     """
 
     def register(function: Function) -> Function:
@@ -31,10 +32,16 @@ def command(app: typer.Typer) -> Callable[[Function], Function]:
 
         @wraps(function)
         def called(**given: Any) -> None:
-            try:
-                function(**_gathered(given, groups))
-            except PalpateError as error:
-                raise typer.Exit(print_error(error, given.get("as_json", False))) from None
+            as_json = given.get("as_json", False)
+            with interrupts() as signals:
+                try:
+                    with signals.raised():
+                        function(**_gathered(given, groups))
+                except PalpateError as error:
+                    raise typer.Exit(print_error(error, as_json)) from None
+                except KeyboardInterrupt:
+                    aborted = ExecutionAborted(signals.reason)
+                    raise typer.Exit(print_error(aborted, as_json)) from None
 
         _set_options(called, _options(function, hints, groups))
         app.command()(called)

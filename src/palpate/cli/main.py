@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import atexit
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -12,6 +13,7 @@ import typer
 from palpate import __version__
 from palpate.cli import study
 from palpate.cli.command import command
+from palpate.cli.console import print_error, say
 from palpate.cli.options import (
     DEFAULT_ARM,
     Arm,
@@ -34,6 +36,8 @@ from palpate.cli.options import (
     Yes,
 )
 from palpate.display import visible
+from palpate.errors import ExecutionAborted
+from palpate.interrupt import ending_signals, ignore_signals, interrupts
 
 if TYPE_CHECKING:
     from palpate.runs.run import Run
@@ -56,17 +60,19 @@ app.add_typer(study.app, name="study")
 
 def main() -> None:
     """Entry point. What palpate refuses is told by the commands; here is the rest."""
-    try:
-        sys.exit(app(standalone_mode=False))
-    except typer.Abort:
-        sys.exit(4)
-    except KeyboardInterrupt:
-        print("interrupted", file=sys.stderr)
-        sys.exit(4)
-    except Exception as error:
-        if type(error).__module__.split(".")[0] in ("click", "typer"):
-            usage(error)
-        raise
+    with interrupts(ending_signals()) as signals, signals.noted():
+        try:
+            status = app(standalone_mode=False)
+        except (typer.Abort, KeyboardInterrupt):
+            status = print_error(ExecutionAborted(signals.reason), "--json" in sys.argv)
+        except Exception as error:
+            if type(error).__module__.split(".")[0] in ("click", "typer"):
+                usage(error)
+            raise
+        if signals.count and status in (0, 1):
+            say(f"{signals.reason}, when all was done")
+        atexit.register(ignore_signals)
+        sys.exit(4 if signals.count else status)
 
 
 def usage(error: Any) -> NoReturn:
@@ -280,9 +286,10 @@ def report(
     from palpate.api import finish
     from palpate.cli.show import live_view, show_ended
 
-    with live_view() as (_, say):
-        done = finish(folder, say)
-    raise typer.Exit(show_ended(done, as_json))
+    with interrupts() as signals, signals.noted():
+        with live_view() as (_, say):
+            done = finish(folder, say)
+        raise typer.Exit(show_ended(done, as_json))
 
 
 @command(app)
@@ -312,9 +319,10 @@ def carry_out(settings: Settings, as_json: bool, yes: bool = False) -> None:
     def confirm(run: Run) -> bool:
         return yes or confirm_plan(run)
 
-    with live_view() as (observer, say):
-        done = run_settings(settings, observer, say, confirm)
-    raise typer.Exit(show_ended(done, as_json))
+    with interrupts() as signals, signals.noted():
+        with live_view() as (observer, say):
+            done = run_settings(settings, observer, say, confirm)
+        raise typer.Exit(show_ended(done, as_json))
 
 
 if __name__ == "__main__":

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from palpate.execution.runner import Execution, run
-from palpate.interrupt import not_noted
+from palpate.interrupt import interrupts
 from palpate.planning.plan import Plan
 from palpate.robots.simulated.robot import MujocoRobot
 from palpate.scene.scene import Scene
@@ -41,7 +41,7 @@ def rehearse(plan: Plan, scene: Scene) -> Rehearsal:
     """
     robot = MujocoRobot(scene.spec(), scene.pose_world_base, scene.arm)
     try:
-        with not_noted():
+        with interrupts() as signals, signals.raised():
             return _predicted(run(plan, scene, robot))
     finally:
         robot.close()

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from palpate.errors import InputError, PalpateError
-from palpate.interrupt import Interrupted, Interrupts
+from palpate.interrupt import Interrupts
 from palpate.runs.files import write_plan, write_trace, write_twin
 from palpate.runs.folder import growing_folder, write_json
 from palpate.runs.result import result_json
@@ -59,13 +59,11 @@ class Keeper:
 
     def through(self, stage: Stage, step: Step, run: Run) -> Run:
         """`run` after a stage, as far as that came."""
-        run, before = self.kept(replace(run, stage=stage)), self._signals.count
+        run = self.kept(replace(run, stage=stage))
         try:
-            for grown in step(run):
-                run = self.kept(grown)
-                # One that was raised where Python ignores exceptions is heard here.
-                if self._signals.count > before:
-                    raise Interrupted
+            with self._signals.raised():
+                for grown in step(run):
+                    run = self.kept(grown)
         except KeyboardInterrupt:
             return self.kept(replace(run, interrupted=f"{self._signals.reason} while {stage}"))
         except Exception as error:

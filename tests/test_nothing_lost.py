@@ -1,0 +1,254 @@
+"""Whatever fails while a run is made, what was measured is in its folder, and the run says what it
+falls short of."""
+
+from __future__ import annotations
+
+import json
+import resource
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from failing import Failing
+from standin import StandIn
+
+import palpate as pp
+from palpate import api, pipeline
+from palpate.trace.mcap import read_mcap
+
+DESK = """<mujoco model="desk"><worldbody>
+  <site name="robot_base"/>
+  <body name="desk" pos="0.4 0 -0.03"><geom type="box" size=".6 .6 .03" friction="0.6 0.005 0.0001"/></body>
+  <body name="mug" pos="0.5 0.1 0.05"><freejoint/>
+    <geom type="box" size=".03 .02 .05" friction="0.6 0.005 0.0001"/></body>
+</worldbody></mujoco>
+"""
+MASS = 0.34
+"""kg: what the scripted arm pretends to lift."""
+
+
+class Bench:
+    """A cell with a scripted arm. Implements `Cell`."""
+
+    description = "a bench"
+    simulated = False
+
+    def __init__(self, wrap: Callable[[StandIn], Any] = lambda arm: arm) -> None:
+        self.arm = StandIn()
+        self.arm.weight = MASS * self.arm.gravity
+        self._robot = wrap(self.arm)
+
+    def picture(self, camera: object = None) -> None:
+        return None
+
+    def robot(self) -> Any:
+        return self._robot
+
+    def footage(self) -> None:
+        return None
+
+    def truth(self, parameter: pp.Parameter) -> None:
+        return None
+
+
+@pytest.fixture(scope="module")
+def plan() -> api.Plan:
+    return pp.load(DESK).plan("how heavy is the mug?")
+
+
+@pytest.fixture(autouse=True)
+def quick(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The twin is not touched in simulation, which takes longer than all the rest: it fails."""
+
+    def broken(*_: object) -> None:
+        raise RuntimeError("no twin today")
+
+    monkeypatch.setattr(pipeline, "build", broken)
+    monkeypatch.setenv("MUJOCO_GL", "disable")
+
+
+def result(folder: Path) -> dict[str, Any]:
+    return json.loads((folder / "result.json").read_text(encoding="utf-8"))
+
+
+@pytest.mark.parametrize("moment", [0.0, 2.0, 5.0])
+@pytest.mark.parametrize("member", ["state", "advance", "drain", "close"])
+def test_a_robot_that_fails(plan: api.Plan, tmp_path: Path, member: str, moment: float) -> None:
+    bench = Bench(lambda arm: Failing(arm, member, moment))
+    run = plan.run(bench, rehearse=False, out=tmp_path / "run")
+    found = result(tmp_path / "run")
+    assert found["stage"] is None
+    assert len(read_mcap(tmp_path / "run" / "trace.mcap").samples) >= moment / 0.02 - 2
+    assert (tmp_path / "run" / "report.html").exists()
+    if member == "close":
+        assert (run.status, found["status"]) == ("complete", "complete")
+        assert run["mug.mass"].value == pytest.approx([MASS], rel=0.01)
+        return
+    assert found["status"] == run.status == "aborted"
+    assert "ConnectionError: no answer" in found["execution"]["stopped_by"]
+
+
+@pytest.mark.parametrize("part", ["truth", "footage"])
+def test_a_cell_that_fails(plan: api.Plan, part: str) -> None:
+    bench = Bench()
+
+    def broken(*_: object) -> None:
+        raise OSError("the camera is gone")
+
+    setattr(bench, part, broken)
+    run = plan.run(bench, rehearse=False)
+    assert run.status == "complete"
+    assert run.truth == {}
+
+
+def test_a_robot_that_cannot_be_reached_leaves_no_folder(plan: api.Plan, tmp_path: Path) -> None:
+    bench = Bench()
+
+    def unplugged() -> None:
+        raise ConnectionError("no route to host")
+
+    bench.robot = unplugged  # type: ignore[method-assign]
+    with pytest.raises(pp.Unavailable, match="no route to host"):
+        plan.run(bench, rehearse=False, out=tmp_path / "run")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_numbers_that_are_none_are_no_estimate(plan: api.Plan, tmp_path: Path) -> None:
+    bench = Bench()
+
+    def faulty(arm: StandIn) -> None:
+        if arm.state.gripping and arm.state.t > 3.5:
+            arm.put(wrench=np.full(6, np.nan))
+
+    bench.arm.on_advance = faulty
+    run = plan.run(bench, rehearse=False, out=tmp_path / "run")
+    assert run["mug.mass"].verdict == "not identified"
+    assert result(tmp_path / "run")["parameters"][0]["value"] is None
+    assert np.isnan(read_mcap(tmp_path / "run" / "trace.mcap").wrench).any()
+
+
+@pytest.mark.parametrize(
+    ("part", "left_out"),
+    [
+        ("take_stills", "the pictures were not made"),
+        ("write_report", "report.html was not written"),
+    ],
+)
+def test_a_page_that_fails(
+    plan: api.Plan, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, part: str, left_out: str
+) -> None:
+    def broken(*_: object) -> None:
+        raise RuntimeError("no OpenGL\ncontext")
+
+    monkeypatch.setattr(f"palpate.report.writing.{part}", broken)
+    run = plan.run(Bench(), rehearse=False, out=tmp_path / "run")
+    assert run.status == "complete"
+    assert run.shortfalls == (
+        "building the twin failed: RuntimeError: no twin today",
+        f"{left_out}: RuntimeError: no OpenGL",
+    )
+    assert result(tmp_path / "run")["shortfalls"] == list(run.shortfalls)
+    assert (tmp_path / "run" / "report.html").exists() == (part == "take_stills")
+
+
+def test_a_folder_that_cannot_be_written_is_found_before_anything_moves(
+    plan: api.Plan, tmp_path: Path
+) -> None:
+    bench = Bench()
+    (tmp_path / "file").write_text("")
+    with pytest.raises(pp.InputError, match="cannot write"):
+        plan.run(bench, rehearse=False, out=tmp_path / "file" / "run")
+    assert bench.arm.calls == []
+
+
+@contextmanager
+def small_disk(size: int) -> Iterator[None]:
+    """No file may grow beyond `size` bytes."""
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+
+
+def test_a_disk_that_is_full(plan: api.Plan, tmp_path: Path) -> None:
+    with small_disk(30_000):
+        run = plan.run(Bench(), rehearse=False, out=tmp_path / "run")
+    assert run.status == "complete"
+    assert run["mug.mass"].value == pytest.approx([MASS], rel=0.01)
+    assert any(
+        line.startswith("trace.mcap was not written: File too large") for line in run.shortfalls
+    )
+    assert result(tmp_path / "run")["status"] == "complete"
+    assert 10 < len(read_mcap(tmp_path / "run" / "trace.mcap").samples) < len(run.trace.samples)  # type: ignore[union-attr]
+    assert not list((tmp_path / "run").glob("*.part"))
+
+
+KILLED = """
+import os, sys
+sys.path[:0] = {path}
+import test_nothing_lost as bench
+import palpate as pp
+
+def kill(arm):
+    calls = [call for call, _ in arm.calls]
+    if calls.count({call!r}) == {times}:
+        os._exit(9)
+
+cell = bench.Bench()
+cell.arm.on_advance = kill
+pp.load(bench.DESK).plan("how heavy is the mug?").run(cell, rehearse=False, out={out!r})
+"""
+
+
+@pytest.mark.parametrize(
+    ("call", "times", "verdict"),
+    [("close_gripper", 1, "not identified"), ("open_gripper", 2, "identified")],
+    ids=["before it was weighed", "after"],
+)
+def test_a_process_that_is_killed_leaves_a_run_to_finish(
+    tmp_path: Path, call: str, times: int, verdict: str
+) -> None:
+    out = tmp_path / "run"
+    here = Path(__file__).parent
+    path = [str(here), str(here / "helpers")]
+    code = KILLED.format(path=path, call=call, times=times, out=str(out))
+    done = subprocess.run([sys.executable, "-c", code], check=False, capture_output=True)
+    assert done.returncode == 9
+    assert (result(out)["status"], result(out)["stage"]) == ("running", "executing")
+    assert pp.open(out).status == "running"
+    written = read_mcap(out / "trace.mcap")
+
+    run = api.finish(out)
+    assert run.status == result(out)["status"] == "aborted"
+    assert run.estimates[0].verdict == verdict
+    assert (out / "report.html").exists()
+    np.testing.assert_array_equal(read_mcap(out / "trace.mcap").t, written.t)
+
+
+def test_every_estimate_is_on_disk_when_it_is_made(
+    plan: api.Plan, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    seen: list[tuple[str, str, int]] = []
+
+    def look(*_: object) -> None:
+        found = result(tmp_path / "run")
+        seen.append((found["status"], found["stage"], len(found["parameters"])))
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(pipeline, "build", look)
+    run = plan.run(Bench(), rehearse=False, out=tmp_path / "run")
+    assert seen == [("running", "building the twin", 1)]
+    assert run.status == "aborted"
+    assert run.interrupted == "interrupted while building the twin"
+
+    monkeypatch.setattr(pipeline, "build", lambda *_: None)
+    again = api.finish(tmp_path / "run")
+    assert (again.status, again.interrupted) == ("complete", None)
+    assert again["mug.mass"].value == run["mug.mass"].value
