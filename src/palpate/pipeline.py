@@ -121,7 +121,8 @@ def finish(folder: Path, progress: Progress = quiet) -> Run:
         keeper = Keeper(folder, signals)
         made = replace(made, interrupted=None, shortfalls=())
         if made.stage == "executing":
-            made = stages.cut_off(made)
+            if made.execution is None:
+                made = stages.cut_off(made)
             keeper.trace(made)
             made = replace(made, stage="estimating")
         return _finished(made, keeper, _unfailing(progress))
@@ -206,12 +207,17 @@ def measure(
     progress: Progress = quiet,
     cell: Cell | None = None,
 ) -> Run:
-    """From a checked plan to estimates, in `cell`, else in the one that the settings name. A plan
-    with findings, or without a tree, is rejected: nothing moves."""
+    """From a checked plan to estimates in memory, in `cell`, else in the one that the settings name.
+    A plan with findings, or without a tree, is rejected: nothing moves.
+
+    Raises:
+        Interrupted: a signal came; the arm has stopped.
+    """
     if not made.ready:
         return made
-    cell = cell or stages.cell_for(made.settings, made.scene, seen=made.seen is not None)
-    return estimate(execute(made, cell, observer, progress), cell, progress)
+    with interrupts() as signals, signals.raised():
+        cell = cell or stages.cell_for(made.settings, made.scene, seen=made.seen is not None)
+        return estimate(execute(made, cell, observer, progress), cell, progress)
 
 
 def execute(

@@ -43,6 +43,9 @@ if TYPE_CHECKING:
     from palpate.runs.run import Run
     from palpate.settings import Settings
 
+INTERRUPTED = 130
+"""What typer makes of a signal that comes outside of a command."""
+
 app = typer.Typer(
     name="palpate",
     no_args_is_help=True,
@@ -64,12 +67,14 @@ def main() -> None:
         try:
             status = app(standalone_mode=False)
         except (typer.Abort, KeyboardInterrupt):
-            status = print_error(ExecutionAborted(signals.reason), "--json" in sys.argv)
+            status = INTERRUPTED
         except Exception as error:
             if type(error).__module__.split(".")[0] in ("click", "typer"):
                 usage(error)
             raise
-        if signals.count and status in (0, 1):
+        if status == INTERRUPTED:
+            status = print_error(ExecutionAborted(signals.reason), "--json" in sys.argv)
+        elif signals.count and status in (0, 1):
             say(f"{signals.reason}, when all was done")
         atexit.register(ignore_signals)
         sys.exit(4 if signals.count else status)

@@ -6,6 +6,8 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from typing import TypeVar
 
+from palpate.interrupt import ignore_signals
+
 Task = TypeVar("Task")
 Result = TypeVar("Result")
 
@@ -17,5 +19,6 @@ def spread(work: Callable[[Task], Result], tasks: Sequence[Task], workers: int) 
     """
     if workers == 1:
         return [work(task) for task in tasks]
-    with ProcessPoolExecutor(workers) as pool:
+    # A signal to all of them is this process's affair: the others finish what they are at.
+    with ProcessPoolExecutor(workers, initializer=ignore_signals) as pool:
         return list(pool.map(work, tasks))

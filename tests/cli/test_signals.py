@@ -1,0 +1,135 @@
+"""Signals to a real process: every stage ends with exit status 4 and a line, and what there is, is
+kept."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from palpate.trace.mcap import read_mcap
+
+TESTS = Path(__file__).parents[1]
+SCENE = """<mujoco model="desk"><worldbody>
+  <site name="robot_base"/>
+  <body name="desk" pos="0.4 0 -0.03"><geom type="box" size=".6 .6 .03" friction="0.6 0.005 0.0001"/></body>
+  <body name="mug" pos="0.5 0.1 0.05"><freejoint/>
+    <geom type="box" size=".03 .02 .05" friction="0.6 0.005 0.0001"/></body>
+</worldbody></mujoco>
+"""
+DRIVER = """import os, signal, time
+from palpate.cells.registry import Driver
+from test_nothing_lost import Bench
+
+def cell(url, scene):
+    bench = Bench()
+    bench.arm.on_advance = lambda arm: time.sleep(0.001)
+    return bench
+
+driver = Driver("scripted", cell)
+"""
+
+
+@pytest.fixture
+def desk(tmp_path: Path) -> Path:
+    """A folder with a scene, and with a package that brings a scripted arm."""
+    metadata = tmp_path / "scripted-1.0.dist-info"
+    metadata.mkdir()
+    (metadata / "METADATA").write_text("Metadata-Version: 2.1\nName: scripted\nVersion: 1.0\n")
+    (metadata / "entry_points.txt").write_text("[palpate.cells]\nscripted = scripted_driver\n")
+    (tmp_path / "scripted_driver.py").write_text(DRIVER)
+    (tmp_path / "desk.xml").write_text(SCENE)
+    return tmp_path
+
+
+def interrupted(
+    desk: Path, word: str, *signals: signal.Signals, rehearse: bool = False
+) -> tuple[subprocess.Popen[str], str, str]:
+    """A run that gets the signals as soon as it says `word` on stderr; the process, and what else
+    it printed."""
+    path = os.pathsep.join(map(str, (desk, TESTS, TESTS / "helpers", *sys.path)))
+    process = subprocess.Popen(
+        [
+            *(sys.executable, "-m", "palpate.cli.main", "run", "--scene", "desk.xml", "--json"),
+            *("-r", "how heavy is the mug?", "--robot", "scripted://here", "--yes"),
+            *("--out", "run", "--rehearse" if rehearse else "--no-rehearse"),
+        ],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        cwd=desk,
+        env={**os.environ, "MUJOCO_GL": "disable", "PYTHONPATH": path},
+    )
+    assert process.stderr is not None
+    for line in process.stderr:
+        if word in line:
+            break
+    for number in signals:
+        process.send_signal(number)
+    out, err = process.communicate(timeout=60)
+    return process, out, err
+
+
+@pytest.mark.parametrize(
+    ("word", "number", "doing"),
+    [
+        ("planning", signal.SIGTERM, "planning"),
+        ("rehearsing", signal.SIGINT, "rehearsing"),
+    ],
+)
+def test_before_anything_moves(desk: Path, word: str, number: signal.Signals, doing: str) -> None:
+    process, out, err = interrupted(desk, word, number, rehearse=True)
+    assert process.returncode == 4
+    assert err.splitlines()[-1].endswith(f"while {doing}; nothing has moved")
+    assert json.loads(out)["status"] == "aborted"
+    assert not (desk / "run").exists()
+    assert not list(desk.glob(".run*"))
+
+
+@pytest.mark.parametrize("others", [(), (signal.SIGINT,)], ids=["one", "two"])
+def test_while_the_arm_moves(desk: Path, others: tuple[signal.Signals, ...]) -> None:
+    """One puts down what is held, two hold it."""
+    process, out, err = interrupted(desk, "CloseGripper", signal.SIGTERM, *others)
+    assert process.returncode == 4
+    assert "interrupted by SIGTERM" in err.splitlines()[-1]
+    assert "what there is, is in 'run'" in err.splitlines()[-1]
+    found = json.loads((desk / "run" / "result.json").read_text("utf-8"))
+    assert found == json.loads(out)
+    assert found["status"] == "aborted"
+    trace = read_mcap(desk / "run" / "trace.mcap")
+    put_down = [leaf.label for leaf in trace.leaves if leaf.node == "stop"]
+    assert put_down == ([] if others else ["PutDown()"])
+    assert found["parameters"] == [] or found["parameters"][0]["verdict"] == "not identified"
+
+
+def test_while_the_twin_is_built(desk: Path) -> None:
+    process, out, err = interrupted(desk, "building the twin", signal.SIGHUP)
+    assert process.returncode == 4
+    assert "interrupted by SIGHUP while building the twin" in err.splitlines()[-1]
+    found = json.loads(out)
+    assert (found["status"], found["stage"]) == ("aborted", "building the twin")
+    assert found["parameters"][0]["verdict"] == "identified"
+    assert found == json.loads((desk / "run" / "result.json").read_text("utf-8"))
+
+
+def test_a_scratch_folder_of_a_killed_process_is_swept(tmp_path: Path) -> None:
+    from palpate.runs import folder
+
+    mine = tmp_path / "runs"
+    mine.mkdir()
+    gone = subprocess.Popen([sys.executable, "-c", ""])
+    gone.wait()
+    host = folder._HOST  # pyright: ignore[reportPrivateUsage]
+    stale = mine / f".cup.palpate-{host}-{gone.pid}-abcd1234"
+    alive = mine / f".cup.palpate-{host}-{os.getpid()}-abcd1234"
+    elsewhere = mine / f".cup.palpate-00000000-{gone.pid}-abcd1234"
+    other = mine / ".cup.abcd1234"
+    for path in (stale, alive, elsewhere, other):
+        path.mkdir()
+    folder.growing_folder(mine / "cup")
+    assert sorted(mine.iterdir()) == sorted([alive, elsewhere, other, mine / "cup"])
