@@ -5,7 +5,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from types import SimpleNamespace
 from typing import Any, ClassVar
 
 import numpy as np
@@ -20,6 +19,8 @@ from palpate.robots.reflex import Reflex
 from palpate.robots.registry import load_description
 from palpate.robots.robot import RobotState
 from palpate.robots.safety import Expectation
+from palpate.scene.load import parse_scene
+from palpate.scene.scene import Scene
 from palpate.trace.recording import Hand
 from palpate.trace.samples import Samples
 from palpate.vocabulary.base import Blackboard, LeafFailure, Primitive, Recorder
@@ -50,6 +51,17 @@ LIMITS = Limits(
 STIFFNESS = 2000.0
 """N/m of the support under a held object."""
 
+
+CELL = """<mujoco><worldbody>
+  <site name="robot_base"/>
+  <body name="table" pos="0.5 0 0.005"><geom type="box" size="0.3 0.3 0.03"/></body>
+  <body name="cup" pos="0.5 0 0.085"><freejoint/>
+    <geom type="box" size="0.03 0.02 0.05" friction="0.6 0.005 0.0001"/></body>
+</worldbody></mujoco>"""
+"""A cup, 0.1 m high, on a table."""
+
+IN_HAND = Pose.top_down((0.5, 0.0, 0.1), 0.0).inverse() @ Pose.of((0.5, 0.0, 0.085))
+"""The grasped cup in the TCP's frame."""
 
 TICK = 0.02
 """s of robot time between two ticks."""
@@ -251,7 +263,7 @@ class Grasp(Primitive):
             holding="cup",
             grasp="cup_pose",
             gripper="closed",
-            pose_tcp_object=Pose.of((0, 0, 0)),
+            pose_tcp_object=IN_HAND,
         )
 
     def run(self, blackboard: Blackboard):
@@ -307,14 +319,10 @@ def robot() -> StandIn:
     return StandIn()
 
 
-@pytest.fixture
-def scene() -> Any:
-    """All that leaves and runner read of a scene: where the base is, and what pose names stand
-    for."""
-    places = {"cup_pose": Pose.top_down((0.5, 0.0, 0.1), 0.0)}
-    return SimpleNamespace(
-        pose_world_base=Pose.of((0, 0, 0)), symbols=SimpleNamespace(resolve=places.__getitem__)
-    )
+@pytest.fixture(scope="session")
+def scene() -> Scene:
+    """The cup on the table, which the stand-in's hand grasps at z = 0.1 m."""
+    return parse_scene(CELL)
 
 
 @pytest.fixture

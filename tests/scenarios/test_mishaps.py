@@ -16,9 +16,9 @@ from palpate.scenarios.catalogue import scenario
 from .judge import between, executed, joint_of
 
 STOPPED = {
-    "slip": "slip: the fingers closed to 0.0 mm and hold nothing any more",
+    "slip": "slip: the fingers closed",
     "too_heavy": "more than the payload of 3 kg",
-    "obstacle": "external force",
+    "obstacle": "unexpected contact",
 }
 REJECTED = {
     "unreachable": "out of the arm's reach",

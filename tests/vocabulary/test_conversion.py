@@ -115,7 +115,7 @@ def test_velocity_is_the_mean_of_the_true_hands(carried) -> None:
         2 * 0.001 / (recording.end - recording.start)
     )  # m: the camera's frames are up to 17 ms beside its ends
     assert found["Force2Velocity"].value == pytest.approx(truth, abs=frames)
-    assert found["Force2Velocity"].parts["peak speed"].value == pytest.approx(0.25, abs=0.03)
+    assert found["Force2Velocity"].parts["peak speed"].value == pytest.approx(0.12, abs=0.03)
 
 
 def test_momentum_is_mass_times_the_true_velocity(carried) -> None:
@@ -124,7 +124,7 @@ def test_momentum_is_mass_times_the_true_velocity(carried) -> None:
     assert found["Force2Momentum"].parameter == Parameter("cup", "momentum")
     assert truth[2] > 0.01
     assert found["Force2Momentum"].value == pytest.approx(truth, abs=2e-3)
-    assert found["Force2Momentum"].parts["mass"].value == pytest.approx(MASS, abs=1e-3)
+    assert found["Force2Momentum"].parts["mass"].value == pytest.approx(MASS, abs=3e-3)
 
 
 def test_plan_position_is_where_the_fingers_found_the_object(carried, scene) -> None:

@@ -9,8 +9,8 @@ import pytest
 from palpate.robots.safety import Expectation
 from palpate.trace.recording import Context
 from palpate.trace.samples import FORCES, POSE
-from palpate.vocabulary.motion import DWELL
 from palpate.vocabulary.sensing import FORCE_WINDOW, POSE_WINDOW
+from palpate.vocabulary.touch import DWELL
 
 LIFT, AT = ("MovePose", "cup_pose + z_offset"), ("MovePose", "cup_pose")
 

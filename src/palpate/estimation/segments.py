@@ -70,7 +70,7 @@ class _Cut:
 
     kind: str
     loaded: bool
-    rows: slice
+    rows: Rows
 
 
 def segments(trace: Trace, recording: Recording) -> list[Segment]:
@@ -146,9 +146,22 @@ def _passes(trace: Trace, load: Load, path: Path) -> Iterator[_Cut]:
     ways = (("up", speed > tuning.PASS_SPEED), ("down", speed < -tuning.PASS_SPEED))
     for kind, moving in ways:
         for loaded, mask in _loaded_and_empty(load):
-            for rows in runs(inside & moving & mask):
+            for rows in _joined(inside & moving & mask, samples.t):
                 if np.ptp(progress[rows]) > tuning.COVERED * path.length:
                     yield _Cut(kind, loaded, rows)
+
+
+def _joined(moving: Mask, t: Array) -> Iterator[NDArray[np.intp]]:
+    """Rows of each pass: stretches with a pause between them, where the arm changes its speed, are
+    one."""
+    found: list[NDArray[np.intp]] = []
+    for stretch in runs(moving):
+        rows: NDArray[np.intp] = np.arange(stretch.start, stretch.stop, dtype=np.intp)
+        if found and t[rows[0]] - t[found[-1][-1]] < tuning.PAUSE:
+            found[-1] = np.concatenate([found[-1], rows])
+        else:
+            found.append(rows)
+    yield from found
 
 
 def _binned(samples: Samples, passes: Sequence[_Cut], path: Path, density: Array) -> list[Segment]:

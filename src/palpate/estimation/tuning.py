@@ -68,6 +68,10 @@ PASS_SPEED = 0.01
 """m/s along the path from which the joints certainly slide. Sensitive: mass 0.2 σ, std ×0.9–1.1;
 com 0.1 σ, std ×1.0–1.1."""
 
+PAUSE = 0.5
+"""s between two stretches of one pass, at most: a motion changes its speed near things. Sensitive:
+no."""
+
 SAME_MOTION = 0.25
 """m/s², root mean square along the path: passes whose accelerations differ by more are not
 compared. Sensitive: no."""

@@ -50,16 +50,21 @@ class PrimitiveLeaf(Behaviour):
         self.node = node
         self.started = 0.0
         self._life: Steps | None = None
+        self._earlier: str | None = None
+        """A reflex from before, which no motion has cleared yet."""
 
     def initialise(self) -> None:
         """Begin a new life; nothing moves before the first `update`."""
         self.feedback_message = ""
         self.started = self.blackboard.robot.state.t
+        self._earlier = self.blackboard.robot.state.reflex
         self._life = self._live()
 
     def update(self) -> Status:
-        """One step."""
+        """One step; none beside a leaf that has failed, which is about to end this one, too."""
         assert self._life is not None
+        if self.blackboard.failed:
+            return Status.RUNNING
         logged = len(self.blackboard.recorder.recordings)
         try:
             next(self._life)
@@ -147,14 +152,23 @@ class PrimitiveLeaf(Behaviour):
             steps.close()
 
     def _check(self) -> None:
-        if reason := self.primitive.unsafe(self.blackboard):
+        # What the predicate says of a state in which the arm stopped itself is more than that it did.
+        if reason := self.primitive.unsafe(self.blackboard) or self._reflex():
             raise LeafFailure(reason)
         limit = self.primitive.timeout
         if self.blackboard.robot.state.t - self.started > limit:
             raise LeafFailure(f"not done after {limit:g} s of robot time")
 
+    def _reflex(self) -> str | None:
+        """Why the arm stopped itself since this leaf began."""
+        reflex = self.blackboard.robot.state.reflex
+        if reflex is None:
+            self._earlier = None
+        return reflex if reflex != self._earlier else None
+
     def _failed(self, reason: str) -> Status:
         self.feedback_message = reason
+        self.blackboard.failed = True
         return Status.FAILURE
 
     def _sign(self, first: int) -> None:

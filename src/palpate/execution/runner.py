@@ -37,7 +37,7 @@ MAX_ROBOT_SECONDS = 1800.0
 """s of robot time that a whole run may take."""
 STOP_SECONDS = 2.0
 """s of robot time for the arm to come to rest after `hold`."""
-EASINGS = 4
+EASINGS = 8
 """How often the arm gives way to what it presses on; each leaves a fraction of the force."""
 STOP_NODE = "stop"
 """`LeafRun.node` of what the runner itself runs on the way to a controlled stop; no plan has such a
@@ -213,6 +213,7 @@ class _Loop:
         )
 
     def _put_down(self) -> None:
+        self.blackboard.failed = False
         down = PrimitiveLeaf(PutDown(), self.blackboard, STOP_NODE)
         try:
             self.tick_to_end(down, PutDown.timeout, self.hurried)

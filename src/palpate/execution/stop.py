@@ -1,5 +1,10 @@
 """What happens to a held object when a run stops early: it is put down, or held still, never
-dropped."""
+dropped.
+
+It is put down only where its support is proven: believed to be below with a margin, met at about
+that height, and pressed upon by the whole weight and more, at rest and for a while. Anything less,
+an edge, a push that comes and goes, leaves it in the closed fingers.
+"""
 
 from __future__ import annotations
 
@@ -8,21 +13,28 @@ from typing import ClassVar
 
 import numpy as np
 
+from palpate.geometry.pose import Pose
 from palpate.robots.safety import Expectation
-from palpate.vocabulary.base import Blackboard, Primitive, Resource, Steps
+from palpate.vocabulary.admissible.footing import footing
+from palpate.vocabulary.admissible.support import stable
+from palpate.vocabulary.base import Blackboard, LeafFailure, Primitive, Resource, Steps
 from palpate.vocabulary.gripper import finish_fingers
-from palpate.vocabulary.motion import finish, guard
+from palpate.vocabulary.motion import DOWN
+from palpate.vocabulary.profile import GUARDED_SPEED, POSE_ERROR
 from palpate.vocabulary.state import SymbolicState
+from palpate.vocabulary.touch import Feeling, finish, guarded
 
-DOWN = np.array([0.0, 0.0, -1.0])
-LOWERING_SPEED = 0.02
-"""m/s."""
 AT_GRASP = 0.003
 """m: an object this near to the height where it was grasped still stands on its support."""
 EXTRA_TRAVEL = 0.015
-"""m below the height where it was grasped: covers the arm's sag and a soft support."""
-SUPPORTED = 5.0
-"""N that the support must take over before the fingers open."""
+"""m below the believed support: covers the arm's sag, the pose's error and a soft support."""
+PRESSED = 5.0
+"""N that the object presses on its support, its whole weight aside, before it counts as borne."""
+STILL_PRESSED = 2.0
+"""N of it that must be left after `PROVEN`."""
+PROVEN = 0.5
+"""s that it must bear it, at rest."""
+STAYS = "it stays in the fingers"
 RETREAT_SPEED = 0.05
 """m/s."""
 RETREAT = 0.10
@@ -32,11 +44,10 @@ SETTLING = 0.3
 
 
 class PutDown(Primitive):
-    """Lower the held object until its support takes its weight, open the fingers, retreat upwards.
+    """Lower the held object until its support bears its weight, open the fingers, retreat upwards.
 
-    Fails, and leaves the object in the closed fingers, when it meets no support down to where it
-    was grasped. Not part of the vocabulary: only the runner uses it, on its way to a controlled
-    stop.
+    Fails, and leaves the object in the closed fingers, where no support is proven. Not part of the
+    vocabulary: only the runner uses it, on its way to a controlled stop.
     """
 
     claims: ClassVar[frozenset[Resource]] = frozenset({"arm", "gripper"})
@@ -48,16 +59,32 @@ class PutDown(Primitive):
         return Expectation(contact=True, grasped=held)
 
     def run(self, blackboard: Blackboard) -> Steps:
-        height = self._height(blackboard)
-        if height > AT_GRASP or blackboard.state.lifted:
-            yield from self._lower(blackboard, max(height, 0.0) + EXTRA_TRAVEL)
-        name = blackboard.state.holding or "the object"
+        robot, name = blackboard.robot, blackboard.state.holding
+        robot.set_reflex(robot.limits.reflexes.contact)
+        if name is not None:
+            yield from self._to_support(blackboard, name)
         blackboard.state = released(blackboard)
-        blackboard.robot.open_gripper()
+        robot.open_gripper()
         yield from finish_fingers(blackboard)
-        blackboard.robot.move_axis(-DOWN, RETREAT_SPEED, RETREAT)
+        robot.move_axis(-DOWN, RETREAT_SPEED, RETREAT)
         yield from _arrive(blackboard)
-        return f"put {name} down"
+        return f"put {name or 'what was just grasped'} down"
+
+    def _to_support(self, blackboard: Blackboard, name: str) -> Steps:
+        """Onto a support that bears it; where the object was grasped and never lifted, it is
+        there."""
+        place = self._place(blackboard, name)
+        if reason := stable(blackboard.state, name, place):
+            raise LeafFailure(f"'{name}' cannot be put down here, {reason}: {STAYS}")
+        if blackboard.state.lifted or self._height(blackboard) > AT_GRASP:
+            yield from self._lower(blackboard, name, place)
+        return "supported"
+
+    def _place(self, blackboard: Blackboard, name: str) -> Pose:
+        """Where the object would stand, straight below where it is held."""
+        held = _held(blackboard)
+        gap = footing(blackboard.state, name, held).gap
+        return held.translated((0.0, 0.0, -gap)) if np.isfinite(gap) else held
 
     def _height(self, blackboard: Blackboard) -> float:
         """How far above the place of its grasp the object is, m; 0 when it was not lifted since."""
@@ -67,18 +94,43 @@ class PutDown(Primitive):
         z = blackboard.scene.symbols.resolve(grasp).position[2]
         return float(blackboard.robot.state.pose_world_tcp.position[2] - z)
 
-    def _lower(self, blackboard: Blackboard, travel: float) -> Steps:
-        blackboard.robot.move_axis(DOWN, LOWERING_SPEED, travel)
-        yield
-        free = blackboard.robot.state.wrench[2]
-        yield from guard(
-            blackboard,
-            lambda: bool(free - blackboard.robot.state.wrench[2] >= SUPPORTED),
-            f"no support within {1e3 * travel:.0f} mm below '{blackboard.state.holding}': "
-            "it stays in the fingers",
-        )
+    def _lower(self, blackboard: Blackboard, name: str, place: Pose) -> Steps:
+        """Down to the support, until it bears the object."""
+        robot, feeling, load = blackboard.robot, Feeling(blackboard.robot), blackboard.load
+        travel = max(_above(blackboard, place), 0.0) + EXTRA_TRAVEL
+        nowhere = f"no support within {1e3 * travel:.0f} mm below '{name}': {STAYS}"
+        robot.move_axis(DOWN, GUARDED_SPEED, travel)
+        if not (yield from guarded(blackboard, lambda: -load.borne(feeling.now()) > PRESSED)):
+            raise LeafFailure(nowhere)
         yield from _arrive(blackboard)
+        early = _above(blackboard, place)
+        if early > POSE_ERROR:
+            raise LeafFailure(
+                f"'{name}' met something {1e3 * early:.0f} mm above its support: {STAYS}"
+            )
+        yield from self._prove(blackboard, name)
         return "supported"
+
+    def _prove(self, blackboard: Blackboard, name: str) -> Steps:
+        """Stand there for a while, all of which the support must bear the object."""
+        feeling, start = Feeling(blackboard.robot), blackboard.robot.state.t
+        while blackboard.robot.state.t - start < PROVEN:
+            if -blackboard.load.borne(feeling.now()) < STILL_PRESSED:
+                raise LeafFailure(f"nothing bears '{name}' for long: {STAYS}")
+            yield
+        return "proven"
+
+
+def _held(blackboard: Blackboard) -> Pose:
+    """Where the held object is, by the arm's pose now."""
+    held = blackboard.state.pose_tcp_object
+    tcp = blackboard.robot.state.pose_world_tcp
+    return tcp if held is None else tcp @ held
+
+
+def _above(blackboard: Blackboard, place: Pose) -> float:
+    """m that the held object is above where it would stand."""
+    return float(_held(blackboard).position[2] - place.position[2])
 
 
 def released(blackboard: Blackboard) -> SymbolicState:

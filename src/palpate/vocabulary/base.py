@@ -23,6 +23,7 @@ from palpate.scene.scene import Scene
 from palpate.trace.recording import Conversion, LeafRun, Recording
 from palpate.trace.samples import FORCES, POSE, Samples, Trace
 from palpate.vocabulary.admissible import motion
+from palpate.vocabulary.load import NOTHING, Load
 from palpate.vocabulary.state import SymbolicState
 from palpate.vocabulary.violation import Violation
 
@@ -99,6 +100,10 @@ class Blackboard:
     motions: int = 0
     """How many motion leaves are running now."""
     owner: dict[Resource, object] = field(default_factory=dict[Resource, object])
+    load: Load = NOTHING
+    """What the fingers were felt to bear."""
+    failed: bool = False
+    """A leaf has failed: nothing else may move."""
 
     @property
     def scene(self) -> Scene:
@@ -180,10 +185,13 @@ class Primitive(BaseModel):
 
     def unsafe(self, blackboard: Blackboard) -> str | None:
         """The safety predicate, evaluated every tick: the reason it is violated, or None."""
-        return violation(
-            blackboard.robot.state,
+        expected = self.expectation(blackboard.state)
+        state = blackboard.robot.state
+        slip = blackboard.load.slip(state.width) if expected.grasped and state.gripping else None
+        return slip or violation(
+            state,
             blackboard.robot.limits,
-            self.expectation(blackboard.state),
+            expected,
             blackboard.scene.pose_world_base,
             blackboard.robot.gravity,
         )

@@ -11,21 +11,45 @@ from pydantic import Field
 
 from palpate.geometry.pose import Array
 from palpate.robots.safety import Expectation
-from palpate.vocabulary.base import Blackboard, Primitive, Resource, Steps, Surroundings
-from palpate.vocabulary.motion import guard, settle
+from palpate.trace.samples import STANDARD_GRAVITY
+from palpate.vocabulary.admissible.clearance import Motion
+from palpate.vocabulary.base import (
+    Blackboard,
+    LeafFailure,
+    Primitive,
+    Resource,
+    Steps,
+    Surroundings,
+)
+from palpate.vocabulary.profile import POSE_ERROR
 from palpate.vocabulary.state import SymbolicState
+from palpate.vocabulary.touch import Feeling, guarded, settle
 from palpate.vocabulary.violation import PRECONDITION, Violation
 
-PROBE_SPEED = 0.015
-"""m/s, guarded motions: slow enough that one tick of 20 ms adds less than 1 N on a rigid
-surface."""
+PROBE_SPEED = 0.012
+"""m/s where contact is expected: a rigid surface is met with less than 45 N (mean over 10 ms), also
+where the arm is heaviest."""
+APPROACH_SPEED = 0.020
+"""m/s while contact is not expected yet, but may come. Less than twice the speed of the contact, by
+which the loading curve is read."""
+EXPECTED_WITHIN = 0.03
+"""m above the believed top in which contact is expected: three standard deviations of the height of
+a surface that something tells of."""
 CONTACT_FORCE = 8.0
 """N: the threshold tau_c of the paper, against the force felt in free air at the start of the
 motion."""
+SIDE_FORCE = 2.0
+"""N: the threshold where something that stands freely may be met sideways: the least that is told
+from the joints' friction for certain."""
 CONTACT_TORQUE = 3.0
 """N m, likewise."""
 PROBE_TRAVEL = 0.30
 """m."""
+
+LIGHTEST = 50.0
+"""kg/m^3 of an object's box, the least plausible for what nobody weighed: a thin plastic bottle."""
+SLIPPERIEST = 0.2
+"""friction between an object and its support, the least plausible."""
 
 AXES: dict[str, tuple[float, float, float]] = {
     "+x": (1, 0, 0),
@@ -70,7 +94,22 @@ class MoveUntilContact(Primitive):
             return f"nothing is below '{state.at}'; go to the approach pose of the surface to probe"
         if state.holding:
             return f"'{state.holding}' is in the gripper; put it down before probing with the fingertips"
+        for name in self._beside(state):
+            bears = withstands(state, name, float(state.pose_world_tcp.position[2]))
+            if bears < SIDE_FORCE:
+                return (
+                    f"'{name}' may tip or slide at {bears:.1f} N, before a touch is felt for certain "
+                    f"({SIDE_FORCE:g} N); probe it from above with -z, or grasp it to learn where it is"
+                )
         return None
+
+    def _beside(self, state: SymbolicState) -> list[str]:
+        """Objects that a sideways probe may meet."""
+        start = state.pose_world_tcp
+        if start is None or self.axis in ("+z", "-z"):
+            return []
+        end = start.translated(PROBE_TRAVEL * np.array(AXES[self.axis]))
+        return Motion(state, start, end).hits(margin=POSE_ERROR)
 
     def during(self, state: SymbolicState) -> SymbolicState:
         return replace(state, activity="moving")
@@ -86,23 +125,49 @@ class MoveUntilContact(Primitive):
         return Expectation(contact=True, holding=state.holding is not None)
 
     def run(self, blackboard: Blackboard) -> Steps:
+        robot, state = blackboard.robot, blackboard.state
         direction = np.array(AXES[self.axis], dtype=float)
-        start = blackboard.robot.state.pose_world_tcp
-        blackboard.robot.move_axis(direction, PROBE_SPEED, PROBE_TRAVEL)
-        yield
-        free = blackboard.robot.state.wrench
-        yield from guard(
-            blackboard,
-            lambda: self._touching(blackboard, direction, free),
+        start, feeling = robot.state.pose_world_tcp, Feeling(robot)
+        threshold = SIDE_FORCE if self._beside(state) else CONTACT_FORCE
+        robot.set_reflex(robot.limits.reflexes.probing)
+        for speed, travel in self._stages(state, float(start.position[2])):
+            robot.move_axis(direction, speed, travel)
+            if (yield from guarded(blackboard, lambda: _touching(feeling, direction, threshold))):
+                yield from settle(blackboard)
+                travelled = robot.state.pose_world_tcp.distance_to(start)
+                return f"contact after {1e3 * travelled:.0f} mm"
+        raise LeafFailure(
             f"nothing touched within {PROBE_TRAVEL:.2f} m along {self.axis}; "
-            "start nearer, or probe another direction",
+            "start nearer, or probe another direction"
         )
-        yield from settle(blackboard)
-        travelled = blackboard.robot.state.pose_world_tcp.distance_to(start)
-        return f"contact after {1e3 * travelled:.0f} mm"
 
-    def _touching(self, blackboard: Blackboard, direction: Array, free: Array) -> bool:
-        change = blackboard.robot.state.wrench - free
-        return bool(
-            change[:3] @ direction > CONTACT_FORCE or np.linalg.norm(change[3:]) > CONTACT_TORQUE
-        )
+    def _stages(self, state: SymbolicState, z: float) -> list[tuple[float, float]]:
+        """Speed, m/s, and travel, m, of one part of the way after the other."""
+        below = state.surface_below(state.pose_world_tcp) if state.pose_world_tcp else None
+        if self.axis != "-z" or below is None:
+            return [(PROBE_SPEED, PROBE_TRAVEL)]
+        top = below.top_z(state.pose_of(below.name))
+        far = z - state.scene.arm.tip - top - EXPECTED_WITHIN
+        if far < EXPECTED_WITHIN:
+            return [(PROBE_SPEED, PROBE_TRAVEL)]
+        return [(APPROACH_SPEED, far), (PROBE_SPEED, PROBE_TRAVEL - far)]
+
+
+def withstands(state: SymbolicState, name: str, z: float) -> float:
+    """N that object `name` bears sideways at height `z` (world, m) for certain, before it tips over
+    an edge of its footprint or slides.
+
+    Of its mass, where nobody knows it, the least plausible: m g min(mu, b / h) with half the width
+    b of the footprint and the height h of the touch above it.
+    """
+    body, pose = state.scene.body(name), state.pose_of(name)
+    mass = body.known.get("mass", (LIGHTEST * float(np.prod(body.size)),))[0]
+    half = float(body.size.min()) / 2
+    height = max(min(z, body.top_z(pose)) - body.bottom_z(pose), 1e-3)
+    return mass * STANDARD_GRAVITY * min(SLIPPERIEST, half / height)
+
+
+def _touching(feeling: Feeling, direction: Array, threshold: float) -> bool:
+    change = feeling.now() - feeling.first
+    along, turning = float(change[:3] @ direction), float(np.linalg.norm(change[3:]))
+    return along > threshold or turning > CONTACT_TORQUE

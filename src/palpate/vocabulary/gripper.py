@@ -9,10 +9,12 @@ from palpate.robots.safety import Expectation
 from palpate.vocabulary.admissible.grasp import ungraspable
 from palpate.vocabulary.admissible.support import would_fall
 from palpate.vocabulary.base import Blackboard, LeafFailure, Primitive, Resource, Steps
+from palpate.vocabulary.load import Load
 from palpate.vocabulary.state import SymbolicState
+from palpate.vocabulary.touch import feel
 from palpate.vocabulary.violation import Violation
 
-GRIP_SETTLE = 0.2
+GRIP_SETTLE = 0.1
 """s: fingers at rest on an object before the grasp counts."""
 
 
@@ -52,6 +54,13 @@ class OpenGripper(Primitive):
         return Expectation(holding=state.holding is not None, contact=True)
 
     def run(self, blackboard: Blackboard) -> Steps:
+        name = blackboard.state.holding
+        if name is not None:
+            wrench = yield from feel(blackboard)
+            if reason := blackboard.load.too_much(wrench):
+                raise LeafFailure(
+                    f"{reason} of '{name}', which would fall; lower it onto its support first"
+                )
         blackboard.robot.open_gripper()
         yield from finish_fingers(blackboard)
         return f"open to {1e3 * blackboard.robot.state.width:.0f} mm"
@@ -100,6 +109,8 @@ class CloseGripper(Primitive):
         return Expectation(contact=True)
 
     def run(self, blackboard: Blackboard) -> Steps:
+        blackboard.load = Load((yield from feel(blackboard)))
+        blackboard.robot.set_reflex(blackboard.robot.limits.reflexes.contact)
         blackboard.robot.close_gripper()
         yield from finish_fingers(blackboard)
         start = blackboard.robot.state.t
@@ -107,4 +118,5 @@ class CloseGripper(Primitive):
             yield
         if not blackboard.robot.state.gripping:
             raise LeafFailure("the fingers met no resistance: nothing is between them")
+        blackboard.load = replace(blackboard.load, width=blackboard.robot.state.width)
         return f"grasped at {1e3 * blackboard.robot.state.width:.1f} mm"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Generator, Iterator
 from dataclasses import replace
 from typing import Annotated, ClassVar
 
@@ -11,6 +11,7 @@ from pydantic import Field
 
 from palpate.errors import InputError
 from palpate.geometry.pose import Array, Pose
+from palpate.robots.reflex import Reflex, Reflexes
 from palpate.robots.safety import Expectation
 from palpate.vocabulary.admissible.reach import beyond_joint_limits, out_of_reach
 from palpate.vocabulary.admissible.support import clear_of_support, slides, would_be_dragged
@@ -22,26 +23,30 @@ from palpate.vocabulary.base import (
     Steps,
     Surroundings,
 )
+from palpate.vocabulary.load import UNFELT
+from palpate.vocabulary.profile import GUARDED_SPEED, POSE_ERROR, Span, leaves, spans
 from palpate.vocabulary.state import SymbolicState
+from palpate.vocabulary.touch import (
+    BRIEF,
+    DWELL,
+    MET,
+    Feeling,
+    feel,
+    finish,
+    guarded,
+    in_words,
+    settle,
+)
 from palpate.vocabulary.violation import Violation
 
-FREE_SPEED = 0.25
-"""m/s, in free air."""
-CARRY_SPEED = FREE_SPEED
-"""m/s, with an object between the fingers: as without one, because weighing compares equal passes
-over one path."""
 CONTACT_SPEED = 0.02
 """m/s, whenever something is or may be touched."""
+DOWN = np.array([0.0, 0.0, -1.0])
+SET_DOWN = 10.0
+"""N that a held object presses on its support, its weight aside, before it counts as set down."""
 POSITION_TOLERANCE = 0.010
 """m: an impedance-controlled arm with 1.5 kg on it sags by several millimetres."""
 ANGLE_TOLERANCE = np.radians(3.0)
-SETTLED_SPEED = 0.003
-"""m/s."""
-DWELL = 0.4
-"""s: how long the arm stands still before a motion counts as settled; still windows feed the
-estimators."""
-SETTLE_LIMIT = 3.0
-"""s."""
 PRESS_DEPTHS = (0.005, 0.001)
 """m: how far the equilibrium is lowered while sliding, at its beginning and its end: a normal force
 that the torque sensors resolve, and that varies, so that what the arm's own friction adds to the
@@ -50,42 +55,52 @@ HOME_CONFIG = "home_config"
 """The joint configuration from which every pose is reached safely."""
 
 
-def settle(blackboard: Blackboard, dwell: float = DWELL) -> Steps:
-    """Wait until the arm has stood still for `dwell` s.
+def feel_on(
+    blackboard: Blackboard, span: Span, sets_down: bool, goal: str
+) -> Generator[None, None, bool]:
+    """Follow a guarded span that has been started: True when the held object's support bears it
+    and more, which ends the motion.
 
     Raises:
-        LeafFailure: it does not come to rest.
+        LeafFailure: it meets something else; the arm still presses on it.
     """
-    start = since = blackboard.robot.state.t
-    while blackboard.robot.state.t - since < dwell:
-        if np.linalg.norm(blackboard.robot.state.twist[:3]) > SETTLED_SPEED:
-            since = blackboard.robot.state.t
-        if blackboard.robot.state.t - start > SETTLE_LIMIT + dwell:
-            raise LeafFailure(f"the arm does not settle within {SETTLE_LIMIT:g} s")
-        yield
-    return "settled"
-
-
-def finish(blackboard: Blackboard) -> Steps:
-    """Wait until the arm's commanded motion has ended."""
+    robot, feeling = blackboard.robot, Feeling(blackboard.robot)
     yield
-    while blackboard.robot.state.moving:
+    while robot.state.moving:
+        wrench = feeling.now()
+        change = wrench - feeling.first
+        if sets_down and -blackboard.load.borne(wrench) > SET_DOWN:
+            robot.hold()
+            return True
+        met = change[:3] - _explained(blackboard, change, sets_down, span)
+        if np.linalg.norm(met) > MET:
+            left = 1e3 * robot.state.pose_world_tcp.distance_to(span.end)
+            raise LeafFailure(
+                f"unexpected contact: the hand pushes with {in_words(met)} on something "
+                f"{left:.0f} mm before the end of the way to '{goal}'"
+            )
         yield
-    return "arrived"
+    return False
 
 
-def guard(blackboard: Blackboard, touching: Callable[[], bool], otherwise: str) -> Steps:
-    """Wait until the arm's motion touches something, and hold it there.
+def _reflex(of: Reflexes, span: Span, holding: str | None) -> Reflex:
+    """At what the arm stops itself on the way."""
+    if span.guarded:
+        return replace(of.probing, load=of.carrying.load)
+    return of.carrying if holding else of.free
 
-    Raises:
-        LeafFailure: the motion ended first; `otherwise` is the reason given.
-    """
-    while not touching():
-        if not blackboard.robot.state.moving:
-            raise LeafFailure(otherwise)
-        yield
-    blackboard.robot.hold()
-    return "touched"
+
+def _explained(blackboard: Blackboard, change: Array, sets_down: bool, span: Span) -> Array:
+    """(3,) N: the part of a change of force (6,) that belongs to the motion."""
+    lift = float(change[2])
+    if sets_down:
+        return np.array([0.0, 0.0, min(lift, 0.0)])
+    if not leaves(span.start, span.end):
+        return np.zeros(3)
+    if blackboard.state.holding is None:
+        return change[:3]  # what was pressed on is relieved
+    heaviest = blackboard.robot.limits.payload * blackboard.robot.gravity
+    return np.array([0.0, 0.0, min(max(lift, 0.0), heaviest)])
 
 
 class MovePose(Primitive):
@@ -163,15 +178,37 @@ class MovePose(Primitive):
         target = self.target(blackboard.state)
         if blackboard.state.activity == "sliding":
             yield from self._slide(blackboard, target)
+            message = self._arrived(blackboard, target)
         else:
-            blackboard.robot.move_pose(
-                target, CARRY_SPEED if blackboard.state.holding else FREE_SPEED
-            )
-            yield from finish(blackboard)
-            yield from settle(blackboard)
+            message = yield from self._go(blackboard, target)
+        if blackboard.state.holding and not self.effects(blackboard.state).lifted:
+            yield from self._lower(blackboard)
+        return message
+
+    def _go(self, blackboard: Blackboard, target: Pose) -> Steps:
+        """The way in spans; an object that is set down may meet its support early."""
+        robot, state = blackboard.robot, blackboard.state
+        lifted = self.effects(state).lifted
+        sets_down = state.holding is not None and not lifted
+        dwell = DWELL
+        for span in spans(state, robot.state.target_world_tcp, target):
+            robot.set_reflex(_reflex(robot.limits.reflexes, span, state.holding))
+            robot.move_pose(span.end, span.speed)
+            if not span.guarded:
+                yield from finish(blackboard)
+            elif (yield from feel_on(blackboard, span, sets_down, self.pose)):
+                yield from settle(blackboard, BRIEF)
+                return self._set_down(blackboard, target)
+            dwell = BRIEF if span.guarded else DWELL
+        yield from settle(blackboard, dwell)
+        if lifted:
+            hanging = yield from feel(blackboard)
+            blackboard.load = replace(blackboard.load, hanging=hanging)
+            self._light_enough(blackboard)
         return self._arrived(blackboard, target)
 
     def _slide(self, blackboard: Blackboard, target: Pose) -> Steps:
+        blackboard.robot.set_reflex(blackboard.robot.limits.reflexes.contact)
         first, last = (np.array([0.0, 0.0, -depth]) for depth in PRESS_DEPTHS)
         for waypoint in (
             blackboard.robot.state.target_world_tcp.translated(first),
@@ -182,6 +219,39 @@ class MovePose(Primitive):
             yield from finish(blackboard)
             yield from settle(blackboard)
         return "slid"
+
+    def _light_enough(self, blackboard: Blackboard) -> None:
+        robot, weight = blackboard.robot, blackboard.load.weight
+        if weight > robot.limits.payload * robot.gravity + UNFELT:
+            raise LeafFailure(
+                f"'{blackboard.state.holding}' weighs {weight / robot.gravity:.1f} kg, more than the "
+                f"payload of {robot.limits.payload:g} kg"
+            )
+
+    def _lower(self, blackboard: Blackboard) -> Steps:
+        """On until the support bears what is held: the arm sags, and fingers that press slip."""
+        load, robot = blackboard.load, blackboard.robot
+        wrench = yield from feel(blackboard)
+        if load.too_much(wrench) is None:
+            return "borne"
+        feeling = Feeling(robot)
+        robot.move_axis(DOWN, GUARDED_SPEED, POSE_ERROR)
+        if not (yield from guarded(blackboard, lambda: load.borne(feeling.now()) < 0.0)):
+            raise LeafFailure(
+                f"nothing bears '{blackboard.state.holding}' at '{self.pose}' or "
+                f"{1e3 * POSE_ERROR:.0f} mm below: it stays in the fingers"
+            )
+        yield from settle(blackboard, BRIEF)
+        return "lowered"
+
+    def _set_down(self, blackboard: Blackboard, target: Pose) -> str:
+        early = blackboard.robot.state.pose_world_tcp.distance_to(target)
+        if early > POSE_ERROR:
+            raise LeafFailure(
+                f"'{blackboard.state.holding}' met a support {1e3 * early:.0f} mm before "
+                f"'{self.pose}': something else is there"
+            )
+        return f"set down {1e3 * early:.1f} mm early"
 
     def _arrived(self, blackboard: Blackboard, target: Pose) -> str:
         measured = blackboard.robot.state.pose_world_tcp
@@ -249,7 +319,11 @@ class MoveJoints(Primitive):
         return Expectation(holding=state.holding is not None, grasped=state.holding is not None)
 
     def run(self, blackboard: Blackboard) -> Steps:
+        reflexes = blackboard.robot.limits.reflexes
+        blackboard.robot.set_reflex(
+            reflexes.carrying if blackboard.state.holding else reflexes.free
+        )
         blackboard.robot.move_joints(self.target(blackboard.state))
         yield from finish(blackboard)
-        yield from settle(blackboard)
+        yield from settle(blackboard, BRIEF)
         return "reached"

@@ -1,0 +1,66 @@
+"""What hangs on the fingers, and what its support bears of it.
+
+Both are differences from what was felt with empty fingers right before they closed: a sensed force
+is never zero on a real arm.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from palpate.geometry.pose import Array
+
+BORNE = 0.3
+"""part of an object's weight that the fingers may still bear when they open: the rest of the arm's
+sag, which gives way as they do."""
+CLOSING = 0.002
+"""m by which fingers come nearer each other when what they hold slides or turns out of them; a pad
+that gives way is less."""
+UNFELT = 1.5
+"""N: a weight below this is not told from none: Franka states 0.8 N relative accuracy, and joints
+stick."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Load:
+    """What the fingers were felt to bear.
+
+    Attributes:
+        empty: (6,) external wrench right before they closed, the convention of `palpate.trace`.
+        width: m between the fingers as they closed on it. hanging: (6,) at rest with the object
+            hanging free; None until it did.
+    """
+
+    empty: Array
+    width: float = 0.0
+    hanging: Array | None = None
+
+    @property
+    def weight(self) -> float:
+        """N that hung on the fingers; 0 until it did."""
+        if self.hanging is None:
+            return 0.0
+        return max(float(self.hanging[2] - self.empty[2]), 0.0)
+
+    def slip(self, width: float) -> str | None:
+        """Why fingers `width` m apart do not hold what they closed on any more."""
+        if width > self.width - CLOSING:
+            return None
+        return f"slip: the fingers closed from {1e3 * self.width:.1f} to {1e3 * width:.1f} mm"
+
+    def borne(self, wrench: Array) -> float:
+        """N that the fingers bear at `wrench` (6,); negative where they press."""
+        return float(wrench[2] - self.empty[2])
+
+    def too_much(self, wrench: Array) -> str | None:
+        """Why the fingers must not open at `wrench` (6,): they would drop what they bear."""
+        bears = self.borne(wrench)
+        if bears <= max(UNFELT, BORNE * self.weight):
+            return None
+        return f"the fingers still bear {bears:.1f} N"
+
+
+NOTHING = Load(np.zeros(6))
+"""Nothing was felt so far."""

@@ -1,0 +1,110 @@
+"""What a running primitive feels, and how it waits.
+
+A contact is judged by the median of several ticks: a spike of one tick is no contact, and what
+presses for longer than that is.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Generator
+
+import numpy as np
+
+from palpate.geometry.pose import Array
+from palpate.robots.robot import Robot
+from palpate.vocabulary.base import Blackboard, LeafFailure, Steps
+
+SETTLED_SPEED = 0.003
+"""m/s."""
+DWELL = 0.4
+"""s: how long the arm stands still before a motion counts as settled where what it feels may be
+compared with what it felt before; still windows feed the estimators."""
+BRIEF = 0.1
+"""s: likewise, where nothing is compared."""
+SETTLE_LIMIT = 3.0
+"""s."""
+SUSTAINED = 3
+"""ticks whose median is what is felt: 60 ms, in which the arm goes 1 mm at most where it feels its
+way."""
+MET = 8.0
+"""N: change of the contact's force that is something met; five times what the joints' friction and
+the sensors' bias do as the arm sets out."""
+
+
+class Feeling:
+    """The external wrench as it is felt for several ticks.
+
+    Attributes:
+        first: (6,) what was felt first, the convention of `palpate.trace`; not a number before.
+    """
+
+    def __init__(self, robot: Robot) -> None:
+        self.first: Array = np.full(6, np.nan)
+        self._robot = robot
+        self._ticks: deque[Array] = deque(maxlen=SUSTAINED)
+
+    def now(self) -> Array:
+        """(6,) the median of the last ticks; to be asked once a tick. Not a number in the first
+        ones, and so neither more nor less than any threshold."""
+        self._ticks.append(self._robot.state.contact)
+        if len(self._ticks) < SUSTAINED:
+            return np.full(6, np.nan)
+        wrench: Array = np.median(self._ticks, axis=0)
+        if np.isnan(self.first).any():
+            self.first = wrench
+        return wrench
+
+
+def feel(blackboard: Blackboard, ticks: int = SUSTAINED) -> Generator[None, None, Array]:
+    """Wait for some ticks; (6,) the median wrench felt meanwhile."""
+    felt: list[Array] = []
+    for _ in range(ticks):
+        felt.append(blackboard.robot.state.contact)
+        yield
+    return np.median(felt, axis=0)
+
+
+def settle(blackboard: Blackboard, dwell: float = DWELL) -> Steps:
+    """Wait until the arm has stood still for `dwell` s.
+
+    Raises:
+        LeafFailure: it does not come to rest.
+    """
+    start = since = blackboard.robot.state.t
+    while blackboard.robot.state.t - since < dwell:
+        if np.linalg.norm(blackboard.robot.state.twist[:3]) > SETTLED_SPEED:
+            since = blackboard.robot.state.t
+        if blackboard.robot.state.t - start > SETTLE_LIMIT + dwell:
+            raise LeafFailure(f"the arm does not settle within {SETTLE_LIMIT:g} s")
+        yield
+    return "settled"
+
+
+def finish(blackboard: Blackboard) -> Steps:
+    """Wait until the arm's commanded motion has ended."""
+    yield
+    while blackboard.robot.state.moving:
+        yield
+    return "arrived"
+
+
+def guarded(blackboard: Blackboard, touching: Callable[[], bool]) -> Generator[None, None, bool]:
+    """Wait until the arm's motion touches something, and hold it there; False when the motion ended
+    first."""
+    yield
+    while not touching():
+        if not blackboard.robot.state.moving:
+            return False
+        yield
+    blackboard.robot.hold()
+    return True
+
+
+def in_words(force: Array) -> str:
+    """A force (3,), N, as people say it: `12 N downwards`."""
+    size = float(np.linalg.norm(force))
+    names = (("+x", "-x"), ("+y", "-y"), ("upwards", "downwards"))
+    axis = int(np.abs(force).argmax())
+    direction = names[axis][int(force[axis] < 0)]
+    return f"{size:.0f} N {direction}"
