@@ -6,7 +6,7 @@ Nobody else holds a number of an arm.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 from pathlib import Path
 
@@ -110,6 +110,11 @@ class RobotDescription:
     def tcp(self) -> str:
         """The site at the TCP."""
         return self.hand.tcp if isinstance(self.hand.tcp, str) else TCP
+
+    def cautious(self) -> RobotDescription:
+        """The same arm, slow enough everywhere for things that no scene shows."""
+        slower = dict(self.pace.cautious)
+        return replace(self, pace=self.pace.model_copy(update=slower))
 
     def spec(self, gravity: Array | None = None) -> mujoco.MjSpec:
         """An editable copy of the arm's model, its options those of every world it is put in."""

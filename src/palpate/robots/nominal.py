@@ -79,6 +79,7 @@ class NominalArm:
         self._model = spec.compile()
         self._data = mujoco.MjData(self._model)
         self._tcp = self._model.site(arm.tcp).id
+        self._elbow = int(self._model.jnt_bodyid[self._model.joint(arm.joints[3]).id])
         self._q, self._dq = self._data.qpos[:7], self._data.qvel[:7]
         self._ddq, self._cvel = self._data.qacc[:7], self._data.cvel
         self._position = self._data.site_xpos[self._tcp]
@@ -165,6 +166,21 @@ class NominalArm:
         full = np.empty((model.nv, model.nv))
         mujoco.mj_fullM(model, data, full)
         return full[:7, :7]
+
+    def jacobian(self, q: Array) -> Array:
+        """(6, 7) of the TCP, world axes."""
+        model, data, out = self._model, self._data, np.empty((6, self._model.nv))
+        self._q[:] = q
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_comPos(model, data)
+        mujoco.mj_jacSite(model, data, out[:3], out[3:], self._tcp)
+        return out[:, :7]
+
+    def elbow_jacobian(self) -> Array:
+        """(3, 7) of the fourth joint's place, world axes, at the configuration asked about last."""
+        out = np.empty((3, self._model.nv))
+        mujoco.mj_jacBody(self._model, self._data, out, None, self._elbow)
+        return out[:, :7]
 
     @property
     def armature(self) -> Array:

@@ -92,7 +92,7 @@ class Robot(Protocol):
 
     def move_pose(self, target: Pose, speed: float) -> None:
         """Start a straight motion with bounded jerk of the commanded TCP pose to `target` (world),
-        at most `speed` m/s.
+        at most `speed` m/s, and no faster than its effective mass allows (`robots.pace`).
 
         The arm follows like a spring: what is in its way bears a force, and it may end beside the
         target. `state.moving` until the command has ended.

@@ -175,8 +175,24 @@ class Stiffness(Section):
     joints: Seven
 
 
+class Cautious(Section):
+    """What a cautious arm does less of; see `Pace`."""
+
+    speed: Size
+    turning_speed: Size
+    joint_speed: Size
+    impulse: Size
+
+
 class Pace(Section):
-    """Of commanded motions: m/s, rad/s, m/s^2, rad/s^2, of the TCP and of the joints."""
+    """Of commanded motions: m/s, rad/s, m/s^2, rad/s^2, of the TCP and of the joints.
+
+    Attributes:
+        impulse: N s that the arm may give to what it runs into, which bounds the speed where its
+            effective mass is large. restitution: of such contacts, 0 to 1.
+        cautious: what stands in the place of those of the same name where nothing may be hurt that
+            no scene shows.
+    """
 
     speed: Size
     turning_speed: Size
@@ -184,6 +200,9 @@ class Pace(Section):
     acceleration: Size
     turning_acceleration: Size
     joint_acceleration: Size
+    impulse: Size
+    restitution: Share
+    cautious: Cautious
 
 
 class Accuracy(Section):

@@ -15,6 +15,7 @@ from palpate.geometry.pose import Array, Pose
 from palpate.robots import trajectory
 from palpate.robots.description import Limits, RobotDescription
 from palpate.robots.nominal import NominalArm, wrench
+from palpate.robots.pace import joint_rate, speed_along
 from palpate.robots.reflex import Reflex
 from palpate.robots.robot import RobotState
 from palpate.robots.simulated.gripper import Gripper
@@ -132,17 +133,16 @@ class MujocoRobot:
         return self._cached
 
     def move_joints(self, q: Array, speed: float = 1.0) -> None:
-        """See `Robot`. Neither the joints nor the TCP exceed the description's pace."""
+        """See `Robot`. No part exceeds the description's pace."""
         self._reflex = None
         goal, now, pace = np.asarray(q, dtype=float), self._joint_motion(), self._arm.pace
         farthest = float(np.abs(goal - now.p).max())
-        slowest = max(farthest / pace.joint_speed, self._sweep(now.p, goal) / pace.speed, 1e-6)
-        rate = speed / slowest
+        rate = speed * joint_rate(self._nominal, pace, now.p, goal)
         acceleration = pace.joint_acceleration / max(farthest, 1e-6)
         self._follow_joints(trajectory.straight(self._world.t, now, goal, rate, acceleration))
 
     def move_pose(self, target: Pose, speed: float) -> None:
-        """See `Robot`."""
+        """See `Robot`. Slower where the arm's effective mass is large."""
         self._reflex = None
         now, origin = self._pose_motion()
         goal = np.concatenate(
@@ -150,13 +150,14 @@ class MujocoRobot:
         )
         distance = max(float(np.linalg.norm(goal[:3] - now.p[:3])), 1e-6)
         angle = max(float(np.linalg.norm(goal[3:])), 1e-6)
-        pace = self._arm.pace
-        rate = min(speed / distance, pace.turning_speed / angle)
+        pace, t, q = self._arm.pace, self._world.t, self._readout.q
+        bent = self._nominal.reach(target, self._arm.home)
+        ahead = (goal[:3] - now.p[:3]) / distance
+        free = speed_along(self._nominal, pace, [q, (q + bent) / 2, bent], ahead)
+        rate = min(min(speed, free) / distance, pace.turning_speed / angle)
         acceleration = min(pace.acceleration / distance, pace.turning_acceleration / angle)
-        t, q = self._world.t, self._readout.q
         path = trajectory.straight(t, now, goal, rate, acceleration)
         resting = trajectory.Motion(q, np.zeros(7), np.zeros(7))
-        bent = self._nominal.reach(target, self._arm.home)
         posture = trajectory.straight(t, resting, bent, rate, acceleration)
         self._follow_pose(trajectory.PosePath(path, origin), posture)
 
@@ -274,12 +275,6 @@ class MujocoRobot:
     def _sprung(self) -> Array:
         """What the springs exert at the joints now (7,), N m."""
         return self._readout.commanded - self._readout.gravity_torque
-
-    def _sweep(self, start: Array, goal: Array) -> float:
-        """m that the TCP would travel if it kept its greatest speed all along a joint motion."""
-        s = np.linspace(0.0, 1.0, 30)[:, None]
-        p = self._nominal.poses(start + s * (goal - start))[:, :3]
-        return float(np.linalg.norm(np.diff(p, axis=0), axis=1).max() * (len(s) - 1))
 
     def _run(self, periods: int) -> None:
         """Let the world run for some log periods, and read the sensors."""
