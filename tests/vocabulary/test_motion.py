@@ -6,7 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from performing import cell
 
+from palpate.geometry.pose import Pose
 from palpate.robots.registry import load_description
 from palpate.vocabulary.admissible.support import clear_of_support
 from palpate.vocabulary.contact import CONTACT_FORCE, PROBE_TRAVEL
@@ -87,16 +89,18 @@ def test_move_joints_refuses(start, make, joints, problem: str) -> None:
     assert problem in make("MoveJoints", joints=joints).requires(start)[0].message
 
 
-def test_move_joints_leaves_no_pose_and_no_contact(start, make, after) -> None:
+def test_move_joints_leaves_no_contact_and_the_arm_as_it_bent_it(start, make, after) -> None:
     touching = after(start, TO_TABLE, ("MoveUntilContact", "-z"))
     state = after(touching, ("MoveJoints", "home_config"))
-    assert (state.at, state.pose_world_tcp, state.contact, state.activity) == (
-        "home_config",
-        None,
-        None,
-        "still",
-    )
-    assert make("MoveJoints", joints=HOME.tolist()).effects(touching).at is None
+    assert (state.at, state.contact, state.activity) == ("home_config", None, "still")
+    assert state.is_bent
+    assert state.q.tolist() == HOME.tolist()
+    bent = make("MoveJoints", joints=[*HOME[:6], 0.0]).effects(touching)
+    assert bent.at is None
+    assert bent.pose_world_tcp.angle_to(state.pose_world_tcp) == pytest.approx(HOME[6])
+    back = after(state, TO_TABLE)
+    assert not back.is_bent
+    assert back.q is not None
     assert make("MoveJoints", joints=HOME.tolist()).during(touching).contact is None
 
 
@@ -118,7 +122,8 @@ def test_a_probe_needs_a_place_a_surface_and_empty_fingers(start, make, after, r
         pose_world_tcp=start.scene.symbols.resolve("cup_pose").translated((2, 0, 0)),
     )
     assert "nothing is below 'nowhere'" in down.requires(beside)[0].message
-    assert make("MoveUntilContact", axis="+x").requires(beside) == []
+    aside = make("MoveUntilContact", axis="+x").requires(beside)[0].message
+    assert "nothing to touch within 0.30 m" in aside
     assert (
         "'cup' is in the gripper"
         in down.requires(after(start, *reached, "CloseGripper", LIFT))[0].message
@@ -128,8 +133,20 @@ def test_a_probe_needs_a_place_a_surface_and_empty_fingers(start, make, after, r
     assert "already in contact with 'table'" in down.requires(touching)[0].message
 
 
-def test_a_sideways_probe_touches_nothing_that_has_a_height(start, after) -> None:
-    state = after(start, TO_TABLE, ("MoveUntilContact", "+x"))
+def test_a_probe_ends_where_it_is_believed_to_touch(start, after) -> None:
+    state = after(start, TO_TABLE, ("MoveUntilContact", "-z"))
+    tip = state.pose_world_tcp.position[2] - start.scene.arm.tip
+    assert tip == pytest.approx(0.0, abs=2e-3)
+    assert state.at == "table_approach"
+
+
+def test_a_sideways_probe_of_what_stands_free_is_refused(start, make) -> None:
+    low = replace(
+        start, at="beside", gripper="closed", pose_world_tcp=Pose.top_down((0.65, 0.1, 0.08), 0.0)
+    )
+    (reason,) = make("MoveUntilContact", axis="-x").requires(low)
+    assert "'cup' may tip or slide" in reason.message
+    state = make("MoveUntilContact", axis="-x").effects(low)
     assert (state.contact, state.activity) == (None, "contact")
 
 
@@ -157,8 +174,9 @@ def test_a_probe_stops_at_its_threshold_on_the_surface(perform) -> None:
 
 
 def test_a_probe_that_meets_nothing_fails_at_its_travel_limit(perform) -> None:
-    from_above = perform(TO_TABLE, ("MoveUntilContact", "+z"))
+    # The table that the scene has is half a metre lower in the world.
+    from_above = perform(TO_TABLE, ("MoveUntilContact", "-z"), world=cell(table=-0.53))
     assert from_above.execution.status == "stopped"
     assert (
-        f"nothing touched within {PROBE_TRAVEL:.2f} m along +z" in from_above.execution.stopped_by
+        f"nothing touched within {PROBE_TRAVEL:.2f} m along -z" in from_above.execution.stopped_by
     )

@@ -10,7 +10,8 @@ from palpate.geometry.pose import Pose
 from palpate.parameter import Parameter
 from palpate.trace.recording import Context
 from palpate.trace.samples import FORCES
-from palpate.vocabulary.state import GRASP_REACH, RESTORED_POSITION, SymbolicState
+from palpate.vocabulary.admissible.grip import BITE
+from palpate.vocabulary.state import RESTORED_POSITION, SymbolicState
 
 
 def test_the_context_is_the_present_state(start: SymbolicState) -> None:
@@ -27,10 +28,15 @@ def test_a_slide_is_on_what_is_below_the_hand(start: SymbolicState) -> None:
     assert replace(sliding, activity="moving").context().support is None
 
 
+PAD = 0.0085
+"""m: half the width of the arm's pads."""
+
+
 @pytest.mark.parametrize(
-    ("outside", "found"), [(0.0, "cup"), (GRASP_REACH - 1e-4, "cup"), (GRASP_REACH + 1e-4, None)]
+    ("outside", "found"),
+    [(0.0, "cup"), (PAD - BITE - 1e-3, "cup"), (PAD - BITE + 1e-3, None), (PAD + 1e-3, None)],
 )
-def test_fingers_close_on_the_object_whose_box_holds_the_tcp(
+def test_fingers_close_on_the_object_of_which_the_pads_have_more_than_an_edge(
     start: SymbolicState, outside: float, found: str | None
 ) -> None:
     body = start.object_at(Pose.top_down((0.5 + 0.03 + outside, 0.1, 0.05), 0.0))

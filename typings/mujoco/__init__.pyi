@@ -128,6 +128,7 @@ class _MjModelBodyViews(_Named):
     pos: _Doubles
     quat: _Doubles
     ipos: _Doubles
+    subtreemass: _Doubles
     iquat: _Doubles
     mass: _Doubles
     inertia: _Doubles

@@ -114,6 +114,11 @@ class PrimitiveLeaf(Behaviour):
         for resource in sorted(self.primitive.claims & self.blackboard.owner.keys()):
             owner = cast(PrimitiveLeaf, self.blackboard.owner[resource])
             raise LeafFailure(f"the {resource} is in use by {owner.name}: one motion at a time")
+        if self.primitive.claims:
+            # Before the first motion only the robot knows where it is.
+            robot = self.blackboard.robot.state
+            state = self.blackboard.state.standing(robot.q, robot.pose_world_tcp)
+            self.blackboard.state = state
         violations = self.primitive.violations(self.blackboard.state)
         if violations:
             raise LeafFailure("; ".join(str(violation) for violation in violations))

@@ -121,6 +121,8 @@ class Primitive(BaseModel):
     group: ClassVar[Literal["motion", "gripper", "sensing", "conversion"]]
     reads: ClassVar[str | None] = None
     writes: ClassVar[str | None] = None
+    tilts: ClassVar[bool] = False
+    """Whether it may lay over what is held."""
     measures: ClassVar[type[Quantity] | None] = None
     """What a conversion yields: a quantity of the catalogue."""
     timeout: ClassVar[float] = 30.0
@@ -149,12 +151,15 @@ class Primitive(BaseModel):
             return [self.unwritten()]
         found = self.requires(state)
         if "arm" not in self.claims:
+            unknown = self.claims and state.pose_world_tcp is None
+            return [*found, motion.unknown_start()] if unknown else found
+        if any(violation.rule == "unreachable" for violation in found):
             return found
         try:
             after = self.effects(state)
         except InputError:
             return found
-        return [*found, *motion.violations(state, after)]
+        return [*found, *motion.violations(state, after, may_tilt=self.tilts)]
 
     def requires(self, state: SymbolicState) -> list[Violation]:
         """Violated preconditions of its own, worded so that a model or a person can repair the

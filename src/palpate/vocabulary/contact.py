@@ -13,6 +13,7 @@ from palpate.geometry.pose import Array
 from palpate.robots.safety import Expectation
 from palpate.trace.samples import STANDARD_GRAVITY
 from palpate.vocabulary.admissible.clearance import Motion
+from palpate.vocabulary.admissible.probe import touch, untouchable
 from palpate.vocabulary.base import (
     Blackboard,
     LeafFailure,
@@ -83,10 +84,17 @@ class MoveUntilContact(Primitive):
 
     def requires(self, state: SymbolicState) -> list[Violation]:
         problem = self._problem(state)
-        return [Violation(PRECONDITION, problem)] if problem else []
+        if problem:
+            return [Violation(PRECONDITION, problem)]
+        return list(untouchable(state, self.direction, PROBE_TRAVEL))
+
+    @property
+    def direction(self) -> Array:
+        """(3,) unit vector, world axes."""
+        return np.array(AXES[self.axis], dtype=float)
 
     def _problem(self, state: SymbolicState) -> str | None:
-        if state.pose_world_tcp is None:
+        if state.pose_world_tcp is None or state.is_bent:
             return "the gripper is not at a known pose; MovePose to an approach pose first"
         if state.contact:
             return f"already in contact with '{state.contact}'; MovePose away first"
@@ -108,25 +116,28 @@ class MoveUntilContact(Primitive):
         start = state.pose_world_tcp
         if start is None or self.axis in ("+z", "-z"):
             return []
-        end = start.translated(PROBE_TRAVEL * np.array(AXES[self.axis]))
+        end = start.translated(PROBE_TRAVEL * self.direction)
         return Motion(state, start, end).hits(margin=POSE_ERROR)
 
     def during(self, state: SymbolicState) -> SymbolicState:
         return replace(state, activity="moving")
 
     def effects(self, state: SymbolicState) -> SymbolicState:
-        touched = None
-        if self.axis == "-z" and state.pose_world_tcp is not None:
-            below = state.surface_below(state.pose_world_tcp)
-            touched = below.name if below else None
-        return replace(state, contact=touched, activity="contact")
+        first = touch(state, self.direction, PROBE_TRAVEL)
+        if first is None:
+            return replace(state, contact=None, activity="contact")
+        name = first.hit.other.owner
+        known = name if self.axis == "-z" and name in state.scene.bodies else None
+        return replace(
+            state, pose_world_tcp=first.pose, joints=None, contact=known, activity="contact"
+        )
 
     def expectation(self, state: SymbolicState) -> Expectation:
         return Expectation(contact=True, holding=state.holding is not None)
 
     def run(self, blackboard: Blackboard) -> Steps:
         robot, state = blackboard.robot, blackboard.state
-        direction = np.array(AXES[self.axis], dtype=float)
+        direction = self.direction
         start, feeling = robot.state.pose_world_tcp, Feeling(robot)
         threshold = SIDE_FORCE if self._beside(state) else CONTACT_FORCE
         robot.set_reflex(robot.limits.reflexes.probing)

@@ -6,6 +6,7 @@ from dataclasses import replace
 from typing import ClassVar
 
 from palpate.robots.safety import Expectation
+from palpate.vocabulary.admissible.collision import finger_collisions
 from palpate.vocabulary.admissible.grasp import ungraspable
 from palpate.vocabulary.admissible.support import would_fall
 from palpate.vocabulary.base import Blackboard, LeafFailure, Primitive, Resource, Steps
@@ -35,7 +36,8 @@ class OpenGripper(Primitive):
     timeout: ClassVar[float] = 10.0
 
     def requires(self, state: SymbolicState) -> list[Violation]:
-        return would_fall(state)
+        opening = state.scene.arm.hand.opening
+        return [*would_fall(state), *finger_collisions(state, opening, state.holding)]
 
     def effects(self, state: SymbolicState) -> SymbolicState:
         touched_through_it = state.activity == "contact" and state.contact is None
@@ -78,7 +80,7 @@ class CloseGripper(Primitive):
         if state.gripper != "open":
             problem = "the gripper must be open before it closes; OpenGripper first"
             return [Violation("gripper-state", problem)]
-        if state.pose_world_tcp is None:
+        if state.pose_world_tcp is None or state.is_bent or state.activity == "contact":
             problem = "the gripper is not at a grasp pose; MovePose to `<object>_pose` first"
             return [Violation("gripper-state", problem)]
         body = state.object_at(state.pose_world_tcp)

@@ -25,7 +25,7 @@ from palpate.vocabulary.base import (
 )
 from palpate.vocabulary.load import UNFELT
 from palpate.vocabulary.profile import GUARDED_SPEED, POSE_ERROR, Span, leaves, spans
-from palpate.vocabulary.state import SymbolicState
+from palpate.vocabulary.state import HOME_CONFIG, SymbolicState, pose_of_joints
 from palpate.vocabulary.touch import (
     BRIEF,
     DWELL,
@@ -51,8 +51,6 @@ PRESS_DEPTHS = (0.005, 0.001)
 """m: how far the equilibrium is lowered while sliding, at its beginning and its end: a normal force
 that the torque sensors resolve, and that varies, so that what the arm's own friction adds to the
 sliding force can be told apart."""
-HOME_CONFIG = "home_config"
-"""The joint configuration from which every pose is reached safely."""
 
 
 def feel_on(
@@ -101,6 +99,23 @@ def _explained(blackboard: Blackboard, change: Array, sets_down: bool, span: Spa
         return change[:3]  # what was pressed on is relieved
     heaviest = blackboard.robot.limits.payload * blackboard.robot.gravity
     return np.array([0.0, 0.0, min(max(lift, 0.0), heaviest)])
+
+
+def at_rest(state: SymbolicState, at: str | None, target: Pose) -> SymbolicState:
+    """The state at rest with the TCP at a pose, and with it what is held."""
+    arrived = replace(
+        state, at=at, pose_world_tcp=target, joints=None, contact=None, activity="still"
+    )
+    if state.holding is None or state.pose_tcp_object is None:
+        return arrived
+    pose_world_object = target @ state.pose_tcp_object
+    lifted = clear_of_support(state, state.holding, pose_world_object)
+    return replace(
+        arrived,
+        lifted=lifted,
+        activity="still" if lifted else "contact",
+        moved={**state.moved, state.holding: pose_world_object},
+    )
 
 
 class MovePose(Primitive):
@@ -155,20 +170,7 @@ class MovePose(Primitive):
         return replace(state, activity=activity, contact=None)
 
     def effects(self, state: SymbolicState) -> SymbolicState:
-        target = self.target(state)
-        arrived = replace(
-            state, at=self.pose, pose_world_tcp=target, contact=None, activity="still"
-        )
-        if state.holding is None or state.pose_tcp_object is None:
-            return arrived
-        pose_world_object = target @ state.pose_tcp_object
-        lifted = clear_of_support(state, state.holding, pose_world_object)
-        return replace(
-            arrived,
-            lifted=lifted,
-            activity="still" if lifted else "contact",
-            moved={**state.moved, state.holding: pose_world_object},
-        )
+        return at_rest(state, self.pose, self.target(state))
 
     def expectation(self, state: SymbolicState) -> Expectation:
         held = state.holding is not None
@@ -313,7 +315,9 @@ class MoveJoints(Primitive):
 
     def effects(self, state: SymbolicState) -> SymbolicState:
         name = self.joints if isinstance(self.joints, str) else None
-        return replace(state, at=name, pose_world_tcp=None, contact=None, activity="still")
+        joints = self.target(state)
+        pose = pose_of_joints(state.scene, joints)
+        return replace(at_rest(state, name, pose), joints=joints, activity="still")
 
     def expectation(self, state: SymbolicState) -> Expectation:
         return Expectation(holding=state.holding is not None, grasped=state.holding is not None)

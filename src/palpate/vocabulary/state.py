@@ -13,20 +13,22 @@ from typing import TYPE_CHECKING, Any, Literal, TypeVar, cast
 
 import numpy as np
 
-from palpate.geometry.pose import Pose
+from palpate.geometry.pose import Array, Pose
 from palpate.mjcf.body import Body
 from palpate.parameter import Parameter
+from palpate.robots.kinematics import forward_kinematics
 from palpate.scene.scene import Scene
 from palpate.trace.recording import Context
+from palpate.vocabulary.admissible.grip import Grip, grip
+from palpate.vocabulary.admissible.solids import digits, solids
 
 if TYPE_CHECKING:
     from palpate.vocabulary.base import Primitive
 
 T = TypeVar("T")
 
-GRASP_REACH = 0.02
-"""m: how far outside an object's box the TCP may be and still have the object between the
-fingers."""
+HOME_CONFIG = "home_config"
+"""The joint configuration from which every pose is reached safely."""
 
 SINKING = 0.05
 """m: how far above the TCP a top may be and still be below the hand, by a belief about heights that
@@ -34,6 +36,12 @@ a contact corrects."""
 
 RESTORED_POSITION = 0.005
 """m: an object within this distance of where it was found counts as restored."""
+
+SAGS = 0.01
+"""m and rad by which an arm that says where it is may be off its joint angles."""
+
+SAME_POSE = 1e-4
+"""m and rad: poses that differ by less are one."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,7 +51,9 @@ class SymbolicState:
     Attributes:
         scene: what is believed about the cell at rest.
         at: pose expression or joint configuration last reached.
-        pose_world_tcp: where that is, None for joint configurations.
+        pose_world_tcp: where that is; None before the first motion of a plan.
+        joints: (7,) rad, the joint configuration last moved to as such; None at a pose, where the
+            controller bends the arm.
         gripper: typestate of the hand.
         holding, grasp: object held, and the pose expression where it was grasped.
         pose_tcp_object: the held object's pose in the TCP frame.
@@ -61,6 +71,7 @@ class SymbolicState:
     scene: Scene
     at: str | None = None
     pose_world_tcp: Pose | None = None
+    joints: Array | None = None
     gripper: Literal["open", "closed", "unknown"] = "unknown"
     holding: str | None = None
     grasp: str | None = None
@@ -73,6 +84,12 @@ class SymbolicState:
     logged: tuple[tuple[str, Context], ...] = ()
     converted: frozenset[Parameter] = frozenset()
     reaches: Callable[[Pose], bool] | None = None
+
+    def standing(self, q: Array, pose_world_tcp: Pose) -> SymbolicState:
+        """Where nobody knew where the arm is: now that it says so itself, bent as `q` (7,), rad."""
+        if self.pose_world_tcp is not None:
+            return self
+        return replace(self, pose_world_tcp=pose_world_tcp, joints=q)
 
     def context(self) -> Context:
         """The context a recording made now would carry."""
@@ -88,17 +105,60 @@ class SymbolicState:
         """Where an object is believed to be now."""
         return self.moved.get(name) or self.scene.body(name).pose_world
 
+    @property
+    def is_bent(self) -> bool:
+        """Whether the arm is where a joint motion took it, and not at a pose."""
+        if self.joints is None or self.pose_world_tcp is None:
+            return False
+        bent = pose_of_joints(self.scene, self.joints)
+        there = self.pose_world_tcp
+        return bent.distance_to(there) < SAGS and bent.angle_to(there) < SAGS
+
+    @property
+    def q(self) -> Array | None:
+        """(7,) rad: how the arm is bent; None before the first motion of a plan, and where the arm
+        does not get."""
+        if self.is_bent or self.pose_world_tcp is None:
+            return self.joints
+        return solids(self.scene).configuration(self.pose_world_tcp)
+
+    @property
+    def placed(self) -> tuple[tuple[str, bytes], ...]:
+        """The objects that were moved and where they are, for a key."""
+        moved = sorted(self.moved.items())
+        return tuple((name, digits(pose.vector)) for name, pose in moved)
+
+    @property
+    def arrangement(self) -> tuple[object, ...]:
+        """What tells two arrangements of arm, hand and things apart, for a key."""
+        pose, held = self.pose_world_tcp, self.pose_tcp_object
+        return (
+            None if pose is None else digits(pose.vector),
+            digits(self.joints) if self.is_bent and self.joints is not None else None,
+            self.gripper,
+            self.holding,
+            None if held is None else digits(held.vector),
+            *self.placed,
+        )
+
     def object_at(self, pose_world_tcp: Pose) -> Body | None:
-        """The object that closing the fingers at this pose would grasp: the one whose box holds the
-        TCP."""
-        found, least = None, GRASP_REACH
+        """The object that closing the fingers at this pose would grasp: the one between the pads,
+        of several the one in their middle."""
+        found, least = None, np.inf
         for body in self.scene.objects.values():
-            if not self._is_near(body, pose_world_tcp):
-                continue
-            outside = self._outside(body, pose_world_tcp)
-            if outside < least or (found is None and outside == least):
-                found, least = body, outside
+            held = self.grip_of(body, pose_world_tcp)
+            if held is not None and abs(held.aside) < least:
+                found, least = body, abs(held.aside)
         return found
+
+    def grip_of(self, body: Body, pose_world_tcp: Pose) -> Grip | None:
+        """How the pads would have an object at this pose of the TCP; None where it is not between
+        them."""
+        pose = self.pose_of(body.name)
+        x, y, _ = (pose_world_tcp.position - pose.position).tolist()
+        if not body.is_near(x, y, self.scene.arm.hand.opening):
+            return None
+        return grip(solids(self.scene), body.name, pose_world_tcp.inverse() @ pose)
 
     def surface_below(self, pose_world_tcp: Pose) -> Body | None:
         """What a guarded descent from this pose meets first, by belief: a surface or an object's
@@ -137,15 +197,10 @@ class SymbolicState:
         below = self.surface_below(self.pose_world_tcp)
         return below.name if below else None
 
-    def _is_near(self, body: Body, pose_world_tcp: Pose) -> bool:
-        x, y, _ = pose_world_tcp.position.tolist()
-        at_x, at_y, _ = self.pose_of(body.name).position.tolist()
-        return body.is_near(x - at_x, y - at_y, GRASP_REACH)
 
-    def _outside(self, body: Body, pose_world_tcp: Pose) -> float:
-        """Distance from the TCP to the object's box, 0 inside, m."""
-        local = self.pose_of(body.name).local(pose_world_tcp.position) - body.centre
-        return float(np.linalg.norm(np.maximum(np.abs(local) - body.size / 2, 0.0)))
+def pose_of_joints(scene: Scene, joints: Array) -> Pose:
+    """Where the TCP is (world) at joint angles (7,), rad."""
+    return scene.pose_world_base @ forward_kinematics(scene.arm, tuple(joints.tolist()))
 
 
 def during(moving: Iterable[Primitive], state: SymbolicState) -> SymbolicState:

@@ -19,6 +19,7 @@ from palpate.quantities import catalogue as catalogue_module
 from palpate.quantities.catalogue import catalogue
 from palpate.quantities.quantity import Quantity
 from palpate.vocabulary.base import ConversionPrimitive, Primitive, Steps, Surroundings
+from palpate.vocabulary.motion import MoveJoints
 from palpate.vocabulary.registry import Vocabulary, load_vocabulary
 from palpate.vocabulary.state import SymbolicState
 from palpate.vocabulary.violation import Violation
@@ -152,5 +153,8 @@ def test_who_names_no_arguments_is_told_so_and_not_dropped_silently(words) -> No
 def test_a_motion_of_a_third_party_is_judged_like_any_other() -> None:
     scene = bench(BOTTLE, MUG)
     low = Tap(place=(0.45, 0.25, 0.05), force=0.5)
-    start = SymbolicState(scene, at="home_config", gripper="open")
-    assert [violation.rule for violation in low.violations(start)] == ["sideways"]
+    home = MoveJoints(joints="home_config").effects(SymbolicState(scene))
+    start = replace(home, gripper="open")
+    found = [violation.rule for violation in low.violations(start)]
+    assert found[0] == "sideways"
+    assert set(found[1:]) == {"collision"}

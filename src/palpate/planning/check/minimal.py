@@ -41,8 +41,6 @@ def untouched(case: Case, walk: Walk) -> Iterator[Finding]:
     """Only objects among the parameters are grasped, those that block them, and tools for measuring them."""
     assert case.scene is not None
     concerned = {parameter.object for parameter in case.plan.parameters}
-    if not concerned:
-        return
     strange = _grasped(walk, concerned | _tools(case, walk))
     if strange:
         away = needed_away(case.scene, concerned)

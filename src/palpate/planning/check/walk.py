@@ -18,7 +18,7 @@ from palpate.vocabulary.state import SymbolicState, during, parallel
 
 Reach = Callable[[Pose], bool]
 
-CONSEQUENCES = ("precondition", "gripper-state")
+CONSEQUENCES = ("precondition", "gripper-state", "unknown-start")
 """Rules that are not held against a plan after a motion to nowhere: they would follow from it."""
 
 
@@ -93,16 +93,41 @@ class Walk:
     def _parallel(self, path: str, node: Node, before: SymbolicState) -> SymbolicState:
         """One branch may move; the others sense what is so meanwhile."""
         moving = [where for where in self._below(path) if self.form.primitives[where].claims]
-        meanwhile = during([self.form.primitives[where] for where in moving], before)
+        try:
+            meanwhile = during([self.form.primitives[where] for where in moving], before)
+        except InputError:
+            meanwhile = before  # the leaf with the pose that does not exist says so itself
         branches: list[Sequence[str]] = []
         for i, _ in enumerate(node.children):
             branch = self._below(f"{path}.children[{i}]")
             branches.append([where for where in branch if where not in moving])
+        self._judge_together(moving, before)
         after = parallel(before, meanwhile, moving, branches, self._leaf)
         if meanwhile.activity == "sliding":
             for violation in short_slide(before, after):
                 self.findings.append(Finding(path, violation))
         return after
+
+    def _judge_together(self, moving: Sequence[str], before: SymbolicState) -> None:
+        """Leaves that move at once overlap in time, so each is also judged as if all others had
+        come first; and nothing is taken or let go of under way."""
+        for path in moving:
+            others = [where for where in moving if where != path]
+            try:
+                first = before
+                for where in others:
+                    first = self.form.primitives[where].effects(first)
+                self._judge(path, first)
+                after = self.form.primitives[path].effects(before)
+            except InputError:
+                continue
+            if others and after.holding != before.holding:
+                name = after.holding or before.holding
+                message = (
+                    f"the fingers would take or let go of '{name}' while the arm moves; put the "
+                    "two after one another, in a Sequence"
+                )
+                self.findings.append(Finding.of(path, "gripper-state", message))
 
     def _below(self, path: str) -> Iterator[str]:
         """Paths of the leaves below and including `path`."""
@@ -112,9 +137,7 @@ class Walk:
 
     def _leaf(self, path: str, before: SymbolicState) -> SymbolicState:
         primitive = self.form.primitives[path]
-        for violation in primitive.violations(before):
-            if not (self._lost and violation.rule in CONSEQUENCES):
-                self.findings.append(Finding(path, violation))
+        self._judge(path, before)
         try:
             after = primitive.effects(before)
         except InputError:
@@ -124,3 +147,9 @@ class Walk:
             self._lost = False
         self.actions.append(Action(path, primitive, before, after))
         return after
+
+    def _judge(self, path: str, before: SymbolicState) -> None:
+        """Note what speaks against a leaf at its place."""
+        for violation in self.form.primitives[path].violations(before):
+            if not (self._lost and violation.rule in CONSEQUENCES):
+                self.findings.append(Finding(path, violation))

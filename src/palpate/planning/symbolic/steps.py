@@ -11,7 +11,7 @@ from palpate.planning.plan import Node
 from palpate.vocabulary.admissible import motion
 from palpate.vocabulary.admissible.clearance import straddled
 from palpate.vocabulary.base import Primitive
-from palpate.vocabulary.state import RESTORED_POSITION, SymbolicState, during, parallel
+from palpate.vocabulary.state import HOME_CONFIG, RESTORED_POSITION, SymbolicState, during, parallel
 
 TEMPORARY = "_temporary"
 """Ending of the name of the free place to which an object is carried out of the way."""
@@ -85,20 +85,21 @@ def _would_take(
 ) -> bool:
     """Whether this planner takes an action: it is more careful than the check has to be, and does
     nothing that leads nowhere."""
+    if before.pose_world_tcp is None:
+        return after.at == HOME_CONFIG
     if "gripper" in primitive.claims:
         return _closes_on_something(after) if after.gripper == "closed" else _lets_go_well(before)
     if after.contact:
         # A guarded motion begins in free air.
         return not before.contact and not _straddles(before)
-    if after.pose_world_tcp is None:
+    if after.is_bent:
         # The joints move with a free hand.
         return not (before.contact or before.holding or _straddles(before))
     if after.at == before.at and not before.contact:
         return False
     if _slides(before, after) and not _slides_well(before, after, recorded):
         return False
-    # Strict judgement covers the tolerant one of the check, which is therefore not asked again.
-    return next(motion.violations(before, after, motion.PLANNED), None) is None
+    return next(motion.qualms(before, after), None) is None
 
 
 def _straddles(state: SymbolicState) -> bool:

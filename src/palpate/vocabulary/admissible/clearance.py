@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 
 from palpate.errors import InputError
 from palpate.geometry.pose import Array, Pose
-from palpate.robots.kinematics import forward_kinematics
 from palpate.scene.scene import Scene
 from palpate.vocabulary.state import SymbolicState
 
@@ -83,12 +82,6 @@ class Motion:
     def vertical(self) -> bool:
         """Whether it goes straight up or down."""
         return float(np.linalg.norm((self.end.position - self.start.position)[:2])) < STEEP
-
-    @property
-    def flat(self) -> bool:
-        """Whether it goes farther sideways than up."""
-        travel = self.end.position - self.start.position
-        return float(np.linalg.norm(travel[:2])) > max(float(travel[2]), STEEP)
 
     def hits(self, ignoring: Collection[str] = (), margin: float = 0.0) -> list[str]:
         """Objects the hand, or what it holds, would run into, in document order; `margin` m is kept
@@ -164,24 +157,6 @@ class Motion:
             axes.append(pose.rotation)
             halves.append(body.size / 2)
         return Boxes(np.array(centres), np.array(axes), np.array(halves))
-
-
-def motion_to(state: SymbolicState, end: Pose) -> Motion | None:
-    """The straight motion from where the gripper is believed to be; None when that is not known."""
-    start = state.pose_world_tcp or configuration_pose(state.scene, state.at)
-    return None if start is None else Motion(state, start, end)
-
-
-def configuration_pose(scene: Scene, name: str | None) -> Pose | None:
-    """Where the TCP is (world) in a named joint configuration; None when there is none of that
-    name."""
-    if name is None:
-        return None
-    try:
-        joints = scene.symbols.joints(name)
-    except InputError:
-        return None
-    return scene.pose_world_base @ forward_kinematics(scene.arm, tuple(joints.tolist()))
 
 
 def straddled(state: SymbolicState, pose_world_tcp: Pose | None) -> str | None:

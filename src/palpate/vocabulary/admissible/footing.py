@@ -14,7 +14,7 @@ import numpy as np
 
 from palpate.geometry.outline import rim, slab
 from palpate.geometry.pose import Array, Pose
-from palpate.vocabulary.admissible.solids import ORIGIN, Shape, Solids, solids
+from palpate.vocabulary.admissible.solids import ORIGIN, Shape, Solids, digits, solids
 from palpate.vocabulary.state import SymbolicState
 
 SETTLES = 0.005
@@ -71,12 +71,9 @@ class Footing:
 def footing(state: SymbolicState, name: str, pose_world_object: Pose) -> Footing:
     """The footing of an object at a pose, among everything that is not held, and itself left out."""
     shapes = solids(state.scene)
-    key = ("footing", name, pose_world_object.vector.round(6).tobytes(), _placement(state, name))
-    if key not in shapes.memory:
-        shapes.memory[key] = _footing(shapes, state, name, pose_world_object)
-    found = shapes.memory[key]
-    assert isinstance(found, Footing)
-    return found
+    placed = [entry for entry in state.placed if entry[0] != name]
+    key = ("footing", name, digits(pose_world_object.vector), state.holding, *placed)
+    return shapes.remembered(key, lambda: _footing(shapes, state, name, pose_world_object))
 
 
 def _footing(shapes: Solids, state: SymbolicState, name: str, pose: Pose) -> Footing:
@@ -117,14 +114,6 @@ def _tops(
         if height > bottom + SUNK:
             continue
         yield Top(owner, hull(slab(part, height - FACE, height)), height)
-
-
-def _placement(state: SymbolicState, name: str) -> tuple[object, ...]:
-    """Where everything else stands that has been moved, for a key."""
-    return (
-        state.holding,
-        *((n, p.vector.round(6).tobytes()) for n, p in sorted(state.moved.items()) if n != name),
-    )
 
 
 def hull(points: Array) -> Array:

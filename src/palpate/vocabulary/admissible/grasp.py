@@ -2,14 +2,82 @@
 
 from __future__ import annotations
 
+import numpy as np
+
+from palpate.geometry.pose import Pose
 from palpate.mjcf.body import Body
 from palpate.scene.scene import Scene
+from palpate.vocabulary.admissible.collision import finger_collisions
+from palpate.vocabulary.admissible.grip import Grip
+from palpate.vocabulary.admissible.solids import LEFT, Solids, solids
 from palpate.vocabulary.state import SymbolicState
 from palpate.vocabulary.violation import Violation
 
+PUSHED = 0.010
+"""m: an object farther beside the middle is pushed, and a tall one tips, before both fingers have
+it."""
+TORSION = 0.38
+"""Mean distance from the middle of a square to its points, over its side: what friction of an evenly
+pressed pad resists turning with, over its force (the integral of sqrt(x² + y²) over a unit
+square)."""
+
 
 def ungraspable(state: SymbolicState, body: Body) -> list[Violation]:
-    """What speaks against grasping an object: that it does not fit, or is known to be too heavy."""
+    """What speaks against closing the fingers on an object where the hand is: that it does not fit,
+    is known to be too heavy or would twist, or something else is between the fingers."""
+    pose = state.pose_world_tcp
+    held = None if pose is None else state.grip_of(body, pose)
+    if pose is None or held is None:
+        return []
+    found = [*_misfit(state, body), *_beside(body, held), *_twisting(state, body, pose)]
+    return [*found, *finger_collisions(state, held.width, body.name)]
+
+
+def _beside(body: Body, held: Grip) -> list[Violation]:
+    if abs(held.aside) <= PUSHED:
+        return []
+    return [
+        Violation(
+            "gripper-state",
+            f"'{body.name}' is {1e3 * abs(held.aside):.0f} mm beside the middle of the fingers, "
+            f"which would push it over; MovePose to '{body.name}_pose' first",
+        )
+    ]
+
+
+def _twisting(state: SymbolicState, body: Body, pose_world_tcp: Pose) -> list[Violation]:
+    """What speaks against holding an object there: that its weight would turn it about the pads,
+    as far as mass and centre of mass are known or believed."""
+    scene, shapes = state.scene, solids(state.scene)
+    centre = state.pose_of(body.name).apply(shapes.centre_of_mass(body.name))
+    beside = abs(float((centre - pose_world_tcp.position) @ pose_world_tcp.rotation[:, 0]))
+    moment = shapes.mass(body.name) * scene.gravity * beside
+    most = _torsion(scene, shapes)
+    if moment <= most:
+        return []
+    return [
+        Violation(
+            "twist",
+            f"held {1e3 * beside:.0f} mm beside its centre of mass, '{body.name}' would turn in "
+            f"the grip with {moment:.1f} N m, of at most {most:.1f} N m; grasp it nearer to its "
+            "middle",
+        )
+    ]
+
+
+def _torsion(scene: Scene, shapes: Solids) -> float:
+    """N m with which the two pads resist turning about the line between them: friction times force
+    times the mean lever of a pad."""
+    (pad, *_) = shapes.pads(LEFT)
+    side = 2 * float(
+        np.sqrt(shapes.model.geom_size[pad.geom, 0] * shapes.model.geom_size[pad.geom, 2])
+    )
+    friction = float(shapes.model.geom_friction[pad.geom, 0])
+    return friction * scene.arm.hand.force * TORSION * side
+
+
+def _misfit(state: SymbolicState, body: Body) -> list[Violation]:
+    """That an object does not fit the hand, or is known to be too heavy for the arm."""
     found: list[Violation] = []
     unfit, heavy = does_not_fit(state.scene, body.name), too_heavy(state.scene, body)
     if unfit:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from palpate.geometry.pose import Array, Pose
-from palpate.vocabulary.admissible.solids import SIDES, Frames, Shape, Solids
+from palpate.vocabulary.admissible.solids import SIDES, Frames, Shape, Solids, digits
 
 BITE = 0.004
 """m that the pads must have of an object, in height and along it: less is an edge that slips out."""
@@ -33,12 +33,8 @@ class Grip:
 def grip(shapes: Solids, name: str, pose_tcp_object: Pose) -> Grip | None:
     """How the pads would have an object that is at a pose in the tool frame; None where it is not
     between them: where they would close beside it, above it, or have hardly an edge of it."""
-    key = ("grip", name, np.round(pose_tcp_object.vector, 6).tobytes())
-    if key not in shapes.memory:
-        shapes.memory[key] = _grip(shapes, name, pose_tcp_object)
-    found = shapes.memory[key]
-    assert found is None or isinstance(found, Grip)
-    return found
+    key = ("grip", name, digits(pose_tcp_object.vector))
+    return shapes.remembered(key, lambda: _grip(shapes, name, pose_tcp_object))
 
 
 def _grip(shapes: Solids, name: str, pose_tcp_object: Pose) -> Grip | None:

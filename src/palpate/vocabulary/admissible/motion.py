@@ -17,29 +17,16 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from palpate.vocabulary.admissible.clearance import TOUCH, Motion, motion_to, straddled
-from palpate.vocabulary.state import SymbolicState
-from palpate.vocabulary.violation import PRECONDITION, Violation
+import numpy as np
 
+from palpate.vocabulary.admissible.clearance import Motion, straddled
+from palpate.vocabulary.admissible.collision import collisions
+from palpate.vocabulary.admissible.support import leaning, riders
+from palpate.vocabulary.state import HOME_CONFIG, SAME_POSE, SymbolicState
+from palpate.vocabulary.violation import Violation
 
-@dataclass(frozen=True, slots=True)
-class Care:
-    """How a motion is judged.
-
-    Attributes:
-        margin: m that the hand keeps from objects; negative where boxes may overlap by as much.
-        strict: the way to, from and with anything near must be known and vertical; else the hand
-            may also leave an object at a slant, farther up than sideways.
-    """
-
-    margin: float
-    strict: bool
-
-
-TOLERATED = Care(margin=-TOUCH, strict=False)
-"""Of a plan from anybody, and of a leaf before it moves: poses are believed to within `TOUCH`."""
-PLANNED = Care(margin=0.0, strict=True)
-"""Of a plan of our own. Whatever passes this also passes `TOLERATED`."""
+HELD_UPRIGHT = np.radians(10.0)
+"""rad that a held object may lean against how it stood."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,7 +35,7 @@ class Passage:
 
     Attributes:
         goal: pose expression that it ends at.
-        motion: the straight way; None for a joint motion, and where its start is not known.
+        motion: the straight way; None for a joint motion.
         left, entered: object between the open fingers at its start, and at its end.
         near: anything that it leaves, enters, parts from, lifts or sets down.
     """
@@ -61,13 +48,14 @@ class Passage:
 
     @classmethod
     def of(cls, before: SymbolicState, after: SymbolicState) -> Passage:
-        """The passage from one state to the other."""
-        end = after.pose_world_tcp
-        motion = motion_to(before, end) if end is not None else None
+        """The passage from one state to the other, both with known poses."""
+        start, end = before.pose_world_tcp, after.pose_world_tcp
+        assert start is not None
+        assert end is not None
+        motion = None if after.is_bent else Motion(before, start, end)
         left = entered = None
         if before.holding is None:
-            left = straddled(before, before.pose_world_tcp)
-            entered = straddled(before, end)
+            left, entered = straddled(before, start), straddled(before, end)
         near = left or entered or before.contact
         if before.lifted != after.lifted:
             near = before.holding
@@ -75,40 +63,98 @@ class Passage:
 
 
 def violations(
-    before: SymbolicState, after: SymbolicState, care: Care = TOLERATED
+    before: SymbolicState, after: SymbolicState, *, may_tilt: bool = False
 ) -> Iterator[Violation]:
-    """What speaks against the arm's going from one state to the other, cheapest to find first."""
-    if after.at == before.at:
+    """What speaks against the arm's going from one state to the other, cheapest to find first, by
+    the real shapes of everything.
+
+    `may_tilt`: what is held may be laid over on purpose.
+    """
+    if _same_place(before, after) or after.pose_world_tcp is None:
+        return
+    if before.pose_world_tcp is None:
+        if after.at != HOME_CONFIG:
+            yield unknown_start()
+        return
+    yield from _sideways(Passage.of(before, after), strict=False)
+    yield from _carried(before, after, may_tilt)
+    yield from collisions(before, after)
+
+
+def qualms(before: SymbolicState, after: SymbolicState) -> Iterator[Violation]:
+    """What speaks against it for a planner that takes no risk, found quickly: by boxes, and near
+    anything straight up or down."""
+    if before.pose_world_tcp is None or after.pose_world_tcp is None:
+        yield unknown_start()
         return
     passage = Passage.of(before, after)
-    if after.pose_world_tcp is None:
-        # A joint motion is no straight line, so it leaves an object sideways.
+    yield from _sideways(passage, strict=True)
+    if passage.motion is not None:
+        yield from _blocked(passage, passage.motion)
+
+
+def unknown_start() -> Violation:
+    """That nobody knows where the arm is."""
+    return Violation(
+        "unknown-start", "where the hand is now is not known; MoveJoints to 'home_config' first"
+    )
+
+
+def _same_place(before: SymbolicState, after: SymbolicState) -> bool:
+    """Whether nothing moves."""
+    start, end = before.pose_world_tcp, after.pose_world_tcp
+    if start is None or end is None:
+        return start is end
+    if start.distance_to(end) > SAME_POSE or start.angle_to(end) > SAME_POSE:
+        return False
+    if before.joints is after.joints:
+        return True
+    if not after.is_bent or before.joints is None or after.joints is None:
+        return not after.is_bent
+    return bool(np.array_equal(before.joints, after.joints))
+
+
+def _sideways(passage: Passage, strict: bool) -> Iterator[Violation]:
+    changes = passage.entered != passage.left
+    if passage.motion is None:
+        # A joint motion is no straight line: it goes to and from an object sideways.
         if passage.left:
             yield _pushed("leave to", passage.left)
-    elif passage.motion is not None:
-        yield from _sideways(passage, passage.motion, care)
-        yield from _blocked(passage, passage.motion, care)
-    elif care.strict:
-        yield Violation(
-            PRECONDITION, "where the hand is now is not known; MoveJoints to 'home_config' first"
-        )
-
-
-def _sideways(passage: Passage, motion: Motion, care: Care) -> Iterator[Violation]:
-    if motion.vertical:
+        elif passage.entered:
+            yield _pushed("enter from", passage.entered)
+    elif passage.motion.vertical:
         return
-    changes = passage.entered != passage.left
-    if passage.entered and changes:
+    elif passage.entered and changes:
         yield _pushed("enter from", passage.entered)
-    elif passage.left and changes and motion.flat:
+    elif passage.left and changes:
         yield _pushed("leave to", passage.left)
-    elif passage.near and care.strict:
+    elif passage.near and strict:
         yield Violation("sideways", f"near '{passage.near}' the way is straight up or down")
 
 
-def _blocked(passage: Passage, motion: Motion, care: Care) -> Iterator[Violation]:
+def _carried(before: SymbolicState, after: SymbolicState, may_tilt: bool) -> Iterator[Violation]:
+    """What speaks against moving what is held: that it is laid over, or that something stands on
+    it."""
+    held = before.holding
+    if held is None:
+        return
+    lean = leaning(before, held, after.pose_of(held))
+    if lean > HELD_UPRIGHT and not may_tilt:
+        yield Violation(
+            "tilted",
+            f"'{held}' would be laid over by {np.degrees(lean):.0f}°; keep the hand as it was "
+            "when it closed",
+        )
+    for name in riders(before, held):
+        yield Violation(
+            "unsupported",
+            f"'{name}' stands on '{held}' and would fall; carry it away first and back later",
+        )
+
+
+def _blocked(passage: Passage, motion: Motion) -> Iterator[Violation]:
     between = [name for name in (passage.left, passage.entered) if name]
-    for name in motion.hits(ignoring=between, margin=care.margin):
+    for name in motion.hits(ignoring=between):
         yield Violation(
             "blocked",
             f"on the way to '{passage.goal}' the hand would run into '{name}'; go around it, or "

@@ -7,9 +7,10 @@ says the distance between two of them: real shapes, not the boxes around them.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
+from typing import TypeVar, cast
 
 import mujoco
 import numpy as np
@@ -20,6 +21,7 @@ from palpate.geometry.pose import Array, Pose
 from palpate.mjcf.compile import compile_model
 from palpate.mjcf.shapes import hull_edges, hull_points
 from palpate.robots.description import RobotDescription
+from palpate.robots.kinematics import inverse_kinematics
 from palpate.robots.nominal import NominalArm
 from palpate.robots.sheet import Box
 from palpate.scene.scene import Scene
@@ -34,7 +36,13 @@ NEAR_PAD = 0.002
 ORIGIN = Pose.of((0.0, 0.0, 0.0))
 FAR = 10.0
 """m: no two things are asked about that are farther apart."""
+REACHED = 0.002
+"""m: a search for a configuration that ends farther from the pose has not found one."""
 CACHED_SCENES = 8
+REMEMBERED = 20_000
+"""Findings that are kept of one scene."""
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -106,8 +114,8 @@ class Solids:
     fingers: Mapping[str, tuple[Shape, ...]]
     links: Mapping[int, int]
     _data: mujoco.MjData
-    _poses: dict[bytes, Array] = field(default_factory=dict[bytes, Array])
-    memory: dict[object, object] = field(default_factory=dict[object, object])
+    _bent: dict[bytes, Array | None] = field(default_factory=dict[bytes, "Array | None"])
+    _known: dict[object, object] = field(default_factory=dict[object, object])
     """What has been worked out of it, by what was asked."""
 
     @cached_property
@@ -145,12 +153,32 @@ class Solids:
         """(3,) m, an object's, believed, in its frame."""
         return self.model.body(name).ipos.copy()
 
-    def configuration(self, pose_world_tcp: Pose) -> Array:
-        """(7,) rad: how the controller bends the arm at a pose."""
-        key = np.round(pose_world_tcp.vector, 6).tobytes()
-        if key not in self._poses:
-            self._poses[key] = self.arm.reach(pose_world_tcp, self.scene.arm.home)
-        return self._poses[key]
+    def mass(self, name: str) -> float:
+        """kg, an object's, believed."""
+        return float(self.model.body(name).subtreemass[0])
+
+    def configuration(self, pose_world_tcp: Pose) -> Array | None:
+        """(7,) rad: how the controller bends the arm at a pose; None where the arm does not get
+        there."""
+        key = digits(pose_world_tcp.vector)
+        if key not in self._bent:
+            self._bent[key] = self._bend(pose_world_tcp)
+        return self._bent[key]
+
+    def _bend(self, pose_world_tcp: Pose) -> Array | None:
+        q = self.arm.reach(pose_world_tcp, self.scene.arm.home)
+        missed = self.arm.poses(q[None])[0, :3] - pose_world_tcp.position
+        if np.linalg.norm(missed) < REACHED:
+            return q
+        return inverse_kinematics(self.scene.arm, pose_world_tcp, self.scene.pose_world_base)
+
+    def remembered(self, key: object, found: Callable[[], T]) -> T:
+        """What was found for a key before, else what is found now."""
+        if len(self._known) > REMEMBERED:
+            self._known.clear()
+        if key not in self._known:
+            self._known[key] = found()
+        return cast("T", self._known[key])
 
     def links_at(self, q: Array) -> Frames:
         """The arm's moving shapes, in the order of `links`, at configurations `q` (n, 7)."""
@@ -195,6 +223,11 @@ class Solids:
     @cached_property
     def _segment(self) -> Array:
         return np.zeros(6)
+
+
+def digits(values: Array) -> bytes:
+    """Numbers to a millionth, for a key."""
+    return np.round(values, 6).tobytes()
 
 
 @lru_cache(CACHED_SCENES)

@@ -102,13 +102,10 @@ def of_joints(solids: Solids, start: Array, end: Array, width: float) -> Way:
     return Way(poses[:, :3], poses[:, 3:], np.full(count, width), q)
 
 
-def of_fingers(pose: Pose, q: Array, start: float, end: float) -> Way:
+def of_fingers(pose: Pose, start: float, end: float) -> Way:
     """The fingers alone, from one width to another, m."""
     return Way(
-        np.tile(pose.position, (2, 1)),
-        np.tile(pose.quaternion, (2, 1)),
-        np.array([start, end]),
-        np.tile(q, (2, 1)),
+        np.tile(pose.position, (2, 1)), np.tile(pose.quaternion, (2, 1)), np.array([start, end])
     )
 
 

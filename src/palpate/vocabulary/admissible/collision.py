@@ -1,0 +1,216 @@
+"""What the whole arm, its fingers and what they hold would run into on a motion, and what to write
+instead.
+
+Shapes are real, margins small: poses are believed to a few millimetres. What is entered must pass
+between the open fingers; what is held may rest on what carries it; nothing else is touched but by a
+probe, with the fingers' ends.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from itertools import islice
+
+import numpy as np
+
+from palpate.geometry.pose import Array
+from palpate.parameter import Parameter
+from palpate.vocabulary.admissible.clearance import straddled
+from palpate.vocabulary.admissible.footing import SETTLES, footing
+from palpate.vocabulary.admissible.solids import SIDES, solids
+from palpate.vocabulary.admissible.sweep import (
+    LINK,
+    LOAD,
+    Hit,
+    Part,
+    Sweep,
+    arm_sweep,
+    hand_sweep,
+    opening,
+)
+from palpate.vocabulary.admissible.way import Way, of_fingers, of_joints, straight
+from palpate.vocabulary.state import SymbolicState
+from palpate.vocabulary.violation import Violation
+
+ENTERED = 0.0015
+"""m that the open fingers keep from an object between them: `grasp.SPARE` leaves 2 mm each side."""
+BESIDE = 0.0015
+"""m that hand and load keep from any other object: derived grasps leave 2 mm."""
+FIXED = 0.003
+"""m that they keep from what never moves: derived grasps leave `grasp.GROUND`."""
+ARM = 0.005
+"""m that the arm's links keep from everything, and from each other."""
+SURE = 2.0
+"""Standard deviations of a height that is not known, by which the hand stays above it."""
+UNSURE = 0.05
+"""m: no more is kept, however little is known: an approach pose is 0.1 m above its surface."""
+SHOWN = 3
+"""Hits that are told of one motion."""
+
+
+@dataclass(frozen=True, slots=True)
+class Passing:
+    """A motion of the arm from one state to another, as far as it matters who may be near.
+
+    Attributes:
+        between: objects between the open fingers at its start or its end.
+        carriers: what the load stands on at its end.
+        touched: what a probe touches.
+    """
+
+    between: frozenset[str]
+    carriers: frozenset[str]
+    touched: str | None
+
+
+def collisions(before: SymbolicState, after: SymbolicState) -> tuple[Violation, ...]:
+    """What the arm would run into on its way from one state to the other, worst first; the start is
+    known."""
+    goal = (after.at, after.contact, after.activity)
+    key = ("collisions", *before.arrangement, *after.arrangement, *goal)
+    return solids(before.scene).remembered(key, lambda: tuple(_collisions(before, after)))
+
+
+def finger_collisions(state: SymbolicState, end: float, around: str | None) -> list[Violation]:
+    """What the fingers would run into while they go to `end` m between them; `around` is the object
+    that they open from or close on."""
+    key = ("fingers", *state.arrangement, end, around, state.at)
+    return list(
+        solids(state.scene).remembered(key, lambda: tuple(_finger_hits(state, end, around)))
+    )
+
+
+def _finger_hits(state: SymbolicState, end: float, around: str | None) -> Iterator[Violation]:
+    if state.pose_world_tcp is None:
+        return
+    free = replace(state, holding=None, pose_tcp_object=None)
+    swept = hand_sweep(free, of_fingers(state.pose_world_tcp, opening(state), end))
+    passing = Passing(frozenset({around or ""}), frozenset(), around)
+    for hit in islice(swept.hits(_margins(free, swept, passing)), SHOWN):
+        yield Violation(
+            "collision",
+            f"at '{state.at}' the {hit.part.owner} would move into '{hit.other.owner}' at "
+            f"{_place(hit)}; choose a grasp clear of it, or carry it away first and back later",
+        )
+
+
+def _collisions(before: SymbolicState, after: SymbolicState) -> Iterator[Violation]:
+    passing = _passing(before, after)
+    told: set[tuple[str, str]] = set()
+    for width in _widths(before):
+        way = _way(before, after, width)
+        if way is None:
+            return
+        swept = arm_sweep(before, way)
+        hits = sorted(swept.hits(_margins(before, swept, passing)), key=lambda hit: hit.distance)
+        for hit in hits:
+            pair = (hit.part.owner, hit.other.owner)
+            if pair not in told and len(told) < SHOWN:
+                told.add(pair)
+                yield _told(hit, after, passing)
+
+
+def _passing(before: SymbolicState, after: SymbolicState) -> Passing:
+    held, pose = before.holding, after.pose_world_tcp
+    if held is not None:
+        lying = footing(before, held, after.pose_of(held)).carriers
+        return Passing(frozenset(), frozenset(top.owner for top in lying), None)
+    ends = {straddled(before, before.pose_world_tcp), straddled(before, pose)} - {None}
+    probed = after.activity == "contact"
+    return Passing(
+        frozenset(name for name in ends if name), frozenset(), after.contact if probed else None
+    )
+
+
+def _way(before: SymbolicState, after: SymbolicState, width: float) -> Way | None:
+    """The way as the robot takes it: joints evenly, or the TCP straight; None where one of its ends
+    is out of the arm's reach, which is another finding."""
+    shapes, start, end = solids(before.scene), before.pose_world_tcp, after.pose_world_tcp
+    q, bent = before.q, after.q
+    if q is None or bent is None or start is None or end is None:
+        return None
+    if after.is_bent:
+        return of_joints(shapes, q, bent, width)
+    return straight(shapes, start, end, (q, bent), width)
+
+
+def _widths(state: SymbolicState) -> tuple[float, ...]:
+    """How far the fingers may be open: either way where nobody knows."""
+    if state.gripper == "unknown" and state.holding is None:
+        return 0.0, state.scene.arm.hand.opening
+    return (opening(state),)
+
+
+def _margins(state: SymbolicState, swept: Sweep, passing: Passing) -> Array:
+    """(p,) m that each pair of parts keeps."""
+    parts = swept.parts
+    heights = {name: _unsure(state, name) for name in state.scene.surfaces}
+    found = np.empty(len(swept.pairs))
+    for i, pair in enumerate(swept.pairs):
+        first, second = map(int, pair)
+        found[i] = _margin(state, parts[first], parts[second], passing, heights)
+    return found
+
+
+def _margin(
+    state: SymbolicState, part: Part, other: Part, passing: Passing, heights: dict[str, float]
+) -> float:
+    name = other.owner
+    if part.kind == LINK or other.kind == LINK:
+        return ARM
+    if name == passing.touched and part.kind in SIDES:
+        return -np.inf
+    if part.kind == LOAD and name in passing.carriers:
+        return -SETTLES
+    if name in passing.between:
+        return ENTERED
+    if name in state.scene.objects:
+        return BESIDE
+    if part.kind == LOAD or passing.between or passing.touched:
+        return FIXED
+    return max(FIXED, heights.get(name, 0.0))
+
+
+def _unsure(state: SymbolicState, name: str) -> float:
+    """m that the top of a surface may be higher than believed."""
+    prior = state.scene.resolved.priors.get(Parameter(name, "height"))
+    return min(SURE * prior.std[0], UNSURE) if prior is not None else 0.0
+
+
+def _told(hit: Hit, after: SymbolicState, passing: Passing) -> Violation:
+    part, name = _called(hit.part), hit.other.owner
+    where = "joint motion" if after.is_bent else f"way to '{after.at}'"
+    how = f"run {-1e3 * hit.distance:.0f} mm into" if hit.distance < 0 else "come too near to"
+    met = f"on the {where} {part} would {how} '{name}' at {_place(hit)}"
+    if hit.other.kind == LINK or name == after.scene.arm.base:
+        return Violation("self-collision", f"{met}; go by way of 'home_config', or nearer poses")
+    if hit.part.kind == LINK:
+        return Violation("collision", f"{met}; go by way of 'home_config', or choose another pose")
+    if name in passing.between:
+        return Violation(
+            "collision",
+            f"{met}; come down with the open fingers on either side of it: '{name}_pose + "
+            f"z_offset' first, then '{name}_pose'",
+        )
+    if name in after.scene.objects:
+        return Violation("blocked", f"{met}; go around it, or carry it away first and back later")
+    return Violation("collision", f"{met}; {_instead(after, name)}")
+
+
+def _instead(after: SymbolicState, name: str) -> str:
+    if name in after.scene.surfaces:
+        return (
+            f"stay above it: '{name}_approach' is clear of it, and MoveUntilContact touches it "
+            "slowly where its height is asked for"
+        )
+    return "choose a higher pose, or go around it"
+
+
+def _called(part: Part) -> str:
+    return f"'{part.owner}' in the hand" if part.kind == LOAD else f"the arm's {part.owner}"
+
+
+def _place(hit: Hit) -> str:
+    x, y, z = hit.where
+    return f"({x:.3f}, {y:.3f}, {z:.3f}) m"

@@ -1,0 +1,78 @@
+"""Where a guarded motion meets something, and whether that may be touched."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from palpate.geometry.pose import Array, Pose
+from palpate.vocabulary.admissible.footing import depth, footing
+from palpate.vocabulary.admissible.solids import SIDES, digits, solids
+from palpate.vocabulary.admissible.support import TIPPING
+from palpate.vocabulary.admissible.sweep import FINEST, Hit, hand_sweep, opening
+from palpate.vocabulary.admissible.way import of_hand
+from palpate.vocabulary.state import SymbolicState
+from palpate.vocabulary.violation import PRECONDITION, Violation
+
+TOUCHES = 0.0003
+"""m: what is this near is touched."""
+LEVEL = 0.5
+"""Of a direction's z component: less is a probe sideways."""
+
+
+@dataclass(frozen=True, slots=True)
+class Touch:
+    """The first thing that a guarded motion meets: which, and where the TCP is just before
+    (world)."""
+
+    hit: Hit
+    pose: Pose
+
+
+def touch(state: SymbolicState, direction: Array, travel: float) -> Touch | None:
+    """What the hand meets first within `travel` m along a direction (3,), by belief; None where it
+    meets nothing, or where the hand is is not known."""
+    if state.pose_world_tcp is None:
+        return None
+    start, key = state.pose_world_tcp, ("touch", *state.arrangement, digits(direction), travel)
+    return solids(state.scene).remembered(key, lambda: _touch(state, start, direction, travel))
+
+
+def _touch(state: SymbolicState, start: Pose, direction: Array, travel: float) -> Touch | None:
+    end = start.translated(travel * direction)
+    swept = hand_sweep(state, of_hand(start, end, opening(state), FINEST))
+    hits = list(swept.hits(np.full(len(swept.pairs), TOUCHES)))
+    if not hits:
+        return None
+    first = min(hits, key=lambda hit: hit.share)
+    clear = max(first.share * travel - FINEST, 0.0)
+    return Touch(first, start.translated(clear * direction))
+
+
+def untouchable(state: SymbolicState, direction: Array, travel: float) -> Iterator[Violation]:
+    """What speaks against a guarded motion: that it meets nothing, or what must not be met so."""
+    first = touch(state, direction, travel)
+    if first is None:
+        yield Violation(
+            PRECONDITION,
+            f"there is nothing to touch within {travel:.2f} m from '{state.at}'; start nearer, or "
+            "probe another direction",
+        )
+        return
+    name = first.hit.other.owner
+    if first.hit.part.kind not in SIDES:
+        yield Violation(
+            "collision",
+            f"'{name}' would be met by the {first.hit.part.owner} and not by the fingertips; probe "
+            "from a pose above the middle of what is to be touched, clear of everything else",
+        )
+    elif name in state.scene.objects and abs(direction[2]) > LEVEL:
+        there = footing(state, name, state.pose_of(name))
+        if depth(there.support, np.array(first.hit.where[:2])) < TIPPING:
+            yield Violation(
+                "unsupported",
+                f"pressing on '{name}' there would tip it over; touch it above the middle of what "
+                "it stands on",
+            )
