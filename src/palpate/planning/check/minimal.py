@@ -38,10 +38,12 @@ def redundant(case: Case, walk: Walk) -> Iterator[Finding]:
 
 
 def untouched(case: Case, walk: Walk) -> Iterator[Finding]:
-    """Only objects among the parameters are grasped, those that block them, and tools for measuring them."""
+    """Only objects among the parameters are grasped, those that block them, and tools for measuring them;
+    without parameters, one tool that the explanation names."""
     assert case.scene is not None
     concerned = {parameter.object for parameter in case.plan.parameters}
-    strange = _grasped(walk, concerned | _tools(case, walk))
+    tools = _tools(case, walk) if concerned else _told(case, walk)
+    strange = _grasped(walk, concerned | tools)
     if strange:
         away = needed_away(case.scene, concerned)
         for path, name in strange:
@@ -103,6 +105,13 @@ def _grasped(walk: Walk, expected: set[str]) -> list[tuple[str, str]]:
         if action.grasps and action.grasps not in expected:
             found.append((action.path, action.grasps))
     return found
+
+
+def _told(case: Case, walk: Walk) -> set[str]:
+    """The one object that a plan without parameters takes into the hand, where it says so."""
+    grasped = {name for _, name in _grasped(walk, set())}
+    named = {name for name in grasped if name in case.plan.explanation}
+    return named if len(grasped) == 1 else set()
 
 
 def _tools(case: Case, walk: Walk) -> set[str]:
