@@ -13,7 +13,8 @@ from palpate.vocabulary.admissible.sweep import arm_sweep, near_spans
 from palpate.vocabulary.admissible.way import straight
 from palpate.vocabulary.state import SymbolicState
 
-OPEN = SymbolicState(bench(BOTTLE), gripper="open")
+BESIDE_NOTHING = '<site name="middle"/>'
+OPEN = SymbolicState(bench(BOTTLE, BESIDE_NOTHING), gripper="open")
 GRASP = OPEN.scene.symbols.resolve("bottle_pose")
 ABOVE = GRASP.translated((0, 0, 0.20))
 
