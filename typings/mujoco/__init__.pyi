@@ -205,6 +205,7 @@ class MjModel:
     light_pos: _Doubles
     actuator_ctrladr: _Ints
     actuator_gainprm: _Doubles
+    actuator_forcerange: _Doubles
     actuator_biasprm: _Doubles
 
     @staticmethod
@@ -267,6 +268,7 @@ class MjData:
     qvel: _Doubles
     ctrl: _Doubles
     qfrc_actuator: _Doubles
+    xfrc_applied: _Doubles
     qfrc_bias: _Doubles
     qfrc_gravcomp: _Doubles
     qacc: _Doubles

@@ -16,6 +16,7 @@ from palpate.cli.options import AsJson, BaseUrl
 
 if TYPE_CHECKING:
     from palpate.studies.attempt import Conditions
+    from palpate.studies.campaign.campaign import Order
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -68,6 +69,44 @@ class TrialOptions:
 
         asking = model_settings(self.base_url, rounds=self.feedback, dollars=self.budget_dollars)
         return Conditions(tuple(self.image or ()), self.noise, asking)
+
+
+@dataclass(frozen=True)
+class FaultOptions:
+    """What is to go wrong, besides the mishaps."""
+
+    kind: Annotated[
+        str,
+        typer.Option(
+            "--kind",
+            help="mishaps, plans, nasty, runtime, signals, poses, obstacles, light or inputs.",
+        ),
+    ] = "mishaps"
+    count: Annotated[
+        int | None, typer.Option("--count", min=1, help="Cases (plans: 10000 to be checked).")
+    ] = None
+    execute: Annotated[
+        int, typer.Option("--execute", min=0, help="Of --kind plans: how many are executed.")
+    ] = 0
+    bypass_check: Annotated[
+        bool, typer.Option("--bypass-check", help="As many again of those that are refused.")
+    ] = False
+    seed: Seed = 0
+    case: Annotated[
+        str | None, typer.Option("--case", help="Repeat one case, by its number or name.")
+    ] = None
+    out: Annotated[Path | None, typer.Option("--out", help="Folder of the rows and the page.")] = (
+        None
+    )
+
+    def order(self, workers: int) -> Order:
+        """As the campaign takes it."""
+        from palpate.errors import InputError
+        from palpate.studies.campaign.campaign import Order
+
+        if self.out is None:
+            raise InputError("a campaign needs a folder for its rows and its page; give one, out=")
+        return Order(self.out, self.count, self.execute, self.bypass_check, self.seed, workers)
 
 
 @command(app)
@@ -186,14 +225,27 @@ def faults(
     noise: Noise = "lab",
     seeds: Seeds = 5,
     workers: Workers = CORES,
+    campaign: FaultOptions,
     as_json: AsJson = False,
 ) -> None:
-    """What goes wrong on purpose: how each mishap ends, and whether anything is dropped."""
-    from palpate.cli.tables import show_endings
-    from palpate.studies import faults
+    """What goes wrong on purpose: how it ends, and whether anything is hit, dropped or lost.
 
-    endings = faults.faults(names or faults.mishaps(), noise, range(seeds), workers)
-    show_endings(endings, as_json)
+    Mishaps are bundled scenarios. Every other --kind is a campaign: its cases are appended to the
+    folder --out, where a page shows them; run again to go on. Forces come from MuJoCo's own state
+    at every physics step.
+    """
+    from palpate.cli.tables import show_campaign, show_case, show_endings
+    from palpate.studies import faults
+    from palpate.studies.campaign.campaign import conduct, repeat
+
+    if campaign.case is not None:
+        show_case(repeat(campaign.kind, campaign.case, campaign.seed), as_json)
+        return
+    if campaign.kind == "mishaps":
+        endings = faults.faults(names or faults.mishaps(), noise, range(seeds), workers)
+        show_endings(endings, as_json)
+        return
+    show_campaign(conduct(campaign.kind, campaign.order(workers), _say), as_json)
 
 
 def _say(line: str) -> None:

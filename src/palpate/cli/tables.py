@@ -15,6 +15,8 @@ from palpate.cli.console import figure_table, out, plain_table, print_json
 from palpate.live.console import SafeConsole
 from palpate.studies import faults, trials
 from palpate.studies.accuracy import SeedRun, Summary, summarise
+from palpate.studies.campaign import ledger
+from palpate.studies.campaign.page import counts
 from palpate.studies.efficiency import Comparison, PublishedEffort
 from palpate.studies.faults import Ending
 from palpate.studies.trials import Rate, Record, Row
@@ -140,6 +142,35 @@ def show_endings(endings: Sequence[Ending], as_json: bool) -> None:
         table.add_row(row.scenario, ended, as_expected, str(row.dropped), str(row.holding))
         reasons.append(Text(f"{row.scenario}: {row.reason[:200]}", "dim"))
     out.print(table, *reasons, sep="\n")
+
+
+def show_campaign(rows: Mapping[str, Sequence[ledger.Row]], as_json: bool) -> None:
+    """Counts of every kind, and what was beyond the figures."""
+    if as_json:
+        print_json({kind: [asdict(row) for row in found] for kind, found in rows.items()})
+        return
+    table = plain_table("kind", "cases", "crashes", "beyond", "ended")
+    bad: list[Text] = []
+    for kind, found in rows.items():
+        endings = Counter(row.outcome for row in found)
+        ended = ", ".join(f"{outcome} {count}" for outcome, count in endings.most_common())
+        table.add_row(kind, *map(str, counts(found).values()), ended)
+        bad += [Text(_beyond(row), "dim") for row in found if row.beyond or row.crash]
+    out.print(table, *bad, sep="\n")
+
+
+def show_case(row: ledger.Row, as_json: bool) -> None:
+    """One case of a campaign."""
+    if as_json:
+        print_json(asdict(row))
+        return
+    lines = [f"{row.what}: {row.outcome}", *row.said, *row.beyond, row.crash]
+    out.print(Text("\n".join(line for line in lines if line)))
+
+
+def _beyond(row: ledger.Row) -> str:
+    reason = "; ".join(row.beyond) or row.crash.strip().splitlines()[-1]
+    return f"{row.command}: {reason}"
 
 
 def show_comparisons(rows: Sequence[Comparison], paper: PublishedEffort, as_json: bool) -> None:

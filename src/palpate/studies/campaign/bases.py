@@ -1,0 +1,82 @@
+"""What is corrupted: the valid plans of the bundled scenarios."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+from palpate import pipeline
+from palpate.errors import PalpateError
+from palpate.planning.check.check import check
+from palpate.planning.plan import Plan
+from palpate.planning.recorded import load_plan
+from palpate.scenarios.catalogue import Scenario, scenario, scenarios
+from palpate.scene.scene import Scene
+
+LIGHT = 7
+"""Objects up to which a scenario is quick to simulate."""
+SHORT = 30
+"""Actions up to which a plan is."""
+PLANNERS = ("symbolic", "exhaustive")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Base:
+    """A valid plan where it belongs.
+
+    Attributes:
+        name: `SCENARIO:PLAN`. world: the scenario's hidden world.
+        mishap: something is to go wrong there, whatever the plan.
+    """
+
+    name: str
+    scene: Scene
+    world: Path | None
+    plan: Plan
+    mishap: bool
+
+    @property
+    def remeasure(self) -> bool:
+        """The plan measures what the scene states."""
+        return self.name.endswith(":exhaustive")
+
+    @property
+    def light(self) -> bool:
+        """Whether executing it is a matter of seconds, and nothing goes wrong by design."""
+        quick = len(self.scene.objects) <= LIGHT and self.plan.actions <= SHORT
+        return quick and not self.mishap and not self.remeasure
+
+
+@cache
+def bases() -> tuple[Base, ...]:
+    """Every different valid plan of every scenario with a scene, in order of name."""
+    found: list[Base] = []
+    for name in scenarios():
+        found += _of(scenario(name))
+    return tuple(found)
+
+
+def _of(task: Scenario) -> list[Base]:
+    settings = task.settings()
+    scene = pipeline.load(settings)
+    if scene is None:
+        return []
+    mishap = task.name.startswith("mishaps/")
+    plans: dict[str, Plan] = {}
+    for planner in PLANNERS:
+        made = pipeline.plan(task.settings(planner=planner), scene)
+        if made.ready:
+            plans[planner] = made.plan
+    for name, file in task.plans.items():
+        try:
+            plan = load_plan(file)
+        except PalpateError:
+            continue
+        if plan.tree is not None and not check(plan, scene):
+            plans[name] = plan
+    found: list[Base] = []
+    for name, plan in plans.items():
+        if plan.tree not in [base.plan.tree for base in found]:
+            found.append(Base(f"{task.name}:{name}", scene, settings.world, plan, mishap))
+    return found

@@ -1,0 +1,163 @@
+"""What the scene gets wrong: things that stand up to 20 mm from where it has them, and posts and
+light objects that it does not show at all."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from palpate import pipeline
+from palpate.geometry.pose import Pose
+from palpate.scenarios.catalogue import scenario
+from palpate.scene.load import rearranged, scene_from_text
+from palpate.scene.scene import Scene
+from palpate.studies.campaign.bases import Base, bases
+from palpate.studies.campaign.ledger import Ledger, Row, touches_of, within_time
+from palpate.studies.probe import probed_run
+
+MOST = 0.020
+"""m: how far things stand from where the scene has them."""
+STIFFNESS = (1e4, 1e5, 1e6)
+"""N/m of a post's contact with the arm."""
+POST = "hidden_post"
+LIGHT_THING = "hidden_cup"
+
+
+@dataclass(frozen=True, slots=True)
+class Case:
+    """One run with an error of a kind (`poses`, `obstacles`, `light`), drawn from a seed."""
+
+    kind: str
+    seed: int
+    number: int
+
+    @property
+    def name(self) -> str:
+        return f"{self.seed}/{self.number}"
+
+    @property
+    def command(self) -> str:
+        """What repeats it."""
+        return f"palpate study faults --kind {self.kind} --seed {self.seed} --case {self.number}"
+
+
+def met(case: Case) -> Row:
+    """A valid plan in a world that is not quite the scene's."""
+    blank = Row(case.kind, case.name, "", case.command, "")
+    return within_time(lambda: _met(case, blank), blank)
+
+
+def _met(case: Case, blank: Row) -> Row:
+    random = np.random.default_rng([case.seed, case.number, 11])
+    light = [base for base in bases() if base.light and base.world is not None]
+    base = light[int(random.integers(0, len(light)))]
+    world, what, unseen = _world(case.kind, base, random)
+    seen = probed_run(base.plan, base.scene, world, "lab", case.number, unseen=unseen)
+    done = seen.execution
+    return replace(
+        blank,
+        what=f"{base.name}: {what}",
+        outcome=done.status,
+        said=(done.stopped_by,) if done.stopped_by else (),
+        beyond=seen.harm.beyond,
+        touches=touches_of(seen.harm),
+        figures={"base": base.name, "robot_seconds": round(done.robot_seconds, 2)},
+    )
+
+
+def _world(
+    kind: str, base: Base, random: np.random.Generator
+) -> tuple[Scene, str, tuple[str, ...]]:
+    """The hidden world, what is wrong in it, and the names of what no scene shows."""
+    assert base.world is not None
+    settings = scenario(base.name.partition(":")[0]).settings()
+    true = pipeline.load(replace(settings, scene=base.world))
+    assert true is not None
+    if kind == "poses":
+        world, what = _shifted(true, random)
+        return world, what, ()
+    place = _on_the_way(true, random)
+    if kind == "light":
+        world = scene_from_text(_with(true.text, _cup(place)), true)
+        return world, f"a cup at {_at(place)}", (LIGHT_THING,)
+    stiffness = STIFFNESS[int(random.integers(0, len(STIFFNESS)))]
+    world = scene_from_text(_with(true.text, _post(place, stiffness)), true)
+    return world, f"a post of {stiffness:.0e} N/m at {_at(place)}", (POST,)
+
+
+def _shifted(true: Scene, random: np.random.Generator) -> tuple[Scene, str]:
+    """Every object somewhere within `MOST` of where it was, on its surface."""
+    shifts: list[str] = []
+    poses: dict[str, Pose] = {}
+    for name, body in true.objects.items():
+        way, angle = MOST * np.sqrt(random.random()), random.uniform(0, 2 * np.pi)
+        aside = way * np.array([np.cos(angle), np.sin(angle), 0.0])
+        poses[name] = body.pose_world.translated(aside)
+        shifts.append(f"{name} {1e3 * way:.0f} mm")
+    return rearranged(true, poses), f"off: {', '.join(shifts)}"
+
+
+def _on_the_way(true: Scene, random: np.random.Generator) -> tuple[float, float, float]:
+    """A spot on a table near its objects, or between the arm and them, and its top's height."""
+    objects = list(true.objects.values())
+    body = objects[int(random.integers(0, len(objects)))]
+    at, base = body.pose_world.position, true.pose_world_base.position
+    share = random.uniform(0.35, 1.25)
+    aside = random.uniform(-0.15, 0.15)
+    ahead = (at - base)[:2]
+    across = np.array([-ahead[1], ahead[0]]) / max(float(np.linalg.norm(ahead)), 1e-6)
+    spot = base[:2] + share * ahead + aside * across
+    for other in objects:  # not inside one
+        near = other.pose_world.position[:2]
+        if np.linalg.norm(spot - near) < 0.10:
+            spot = near + 0.10 * (spot - near) / max(float(np.linalg.norm(spot - near)), 1e-6)
+    bottom = float(at[2] - body.size[2] / 2)
+    return float(spot[0]), float(spot[1]), bottom
+
+
+def _post(place: tuple[float, float, float], stiffness: float) -> str:
+    """A rigid post, 0.4 m high, whose contact has a stiffness per kg of what runs into it.
+
+    MuJoCo takes `solref="-k -b"` per effective mass (manual, solver parameters); 5 kg stand for an
+    arm's.
+    """
+    x, y, z = place
+    k = stiffness / 5.0
+    damping = 0.2 * 2 * np.sqrt(k)
+    return (
+        f'<body name="{POST}" pos="{x} {y} {z + 0.2}">'
+        f'<geom type="cylinder" size=".015 .2" priority="2" solref="{-k} {-damping}" '
+        'solimp="0.99 0.99 0.001"/></body>'
+    )
+
+
+def _cup(place: tuple[float, float, float]) -> str:
+    x, y, z = place
+    return (
+        f'<body name="{LIGHT_THING}" pos="{x} {y} {z + 0.061}"><freejoint/>'
+        '<geom type="cylinder" size=".03 .06" mass=".1" friction="0.6 0.005 0.0001"/></body>'
+    )
+
+
+def _with(text: str, body: str) -> str:
+    head, end, tail = text.rpartition("</worldbody>")
+    return head + body + end + tail
+
+
+def _at(place: tuple[float, float, float]) -> str:
+    return f"({place[0]:.2f}, {place[1]:.2f})"
+
+
+def meet(
+    folder: Path, kind: str, count: int, seed: int, workers: int, say: Callable[[str], None]
+) -> list[Row]:
+    """`count` runs of a kind."""
+    cases = [Case(kind, seed, number) for number in range(count)]
+    return Ledger(folder / f"{kind}.jsonl").complete(cases, _name, met, workers, say)
+
+
+def _name(case: Case) -> str:
+    return case.name

@@ -1,0 +1,160 @@
+"""Faults while a plan runs: sixty and more kinds, each at five moments of a run that weighs a
+bottle.
+
+Every run must end without a traceback, keep its trace, and drop nothing that holding still would
+have kept from falling.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable, Mapping
+from contextlib import ExitStack
+from dataclasses import dataclass, replace
+from functools import cache
+from pathlib import Path
+from typing import Any
+from unittest.mock import patch
+
+from palpate import pipeline, stages
+from palpate.cells.simulated import SimulatedCell, simulated_cell
+from palpate.errors import PalpateError
+from palpate.scenarios.catalogue import scenario
+from palpate.studies.campaign.faulty import FaultyRobot
+from palpate.studies.campaign.kinds import FAULTS, OBJECT, Fault
+from palpate.studies.campaign.ledger import Ledger, Row, touches_of, within_time
+from palpate.studies.harm import harm
+
+SCENARIO = "one_missing_mass"
+MOMENTS = (0.1, 0.3, 0.5, 0.7, 0.9)
+"""Of the undisturbed run's robot time."""
+
+
+@dataclass(frozen=True, slots=True)
+class Case:
+    """A fault at one of the moments."""
+
+    fault: str
+    moment: float
+
+    @property
+    def name(self) -> str:
+        return f"{self.fault} @ {self.moment:g}"
+
+
+CASES = tuple(Case(fault.name, moment) for fault in FAULTS for moment in MOMENTS)
+
+
+class _Cell:
+    """A cell whose robot goes wrong."""
+
+    def __init__(self, cell: SimulatedCell, fault: Fault, moment: float) -> None:
+        self._cell, self._fault, self._moment = cell, fault, moment
+        self.made: FaultyRobot | None = None
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._cell, name)
+
+    def robot(self) -> FaultyRobot:
+        self.made = FaultyRobot(self._cell.robot(), self._moment)
+        self._fault.meddle(self.made)
+        return self.made
+
+
+class _Watcher:
+    """Fails at a moment."""
+
+    def __init__(self, moment: float) -> None:
+        self._moment = moment
+
+    def on_tick(self, snapshot: Any) -> None:
+        if snapshot.elapsed >= self._moment:
+            raise RuntimeError("the watcher fails")
+
+
+@cache
+def duration() -> float:
+    """s of robot time that the undisturbed run takes."""
+    settings = scenario(SCENARIO).settings(noise="lab", seed=0)
+    made = pipeline.plan(settings, pipeline.load(settings))
+    cell = simulated_cell(made.scene, settings.world, noise="lab", seed=0)
+    return stages.perform(made.plan, made.scene, cell.robot()).robot_seconds
+
+
+def struck(case: Case) -> Row:
+    """How a run with a fault ends, from the plan to the folder on disk."""
+    command = f"palpate study faults --kind runtime --case '{case.name}'"
+    blank = Row("runtime", case.name, case.fault, command, "")
+    return within_time(lambda: _struck(case, blank), blank)
+
+
+def _struck(case: Case, blank: Row) -> Row:
+    (fault,) = [fault for fault in FAULTS if fault.name == case.fault]
+    moment = case.moment * duration()
+    with tempfile.TemporaryDirectory() as folder, ExitStack() as patched:
+        settings = scenario(SCENARIO).settings(noise="lab", seed=0, out=Path(folder) / "run")
+        scene = pipeline.load(settings)
+        inner = simulated_cell(scene, settings.world, noise="lab", seed=0)
+        cell = _Cell(inner, fault, moment)
+        patched.enter_context(patch.object(stages, "cell_for", return_value=cell))
+        for place in fault.patches:
+            patched.enter_context(patch(place.replace(":", "."), side_effect=_failing))
+        observer = _Watcher(moment) if fault.name == "watcher fails" else None
+        said: tuple[str, ...] = ()
+        try:
+            status: str = pipeline.run(settings, observer).status
+        except PalpateError as error:
+            status, said = type(error).__name__, (str(error)[:300],)
+        return _row(blank, fault, cell, Path(folder) / "run", status, said)
+
+
+def _row(
+    blank: Row, fault: Fault, cell: _Cell, folder: Path, status: str, said: tuple[str, ...]
+) -> Row:
+    robot = cell.made
+    if robot is None:
+        return replace(blank, outcome=status, said=said)
+    seen = harm(robot.witness, (OBJECT,))
+    figures, kept = _kept(folder, robot)
+    beyond = list(seen.beyond)
+    if not fault.honest:
+        beyond = [line for line in beyond if line.endswith("dropped")]
+    if not fault.holds:
+        beyond = []
+    if not kept:
+        beyond.append("trace lost")
+    return replace(
+        blank,
+        outcome=status,
+        said=said or (str(figures.pop("stopped_by")),),
+        beyond=tuple(beyond),
+        touches=touches_of(seen),
+        figures=figures | {"dropped": list(seen.dropped), "preventable": fault.holds},
+    )
+
+
+def _kept(folder: Path, robot: FaultyRobot) -> tuple[dict[str, Any], bool]:
+    """What can be read again from the folder, and whether the trace reaches to the fault."""
+    figures: Mapping[str, Any] = {"robot_seconds": round(robot.last, 2), "stopped_by": ""}
+    if not (folder / "result.json").exists():
+        return dict(figures), False
+    again = pipeline.reopen(folder)
+    trace, ended = again.trace, again.execution
+    until = float(trace.samples.t[-1]) if trace and len(trace.samples.t) else 0.0
+    reach = min(robot.moment, robot.last) - 0.2
+    stopped = ended.stopped_by if ended else ""
+    return {**figures, "trace": round(until, 2), "stopped_by": stopped}, until >= reach
+
+
+def _failing(*_: Any, **__: Any) -> None:
+    raise RuntimeError("on purpose")
+
+
+def strike(folder: Path, count: int, workers: int, say: Callable[[str], None]) -> list[Row]:
+    """The first `count` cases, one moment of all faults after the other."""
+    cases = sorted(CASES, key=lambda case: MOMENTS.index(case.moment))[:count]
+    return Ledger(folder / "runtime.jsonl").complete(cases, _name, struck, workers, say)
+
+
+def _name(case: Case) -> str:
+    return case.name
