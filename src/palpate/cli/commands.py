@@ -1,0 +1,292 @@
+"""The commands. Heavy imports happen inside the commands, so that `--help` answers at once."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from palpate import __version__
+from palpate.cli import study
+from palpate.cli.command import command
+from palpate.cli.options import (
+    DEFAULT_ARM,
+    Arm,
+    AsJson,
+    ModelOptions,
+    NoiseLevel,
+    OnFailure,
+    Out,
+    PlanFile,
+    Planner,
+    Poses,
+    Rehearse,
+    Remeasure,
+    RobotUrl,
+    SceneFile,
+    SceneOptions,
+    Seed,
+    Without,
+    World,
+    Yes,
+)
+from palpate.interrupt import interrupts
+
+if TYPE_CHECKING:
+    from palpate.runs.run import Run
+    from palpate.settings import Settings
+
+app = typer.Typer(
+    name="palpate",
+    no_args_is_help=True,
+    add_completion=False,
+    rich_markup_mode="rich",
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+    help="Physics-accurate digital twins by touch: say what you want to simulate, and a robot measures only what your "
+    "MuJoCo scene does not know yet.",
+    epilog="Exit status: 0 every parameter estimated · 1 finished, but a parameter is not identified · 2 bad input · "
+    "3 no plan (the explanation says why) · 4 interrupted, or stopped safely · 5 planner or robot unavailable.",
+)
+app.add_typer(study.app, name="study")
+
+
+def _version(value: bool) -> None:
+    if value:
+        print(f"palpate {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def root(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version.")
+    ] = False,
+) -> None:
+    """Options of palpate itself."""
+
+
+@command(app)
+def demo(
+    name: Annotated[str, typer.Argument(metavar="[SCENARIO]")] = "bottle_and_table",
+    *,
+    noise: NoiseLevel = "lab",
+    seed: Seed = 0,
+    planner: Annotated[str | None, typer.Option("--planner")] = None,
+    arm: Arm = DEFAULT_ARM,
+    out: Out = None,
+    as_json: AsJson = False,
+    model: ModelOptions,
+) -> None:
+    """Run a bundled scenario from the sentence to the report."""
+    from palpate.scenarios.catalogue import scenario
+
+    chosen = scenario(name)
+    settings = chosen.settings(
+        planner=planner or chosen.planner,
+        noise=noise,
+        seed=seed,
+        arm=arm,
+        out=out,
+        model_settings=model.settings(),
+    )
+    carry_out(settings, as_json)
+
+
+@command(app)
+def scenarios(as_json: AsJson = False) -> None:
+    """List the bundled scenarios."""
+    from palpate.cli.show import show_scenarios
+
+    show_scenarios(as_json)
+
+
+@command(app)
+def run(
+    *,
+    asked: SceneOptions,
+    world: World = None,
+    robot: RobotUrl = None,
+    planner: Planner = "symbolic",
+    noise: NoiseLevel = "lab",
+    seed: Seed = 0,
+    out: Out = None,
+    as_json: AsJson = False,
+    yes: Yes = False,
+    remeasure: Remeasure = False,
+    rehearse: Rehearse = None,
+    on_failure: OnFailure = "stop",
+    without: Without = None,
+    model: ModelOptions,
+) -> None:
+    """Measure what is missing and write the twin and the report."""
+    settings = replace(
+        asked.settings(),
+        world=world,
+        robot=robot,
+        planner=planner,
+        noise=noise,
+        seed=seed,
+        out=out,
+        remeasure=remeasure,
+        rehearse=rehearse,
+        on_failure=on_failure,
+        model_settings=model.settings(without),
+    )
+    carry_out(settings, as_json, yes)
+
+
+@command(app)
+def gap(
+    scene: Annotated[Path, typer.Argument(help="Your MJCF.")],
+    *,
+    poses: Poses = None,
+    arm: Arm = DEFAULT_ARM,
+    as_json: AsJson = False,
+) -> None:
+    """Show what a scene states and what is missing."""
+    import palpate as pp
+    from palpate.cli.show import show_gap
+
+    show_gap(pp.load(scene, poses, arm), as_json)
+
+
+@command(app)
+def plan(
+    *,
+    asked: SceneOptions,
+    world: World = None,
+    planner: Planner = "symbolic",
+    remeasure: Remeasure = False,
+    out: Annotated[Path | None, typer.Option("--out", help="File to write the plan to.")] = None,
+    as_json: AsJson = False,
+    without: Without = None,
+    model: ModelOptions,
+) -> None:
+    """Plan only: which parameters, which tree, and why."""
+    from palpate.api import plan_settings
+    from palpate.cli.show import show_plan
+
+    settings = replace(
+        asked.settings(),
+        world=world,
+        planner=planner,
+        remeasure=remeasure,
+        model_settings=model.settings(without),
+    )
+    found = plan_settings(settings)
+    show_plan(found, as_json, out)
+    raise typer.Exit(0 if found.satisfied or found.made.ready else 3)
+
+
+@command(app)
+def prompt(*, asked: SceneOptions, without: Without = None, as_json: AsJson = False) -> None:
+    """Print what a model would be sent, to read it or to paste it into a chat."""
+    from palpate.cli.show import show_prompt
+
+    settings = replace(asked.settings(), model_settings=ModelOptions().settings(without))
+    show_prompt(settings, as_json)
+
+
+@command(app)
+def check(
+    plan: PlanFile,
+    *,
+    scene: SceneFile = None,
+    poses: Poses = None,
+    arm: Arm = DEFAULT_ARM,
+    as_json: AsJson = False,
+) -> None:
+    """Check a plan against the vocabulary and a scene."""
+    from palpate.cli.show import show_findings
+    from palpate.tools import check_file
+
+    findings = check_file(plan, scene, poses, arm)
+    show_findings(findings, as_json)
+    raise typer.Exit(3 if findings else 0)
+
+
+@command(app)
+def execute(
+    plan: PlanFile,
+    *,
+    scene: SceneFile = None,
+    poses: Poses = None,
+    arm: Arm = DEFAULT_ARM,
+    world: World = None,
+    robot: RobotUrl = None,
+    noise: NoiseLevel = "lab",
+    seed: Seed = 0,
+    out: Out = None,
+    as_json: AsJson = False,
+    yes: Yes = False,
+    rehearse: Rehearse = None,
+    on_failure: OnFailure = "stop",
+) -> None:
+    """Execute a plan that exists already."""
+    from palpate.settings import Settings
+    from palpate.tools import replayed
+
+    settings = replace(
+        Settings(scene=scene, poses=poses, arm=arm),
+        world=world,
+        robot=robot,
+        planner=replayed(plan),
+        noise=noise,
+        seed=seed,
+        out=out,
+        rehearse=rehearse,
+        on_failure=on_failure,
+    )
+    carry_out(settings, as_json, yes)
+
+
+@command(app)
+def report(
+    folder: Annotated[Path, typer.Argument(metavar="RUN", help="A run folder.")],
+    *,
+    as_json: AsJson = False,
+) -> None:
+    """Finish a run that was cut off, and write its report anew."""
+    from palpate.api import finish
+    from palpate.cli.show import live_view, show_ended
+
+    with interrupts() as signals, signals.noted():
+        with live_view() as (_, say):
+            done = finish(folder, say)
+        raise typer.Exit(show_ended(done, as_json))
+
+
+@command(app)
+def vocabulary(
+    as_json: Annotated[bool, typer.Option("--json", help="The JSON schema of a plan.")] = False,
+    btcpp: Annotated[bool, typer.Option("--btcpp", help="BT.CPP 4 TreeNodesModel.")] = False,
+) -> None:
+    """Print the primitives and composites that plans are made of."""
+    from palpate.cli.show import show_vocabulary
+
+    show_vocabulary(as_json, btcpp)
+
+
+@command(app)
+def doctor() -> None:
+    """Explain what is and what is not available on this machine."""
+    from palpate.cli.doctor import examine
+
+    raise typer.Exit(examine())
+
+
+def carry_out(settings: Settings, as_json: bool, yes: bool = False) -> None:
+    """Run with a live view on stderr, print the result, leave with its exit status."""
+    from palpate.api import run_settings
+    from palpate.cli.show import confirm_plan, live_view, show_ended
+
+    def confirm(run: Run) -> bool:
+        return yes or confirm_plan(run)
+
+    with interrupts() as signals, signals.noted():
+        with live_view() as (observer, say):
+            done = run_settings(settings, observer, say, confirm)
+        raise typer.Exit(show_ended(done, as_json))
