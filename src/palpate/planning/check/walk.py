@@ -118,11 +118,12 @@ class Walk:
                 for where in others:
                     first = self.form.primitives[where].effects(first)
                 self._judge(path, first)
-                after = self.form.primitives[path].effects(before)
+                ends = [self.form.primitives[path].effects(state) for state in (before, first)]
             except InputError:
                 continue
-            if others and after.holding != before.holding:
-                name = after.holding or before.holding
+            held = {end.holding for end in ends} - {before.holding}
+            if others and "gripper" in self.form.primitives[path].claims and held:
+                name = before.holding or max(filter(None, held))
                 message = (
                     f"the fingers would take or let go of '{name}' while the arm moves; put the "
                     "two after one another, in a Sequence"
