@@ -169,3 +169,10 @@ def test_fifteen_objects_cost_fifteen_times_one_not_more():
     plan = planned(crowd, "weigh everything")
     assert plan.actions == 3 + 15 * 9
     assert time.process_time() - start < 1.0
+
+
+def test_what_only_real_shapes_show_is_gone_around_or_said() -> None:
+    # The search looks at boxes of objects; a wall under the forearm is neither.
+    wall = '<geom name="wall" type="box" pos="0.28 0 0.25" size=".01 .2 .25"/>'
+    with pytest.raises(PlanRejected, match="'wall'"):
+        SymbolicPlanner().plan("the mass of the bottle", bench(BOTTLE, wall))

@@ -32,7 +32,12 @@ from palpate.vocabulary.state import RESTORED_POSITION, SymbolicState, during
 MAX_STATES = 5000
 """States that one search looks at before it gives up."""
 
+MAX_DETOURS = 20
+"""Ways that one search finds and sees refused before it gives up."""
+
 Goal = Callable[[SymbolicState], bool]
+Refusal = tuple[tuple[object, ...], str]
+"""A state, and the label of a step that does harm there."""
 Tail = Callable[[SymbolicState], "list[Step] | None"]
 """What is left to do in a state to reach the goal; None when the goal is not in reach from
 there."""
@@ -56,6 +61,8 @@ class Backchainer:
         default_factory=dict[frozenset[str], tuple[str, list[Step]]], init=False
     )
     """By quantities: the object for which they were measured first, and how."""
+    _hindrance: str = field(default="", init=False)
+    """What the last way that was found would have run into."""
 
     def __post_init__(self) -> None:
         self.state = SymbolicState(self.scene)
@@ -109,12 +116,14 @@ class Backchainer:
 
     def _acquire(self, parameter: Parameter) -> None:
         """One more piece of evidence, with as few places to go to as will do."""
+        self._hindrance = ""
         for expressions in self._domains(parameter.object):
             operators = self._operators(parameter.object, expressions)
             around = self._around(parameter.object, expressions)
             if self._reach(operators, _yielding(parameter, operators, self.words, around)):
                 return
-        raise PlanRejected(f"no sequence of primitives measures {parameter}{self._mute(parameter)}")
+        why = self._mute(parameter) or self._hindrance
+        raise PlanRejected(f"no sequence of primitives measures {parameter}{why}")
 
     def _mute(self, parameter: Parameter) -> str:
         """Which primitives would have to say with which arguments they are to be tried."""
@@ -137,7 +146,7 @@ class Backchainer:
             moved = tuple(primitive.transferred(other, name) for primitive in step.primitives)
             again = Step(moved, step.touches)
             after = again.applied(state)
-            if after is None:
+            if after is None or again.harm(state) is not None:
                 return False
             state = after
             done.append(again)
@@ -246,17 +255,45 @@ class Backchainer:
         Raises:
             PlanRejected: there are none, and `failure` says what that means.
         """
-        found = _shortest(self.state, operators, tail)
-        if found is not None:
-            steps, self.state = found
-            self.steps += steps
-        elif failure:
+        refused: set[Refusal] = set()
+        for _ in range(MAX_DETOURS):
+            found = _shortest(self.state, operators, tail, refused)
+            if found is None:
+                break
+            steps, after = found
+            refusal = _first_refused(self.state, steps)
+            if refusal is None:
+                self.steps += steps
+                self.state = after
+                return True
+            refused.add(refusal[0])
+            self._hindrance = f": {refusal[1]}"
+        if failure:
             raise PlanRejected(failure)
-        return found is not None
+        return False
+
+
+def _first_refused(state: SymbolicState, steps: Iterable[Step]) -> tuple[Refusal, str] | None:
+    """The first of some steps that the exact judgement does not let pass, and why; it is too slow
+    to be asked at every step of a search."""
+    for step in steps:
+        harm = step.harm(state)
+        if harm is not None:
+            return (_key(state), step.label), str(harm)
+        state = step.effect(state)
+    return None
+
+
+def _is_refused(state: SymbolicState, steps: Iterable[Step], refused: set[Refusal]) -> bool:
+    for step in steps if refused else ():
+        if (_key(state), step.label) in refused:
+            return True
+        state = step.effect(state)
+    return False
 
 
 def _shortest(
-    start: SymbolicState, operators: Sequence[Primitive], tail: Tail
+    start: SymbolicState, operators: Sequence[Primitive], tail: Tail, refused: set[Refusal]
 ) -> tuple[list[Step], SymbolicState] | None:
     """Breadth-first search; ties go to the order of `operators`."""
     queue: deque[tuple[SymbolicState, tuple[Step, ...]]] = deque([(start, ())])
@@ -264,13 +301,13 @@ def _shortest(
     while queue and len(seen) < MAX_STATES:
         state, steps = queue.popleft()
         rest = tail(state)
-        if rest is not None:
+        if rest is not None and not _is_refused(state, rest, refused):
             for step in rest:
                 state = step.effect(state)
             return [*steps, *rest], state
         for operator in operators:
             after = Step((operator,)).applied(state)
-            if after is None:
+            if after is None or (_key(state), operator.label) in refused:
                 continue
             key = _key(after)
             if key not in seen:

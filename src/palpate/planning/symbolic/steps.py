@@ -12,6 +12,7 @@ from palpate.vocabulary.admissible import motion
 from palpate.vocabulary.admissible.clearance import straddled
 from palpate.vocabulary.base import Primitive
 from palpate.vocabulary.state import HOME_CONFIG, RESTORED_POSITION, SymbolicState, during, parallel
+from palpate.vocabulary.violation import Violation
 
 TEMPORARY = "_temporary"
 """Ending of the name of the free place to which an object is carried out of the way."""
@@ -46,6 +47,18 @@ class Step:
     def leads_to_sensing(self) -> bool:
         """Whether sensing after it belongs to it: it senses itself, or touches what is sensed."""
         return self.senses or self.touches or bool(self.sensing)
+
+    @property
+    def label(self) -> str:
+        """As people read it."""
+        return " beside ".join(primitive.label for primitive in self.primitives)
+
+    def harm(self, state: SymbolicState) -> Violation | None:
+        """What speaks against its motions by the exact judgement of the check, if anything."""
+        for primitive in self.moving:
+            for violation in primitive.violations(state):
+                return violation
+        return None
 
     def effect(self, state: SymbolicState) -> SymbolicState:
         """The state after it.
