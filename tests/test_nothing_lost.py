@@ -32,6 +32,18 @@ MASS = 0.34
 """kg: what the scripted arm pretends to lift."""
 
 
+class Arm(StandIn):
+    """Feels a mug of `MASS` between its fingers, which is borne where it was grasped."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.weight = MASS * self.gravity
+
+    def close_gripper(self) -> None:
+        super().close_gripper()
+        self.support_z = float(self.state.pose_world_tcp.position[2])
+
+
 class Bench:
     """A cell with a scripted arm. Implements `Cell`."""
 
@@ -39,8 +51,7 @@ class Bench:
     simulated = False
 
     def __init__(self, wrap: Callable[[StandIn], Any] = lambda arm: arm) -> None:
-        self.arm = StandIn()
-        self.arm.weight = MASS * self.arm.gravity
+        self.arm = Arm()
         self._robot = wrap(self.arm)
 
     def picture(self, camera: object = None) -> None:

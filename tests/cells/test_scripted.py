@@ -33,11 +33,16 @@ driver = Driver("scripted", lambda url, scene: Bench(url))
 
 
 class Arm(StandIn):
-    """Reaches every goal at once in its own time, and feels a mug of `MASS` between its fingers."""
+    """Reaches every goal at once in its own time, and feels a mug of `MASS` between its fingers,
+    which is borne where it was grasped."""
 
     def __init__(self) -> None:
         super().__init__()
         self.weight = MASS * self.gravity
+
+    def close_gripper(self) -> None:
+        super().close_gripper()
+        self.support_z = float(self.state.pose_world_tcp.position[2])
 
 
 class Bench:
