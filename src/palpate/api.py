@@ -44,13 +44,14 @@ class Scene(InnerScene):
     """An incomplete simulation description, as `load` reads it.
 
     Attributes:
-        poses_file: the `poses.yaml` that came with it. arm_name: as `load` was told.
+        poses_file: the `poses.yaml` that came with it. arm_name, cautious: as `load` was told.
 
     Else as `palpate.scene.scene.Scene`.
     """
 
     poses_file: Path | None = None
     arm_name: str = DEFAULT
+    cautious: bool = False
 
     def plan(
         self,
@@ -92,7 +93,13 @@ class Scene(InnerScene):
         Raises:
             InputError: a value out of range.
         """
-        mine = replace(asked, scene=self.path, poses=self.poses_file, arm=self.arm_name)
+        mine = replace(
+            asked,
+            scene=self.path,
+            poses=self.poses_file,
+            arm=self.arm_name,
+            cautious=self.cautious,
+        )
         return mine.checked(at_hand=True)
 
     def _repr_html_(self) -> str:
@@ -156,7 +163,8 @@ class Plan(InnerPlan):
         if rehearse is None and cell is not None:
             rehearse = not cell.simulated
         if _is_text(world):
-            world = load(str(world), arm=self.made.settings.arm)
+            settings = self.made.settings
+            world = load(str(world), arm=settings.arm, cautious=settings.cautious)
         if isinstance(world, InnerScene):
             cell = simulated_cell(self.made.scene, world, noise=noise, seed=seed)
             world = world.path
@@ -222,6 +230,7 @@ def run(
     *,
     poses: str | Path | None = None,
     arm: str | Path = DEFAULT,
+    cautious: bool = False,
     planner: str | Planner = "symbolic",
     images: Sequence[str | Path] = (),
     remeasure: bool = False,
@@ -233,7 +242,7 @@ def run(
     Args:
         scene: MJCF as `load` takes it, or a scene; None lets a model look at a picture instead.
         request: what you want to simulate, in your words; None asks for all that is missing.
-        poses: as `load`. arm: as `load`.
+        poses: as `load`. arm: as `load`. cautious: as `load`.
         planner: as `Scene.plan`. images: as `Scene.plan`. remeasure: as `Scene.plan`.
         model_settings: as `Scene.plan`.
         options: as `Plan.run`: `seed`, `noise`, `world`, `robot`, `cell`, `out`, `progress`, …
@@ -251,37 +260,44 @@ def run(
         images=_paths(images),
         planner=_name(planner),
         arm=str(arm),
+        cautious=cautious,
         remeasure=remeasure,
         model_settings=model_settings or ModelSettings(),
     )
     # How it is to run is looked at before anybody plans: a model's answer costs money.
     planned = replace(asked, **_stated(options)).checked(at_hand=scene is not None)
-    found = load(scene, poses, arm) if isinstance(scene, str | Path) else scene
+    found = load(scene, poses, arm, cautious) if isinstance(scene, str | Path) else scene
     if found is not None:
         planned = found.settings(planned)
     options.get("progress", quiet)("planning")
     return _plan_of(planned, found, planner).run(**options)
 
 
-def load(source: str | Path, poses: str | Path | None = None, arm: str | Path = DEFAULT) -> Scene:
+def load(
+    source: str | Path,
+    poses: str | Path | None = None,
+    arm: str | Path = DEFAULT,
+    cautious: bool = False,
+) -> Scene:
     """Read an incomplete MJCF.
 
     Args:
         source: a file, or MJCF text (which then begins with `<`).
         poses: `poses.yaml`: where objects and named places are.
         arm: the arm that is to touch it: a name, or the folder of a description.
+        cautious: the arm is to move slowly everywhere, for what no scene shows.
 
     Raises:
         InputError: malformed XML, missing files, names that do not match.
     """
     file = _path(poses)
-    description = load_description(str(arm))
+    description = load_description(str(arm), cautious)
     if _is_text(source):
         entries = read_poses(file) if file is not None else None
         found = parse_scene(str(source), poses=entries, arm=description)
     else:
         found = load_scene(Path(source), file, arm=description)
-    return Scene(**_contents(found), poses_file=file, arm_name=str(arm))
+    return Scene(**_contents(found), poses_file=file, arm_name=str(arm), cautious=cautious)
 
 
 def open(folder: str | Path) -> Run:

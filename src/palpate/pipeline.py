@@ -155,7 +155,9 @@ def load(settings: Settings) -> Scene | None:
         load_image(image)
     if settings.scene is None:
         return None
-    return load_scene(settings.scene, settings.poses, load_description(settings.arm))
+    return load_scene(
+        settings.scene, settings.poses, load_description(settings.arm, settings.cautious)
+    )
 
 
 def plan(settings: Settings, scene: Scene | None, planner: Planner | None = None) -> Run:

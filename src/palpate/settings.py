@@ -27,7 +27,7 @@ class Settings:
         world: MJCF of the hidden simulated world; None simulates D with its unknowns drawn from
             priors.
         robot: URL of a real robot; None is the embedded one.
-        arm: the arm's description, by name or folder.
+        arm: the arm's description, by name or folder. cautious: it moves slowly everywhere.
         planner: `symbolic`, `exhaustive`, `replay:FILE` or `PROVIDER:MODEL`.
         noise: sensor world of the embedded robot. seed: of everything random in it.
         out: run folder to make; must not exist.
@@ -44,6 +44,7 @@ class Settings:
     world: Path | None = None
     robot: str | None = None
     arm: str = DEFAULT
+    cautious: bool = False
     planner: str = "symbolic"
     noise: str = "lab"
     seed: int = 0
@@ -109,6 +110,7 @@ def request_json(settings: Settings) -> dict[str, Any]:
         "world": shown(settings.world),
         "robot": settings.robot,
         "arm": settings.arm,
+        "cautious": settings.cautious,
         "planner": settings.planner,
         "noise": settings.noise,
         "seed": settings.seed,
@@ -131,7 +133,17 @@ def settings_from(document: Mapping[str, Any]) -> Settings:
         value = document.get(name)
         return Path(value) if value else None
 
-    plain = ("request", "robot", "arm", "planner", "noise", "seed", "remeasure", "on_failure")
+    plain = (
+        "request",
+        "robot",
+        "arm",
+        "cautious",
+        "planner",
+        "noise",
+        "seed",
+        "remeasure",
+        "on_failure",
+    )
     given = {name: document[name] for name in (*plain, "rehearse") if name in document}
     try:
         return Settings(

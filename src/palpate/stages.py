@@ -79,7 +79,7 @@ def cell_for(settings: Settings, scene: Scene | None, seen: bool = False) -> Cel
         noise=settings.noise,
         seed=settings.seed,
         tolerance=tolerance,
-        arm=load_description(settings.arm),
+        arm=load_description(settings.arm, settings.cautious),
     )
 
 
@@ -207,7 +207,7 @@ def replay(scene: Scene, plan: Plan, world: MjSpec) -> Trace:
 
 
 def _planner(settings: Settings, poses: Poses) -> Planner:
-    builder = SceneBuilder(poses, load_description(settings.arm))
+    builder = SceneBuilder(poses, load_description(settings.arm, settings.cautious))
     told = PlannerSettings(settings.remeasure, settings.model_settings, builder)
     return planners().make(settings.planner, told)
 

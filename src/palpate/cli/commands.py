@@ -15,6 +15,7 @@ from palpate.cli.options import (
     DEFAULT_ARM,
     Arm,
     AsJson,
+    Cautious,
     ModelOptions,
     NoiseLevel,
     OnFailure,
@@ -76,6 +77,7 @@ def demo(
     seed: Seed = 0,
     planner: Annotated[str | None, typer.Option("--planner")] = None,
     arm: Arm = DEFAULT_ARM,
+    cautious: Cautious = False,
     out: Out = None,
     as_json: AsJson = False,
     model: ModelOptions,
@@ -89,6 +91,7 @@ def demo(
         noise=noise,
         seed=seed,
         arm=arm,
+        cautious=cautious,
         out=out,
         model_settings=model.settings(),
     )
@@ -107,6 +110,7 @@ def scenarios(as_json: AsJson = False) -> None:
 def run(
     *,
     asked: SceneOptions,
+    cautious: Cautious = False,
     world: World = None,
     robot: RobotUrl = None,
     planner: Planner = "symbolic",
@@ -124,6 +128,7 @@ def run(
     """Measure what is missing and write the twin and the report."""
     settings = replace(
         asked.settings(),
+        cautious=cautious,
         world=world,
         robot=robot,
         planner=planner,
@@ -215,6 +220,7 @@ def execute(
     scene: SceneFile = None,
     poses: Poses = None,
     arm: Arm = DEFAULT_ARM,
+    cautious: Cautious = False,
     world: World = None,
     robot: RobotUrl = None,
     noise: NoiseLevel = "lab",
@@ -230,7 +236,7 @@ def execute(
     from palpate.tools import replayed
 
     settings = replace(
-        Settings(scene=scene, poses=poses, arm=arm),
+        Settings(scene=scene, poses=poses, arm=arm, cautious=cautious),
         world=world,
         robot=robot,
         planner=replayed(plan),

@@ -35,6 +35,10 @@ Arm = Annotated[
 ]
 DEFAULT_ARM = "fr3"
 """`robots.registry.DEFAULT`, written here so that a command's help need not load the robots."""
+Cautious = Annotated[
+    bool,
+    typer.Option("--cautious", help="Move slowly everywhere: nothing unseen is hit hard."),
+]
 World = Annotated[
     Path | None, typer.Option("--world", help="MJCF of the hidden world of the embedded robot.")
 ]

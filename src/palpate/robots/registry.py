@@ -63,10 +63,17 @@ def arms() -> Arms:
     return Arms(dict(sorted(found.items())))
 
 
-def load_description(name_or_path: str = DEFAULT) -> RobotDescription:
-    """The arm that `--arm NAME|PATH/` means.
+def load_description(name_or_path: str = DEFAULT, cautious: bool = False) -> RobotDescription:
+    """The arm that `--arm NAME|PATH/` means, and with `--cautious` its slow self.
 
     Raises:
         InputError: as `Arms.load`.
     """
-    return arms().load(name_or_path)
+    arm = arms().load(name_or_path)
+    return _slow(arm) if cautious else arm
+
+
+@cache
+def _slow(arm: RobotDescription) -> RobotDescription:
+    """One and the same for an arm, as what is computed of it is kept."""
+    return arm.cautious()

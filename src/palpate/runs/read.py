@@ -88,7 +88,11 @@ def _run(folder: Path, settings: Settings, result: dict[str, Any]) -> Run:
 
 def _found(folder: Path, settings: Settings, objects: tuple[SceneObject, ...]) -> Found:
     """The scene of the folder, else of its own file, else an empty one."""
-    own, arm, poses = folder / "scene.xml", load_description(settings.arm), Poses()
+    own, arm, poses = (
+        folder / "scene.xml",
+        load_description(settings.arm, settings.cautious),
+        Poses(),
+    )
     if settings.poses is not None and settings.poses.exists():
         poses = read_poses(settings.poses)
     if own.exists() and objects:
