@@ -16,9 +16,12 @@ from pathlib import Path
 from typing import Any
 from unittest.mock import patch
 
+import numpy as np
+
 from palpate import pipeline, stages
 from palpate.cells.simulated import SimulatedCell, simulated_cell
 from palpate.errors import PalpateError
+from palpate.runs.run import Run
 from palpate.scenarios.catalogue import scenario
 from palpate.studies.campaign.faulty import FaultyRobot
 from palpate.studies.campaign.kinds import FAULTS, OBJECT, Fault
@@ -100,12 +103,27 @@ def _struck(case: Case, blank: Row) -> Row:
         for place in fault.patches:
             patched.enter_context(patch(place.replace(":", "."), side_effect=_failing))
         observer = _Watcher(moment) if fault.name == "watcher fails" else None
-        said: tuple[str, ...] = ()
         try:
-            status: str = pipeline.run(settings, observer).status
+            run = pipeline.run(settings, observer)
         except PalpateError as error:
-            status, said = type(error).__name__, (str(error)[:300],)
-        return _row(blank, fault, cell, Path(folder) / "run", status, said)
+            said = (str(error)[:300],)
+            return _row(blank, fault, cell, Path(folder) / "run", type(error).__name__, said)
+        row = _row(blank, fault, cell, Path(folder) / "run", run.status, ())
+        return replace(row, figures=row.figures | {"wrong": _wrong(run)})
+
+
+def _wrong(run: Run) -> list[str]:
+    """What is called identified and is neither within five standard deviations nor within 5 %."""
+    found: list[str] = []
+    for estimate in run.estimates:
+        true = run.truth.get(estimate.parameter)
+        if true is None or estimate.verdict != "identified":
+            continue
+        error = np.abs(estimate.value - true)
+        if (error > 5 * estimate.std).any() and (error > 0.05 * np.abs(true)).any():
+            shown = f"{estimate.value.round(4).tolist()} ± {estimate.std.round(4).tolist()}"
+            found.append(f"{estimate.parameter}: {shown} for {list(true)}")
+    return found
 
 
 def _row(
