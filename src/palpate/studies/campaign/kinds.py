@@ -38,6 +38,7 @@ class Fault:
 
     Attributes:
         meddle: makes a robot faulty. patches: what fails besides, by `module:name`.
+        bytes: how large files may become, for a disk that is full; None for any size.
         holds: holding still keeps the load. honest: nobody outside pushes, so that all forces are
             the arm's own.
     """
@@ -45,6 +46,7 @@ class Fault:
     name: str
     meddle: Meddle
     patches: tuple[str, ...] = ()
+    bytes: int | None = None
     holds: bool = True
     honest: bool = True
 
@@ -246,6 +248,9 @@ FAULTS: tuple[Fault, ...] = (
     Fault("arm weakens", _acts(_weak_arm(0.25)), holds=False),
     # what else may fail
     Fault("watcher fails", _nothing),
+    Fault("disk full at 2 kB", _nothing, bytes=2_000),
+    Fault("disk full at 100 kB", _nothing, bytes=100_000),
+    Fault("disk full at 1 MB", _nothing, bytes=1_000_000),
     Fault("estimator fails", _nothing, ("palpate.quantities.mass:estimate_mass",)),
     Fault("twin fails", _nothing, ("palpate.pipeline:build",)),
     Fault("pictures fail", _nothing, ("palpate.report.contents:take_pictures",)),

@@ -7,9 +7,10 @@ have kept from falling.
 
 from __future__ import annotations
 
+import resource
 import tempfile
-from collections.abc import Callable, Mapping
-from contextlib import ExitStack
+from collections.abc import Callable, Generator, Mapping
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
@@ -100,6 +101,7 @@ def _struck(case: Case, blank: Row) -> Row:
         inner = simulated_cell(scene, settings.world, noise="lab", seed=0)
         cell = _Cell(inner, fault, moment)
         patched.enter_context(patch.object(stages, "cell_for", return_value=cell))
+        patched.enter_context(_small_disk(fault.bytes))
         for place in fault.patches:
             patched.enter_context(patch(place.replace(":", "."), side_effect=_failing))
         observer = _Watcher(moment) if fault.name == "watcher fails" else None
@@ -110,6 +112,18 @@ def _struck(case: Case, blank: Row) -> Row:
             return _row(blank, fault, cell, Path(folder) / "run", type(error).__name__, said)
         row = _row(blank, fault, cell, Path(folder) / "run", run.status, ())
         return replace(row, figures=row.figures | {"wrong": _wrong(run)})
+
+
+@contextmanager
+def _small_disk(size: int | None) -> Generator[None]:
+    """No file grows beyond `size` bytes inside this block."""
+    before, most = resource.getrlimit(resource.RLIMIT_FSIZE)
+    try:
+        if size is not None:
+            resource.setrlimit(resource.RLIMIT_FSIZE, (size, most))
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (before, most))
 
 
 def _wrong(run: Run) -> list[str]:
@@ -139,7 +153,7 @@ def _row(
         beyond = [line for line in beyond if line.endswith("dropped")]
     if not fault.holds:
         beyond = []
-    if not kept:
+    if not kept and fault.bytes is None:
         beyond.append("trace lost")
     return replace(
         blank,
