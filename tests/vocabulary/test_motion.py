@@ -171,6 +171,8 @@ def test_a_probe_stops_at_its_threshold_on_the_surface(perform) -> None:
     tip = done.robot.world.true_tcp().position[2] - done.robot.hand.tip_offset
     assert tip == pytest.approx(0.0, abs=2e-4)
     assert done.execution.final_state.contact == "table"
+    found = done.execution.final_state.pose_world_tcp
+    assert found.distance_to(done.robot.world.true_tcp()) < 1e-3, "where it was felt"
 
 
 def test_a_probe_that_meets_nothing_fails_at_its_travel_limit(perform) -> None:

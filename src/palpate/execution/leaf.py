@@ -135,7 +135,7 @@ class PrimitiveLeaf(Behaviour):
 
     def _apply(self, before: SymbolicState, during: SymbolicState) -> None:
         """The effects, as the check folds them; what other leaves changed meanwhile stays."""
-        after = self.primitive.effects(before)
+        after = self.primitive.observed(self.primitive.effects(before), self.blackboard.robot.state)
         self.blackboard.state = merged(self.blackboard.state, during, after)
 
     def _release(self) -> None:

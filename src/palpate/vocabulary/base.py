@@ -17,7 +17,7 @@ from pydantic import BaseModel, ConfigDict
 
 from palpate.errors import InputError
 from palpate.quantities.quantity import Quantity
-from palpate.robots.robot import Robot
+from palpate.robots.robot import Robot, RobotState
 from palpate.robots.safety import Expectation, violation
 from palpate.scene.scene import Scene
 from palpate.trace.recording import Conversion, LeafRun, Recording
@@ -182,6 +182,10 @@ class Primitive(BaseModel):
     def effects(self, state: SymbolicState) -> SymbolicState:
         """The symbolic state after SUCCESS, folded from the state before `during`."""
         return state
+
+    def observed(self, after: SymbolicState, robot: RobotState) -> SymbolicState:
+        """The state after SUCCESS at run time, where the robot tells more than was believed."""
+        return after
 
     def expectation(self, state: SymbolicState) -> Expectation:
         """Which forces are part of the job while this runs; the safety predicate fails all

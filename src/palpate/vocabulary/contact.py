@@ -10,6 +10,7 @@ import numpy as np
 from pydantic import Field
 
 from palpate.geometry.pose import Array
+from palpate.robots.robot import RobotState
 from palpate.robots.safety import Expectation
 from palpate.trace.samples import STANDARD_GRAVITY
 from palpate.vocabulary.admissible.clearance import Motion
@@ -131,6 +132,10 @@ class MoveUntilContact(Primitive):
         return replace(
             state, pose_world_tcp=first.pose, joints=None, contact=known, activity="contact"
         )
+
+    def observed(self, after: SymbolicState, robot: RobotState) -> SymbolicState:
+        # What was touched is where it was felt, not where it was believed to be.
+        return replace(after, pose_world_tcp=robot.pose_world_tcp)
 
     def expectation(self, state: SymbolicState) -> Expectation:
         return Expectation(contact=True, holding=state.holding is not None)

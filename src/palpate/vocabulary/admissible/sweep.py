@@ -24,7 +24,7 @@ from palpate.vocabulary.state import SymbolicState
 HAND, LOAD, LINK = "hand", "load", "link"
 NEIGHBOURS = 2
 """Joints: parts of the arm with no more of them between cannot, or always nearly, touch."""
-SLACK = 0.0005
+SLACK = 0.001
 """m that what is near at the start may come nearer: joints and lines are followed to that."""
 FINEST = 0.002
 """m: a stretch on which nothing travels farther is not halved again."""
