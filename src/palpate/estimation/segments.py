@@ -142,7 +142,8 @@ def _passes(trace: Trace, load: Load, path: Path) -> Iterator[_Cut]:
     samples = trace.samples
     progress = path.progress(samples)
     speed = np.gradient(progress, samples.t)
-    inside = path.inside(samples)
+    steady = np.abs(np.gradient(speed, samples.t)) < tuning.STEADY
+    inside = path.inside(samples) & steady
     ways = (("up", speed > tuning.PASS_SPEED), ("down", speed < -tuning.PASS_SPEED))
     for kind, moving in ways:
         for loaded, mask in _loaded_and_empty(load):

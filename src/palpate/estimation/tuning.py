@@ -72,6 +72,10 @@ PAUSE = 0.5
 """s between two stretches of one pass, at most: a motion changes its speed near things. Sensitive:
 no."""
 
+STEADY = 0.3
+"""m/s² along the path up to which a row belongs to a pass: what the arm's own inertia does as it
+changes its speed is far more than a load. Sensitive: no."""
+
 SAME_MOTION = 0.25
 """m/s², root mean square along the path: passes whose accelerations differ by more are not
 compared. Sensitive: no."""

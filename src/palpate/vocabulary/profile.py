@@ -6,9 +6,9 @@ where something is, or may be by the uncertainty of poses:
 
     speed |   ________________
           |  /                \\
-          | /                  \\_____________   guarded
+          | /                  \\_______        near objects
+          |/                            \\____   near what is fixed, and before every stop
           +------------------------------------> way
-            free                near things
 
 A way up and down over one object has one profile, whether the fingers are empty or hold it, because
 weighing compares equal passes over one path.
@@ -16,10 +16,12 @@ weighing compares equal passes over one path.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 
 from palpate.geometry.pose import Pose
 from palpate.robots.trajectory import rotation_vector, turned
@@ -30,17 +32,31 @@ from palpate.vocabulary.state import SymbolicState
 
 POSE_ERROR = 0.020
 """m: how far things may be from where they are believed to be."""
-GUARDED_SPEED = 0.020
-"""m/s near things: a contact at this speed stays below 65 N (mean over 10 ms) and 45 N (20 ms), also
-where the arm is heaviest (18-30 kg, radially)."""
+GUARDED_SPEED = 0.018
+"""m/s near what is fixed: both fingers on a table stay below 65 N (mean over 10 ms) and 45 N (20
+ms), also where the arm is heaviest (28 kg, close to its base)."""
+OBJECT_SPEED = 0.035
+"""m/s near what stands freely: a fingertip on the top of a can stays below 65 and 45 N."""
 FREE_SPEED = (0.15, 0.25, 0.10)
 """m/s where nothing is near: away from or towards the base, around it, and up or down. The arm is
 heavy radially (18-30 kg at the TCP), light around the base (6-9 kg)."""
+LAST = 0.020
+"""m before the end of a way near anything that are gone as near what is fixed: what is grasped may
+be higher than believed, and then the palm meets it."""
 LIFT_OFF = 0.010
-"""m: how far the arm goes slowly as it leaves what it stood at; the rest of the way up is the one
-that it came down."""
-SHORTEST_FREE = 0.015
-"""m: a shorter stretch between two near things is not worth going faster."""
+"""m: how far the arm goes slowly as it leaves what it stood at ..."""
+RETRACED = 0.10
+"""m: ... and how far up it then goes where the hand just came from."""
+CELL = 0.005
+"""m of a way that has one speed at least."""
+SHORTEST = 0.015
+"""m: a shorter stretch is not worth another speed."""
+
+FREE, OBJECT, FIXED = 0, 1, 2
+"""What a stretch of the way is near."""
+Levels = NDArray[np.intp]
+AWAY = Pose.of((0.0, 0.0, -100.0))
+"""Where nothing is near."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,21 +77,14 @@ class Span:
 def spans(state: SymbolicState, start: Pose, end: Pose) -> Iterator[Span]:
     """The straight way of the TCP from `start` to `end` (world) in parts, in order, by what `state`
     believes."""
-    edges = [0.0]
-    slow: list[bool] = []
-    for first, last in _slow(state, start, end):
-        if first > edges[-1]:
-            edges.append(first)
-            slow.append(False)
-        edges.append(last)
-        slow.append(True)
-    if edges[-1] < 1.0 or not slow:
-        edges.append(1.0)
-        slow.append(False)
-    poses = [between(start, end, share) for share in edges]
-    for one, other, guarded in zip(poses, poses[1:], slow, strict=False):
-        speed = GUARDED_SPEED if guarded else free_speed(state, one, other)
-        yield Span(one, other, speed, guarded)
+    levels = _levels(state, start, end)
+    edges = [0, *(np.flatnonzero(np.diff(levels)) + 1).tolist(), len(levels)]
+    for first, last in pairwise(edges):
+        one = between(start, end, first / len(levels))
+        other = between(start, end, last / len(levels))
+        level = int(levels[first])
+        speed = (free_speed(state, one, other), OBJECT_SPEED, GUARDED_SPEED)[level]
+        yield Span(one, other, speed, level != FREE)
 
 
 def free_speed(state: SymbolicState, start: Pose, end: Pose) -> float:
@@ -110,25 +119,54 @@ def leaves(start: Pose, end: Pose) -> bool:
     return float(np.linalg.norm(way[:2])) < STEEP and float(way[2]) > 0.0
 
 
-def _slow(state: SymbolicState, start: Pose, end: Pose) -> list[tuple[float, float]]:
-    """Shares of the way that are gone slowly, in order, none of which touch."""
-    length = max(start.distance_to(end), 1e-6)
-    near: list[tuple[float, float]] = []
+def _levels(state: SymbolicState, start: Pose, end: Pose) -> Levels:
+    """What each cell of the way is near."""
+    levels = np.full(max(1, int(np.ceil(start.distance_to(end) / CELL))), FREE)
     for hand in _with_and_without(state, start, end):
-        near += near_spans(hand, start, end, POSE_ERROR)
-    merged: list[tuple[float, float]] = []
-    for first, last in sorted(near):
-        if merged and first - merged[-1][1] < SHORTEST_FREE / length:
-            merged[-1] = (merged[-1][0], max(merged[-1][1], last))
-        else:
-            merged.append((first, last))
-    if merged and merged[0][0] * length < SHORTEST_FREE:
-        merged[0] = (0.0, merged[0][1])
-    if merged and (1.0 - merged[-1][1]) * length < SHORTEST_FREE:
-        merged[-1] = (merged[-1][0], 1.0)
-    if merged and merged[0][0] == 0.0 and leaves(start, end):
-        merged[0] = (0.0, min(merged[0][1], LIFT_OFF / length))
-    return merged
+        _raise(levels, near_spans(hand, start, end, POSE_ERROR), OBJECT)
+        _raise(levels, near_spans(_among_fixed(hand), start, end, POSE_ERROR), FIXED)
+    if leaves(start, end):
+        _lift_off(levels)
+    if levels[-1] != FREE:
+        levels[-_cells(LAST) :] = FIXED
+    _smooth(levels)
+    return levels
+
+
+def _raise(levels: Levels, near: Iterable[tuple[float, float]], level: int) -> None:
+    for first, last in near:
+        cells = slice(int(first * len(levels)), int(np.ceil(last * len(levels))))
+        levels[cells] = np.maximum(levels[cells], level)
+
+
+def _lift_off(levels: Levels) -> None:
+    """Near the start, the way back is free after a little."""
+    clear = np.flatnonzero(levels == FREE)
+    near = int(clear[0]) if len(clear) else len(levels)
+    first = min(near, _cells(LIFT_OFF))
+    levels[:first] = FIXED
+    levels[first : min(near, _cells(RETRACED))] = FREE
+
+
+def _smooth(levels: Levels) -> None:
+    """Stretches that are too short for a speed of their own go as slowly as a neighbour."""
+    for level in (FREE, OBJECT):
+        edges = [0, *(np.flatnonzero(np.diff(levels)) + 1).tolist(), len(levels)]
+        for first, last in pairwise(edges):
+            whole = last - first == len(levels)
+            if levels[first] == level and last - first < _cells(SHORTEST) and not whole:
+                around = levels[max(first - 1, 0)], levels[min(last, len(levels) - 1)]
+                levels[first:last] = max(*around, level)
+
+
+def _cells(length: float) -> int:
+    return round(length / CELL)
+
+
+def _among_fixed(state: SymbolicState) -> SymbolicState:
+    """As if no object stood anywhere."""
+    nowhere = {name: AWAY for name in state.scene.objects if name != state.holding}
+    return replace(state, moved={**state.moved, **nowhere})
 
 
 def _with_and_without(state: SymbolicState, start: Pose, end: Pose) -> Iterator[SymbolicState]:

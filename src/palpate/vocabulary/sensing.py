@@ -10,7 +10,7 @@ from palpate.trace.samples import FORCES, POSE
 from palpate.vocabulary.base import Blackboard, Primitive, Steps
 from palpate.vocabulary.state import SymbolicState
 
-FORCE_WINDOW = 1.5
+FORCE_WINDOW = 1.0
 """s: 1500 torque samples bring the white noise of a force below 10 mN."""
 POSE_WINDOW = 0.3
 """s."""

@@ -17,7 +17,7 @@ from palpate.vocabulary.base import Blackboard, LeafFailure, Steps
 
 SETTLED_SPEED = 0.003
 """m/s."""
-DWELL = 0.4
+DWELL = 0.3
 """s: how long the arm stands still before a motion counts as settled where what it feels may be
 compared with what it felt before; still windows feed the estimators."""
 BRIEF = 0.1
