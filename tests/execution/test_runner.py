@@ -11,6 +11,7 @@ from palpate.errors import InputError
 from palpate.execution.leaf import PrimitiveLeaf
 from palpate.execution.runner import run
 from palpate.planning.plan import Plan
+from palpate.vocabulary.sensing import FORCE_WINDOW
 
 TABLE = 0.1
 """m: TCP height at which the cup stands on its support; it is also its grasp height."""
@@ -40,9 +41,9 @@ def test_a_complete_run(plan, node, scene, robot, words):
     )
     assert (done.status, done.stopped_by, done.actions) == ("complete", None, 3)
     assert done.final_state.at == "z = 0.3"
-    assert done.robot_seconds == pytest.approx(0.2 + 1.5 + 0.2, abs=0.2)
+    assert done.robot_seconds == pytest.approx(0.2 + FORCE_WINDOW + 0.2, abs=0.2)
     (recording,) = done.trace.recordings
-    assert len(done.trace.of(recording)) == pytest.approx(75, abs=2)
+    assert len(done.trace.of(recording)) == pytest.approx(FORCE_WINDOW / 0.02, abs=2)
     assert len(done.trace.samples) == pytest.approx(done.robot_seconds / 0.02, abs=1)
     assert done.trace.hand is robot.hand
     assert "close" not in commands(robot)

@@ -92,7 +92,7 @@ def test_too_heavy_an_object_is_put_down():
     done, robot = execute(cup='mass="4"')
     assert "more than the payload of 3 kg" in str(done.stopped_by)
     assert done.trace.leaves[-1].message == "put cup down"
-    assert displacement(robot) < 0.002
+    assert displacement(robot) < 0.005
 
 
 def test_a_slippery_object_is_noticed_when_it_is_lost():

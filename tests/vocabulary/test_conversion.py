@@ -124,7 +124,9 @@ def test_momentum_is_mass_times_the_true_velocity(carried) -> None:
     assert found["Force2Momentum"].parameter == Parameter("cup", "momentum")
     assert truth[2] > 0.01
     assert found["Force2Momentum"].value == pytest.approx(truth, abs=2e-3)
-    assert found["Force2Momentum"].parts["mass"].value == pytest.approx(MASS, abs=3e-3)
+    mass = found["Force2Momentum"].parts["mass"]
+    assert mass.std < 6e-3
+    assert mass.value == pytest.approx(MASS, abs=2 * mass.std)
 
 
 def test_plan_position_is_where_the_fingers_found_the_object(carried, scene) -> None:

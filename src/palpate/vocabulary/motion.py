@@ -24,7 +24,7 @@ from palpate.vocabulary.base import (
     Surroundings,
 )
 from palpate.vocabulary.load import UNFELT
-from palpate.vocabulary.profile import GUARDED_SPEED, POSE_ERROR, Span, leaves, spans
+from palpate.vocabulary.profile import GUARDED_SPEED, POSE_ERROR, Span, leaves, spans, speed
 from palpate.vocabulary.state import HOME_CONFIG, SymbolicState, pose_of_joints
 from palpate.vocabulary.touch import (
     BRIEF,
@@ -195,7 +195,7 @@ class MovePose(Primitive):
         dwell = DWELL
         for span in spans(state, robot.state.target_world_tcp, target):
             robot.set_reflex(_reflex(robot.limits.reflexes, span, state.holding))
-            robot.move_pose(span.end, span.speed)
+            robot.move_pose(span.end, speed(span, blackboard.scene, robot.state.q))
             if not span.guarded:
                 yield from finish(blackboard)
             elif (yield from feel_on(blackboard, span, sets_down, self.pose)):

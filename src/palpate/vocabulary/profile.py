@@ -23,8 +23,10 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.geometry.pose import Pose
+from palpate.geometry.pose import Array, Pose
+from palpate.robots.pace import contact_speed
 from palpate.robots.trajectory import rotation_vector, turned
+from palpate.scene.scene import Scene
 from palpate.vocabulary.admissible.clearance import STEEP
 from palpate.vocabulary.admissible.support import clear_of_support
 from palpate.vocabulary.admissible.sweep import near_spans
@@ -33,13 +35,10 @@ from palpate.vocabulary.state import SymbolicState
 POSE_ERROR = 0.020
 """m: how far things may be from where they are believed to be."""
 GUARDED_SPEED = 0.018
-"""m/s near what is fixed: both fingers on a table stay below 65 N (mean over 10 ms) and 45 N (20
-ms), also where the arm is heaviest (28 kg, close to its base)."""
+"""m/s at which both fingers on a table stay below 65 N (mean over 10 ms) and 45 N (20 ms), also where
+the arm is heaviest (28 kg, close to its base)."""
 OBJECT_SPEED = 0.035
 """m/s near what stands freely: a fingertip on the top of a can stays below 65 and 45 N."""
-FREE_SPEED = (0.15, 0.25, 0.10)
-"""m/s where nothing is near: away from or towards the base, around it, and up or down. The arm is
-heavy radially (18-30 kg at the TCP), light around the base (6-9 kg)."""
 LAST = 0.020
 """m before the end of a way near anything that are gone as near what is fixed: what is grasped may
 be higher than believed, and then the palm meets it."""
@@ -64,14 +63,18 @@ class Span:
     """A part of a way.
 
     Attributes:
-        start, end: poses of the TCP in the world. speed: m/s.
-        guarded: something may be met here.
+        start, end: poses of the TCP in the world.
+        near: what something met here would be, or `FREE`.
     """
 
     start: Pose
     end: Pose
-    speed: float
-    guarded: bool
+    near: int
+
+    @property
+    def guarded(self) -> bool:
+        """Whether something may be met here."""
+        return self.near != FREE
 
 
 def spans(state: SymbolicState, start: Pose, end: Pose) -> Iterator[Span]:
@@ -82,23 +85,21 @@ def spans(state: SymbolicState, start: Pose, end: Pose) -> Iterator[Span]:
     for first, last in pairwise(edges):
         one = between(start, end, first / len(levels))
         other = between(start, end, last / len(levels))
-        level = int(levels[first])
-        speed = (free_speed(state, one, other), OBJECT_SPEED, GUARDED_SPEED)[level]
-        yield Span(one, other, speed, level != FREE)
+        yield Span(one, other, int(levels[first]))
 
 
-def free_speed(state: SymbolicState, start: Pose, end: Pose) -> float:
-    """m/s at which the arm may go from `start` to `end` where nothing is near."""
-    way = end.position - start.position
+def speed(span: Span, scene: Scene, q: Array) -> float:
+    """m/s, the fastest on a span that begins at joint angles `q` (7,), rad."""
+    if span.near == FREE:
+        return scene.arm.pace.speed  # the arm goes more slowly where it is heavy
+    if span.near == OBJECT:
+        return OBJECT_SPEED
+    way = span.end.position - span.start.position
     length = float(np.linalg.norm(way))
-    if length < 1e-6:
-        return min(FREE_SPEED)
-    away = start.position - state.scene.pose_world_base.position
-    radial = away[:2] / max(float(np.linalg.norm(away[:2])), 1e-6)
-    outwards = float(way[:2] @ radial)
-    around = float(np.linalg.norm(way[:2] - outwards * radial))
-    shares = np.abs([outwards, around, way[2]]) / length
-    return float(1.0 / np.max(shares / FREE_SPEED))
+    if length < CELL:
+        return GUARDED_SPEED
+    direction = scene.pose_world_base.rotation.T @ way / length
+    return min(contact_speed(scene.arm, q, direction), OBJECT_SPEED)
 
 
 def between(start: Pose, end: Pose, share: float) -> Pose:
