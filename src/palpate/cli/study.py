@@ -79,7 +79,8 @@ class FaultOptions:
         str,
         typer.Option(
             "--kind",
-            help="mishaps, plans, nasty, runtime, signals, poses, obstacles, light or inputs.",
+            help="mishaps, plans, nasty, runtime, signals, poses, obstacles, "
+            "cautious, light or inputs.",
         ),
     ] = "mishaps"
     count: Annotated[

@@ -16,9 +16,26 @@ from palpate.studies.campaign.ledger import Ledger, Row
 from palpate.studies.campaign.page import TITLES, counts, page
 
 KINDS = tuple(TITLES)
-ASKED = ("plans", "nasty", "runtime", "signals", "poses", "obstacles", "light", "inputs")
+ASKED = (
+    "plans",
+    "nasty",
+    "runtime",
+    "signals",
+    "poses",
+    "obstacles",
+    "cautious",
+    "light",
+    "inputs",
+)
 """Kinds that can be asked for; the others come with `plans`."""
-DEFAULTS = {"plans": 10_000, "signals": 100, "poses": 100, "obstacles": 100, "light": 50}
+DEFAULTS = {
+    "plans": 10_000,
+    "signals": 100,
+    "poses": 100,
+    "obstacles": 100,
+    "cautious": 50,
+    "light": 50,
+}
 """How many cases of the kinds that are drawn at random."""
 
 
@@ -98,7 +115,7 @@ def repeat(kind: str, case: str, seed: int) -> Row:
         return inputs.given(_named(case, {each.name: each for each in inputs.BAD}))
     if kind == "signals":
         return signals.sent(signals.Case(seed, _number(case)), signals.whole_run())
-    if kind in ("poses", "obstacles", "light"):
+    if kind in ("poses", "obstacles", "cautious", "light"):
         return errors.met(errors.Case(kind, seed, _number(case)))
     raise unknown_name("kind of fault", kind, KINDS)
 

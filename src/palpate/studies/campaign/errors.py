@@ -14,8 +14,9 @@ from palpate.geometry.pose import Pose
 from palpate.scenarios.catalogue import scenario
 from palpate.scene.load import rearranged, scene_from_text
 from palpate.scene.scene import Scene
-from palpate.studies.campaign.bases import Base, bases
+from palpate.studies.campaign.bases import bases
 from palpate.studies.campaign.ledger import Ledger, Row, touches_of, within_time
+from palpate.studies.harm import SHOWN, UNSEEN
 from palpate.studies.probe import probed_run
 
 MOST = 0.020
@@ -28,7 +29,8 @@ LIGHT_THING = "hidden_cup"
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """One run with an error of a kind (`poses`, `obstacles`, `light`), drawn from a seed."""
+    """One run with an error of a kind (`poses`, `obstacles`, `cautious`, `light`), drawn from a
+    seed. `cautious` are obstacles for the slow self of the arm, by the figures of what is shown."""
 
     kind: str
     seed: int
@@ -54,8 +56,14 @@ def _met(case: Case, blank: Row) -> Row:
     random = np.random.default_rng([case.seed, case.number, 11])
     light = [base for base in bases() if base.light and base.world is not None]
     base = light[int(random.integers(0, len(light)))]
-    world, what, unseen = _world(case.kind, base, random)
-    seen = probed_run(base.plan, base.scene, world, "lab", case.number, unseen=unseen)
+    settings = scenario(base.name.partition(":")[0]).settings(cautious=case.kind == "cautious")
+    scene = pipeline.load(settings)
+    true = pipeline.load(replace(settings, scene=settings.world))
+    assert scene is not None
+    assert true is not None
+    world, what, unseen = _world(case.kind, true, random)
+    hidden = SHOWN if case.kind == "cautious" else UNSEEN
+    seen = probed_run(base.plan, scene, world, "lab", case.number, unseen=unseen, hidden=hidden)
     done = seen.execution
     return replace(
         blank,
@@ -69,13 +77,9 @@ def _met(case: Case, blank: Row) -> Row:
 
 
 def _world(
-    kind: str, base: Base, random: np.random.Generator
+    kind: str, true: Scene, random: np.random.Generator
 ) -> tuple[Scene, str, tuple[str, ...]]:
     """The hidden world, what is wrong in it, and the names of what no scene shows."""
-    assert base.world is not None
-    settings = scenario(base.name.partition(":")[0]).settings()
-    true = pipeline.load(replace(settings, scene=base.world))
-    assert true is not None
     if kind == "poses":
         world, what = _shifted(true, random)
         return world, what, ()

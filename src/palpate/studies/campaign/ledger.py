@@ -15,7 +15,7 @@ from typing import Any
 from palpate.studies.harm import Harm
 
 LONGEST = 120
-"""s of wall time for one case; beyond, it hangs."""
+"""s of the processor for one case; beyond, it hangs."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,8 +74,8 @@ def within_time(work: Callable[[], Row], otherwise: Row, seconds: int = LONGEST)
     def overtime(_signum: int, _frame: FrameType | None) -> None:
         raise Overtime
 
-    previous = signal.signal(signal.SIGALRM, overtime)
-    signal.alarm(seconds)
+    previous = signal.signal(signal.SIGPROF, overtime)
+    signal.setitimer(signal.ITIMER_PROF, seconds)
     try:
         return work()
     except Overtime:
@@ -83,8 +83,8 @@ def within_time(work: Callable[[], Row], otherwise: Row, seconds: int = LONGEST)
     except Exception:
         return _ended(otherwise, "crashed", traceback.format_exc(limit=-8))
     finally:
-        signal.alarm(0)
-        signal.signal(signal.SIGALRM, previous)
+        signal.setitimer(signal.ITIMER_PROF, 0)
+        signal.signal(signal.SIGPROF, previous)
 
 
 def _ended(row: Row, outcome: str, crash: str) -> Row:

@@ -18,6 +18,7 @@ TITLES = {
     "signals": "Signals",
     "poses": "Poses up to 20 mm off",
     "obstacles": "Posts that no scene shows",
+    "cautious": "Posts that no scene shows, met by a cautious arm",
     "light": "Light objects that no scene shows",
     "inputs": "Bad inputs",
 }

@@ -25,7 +25,7 @@ KINDS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGKILL)
 SHARES = (0.4, 0.25, 0.15, 0.2)
 TWICE = 0.25
 """Share of the signals, SIGKILL excepted, that a second one follows."""
-PATIENCE = 90
+PATIENCE = 180
 """s until a process counts as hung."""
 CODES = {0, 4, 130}
 """Exit statuses that a signal may end in: done before it came, stopped, or not yet begun."""
@@ -67,7 +67,7 @@ def sent(case: Case, whole: float) -> Row:
         with tempfile.TemporaryDirectory() as folder:
             return _sent(blank, kind, when * whole, again, Path(folder))
 
-    return within_time(work, blank, 2 * PATIENCE)
+    return within_time(work, blank)
 
 
 def _sent(blank: Row, kind: signal.Signals, after: float, again: float | None, folder: Path) -> Row:
