@@ -81,7 +81,7 @@ def segments(trace: Trace, recording: Recording) -> list[Segment]:
     noise = _noise_density(trace.samples, rests)
     found = [_segment(trace.samples, cut, np.zeros(1), [cut.rows], noise) for cut in rests]
     if path is not None:
-        passes = list(_passes(trace, load, path))
+        passes = _passes(trace, load, path)
         found += _binned(trace.samples, passes, path, noise)
     return [segment for segment in found if segment.at_rest or _has_counterpart(segment, found)]
 
@@ -137,13 +137,19 @@ def _arrival(samples: Samples, row: int, path: Path | None) -> str:
     return "down" if along < -tuning.ALONG else "beside"
 
 
-def _passes(trace: Trace, load: Load, path: Path) -> Iterator[_Cut]:
-    """Motions along the path that cover enough of it, up and down."""
-    samples = trace.samples
-    progress = path.progress(samples)
-    speed = np.gradient(progress, samples.t)
-    steady = np.abs(np.gradient(speed, samples.t)) < tuning.STEADY
-    inside = path.inside(samples) & steady
+def _passes(trace: Trace, load: Load, path: Path) -> list[_Cut]:
+    """Motions along the path that cover enough of it, up and down; where the arm goes steadily, if
+    that is enough of it both with the load and without."""
+    speed = np.gradient(path.progress(trace.samples), trace.samples.t)
+    steady = np.abs(np.gradient(speed, trace.samples.t)) < tuning.STEADY
+    found = list(_motions(trace.samples, load, path, speed, steady))
+    if {cut.loaded for cut in found} == {True, False}:
+        return found
+    return list(_motions(trace.samples, load, path, speed, np.ones_like(steady)))
+
+
+def _motions(samples: Samples, load: Load, path: Path, speed: Array, which: Mask) -> Iterator[_Cut]:
+    progress, inside = path.progress(samples), path.inside(samples) & which
     ways = (("up", speed > tuning.PASS_SPEED), ("down", speed < -tuning.PASS_SPEED))
     for kind, moving in ways:
         for loaded, mask in _loaded_and_empty(load):
