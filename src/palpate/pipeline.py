@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 
 from palpate import stages
 from palpate.cells.cell import Cell
-from palpate.errors import ExecutionAborted
+from palpate.errors import ExecutionAborted, InputError
 from palpate.interrupt import interrupts
 from palpate.planning.check.check import Finding
 from palpate.planning.planner import Planner
@@ -277,10 +277,13 @@ def save(made: Run, folder: Path | None = None) -> Run:
     from palpate.runs.files import write_files
 
     folder = folder or made.settings.out or default_folder(_name(made.settings))
-    with new_folder(folder) as scratch:
-        write_json(scratch / "request.json", request_json(made.settings))
-        write_files(made, scratch, folder)
-        shortfalls = write_all(made, scratch)
+    try:
+        with new_folder(folder) as scratch:
+            write_json(scratch / "request.json", request_json(made.settings))
+            write_files(made, scratch, folder)
+            shortfalls = write_all(made, scratch)
+    except OSError as error:
+        raise InputError(f"cannot write '{folder}': {error.strerror}") from error
     return replace(made, folder=folder, shortfalls=(*made.shortfalls, *shortfalls))
 
 

@@ -117,6 +117,21 @@ def test_while_the_twin_is_built(desk: Path) -> None:
     assert found == json.loads((desk / "run" / "result.json").read_text("utf-8"))
 
 
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no device that is always full")
+def test_a_result_that_cannot_be_printed_is_no_success(desk: Path) -> None:
+    with Path("/dev/full").open("w") as full:
+        done = subprocess.run(
+            [sys.executable, "-m", "palpate.cli.main", "gap", "desk.xml", "--json"],
+            stdout=full,
+            stderr=subprocess.PIPE,
+            check=False,
+            text=True,
+            cwd=desk,
+        )
+    assert done.returncode == 1
+    assert done.stderr == "palpate: the result was not printed: No space left on device\n"
+
+
 def test_a_scratch_folder_of_a_killed_process_is_swept(tmp_path: Path) -> None:
     from palpate.runs import folder
 

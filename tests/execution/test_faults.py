@@ -82,3 +82,14 @@ def test_a_disk_that_is_full_ends_only_the_writing(plan, node, scene, robot, wor
     done = run(plan(node("Go", z=0.28)), scene, robot, words=words, keep=keep)
     assert done.status == "complete"
     assert caplog.text.count("No space left") == 1
+
+
+def test_a_clock_that_fails_leaves_the_time_that_was(plan, node, scene, robot, words):
+    def no_number(r):
+        if r.state.t > 0.5:
+            r.put(t=float("nan"))
+
+    robot.on_advance = no_number
+    done = run(plan(node("Wait", seconds=2.0)), scene, robot, words=words, max_robot_seconds=1.0)
+    assert done.status == "stopped"
+    assert done.robot_seconds == pytest.approx(0.5, abs=0.05)

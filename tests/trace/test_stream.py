@@ -83,6 +83,13 @@ def test_no_number_is_written_and_read_as_such(trace: Trace, tmp_path: Path) -> 
     assert np.isnan(found.t).sum() == np.isnan(samples.t).sum()
 
 
+def test_a_time_that_is_no_number_is_no_reason_to_wait(trace: Trace, tmp_path: Path) -> None:
+    path = tmp_path / "trace.mcap"
+    lost = replace(trace.samples, t=np.full(len(trace.t), np.nan))
+    written(path, replace(trace, samples=lost), ends=False)
+    assert len(read_mcap(path).samples) == len(lost)
+
+
 def test_an_empty_beginning_is_refused(tmp_path: Path, trace: Trace) -> None:
     path = tmp_path / "trace.mcap"
     written(path, trace)

@@ -22,15 +22,30 @@ def main() -> None:
         except KeyboardInterrupt:
             status = INTERRUPTED
         except Exception as error:
-            status = _told(error)
+            status = _told(error) if _flushed() else 1
         if status == INTERRUPTED:
             status = _interrupted(signals.reason)
         elif signals.count and status in (0, 1):
             from palpate.cli.console import say
 
             say(f"{signals.reason}, when all was done")
+        if not _flushed():
+            status = status or 1
         atexit.register(ignore_signals)
         sys.exit(4 if signals.count else status)
+
+
+def _flushed() -> bool:
+    """Whether all that was printed has arrived; results that cannot be told are no success."""
+    try:
+        sys.stdout.flush()
+    except OSError:
+        from palpate.cli.console import printing
+
+        with printing():
+            sys.stdout.flush()
+        return False
+    return True
 
 
 def _interrupted(reason: str) -> int:

@@ -246,7 +246,9 @@ class _Loop:
 
     def _advance(self) -> None:
         self.blackboard.robot.advance(self.tick_period)
-        self.now = self.blackboard.robot.state.t
+        now = self.blackboard.robot.state.t
+        if math.isfinite(now):
+            self.now = now
         if self.stopping is None:
             self._drain()
         else:

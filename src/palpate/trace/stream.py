@@ -86,7 +86,8 @@ class TraceStream:
             self._recorded, self._seen = recorded, (0, 0, 0)
         if len(samples):
             self._pending.append(samples)
-        if self._pending and self._pending[-1].t[-1] - self._written >= BLOCK_SECONDS:
+        # The other way round a time that is no number would never be written.
+        if self._pending and not self._pending[-1].t[-1] - self._written < BLOCK_SECONDS:
             self.flush()
 
     def flush(self) -> None:
