@@ -144,12 +144,8 @@ class SymbolicState:
     def object_at(self, pose_world_tcp: Pose) -> Body | None:
         """The object that closing the fingers at this pose would grasp: the one between the pads,
         of several the one in their middle."""
-        found, least = None, np.inf
-        for body in self.scene.objects.values():
-            held = self.grip_of(body, pose_world_tcp)
-            if held is not None and abs(held.aside) < least:
-                found, least = body, abs(held.aside)
-        return found
+        key = ("between", digits(pose_world_tcp.vector), *self.placed)
+        return solids(self.scene).remembered(key, lambda: self._between(pose_world_tcp))
 
     def grip_of(self, body: Body, pose_world_tcp: Pose) -> Grip | None:
         """How the pads would have an object at this pose of the TCP; None where it is not between
@@ -159,6 +155,14 @@ class SymbolicState:
         if not body.is_near(x, y, self.scene.arm.hand.opening):
             return None
         return grip(solids(self.scene), body.name, pose_world_tcp.inverse() @ pose)
+
+    def _between(self, pose_world_tcp: Pose) -> Body | None:
+        found, least = None, np.inf
+        for body in self.scene.objects.values():
+            held = self.grip_of(body, pose_world_tcp)
+            if held is not None and abs(held.aside) < least:
+                found, least = body, abs(held.aside)
+        return found
 
     def surface_below(self, pose_world_tcp: Pose) -> Body | None:
         """What a guarded descent from this pose meets first, by belief: a surface or an object's

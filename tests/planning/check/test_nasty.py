@@ -295,6 +295,11 @@ CASES = [
         "slid over the edge", "unsupported", carried("above_inside", "inside", "edge", "above_edge")
     ),
     Case(
+        "dragged over the edge and back",
+        "unsupported",
+        carried("above_inside", "inside", "edge", "inside", "above_inside"),
+    ),
+    Case(
         "off the middle of a crate",
         "unsupported",
         carried("above_off_crate", "off_crate", "above_off_crate"),

@@ -21,7 +21,7 @@ import numpy as np
 
 from palpate.vocabulary.admissible.clearance import Motion, straddled
 from palpate.vocabulary.admissible.collision import collisions
-from palpate.vocabulary.admissible.support import leaning, riders
+from palpate.vocabulary.admissible.support import dragged_off, leaning, riders
 from palpate.vocabulary.state import HOME_CONFIG, SAME_POSE, SymbolicState
 from palpate.vocabulary.violation import Violation
 
@@ -144,6 +144,12 @@ def _carried(before: SymbolicState, after: SymbolicState, may_tilt: bool) -> Ite
             "tilted",
             f"'{held}' would be laid over by {np.degrees(lean):.0f}°; keep the hand as it was "
             "when it closed",
+        )
+    lost = dragged_off(before, after)
+    if lost:
+        yield Violation(
+            "unsupported",
+            f"'{held}' would be dragged off what it stands on: {lost}; lift it first",
         )
     for name in riders(before, held):
         yield Violation(

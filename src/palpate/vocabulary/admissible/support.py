@@ -153,6 +153,18 @@ def slides(before: SymbolicState, after: SymbolicState) -> bool:
     return stands and _travel(before, after) > LIFTED
 
 
+def dragged_off(before: SymbolicState, after: SymbolicState) -> str | None:
+    """Why a held object that stands on its support would no longer stand at the end of a motion
+    that does not lift it, in words; None where it would, or is lifted."""
+    held = before.holding
+    if held is None or before.lifted or _travel(before, after) <= LIFTED:
+        return None
+    start, end = before.pose_of(held), after.pose_of(held)
+    if end.position[2] - start.position[2] > LIFTED:
+        return None
+    return stable(before, held, end)
+
+
 def short_slide(before: SymbolicState, after: SymbolicState) -> list[Violation]:
     """What speaks against a slide that is to be felt: that it is too short, or nothing."""
     travel = _travel(before, after)
