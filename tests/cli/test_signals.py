@@ -129,7 +129,7 @@ def test_a_result_that_cannot_be_printed_is_no_success(desk: Path) -> None:
             cwd=desk,
         )
     assert done.returncode == 1
-    assert done.stderr == "palpate: the result was not printed: No space left on device\n"
+    assert done.stderr == "palpate: [Errno 28] No space left on device\n"
 
 
 def test_a_scratch_folder_of_a_killed_process_is_swept(tmp_path: Path) -> None:

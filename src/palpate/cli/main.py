@@ -22,7 +22,7 @@ def main() -> None:
         except KeyboardInterrupt:
             status = INTERRUPTED
         except Exception as error:
-            status = _told(error) if _flushed() else 1
+            status = _told(error)
         if status == INTERRUPTED:
             status = _interrupted(signals.reason)
         elif signals.count and status in (0, 1):
@@ -64,8 +64,13 @@ def _told(error: Exception) -> int:
         usage(error)
     if sys.flags.dev_mode:
         raise error
-    from palpate.cli.console import print_error
+    from palpate.cli.console import print_error, say
     from palpate.errors import PalpateError
+
+    if isinstance(error, OSError):
+        # Mostly the output that is full, or gone: nothing more is printed there.
+        say(str(error))
+        return 1
 
     found = PalpateError(f"unexpected {type(error).__name__}: {error}; python -X dev says where")
     return print_error(found, "--json" in sys.argv)
