@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import combinations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -25,6 +26,10 @@ PAD_FRICTION = (1.0, 0.01, 0.0001)
 AXES = 7
 """Joints of an arm: with fewer, a pose fixes the elbow, and the null space this code uses is
 gone."""
+WORLD, OWN = 1, 1 << 20
+"""Contact bits: the default one, and one that no world uses, for the arm's own shapes."""
+OVERLAPPING = 2
+"""Joints between bodies whose shapes may overlap."""
 LEVEL = 0.999
 """Cosine of how far the tool may lean at home."""
 TCP = "palpate_tcp"
@@ -122,7 +127,7 @@ def _require_hand(where: Path, sheet: Sheet, model: mujoco.MjModel) -> None:
 
 def prepared(arm: RobotDescription) -> mujoco.MjSpec:
     """An editable copy of the arm: base at the origin, no actuators, no surroundings; its shapes
-    meet the world's, never each other."""
+    meet the world's, and each other but for `neighbours`."""
     spec = mujoco.MjSpec.from_file(str(arm.mjcf))
     option = spec.option
     option.timestep, option.impratio = 0.001, 20.0  # found to hold what is grasped without creep
@@ -136,13 +141,37 @@ def prepared(arm: RobotDescription) -> mujoco.MjSpec:
         joint.actfrcrange = (-limit, limit)
     for geom in spec.geoms:
         if geom.contype or geom.conaffinity:
-            geom.contype, geom.conaffinity = 1, 0
+            geom.contype, geom.conaffinity = WORLD | OWN, OWN
     if not isinstance(arm.hand.tcp, str):
         spec.body(arm.hand.body).add_site(name=TCP, pos=arm.hand.tcp, group=4)
     if arm.hand.pads is not None:
         for finger in arm.hand.fingers:
             _pad(spec.joint(finger).parent, arm.hand.pads.centre, arm.hand.pads.half)
     return spec
+
+
+def neighbours(spec: mujoco.MjSpec, arm: RobotDescription) -> set[frozenset[str]]:
+    """Pairs of the arm's bodies whose shapes may touch: those up to `OVERLAPPING` joints apart, as
+    simple solids overlap there, and whatever touches at home. All that the last joint moves counts
+    as one."""
+    last = len(arm.links) - 1
+    place = {body.name: last for body in spec.bodies if body.name not in ("", "world")}
+    place |= {name: i for i, name in enumerate(arm.links)}
+    found = _touching_at_home(spec, arm)
+    for (one, i), (other, j) in combinations(place.items(), 2):
+        if abs(i - j) <= OVERLAPPING:
+            found.add(frozenset({one, other}))
+    return found
+
+
+def _touching_at_home(spec: mujoco.MjSpec, arm: RobotDescription) -> set[frozenset[str]]:
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    for name, angle in zip(arm.joints, arm.home.tolist(), strict=True):
+        data.qpos[int(model.joint(name).qposadr[0])] = angle
+    mujoco.mj_forward(model, data)
+    bodies = model.geom_bodyid[data.contact.geom].tolist()
+    return {frozenset(model.body(int(body)).name for body in pair) for pair in bodies}
 
 
 def _strip(spec: mujoco.MjSpec, base: str) -> None:
@@ -176,6 +205,6 @@ def _pad(finger: mujoco.MjsBody, centre: Array, half: Array) -> None:
     for geom in finger.geoms:
         geom.contype = geom.conaffinity = 0
     pad = finger.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, pos=centre, size=half, group=3, mass=0.0)
-    pad.contype, pad.conaffinity, pad.priority, pad.condim = 1, 0, 1, 4
+    pad.contype, pad.conaffinity, pad.priority, pad.condim = WORLD | OWN, OWN, 1, 4
     pad.friction = PAD_FRICTION
     pad.solref[:2], pad.solimp[:3] = (0.004, 1.0), (0.95, 0.99, 0.001)

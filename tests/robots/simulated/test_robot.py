@@ -217,6 +217,25 @@ def test_a_new_motion_begins_at_the_commanded_pose_without_a_jump() -> None:
     assert np.linalg.norm(samples.target_world_tcp[0, :3] - target.position) < 0.25 * 0.006
 
 
+def test_fingers_are_solid_behind_their_pads() -> None:
+    block = """<body name="block" pos="0.5 0.058 0.08"><geom type="box" size="0.02 0.005 0.08"/></body>"""
+    spec = mujoco.MjSpec.from_string(f"<mujoco><worldbody>{block}</worldbody></mujoco>")
+    arm = MujocoRobot(spec, Pose.of([0.0, 0.0, 0.0]), ARM)
+    go(arm, Pose.top_down([0.5, 0.0, 0.22], 0.0))
+    arm.move_pose(Pose.top_down([0.5, 0.0, 0.13], 0.0), 0.02)
+    arrive(arm)
+    assert arm.state.reflex, "the block stands under a finger, beside its pad"
+    assert arm.state.pose_world_tcp.position[2] > 0.16
+
+
+def test_the_arm_meets_itself() -> None:
+    arm = robot()
+    arm.move_joints(np.array([0.0, 0.0, 0.0, -3.0, 0.0, 1.0, 0.785]))
+    arrive(arm)
+    assert arm.state.reflex, "the fingers met the upper arm"
+    assert arm.state.q[3] > -2.95
+
+
 def test_same_seed_same_run_bit_for_bit() -> None:
     runs = []
     for _ in range(2):

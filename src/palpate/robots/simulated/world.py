@@ -16,6 +16,7 @@ import numpy as np
 from palpate.errors import ExecutionAborted, InputError, unknown_name
 from palpate.geometry.pose import Array, Pose
 from palpate.robots.description import RobotDescription
+from palpate.robots.model import neighbours
 from palpate.robots.simulated.gripper import DRIVE, add_drive
 from palpate.robots.simulated.guard import EVERY, Guard
 from palpate.robots.simulated.impedance import PREFIX, Actuators, add_actuators
@@ -226,6 +227,8 @@ def _compile(
     """
     _require_physics(spec)
     robot = arm.spec()
+    for pair in sorted(map(sorted, neighbours(robot, arm))):
+        robot.add_exclude(bodyname1=pair[0], bodyname2=pair[1])
     add_drive(robot, arm.hand)
     perturb_links(robot, arm.links, kinds, random)
     spec.option.timestep = TIMESTEP / SUBSTEPS
