@@ -11,7 +11,7 @@ from typing import Any
 
 from palpate import __version__
 from palpate.errors import InputError, unknown_name
-from palpate.studies.campaign import errors, inputs, nasty, plans, runtime, signals
+from palpate.studies.campaign import hidden, inputs, nasty, plans, runtime, signals
 from palpate.studies.campaign.ledger import Ledger, Row
 from palpate.studies.campaign.page import TITLES, counts, page
 
@@ -84,7 +84,7 @@ def _conducted(kind: str, order: Order, say: Callable[[str], None]) -> dict[str,
         return {kind: signals.send(folder, count, seed, workers, say)}
     if kind == "inputs":
         return {kind: inputs.give(folder, workers, say)}
-    return {kind: errors.meet(folder, kind, count, seed, workers, say)}
+    return {kind: hidden.meet(folder, kind, count, seed, workers, say)}
 
 
 def _plans(order: Order, count: int, say: Callable[[str], None]) -> dict[str, list[Row]]:
@@ -116,7 +116,7 @@ def repeat(kind: str, case: str, seed: int) -> Row:
     if kind == "signals":
         return signals.sent(signals.Case(seed, _number(case)), signals.whole_run())
     if kind in ("poses", "obstacles", "cautious", "light"):
-        return errors.met(errors.Case(kind, seed, _number(case)))
+        return hidden.met(hidden.Case(kind, seed, _number(case)))
     raise unknown_name("kind of fault", kind, KINDS)
 
 

@@ -54,7 +54,7 @@ def met(case: Case) -> Row:
 
 def _met(case: Case, blank: Row) -> Row:
     random = np.random.default_rng([case.seed, case.number, 11])
-    light = [base for base in bases() if base.light and base.world is not None]
+    light = [base for base in bases() if base.light and base.world and base.scene.objects]
     base = light[int(random.integers(0, len(light)))]
     settings = scenario(base.name.partition(":")[0]).settings(cautious=case.kind == "cautious")
     scene = pipeline.load(settings)
