@@ -180,6 +180,14 @@ def test_a_grip_is_exempt_and_what_it_carries_belongs_to_the_robot() -> None:
     assert seen.turned.get("block", 0) < np.deg2rad(2)
 
 
+def test_fingers_that_close_on_nothing_press_on_themselves_alone() -> None:
+    def control(t: float) -> list[float]:
+        return [0.0, -40.0, 40.0]
+
+    witness = watched(GRIPPER, 0.3, DRIVES, control)
+    assert judged(witness).beyond == ()
+
+
 def test_a_whole_run_is_judged_and_goes_as_without_a_probe() -> None:
     """A descent through the table, which no check was asked about."""
     settings = scenario("bottle_and_table").settings(noise="none")

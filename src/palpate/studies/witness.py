@@ -193,9 +193,11 @@ class Witness:
             total[axis] += sign * along
 
     def _is_own(self, mine: int, other: int, load: bool) -> bool:
-        """Whether a contact is within what the hand holds."""
+        """Whether a contact is within what the hand holds, or between the fingers themselves."""
         if load:
             return self._object_of[other] == self._held
+        if mine in self._finger and other in self._finger:
+            return True
         return self._held >= 0 and self._object_of[other] == self._held and mine in self._finger
 
     def _sides(self, pair: list[int]) -> tuple[int, int]:
