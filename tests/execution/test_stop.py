@@ -122,3 +122,53 @@ def test_a_missing_object_is_noticed():
     done, _ = execute(cup='mass="0.3" pos="0.2 -0.2 0"')
     assert str(done.stopped_by).startswith("CloseGripper(): the fingers met no resistance")
     assert done.actions == 4
+
+
+def pushed(robot, newtons):
+    """The hand bears that much more, downwards, on top of what it feels."""
+    world = robot.world._data
+    hand = robot.world.model.body("robot/hand").id
+    world.xfrc_applied[hand, 2] = -newtons
+
+
+@pytest.mark.parametrize("push", [20.0, 60.0])
+def test_a_push_that_comes_and_goes_is_no_support(push):
+    """Somebody presses on the hand that holds the cup in the air, and lets go."""
+    pressing = {"until": 0.0}
+
+    def push_and_stop(robot):
+        state = robot.state
+        if not pressing["until"] and lifted_to(0.22)(robot):
+            pressing["until"] = state.t + 1.0
+        if pressing["until"]:
+            pushed(robot, push if state.t < pressing["until"] else 0.0)
+        return bool(pressing["until"])
+
+    done, robot = execute(stop_when=push_and_stop)
+    pushed(robot, 0.0)
+    robot.advance(1.0)
+    assert done.status == "stopped"
+    where = robot.world.true_pose("cup").position[2]
+    on_the_table = abs(where - 0.15) < 0.005
+    assert robot.state.gripping or on_the_table, f"dropped to {where:.3f} m"
+
+
+def test_an_object_that_would_tip_stays_in_the_fingers():
+    """Half over the table's edge, at y = 0.4 m, there is nothing to put it down on."""
+    resolve = SCENE.symbols.resolve
+    aside = (resolve("cup_pose + x_offset").position - resolve("cup_pose").position)[1]
+    beyond = f"cup_pose + z_offset + {0.3 / aside:.3f}*x_offset"
+    ways = (leaf("MovePose", pose="cup_pose + z_offset"), leaf("MovePose", pose=beyond))
+    carry = Node("Sequence", (), (*WEIGH.tree.children[:4], *ways, leaf("MeasureForces")))
+    world = parse_scene(CELL.format(cup='mass="0.3"', more=""))
+    robot = MujocoRobot(world.spec(), world.pose_world_base, world.arm, "lab", seed=1)
+
+    def over_the_edge():
+        return robot.state.gripping and robot.state.pose_world_tcp.position[1] > 0.398
+
+    done = run(Plan((), carry, "carry it"), SCENE, robot, stop_requested=over_the_edge)
+    robot.advance(0.5)
+    assert done.stopped_by == "stop requested; the fingers still hold 'cup'"
+    assert "would tip over the edge of 'table'" in done.trace.leaves[-1].message
+    assert robot.state.gripping
+    assert robot.world.true_pose("cup").position[2] > 0.2

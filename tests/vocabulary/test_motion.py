@@ -11,7 +11,7 @@ from performing import cell
 from palpate.geometry.pose import Pose
 from palpate.robots.registry import load_description
 from palpate.vocabulary.admissible.support import clear_of_support
-from palpate.vocabulary.contact import CONTACT_FORCE, PROBE_TRAVEL
+from palpate.vocabulary.contact import CONTACT_FORCE, PROBE_TRAVEL, SIDE_FORCE, withstands
 from palpate.vocabulary.motion import POSITION_TOLERANCE
 
 HOME = load_description().home
@@ -182,3 +182,19 @@ def test_a_probe_that_meets_nothing_fails_at_its_travel_limit(perform) -> None:
     assert (
         f"nothing touched within {PROBE_TRAVEL:.2f} m along -z" in from_above.execution.stopped_by
     )
+
+
+def test_a_probe_from_the_side_is_refused_where_it_would_tip_what_it_meets(start, make) -> None:
+    beside = replace(
+        start,
+        at="beside the cup",
+        pose_world_tcp=start.scene.symbols.resolve("cup_pose").translated((0.0, -0.15, -0.005)),
+    )
+    (reason,) = make("MoveUntilContact", axis="+y").requires(beside)
+    assert "'cup' may tip or slide at" in reason.message
+    assert "from above with -z" in reason.message
+
+
+def test_what_an_object_withstands_is_judged_by_its_lightest_and_its_height(start) -> None:
+    low, high = (withstands(start, "cup", z) for z in (0.01, 0.095))
+    assert 0.0 < high <= low < SIDE_FORCE

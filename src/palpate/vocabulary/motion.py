@@ -205,7 +205,10 @@ class MovePose(Primitive):
         yield from settle(blackboard, dwell)
         if lifted:
             hanging = yield from feel(blackboard)
-            blackboard.load = replace(blackboard.load, hanging=hanging)
+            tool = robot.state.pose_world_tcp
+            if reason := blackboard.load.turned(hanging, tool):
+                raise LeafFailure(f"'{state.holding}' does not stay as it was grasped, {reason}")
+            blackboard.load = blackboard.load.hung(hanging, tool)
             self._light_enough(blackboard)
         return self._arrived(blackboard, target)
 

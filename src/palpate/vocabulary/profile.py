@@ -178,9 +178,9 @@ def _with_and_without(state: SymbolicState, start: Pose, end: Pose) -> Iterator[
         body = state.object_at(low)
         if body is not None:
             held = low.inverse() @ state.pose_of(body.name)
-            yield replace(state, holding=body.name, pose_tcp_object=held)
+            yield replace(state, gripper="closed", holding=body.name, pose_tcp_object=held)
     elif state.pose_tcp_object is not None:
         placed = low @ state.pose_tcp_object
         if not clear_of_support(state, state.holding, placed):
             moved = {**state.moved, state.holding: placed}
-            yield replace(state, holding=None, pose_tcp_object=None, moved=moved)
+            yield replace(state, gripper="open", holding=None, pose_tcp_object=None, moved=moved)

@@ -1,0 +1,86 @@
+"""Where the arm goes slowly: near things, by belief, and the same way with an object as without."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from palpate.robots.registry import load_description
+from palpate.vocabulary.profile import (
+    FIXED,
+    FREE,
+    GUARDED_SPEED,
+    OBJECT_SPEED,
+    Span,
+    between,
+    spans,
+    speed,
+)
+
+HOME = load_description().home
+
+
+@pytest.fixture
+def ways(start):
+    """The cup's grasp pose, and the pose above it."""
+    resolve = start.scene.symbols.resolve
+    return resolve("cup_pose + z_offset"), resolve("cup_pose")
+
+
+def lengths(parts: list[Span]) -> list[tuple[int, int]]:
+    """(mm, near) of each part."""
+    return [(round(1e3 * part.start.distance_to(part.end)), part.near) for part in parts]
+
+
+def test_a_way_ends_slowly_where_something_is_grasped(start, ways) -> None:
+    above, grasp = ways
+    parts = list(spans(replace(start, gripper="open"), above, grasp))
+    assert (parts[0].near, parts[-1].near) == (FREE, FIXED)
+    assert parts[0].start.distance_to(above) == parts[-1].end.distance_to(grasp) == 0.0
+    near = sum(part.start.distance_to(part.end) for part in parts if part.guarded)
+    assert 0.05 < near < 0.09, "the tips are near the cup's top from 20 mm above it on"
+
+
+def test_a_way_up_is_free_after_the_lift_off(start, ways) -> None:
+    above, grasp = ways
+    parts = list(spans(replace(start, gripper="open"), grasp, above))
+    assert [part.near for part in parts] == [FIXED, FREE]
+    assert 0.008 < parts[0].start.distance_to(parts[0].end) < 0.015
+
+
+def test_the_profile_is_the_same_with_the_object_and_without(start, ways) -> None:
+    above, grasp = ways
+    empty = replace(start, gripper="open")
+    held = replace(
+        start,
+        gripper="closed",
+        holding="cup",
+        pose_tcp_object=grasp.inverse() @ start.pose_of("cup"),
+        lifted=True,
+    )
+    for one, other in ((above, grasp), (grasp, above)):
+        assert lengths(list(spans(empty, one, other))) == lengths(list(spans(held, one, other)))
+
+
+def test_high_above_everything_a_way_is_free(start, ways) -> None:
+    above, _ = ways
+    high = above.translated((0.0, 0.0, 0.2))
+    (part,) = spans(start, high, high.translated((0.0, -0.2, 0.0)))
+    assert not part.guarded
+    assert speed(part, start.scene, HOME) == start.scene.arm.pace.speed
+
+
+def test_near_what_is_fixed_the_speed_follows_the_effective_mass(start, ways) -> None:
+    _, grasp = ways
+    down = grasp.translated((0.0, 0.0, -0.03))
+    slow = speed(Span(grasp, down, FIXED), start.scene, HOME)
+    assert 0.01 < slow <= OBJECT_SPEED
+    assert speed(Span(grasp, grasp, FIXED), start.scene, HOME) == GUARDED_SPEED
+
+
+def test_a_pose_between_turns_evenly(ways) -> None:
+    above, grasp = ways
+    middle = between(above, grasp, 0.5)
+    assert middle.distance_to(above) == pytest.approx(above.distance_to(grasp) / 2)
+    assert between(above, grasp, 1.0) is grasp
