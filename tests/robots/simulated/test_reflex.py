@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from palpate.geometry.pose import Pose
+from palpate.robots.description import RobotDescription
 from palpate.robots.reflex import Reflex
 from palpate.robots.registry import load_description
 from palpate.robots.simulated.robot import MujocoRobot
@@ -59,7 +60,9 @@ def watched(arm: MujocoRobot) -> Felt:
     return felt
 
 
-def among(shape: str, stiffness: float | None = None, more: str = "") -> MujocoRobot:
+def among(
+    shape: str, stiffness: float | None = None, more: str = "", arm: RobotDescription = ARM
+) -> MujocoRobot:
     """An arm and one thing: fixed, or on a spring of `stiffness` N/m along x, y and z."""
     spring = (
         f'stiffness="{stiffness}" damping="{0.6 * (4 * stiffness) ** 0.5}"' if stiffness else ""
@@ -71,7 +74,7 @@ def among(shape: str, stiffness: float | None = None, more: str = "") -> MujocoR
       <body gravcomp="1">{joints if stiffness else ""}
         <geom name="post" {shape} mass="0.2" friction="0.5"/></body>{more}
     </worldbody></mujoco>"""
-    return MujocoRobot(mujoco.MjSpec.from_string(world), BASE, ARM, noise="datasheet", seed=1)
+    return MujocoRobot(mujoco.MjSpec.from_string(world), BASE, arm, noise="datasheet", seed=1)
 
 
 def go(arm: MujocoRobot, position: tuple[float, float, float], speed: float = 0.25) -> None:
@@ -126,6 +129,44 @@ def test_what_is_run_into_is_not_pressed(
     assert felt.mean(20) < 150.0
     assert felt.after(100) < 25.0
     assert np.abs(arm.state.dq).max() < 0.01
+
+
+@pytest.mark.parametrize(
+    ("shape", "start", "goal"),
+    [
+        (POST, (0.45, 0.0, 0.2), (0.65, 0.0, 0.2)),
+        (SIDE, (0.5, 0.0, 0.2), (0.5, 0.2, 0.2)),
+        (BAR, (0.5, 0.0, 0.2), (0.5, 0.0, 0.1)),
+    ],
+    ids=["outwards", "sideways", "downwards"],
+)
+def test_a_cautious_arm_hits_nothing_hard(
+    shape: str, start: tuple[float, float, float], goal: tuple[float, float, float]
+) -> None:
+    arm = among(shape, arm=ARM.cautious())
+    felt = watched(arm)
+    go(arm, start)
+    arm.set_reflex(REFLEXES.free)
+    go(arm, goal, 0.25)
+    assert arm.state.reflex
+    assert felt.mean(10) < 65.0
+    assert felt.mean(20) < 45.0
+    assert felt.after(100) < 25.0
+
+
+@pytest.mark.parametrize("stiffness", [None, 1e6])
+def test_what_is_met_slowly_bears_little_from_the_first_moment(stiffness: float | None) -> None:
+    arm = among(BAR, stiffness)
+    felt = watched(arm)
+    go(arm, (0.5, 0.0, 0.185))
+    arm.set_reflex(REFLEXES.probing)
+    arm.move_axis(np.array([0.0, 0.0, -1.0]), 0.02, 0.05)
+    while arm.state.moving and abs(arm.state.contact[2]) < 8.0:
+        arm.advance(0.02)
+    arm.hold()
+    arm.advance(0.5)
+    assert felt.mean(10) < 65.0
+    assert felt.mean(20) < 45.0
 
 
 def test_a_reflex_ends_the_motion_where_the_arm_stands_until_the_next_one() -> None:

@@ -27,7 +27,8 @@ EVERY = 2
 BRAKING = 60.0
 """1/s: how fast the arm slows down when it has stopped itself; 0.25 m/s end after 4 mm."""
 
-_BLEND = -math.expm1(-EVERY * TIMESTEP / OBSERVER_TIME)
+_KEEP = math.exp(-EVERY * TIMESTEP / OBSERVER_TIME)
+_BLEND = 1.0 - _KEEP
 _ANYTHING = Reflex(math.inf, math.inf)
 
 
@@ -62,8 +63,9 @@ class Guard:
     """
 
     def __init__(self) -> None:
-        self._wrench, self._weightless = np.zeros(6), np.empty(7)
-        self._momentum, self._before, self._felt = np.empty(6), np.empty(6), np.empty(6)
+        self._wrench, self._dq = np.zeros(6), np.zeros(7)
+        self._input = np.zeros(14)
+        self._torque, self._gained = self._input[:7], self._input[7:]
         self.yielding = False
         """Whether the arm gives way now."""
         self.fired: str | None = None
@@ -89,10 +91,11 @@ class Guard:
             deviation: (n, 7) N m of each look: what the sensors show beyond what is commanded,
                 less Coriolis and centrifugal torques.
         """
-        self._to_wrench = dposv(jacobian @ jacobian.T + RIDGE, jacobian)[1]
-        self._to_momentum = self._to_wrench @ inertia / (EVERY * TIMESTEP)
-        self._known = deviation @ self._to_wrench.T
-        self._to_momentum.dot(dq, out=self._before)
+        to_wrench = _BLEND * dposv(jacobian @ jacobian.T + RIDGE, jacobian)[1]
+        to_momentum = to_wrench @ inertia / (EVERY * TIMESTEP)
+        self._to_wrench = np.concatenate([to_wrench, -to_momentum], axis=1)
+        self._known = deviation @ to_wrench.T
+        self._dq[:] = dq
         self._thresholds = thresholds or _ANYTHING
         self._little = min(self._thresholds.force, self._thresholds.torque) ** 2
         self._look, self._reaction = 0, reaction
@@ -105,17 +108,14 @@ class Guard:
 
         `commanded` (7,) N m at the joints, of which `weight` holds the nominal arm up.
         """
-        momentum, before, felt, wrench = self._momentum, self._before, self._felt, self._wrench
-        np.subtract(commanded, weight, out=self._weightless)
-        self._to_wrench.dot(self._weightless, out=felt)
-        self._to_momentum.dot(dq, out=momentum)
-        felt += self._known[self._look]
-        felt += before
-        felt -= momentum
-        felt -= wrench
-        felt *= _BLEND
-        wrench += felt
-        self._momentum, self._before, self._look = before, momentum, self._look + 1
+        wrench = self._wrench
+        np.subtract(commanded, weight, out=self._torque)
+        np.subtract(dq, self._dq, out=self._gained)
+        self._dq[:] = dq
+        wrench *= _KEEP
+        wrench += self._to_wrench.dot(self._input)
+        wrench += self._known[self._look]
+        self._look += 1
         if wrench.dot(wrench) <= self._little:
             return False
         self.fired = self._thresholds.fired(wrench)
