@@ -149,13 +149,16 @@ class StandIn:
         gripping = self.gripping_after if arrived else state.gripping
         self.put(
             t=state.t + duration,
+            q=state.q + 1e-9 * state.moving,  # its encoders live
             stamp=state.t + duration,
             pose_world_tcp=pose,
             target_world_tcp=pose,
             moving=state.moving and pose.distance_to(self.goal) > 1e-9,
             gripping=gripping,
             gripper_moving=state.gripper_moving and not arrived,
-            width=0.03 if gripping else 0.08,
+            width=float(
+                np.clip(0.03 if gripping else 0.08, state.width - 0.04, state.width + 0.04)
+            ),
         )
         self.put(wrench=self.force + np.array([0, 0, self._load(), 0, 0, 0]))
         self.on_advance(self)

@@ -22,6 +22,7 @@ from palpate.interrupt import Interrupts, interrupts
 from palpate.planning.plan import Plan
 from palpate.robots.robot import Robot, RobotState
 from palpate.robots.safety import unexplained_force
+from palpate.robots.sense.watched import Watched
 from palpate.scene.scene import Scene
 from palpate.trace.recording import LeafRun
 from palpate.trace.samples import Samples, Trace
@@ -126,7 +127,8 @@ def run(
     """
     if plan.tree is None:
         raise InputError(f"the plan has no tree to run: {plan.explanation}")
-    blackboard = Blackboard(robot, SymbolicState(scene), Recorder(robot))
+    watched = Watched(robot, scene.arm)
+    blackboard = Blackboard(watched, SymbolicState(scene), Recorder(watched))
     root = build(plan.tree, words or vocabulary(), blackboard)
     began = time.perf_counter()
     with interrupts() as signals, signals.noted():

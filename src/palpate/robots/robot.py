@@ -31,6 +31,7 @@ class RobotState:
             not the arm's acceleration, exerts. Every threshold looks at this one.
         reflex: why the arm stopped itself since the last motion was started; None if it did not.
         width: m between the fingers. gripping: fingers stopped on something before closing fully.
+        fault: why what the sensors say cannot be believed (`palpate.robots.sense`), None while it can.
         moving: the arm's commanded motion is still under way.
         gripper_moving: the fingers are still under way.
     """
@@ -51,6 +52,7 @@ class RobotState:
     moving: bool
     gripper_moving: bool
     reflex: str | None = None
+    fault: str | None = None
 
 
 class Robot(Protocol):

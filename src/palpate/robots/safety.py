@@ -46,7 +46,8 @@ def violation(
     `gravity` (m/s^2) is what a held object's mass is weighed with.
     """
     return (
-        _not_finite(state)
+        state.fault
+        or _not_finite(state)
         or _stale(state, limits)
         or _joints(state, limits)
         or _workspace(state, limits, pose_world_base)
