@@ -9,7 +9,8 @@ run on.
 - `skip`: the object at which it failed is left alone, the rest is measured.
 - `replan`: everything still missing is tried again, at most `MAX_REPLANS` times.
 
-A run that somebody stopped, or that still holds an object, is never taken up again.
+A run that somebody stopped, that still holds an object, or whose sensors cannot be believed, is never
+taken up again.
 """
 
 from __future__ import annotations
@@ -73,8 +74,10 @@ def _planned_again(
 
 
 def resumable(done: Execution) -> bool:
-    """Whether a stopped run left a cell in which to go on."""
-    return done.status == "stopped" and not done.asked and done.final_state.holding is None
+    """Whether a stopped run left a cell in which to go on, and a robot that can be believed."""
+    if done.asked or done.fault is not None:
+        return False
+    return done.status == "stopped" and done.final_state.holding is None
 
 
 def remaining(parameters: Sequence[Parameter], trace: Trace) -> list[Parameter]:

@@ -64,6 +64,7 @@ class Execution:
         robot_seconds, wall_seconds: how long it took.
         setbacks: why earlier attempts stopped that were gone on from (see `palpate.recovery`).
         asked: whether somebody wanted it to stop.
+        fault: why the robot's signals cannot be believed any more; None while they can.
     """
 
     trace: Trace
@@ -75,6 +76,7 @@ class Execution:
     wall_seconds: float
     setbacks: tuple[str, ...] = ()
     asked: bool = False
+    fault: str | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -132,7 +134,7 @@ def run(
     root = build(plan.tree, words or vocabulary(), blackboard)
     began = time.perf_counter()
     with interrupts() as signals, signals.noted():
-        loop = _Loop(blackboard, root, tick_period, observer, keep, signals)
+        loop = _Loop(blackboard, watched, root, tick_period, observer, keep, signals)
         asked = _either(loop.interrupted, stop_requested)
         try:
             loop.stopping = _reason(lambda: loop.tick_to_end(root, max_robot_seconds, asked))
@@ -150,6 +152,7 @@ class _Loop:
     """One run: the tree and what it works on."""
 
     blackboard: Blackboard
+    watched: Watched
     root: Behaviour
     tick_period: float
     observer: Observer | None
@@ -202,6 +205,7 @@ class _Loop:
     def execution(self, wall_seconds: float, asked: bool) -> Execution:
         """The result as it stands."""
         _reason(self._drain)
+        fault = self._note_fault()
         trace = self.blackboard.recorder.snapshot()
         return Execution(
             trace,
@@ -212,7 +216,21 @@ class _Loop:
             self._elapsed(),
             wall_seconds,
             asked=asked,
+            fault=fault,
         )
+
+    def _note_fault(self) -> str | None:
+        """What is wrong with the signals stands in the trace from when it began on, which may be
+        before the action that it ended: nothing that was felt since then is evidence."""
+        fault = self.watched.fault
+        if fault is None:
+            return None
+        context = self.blackboard.state.context()
+        run = LeafRun(
+            STOP_NODE, "Watch", "sensors", fault.since, self.now, "FAILURE", str(fault), context
+        )
+        self.blackboard.recorder.leaves.append(run)
+        return str(fault)
 
     def _put_down(self) -> None:
         self.blackboard.failed = False

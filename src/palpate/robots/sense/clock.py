@@ -54,7 +54,7 @@ class Clock:
         last = self._sample
         for t in samples.t.tolist():
             if last is not None and t <= last:
-                return Fault("time goes back", f"a sample of {t:.3f} s after {last:.3f} s", t)
+                return Fault("time goes back", f"a sample of {t:.3f} s after {last:.3f} s", last)
             last = t
         self._sample = last
         late = self._limits.stale_after

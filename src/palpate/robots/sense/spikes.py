@@ -17,7 +17,7 @@ FORCE, TORQUE = 4.0, 2.0
 it grows by 1 N. A hard one grows by more, and is believed 20 ms late; the robot's own reflex is not."""
 LOAD = 0.25
 """Of a joint's torque limit: the same for what it bears."""
-MOST, WINDOW = 3, 1.0
+MOST, WINDOW = 4, 1.0
 """So many spikes within so many s are a fault."""
 
 
