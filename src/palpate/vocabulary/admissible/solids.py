@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from palpate.geometry.outline import Convex
 from palpate.geometry.pose import Array, Pose
-from palpate.mjcf.compile import compile_model
+from palpate.mjcf.compile import compile_model, refused
 from palpate.mjcf.shapes import hull_edges, hull_points
 from palpate.robots.description import RobotDescription
 from palpate.robots.kinematics import inverse_kinematics
@@ -264,7 +264,10 @@ def _compiled(scene: Scene) -> mujoco.MjModel:
     # Options are of no use here; where the two differ MuJoCo would warn.
     for name in ("timestep", "integrator", "cone", "impratio", "gravity"):
         setattr(robot.option, name, getattr(spec.option, name))
-    spec.attach(robot, frame=frame, prefix=PREFIX)
+    try:
+        spec.attach(robot, frame=frame, prefix=PREFIX)
+    except ValueError as error:
+        raise refused(error) from None
     return compile_model(spec)
 
 
