@@ -93,3 +93,14 @@ def test_a_clock_that_fails_leaves_the_time_that_was(plan, node, scene, robot, w
     done = run(plan(node("Wait", seconds=2.0)), scene, robot, words=words, max_robot_seconds=1.0)
     assert done.status == "stopped"
     assert done.robot_seconds == pytest.approx(0.5, abs=0.05)
+
+
+def test_a_clock_that_stands_still_ends_the_run(plan, node, scene, robot, words):
+    def frozen(r):
+        if r.state.t > 0.5:
+            r.put(t=0.5, stamp=0.5)
+
+    robot.on_advance = frozen
+    done = run(plan(node("Wait", seconds=2.0)), scene, robot, words=words)
+    assert "time goes back" in done.stopped_by
+    assert [call for call, _ in robot.calls][-1] == "hold"
