@@ -37,10 +37,10 @@ class Arm(StandIn):
 
     def __init__(self) -> None:
         super().__init__()
-        self.weight = MASS * self.gravity
+        self.weight, self.between = MASS * self.gravity, 0.04
 
-    def close_gripper(self) -> None:
-        super().close_gripper()
+    def close_gripper(self, force: float | None = None) -> None:
+        super().close_gripper(force)
         self.support_z = float(self.state.pose_world_tcp.position[2])
 
 

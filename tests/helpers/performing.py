@@ -102,7 +102,9 @@ def perform(scene: Scene) -> Callable[..., Done]:
     """Run steps on the embedded robot with perfect sensors, in a world that differs from the scene
     as told."""
 
-    def go(*steps: object, world: Scene | None = None) -> Done:
+    believed = scene
+
+    def go(*steps: object, world: Scene | None = None, scene: Scene = believed) -> Done:
         world = world or cell(mass=f'mass="{MASS}"')
         robot = MujocoRobot(world.spec(), world.pose_world_base, world.arm)
         return Done(run(Plan((), sequence(*steps), "a test"), scene, robot), robot)

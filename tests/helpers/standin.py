@@ -71,7 +71,8 @@ class StandIn:
     """Not a simulation: the TCP follows straight lines exactly, and forces are what the test says.
 
     `support_z` is the height of the TCP at which a held object meets its support, `weight` its
-    weight in N, `calls` what was commanded, in order.
+    weight in N, `between` how wide what is between the fingers is, m, `calls` what was commanded,
+    in order.
     """
 
     limits = LIMITS
@@ -83,6 +84,7 @@ class StandIn:
         pose = Pose.top_down((0.5, 0.0, 0.3), 0.0)
         self.calls: list[tuple[str, Any]] = []
         self.support_z, self.weight, self.force = -1.0, 0.0, np.zeros(6)
+        self.between = 0.03
         self.on_advance: Callable[[StandIn], None] = lambda _: None
         self.goal, self.speed, self.fingers_until = pose, 0.0, 0.0
         self.gripping_after = False
@@ -129,8 +131,8 @@ class StandIn:
         self.fingers_until, self.gripping_after = self.state.t + 0.2, False
         self.put(gripper_moving=True)
 
-    def close_gripper(self) -> None:
-        self.calls.append(("close_gripper", None))
+    def close_gripper(self, force: float | None = None) -> None:
+        self.calls.append(("close_gripper", force))
         self.fingers_until, self.gripping_after = self.state.t + 0.2, True
         self.put(gripper_moving=True)
 
@@ -157,7 +159,7 @@ class StandIn:
             gripping=gripping,
             gripper_moving=state.gripper_moving and not arrived,
             width=float(
-                np.clip(0.03 if gripping else 0.08, state.width - 0.04, state.width + 0.04)
+                np.clip(self.between if gripping else 0.08, state.width - 0.04, state.width + 0.04)
             ),
         )
         self.put(wrench=self.force + np.array([0, 0, self._load(), 0, 0, 0]))

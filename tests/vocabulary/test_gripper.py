@@ -7,6 +7,12 @@ import pytest
 from palpate.scene.load import parse_scene
 from palpate.vocabulary.state import SymbolicState
 
+CAN = """<mujoco><worldbody>
+  <site name="robot_base"/>
+  <body name="table" pos="0.4 0 -0.03"><geom type="box" size=".6 .6 .03" friction="0.6 0.005 0.0001"/></body>
+  <body name="can" pos="{x} 0.1 0.06"><freejoint/>
+    <geom type="cylinder" size=".031 .06" mass="0.3" friction="0.6 0.005 0.0001"/></body>
+</worldbody></mujoco>"""
 LIFT, AT = ("MovePose", "cup_pose + z_offset"), ("MovePose", "cup_pose")
 
 
@@ -88,3 +94,29 @@ def test_closing_on_nothing_fails_and_says_so(perform, scene) -> None:
     )
     state: SymbolicState = done.execution.final_state
     assert state.holding is None
+
+
+def test_what_is_not_as_wide_as_believed_is_let_go_before_it_is_lifted(perform, scene) -> None:
+    slimmer = parse_scene(
+        scene.text.replace('size=".03 .02 .05"', 'size=".03 .016 .05" mass="0.3"')
+    )
+    done = perform("OpenGripper", LIFT, AT, "CloseGripper", LIFT, world=slimmer)
+    assert done.execution.stopped_by == (
+        "CloseGripper(): the fingers met something at 32.0 mm where 'cup' was believed to be "
+        "40.0 mm wide: it is not where it is believed, look again"
+    )
+    assert done.robot.state.width == pytest.approx(0.08, abs=1e-4)
+    assert done.robot.world.true_pose("cup").distance_to(scene.body("cup").pose_world) < 1e-3
+
+
+def test_a_can_between_the_edges_of_the_pads_is_let_go_where_it_stands(perform) -> None:
+    """Grasped there it is squeezed out of the fingers as soon as it is lifted."""
+    can = CAN.format(x=0.5), CAN.format(x=0.52)
+    believed, true = (parse_scene(text) for text in can)
+    above, at = ("MovePose", "can_pose + z_offset"), ("MovePose", "can_pose")
+    steps = ("OpenGripper", above, at, "CloseGripper", above)
+    done = perform(*steps, scene=believed, world=true)
+    assert "'can' was believed to be 62.0 mm wide" in str(done.execution.stopped_by)
+    stands = done.robot.world.true_pose("can")
+    assert stands.rotation[2, 2] > 0.999
+    assert stands.distance_to(true.body("can").pose_world) < 5e-3

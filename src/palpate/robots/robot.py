@@ -110,9 +110,10 @@ class Robot(Protocol):
         """Start opening the fingers fully. `state.gripper_moving` until they have stopped."""
         ...
 
-    def close_gripper(self) -> None:
-        """Start closing the fingers with the description's grasp force until they meet resistance
-        (then `state.gripping`) or each other. `state.gripper_moving` until they have stopped."""
+    def close_gripper(self, force: float | None = None) -> None:
+        """Start closing the fingers with at most `force` N of both together, the description's
+        grasp force by default, until they meet resistance (then `state.gripping`) or each other.
+        `state.gripper_moving` until they have stopped. Closed ones are told so to press more."""
         ...
 
     def hold(self) -> None:

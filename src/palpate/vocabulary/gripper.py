@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Generator
 from dataclasses import replace
 from typing import ClassVar
 
@@ -10,13 +11,18 @@ from palpate.vocabulary.admissible.collision import finger_collisions
 from palpate.vocabulary.admissible.grasp import ungraspable
 from palpate.vocabulary.admissible.support import would_fall
 from palpate.vocabulary.base import Blackboard, LeafFailure, Primitive, Resource, Steps
-from palpate.vocabulary.load import Load
+from palpate.vocabulary.load import CLOSING, Load
 from palpate.vocabulary.state import SymbolicState
 from palpate.vocabulary.touch import feel
 from palpate.vocabulary.violation import Violation
 
 GRIP_SETTLE = 0.1
 """s: fingers at rest on an object before the grasp counts."""
+GENTLE = 10.0
+"""N of both fingers until it is known what they have met: what stands freely bears it sideways."""
+MISFIT = 0.001
+"""m between the width that is met and the believed one: shapes are believed to that, and a pad gives
+way by less at `GENTLE`."""
 
 
 def finish_fingers(blackboard: Blackboard) -> Steps:
@@ -69,8 +75,8 @@ class OpenGripper(Primitive):
 
 
 class CloseGripper(Primitive):
-    """Close the fingers until they meet a physical resistance; fails when nothing is between them.
-    Use it at an object's grasp pose with the gripper open."""
+    """Close the fingers until they meet a physical resistance; fails when nothing is between them,
+    or not what is believed to be. Use it at an object's grasp pose with the gripper open."""
 
     claims: ClassVar[frozenset[Resource]] = frozenset({"gripper"})
     group: ClassVar = "gripper"
@@ -111,14 +117,50 @@ class CloseGripper(Primitive):
         return Expectation(contact=True)
 
     def run(self, blackboard: Blackboard) -> Steps:
+        robot = blackboard.robot
         blackboard.load = Load((yield from feel(blackboard)))
-        blackboard.robot.set_reflex(blackboard.robot.limits.reflexes.contact)
-        blackboard.robot.close_gripper()
+        robot.set_reflex(robot.limits.reflexes.contact)
+        met = yield from self._close(blackboard, GENTLE)
+        if reason := _misfit(blackboard.state, met):
+            yield from self._let_go(blackboard)
+            raise LeafFailure(reason)
+        width = yield from self._close(blackboard, None)
+        if met - width > CLOSING:
+            yield from self._let_go(blackboard)
+            raise LeafFailure(
+                f"what the fingers met at {1e3 * met:.1f} mm gave way to {1e3 * width:.1f} mm as they "
+                "took hold: the object is not where it is believed, look again"
+            )
+        blackboard.load = replace(blackboard.load, width=width)
+        return f"grasped at {1e3 * width:.1f} mm"
+
+    def _close(self, blackboard: Blackboard, force: float | None) -> Generator[None, None, float]:
+        """Close with a force, N, or all there is; m between the fingers once they rest."""
+        robot = blackboard.robot
+        robot.close_gripper(force)
         yield from finish_fingers(blackboard)
-        start = blackboard.robot.state.t
-        while blackboard.robot.state.t - start < GRIP_SETTLE:
+        start = robot.state.t
+        while robot.state.t - start < GRIP_SETTLE:
             yield
-        if not blackboard.robot.state.gripping:
+        if not robot.state.gripping:
             raise LeafFailure("the fingers met no resistance: nothing is between them")
-        blackboard.load = replace(blackboard.load, width=blackboard.robot.state.width)
-        return f"grasped at {1e3 * blackboard.robot.state.width:.1f} mm"
+        return robot.state.width
+
+    def _let_go(self, blackboard: Blackboard) -> Steps:
+        """Open again; nothing was lifted."""
+        blackboard.robot.open_gripper()
+        return (yield from finish_fingers(blackboard))
+
+
+def _misfit(state: SymbolicState, width: float) -> str | None:
+    """Why fingers that met something at `width` m are not on what they should be; None where they
+    may be."""
+    pose = state.pose_world_tcp
+    body = None if pose is None else state.object_at(pose)
+    grip = None if pose is None or body is None else state.grip_of(body, pose)
+    if body is None or grip is None or abs(width - grip.width) <= MISFIT:
+        return None
+    return (
+        f"the fingers met something at {1e3 * width:.1f} mm where '{body.name}' was believed to be "
+        f"{1e3 * grip.width:.1f} mm wide: it is not where it is believed, look again"
+    )

@@ -282,3 +282,19 @@ def test_the_state_is_cached_until_time_passes() -> None:
     before = arm.state
     arm.advance(0.02)
     assert arm.state is not before
+
+
+def test_fingers_that_close_gently_press_no_more_than_they_are_told() -> None:
+    arm = robot()
+    go(arm, ABOVE)
+    go(arm, AT, 0.1)
+    arm.close_gripper(10.0)
+    arrive(arm)
+    gentle = arm.state.width
+    assert arm.state.gripping
+    assert abs(arm.world.data().actuator("robot/fingers").force[0]) <= 10.0
+    arm.close_gripper()
+    arrive(arm)
+    assert arm.state.gripping
+    assert arm.state.width < gentle
+    assert abs(arm.world.data().actuator("robot/fingers").force[0]) > 70.0

@@ -85,9 +85,9 @@ class Watched:
         """See `Robot`."""
         self._robot.open_gripper()
 
-    def close_gripper(self) -> None:
+    def close_gripper(self, force: float | None = None) -> None:
         """See `Robot`."""
-        self._robot.close_gripper()
+        self._robot.close_gripper(force)
 
     def hold(self) -> None:
         """See `Robot`."""

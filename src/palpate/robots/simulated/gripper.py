@@ -51,8 +51,9 @@ class Gripper:
 
     def __init__(self, hand: ParallelHand) -> None:
         self._open, self._closed, self._speed = hand.opening / 2, -hand.overclose, hand.speed
-        self._saturation = hand.force / STIFFNESS
-        """m: how far the set-point must lead for the full grasp force."""
+        self._strongest = hand.force
+        self.force = hand.force
+        """N that the drive exerts at most."""
         self.width = 2 * self._open
         """m between the fingers."""
         self.moving = False
@@ -65,13 +66,18 @@ class Gripper:
         """Closed, and stopped on something."""
         return self._goal == self._closed and not self.moving and self.width > NOTHING
 
+    @property
+    def _saturation(self) -> float:
+        """m: how far the set-point must lead for all of the force."""
+        return self.force / STIFFNESS
+
     def open(self, t: float) -> None:
         """Start opening fully."""
-        self._start(t, self._open)
+        self._start(t, self._open, self._strongest)
 
-    def close(self, t: float) -> None:
-        """Start closing until something resists."""
-        self._start(t, self._closed)
+    def close(self, t: float, force: float | None = None) -> None:
+        """Start closing with `force` N, all there is by default, until something resists."""
+        self._start(t, self._closed, self._strongest if force is None else force)
 
     def setpoints(self, t: Array) -> Array | float:
         """Each finger's commanded way from the middle at times `t` (n,), m."""
@@ -99,9 +105,10 @@ class Gripper:
         commanded = float(np.asarray(self.setpoints(np.array([t]))).flat[0])
         return commanded == self._goal or commanded < self.width / 2 - self._saturation
 
-    def _start(self, t: float, goal: float) -> None:
+    def _start(self, t: float, goal: float, force: float) -> None:
         commanded = float(np.asarray(self.setpoints(np.array([t]))).flat[0])
         low, high = self.width / 2 - self._saturation, self.width / 2 + self._saturation
+        self.force = min(force, self._strongest)
         self._from = float(np.clip(commanded, low, high))
         self._since = self._last_moved = t
         self._goal, self.moving = goal, True

@@ -170,11 +170,13 @@ class MujocoRobot:
     def open_gripper(self) -> None:
         """See `Robot`."""
         self._gripper.open(self._world.t)
+        self._world.limit_fingers(self._gripper.force)
         self._cached = None
 
-    def close_gripper(self) -> None:
+    def close_gripper(self, force: float | None = None) -> None:
         """See `Robot`."""
-        self._gripper.close(self._world.t)
+        self._gripper.close(self._world.t, force)
+        self._world.limit_fingers(self._gripper.force)
         self._cached = None
 
     def hold(self) -> None:

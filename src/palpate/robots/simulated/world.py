@@ -87,9 +87,8 @@ class World:
         self._q, self._v = _run(joints[0].qposadr[0], 7), _run(joints[0].dofadr[0], 7)
         finger = self.model.joint(PREFIX + arm.hand.fingers[0])
         self._finger_q, self._finger_v = _run(finger.qposadr[0], 2), _run(finger.dofadr[0], 2)
-        self._fingers_control = int(
-            self.model.actuator_ctrladr[self.model.actuator(PREFIX + DRIVE).id]
-        )
+        self._drive = int(self.model.actuator(PREFIX + DRIVE).id)
+        self._fingers_control = int(self.model.actuator_ctrladr[self._drive])
         self._data.qpos[self._q], self._data.qpos[self._finger_q] = arm.home, arm.hand.opening / 2
         self._seen = mujoco.MjData(self.model)
         self.actuators = Actuators(self.model)
@@ -161,6 +160,10 @@ class World:
     def set_fingers(self, control: Array, opening: Array | float) -> None:
         """Command each finger's way from the middle, m, in the rows of `control`."""
         control[:, self._fingers_control] = opening
+
+    def limit_fingers(self, force: float) -> None:
+        """From now on the fingers' drive exerts at most `force` N."""
+        self.model.actuator_forcerange[self._drive] = (-force, force)
 
     def true_gravity_torque(self) -> Array:
         """(7,) N m that hold the true arm up where it stands now, at rest."""
