@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 from palpate.geometry.pose import Pose
+from palpate.robots.accuracy import doubt
+from palpate.robots.registry import load_description
 from palpate.vocabulary.load import NOTHING, Load
 
 
@@ -43,3 +45,20 @@ def test_an_object_that_turns_between_the_pads_is_noticed() -> None:
     assert "turns in the fingers" in str(load.turned(down, tool))
     turned = Pose.top_down((0.5, 0.0, 0.3), np.pi / 2)  # carried on, turned about the vertical
     assert load.turned(np.array([0.0, 0.0, 5.0, -0.5, 0.0, 0.0]), turned) is None
+
+
+def test_what_the_joint_sensors_deviate_by_is_no_turn() -> None:
+    """A change of 0.3 N m between two places is within the stated accuracies, a drop of 2 is not."""
+    arm, up = load_description(), np.array([0.0, 1.0, 0.0])
+    q, tau = arm.home, np.array([0.0, -30.0, 0.0, 25.0, 1.0, 3.0, 0.0])
+    here, there = doubt(arm, q, tau, up), doubt(arm, q + 0.3, 0.7 * tau, up)
+    tool = Pose.top_down((0.5, 0.0, 0.3), 0.0)
+    load = Load(np.zeros(6), 0.03).hung(np.array([0, 0, 5.0, 0, 2.0, 0]), tool, here)
+    assert load.turned(np.array([0, 0, 5.0, 0, 1.7, 0]), tool, there) is None
+    assert load.turned(np.array([0, 0, 5.0, 0, 0.0, 0]), tool, there)
+
+
+def test_errors_that_last_cancel_in_one_configuration() -> None:
+    arm, up = load_description(), np.array([0.0, 1.0, 0.0])
+    one = doubt(arm, arm.home, np.array([0.0, -30.0, 0.0, 25.0, 1.0, 3.0, 0.0]), up)
+    assert one.of_change(one) == pytest.approx(np.sqrt(2.0) * one.fleeting)

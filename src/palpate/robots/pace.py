@@ -61,6 +61,12 @@ def contact_speed(arm: RobotDescription, q: Array, direction: Array) -> float:
     return GENTLE / ((1.0 + arm.pace.restitution) * float(direction @ held @ direction))
 
 
+def jacobian(arm: RobotDescription, q: Array) -> Array:
+    """(6, 7) of the TCP at joint angles `q` (7,), rad, in the base's axes."""
+    with _LOCK:
+        return _nominal(arm).jacobian(q).copy()
+
+
 def speed_along(
     nominal: NominalArm, pace: Pace, configurations: Sequence[Array], direction: Array
 ) -> float:

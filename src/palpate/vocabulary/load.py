@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from palpate.geometry.pose import Array, Pose
+from palpate.robots.accuracy import Doubt
 
 BORNE = 0.3
 """part of an object's weight that the fingers may still bear when they open: the rest of the arm's
@@ -18,12 +19,16 @@ sag, which gives way as they do."""
 CLOSING = 0.002
 """m by which fingers come nearer each other when what they hold slides or turns out of them; a pad
 that gives way is less."""
-TURNED, TURNED_SHARE = 0.15, 0.3
-"""N m, and part of a moment: what its change must exceed to be a turn, and not the torque sensors'
-bias in another configuration."""
+SURE = 3.0
+"""Standard deviations of what is felt that a change of the moment must exceed to be a turn."""
+TURNED = 0.15
+"""N m that it must exceed besides: pads give way."""
 UNFELT = 1.5
 """N: a weight below this is not told from none: Franka states 0.8 N relative accuracy, and joints
 stick."""
+
+SURELY = Doubt(np.zeros(7), 0.0)
+"""What is felt is so."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -34,29 +39,28 @@ class Load:
         empty: (6,) external wrench right before they closed, the convention of `palpate.trace`.
         width: m between the fingers as they closed on it. hanging: (6,) at rest with the object
             hanging free; None until it did. moment: N m about the closing direction then.
+        doubt: how far that may be off.
     """
 
     empty: Array
     width: float = 0.0
     hanging: Array | None = None
     moment: float | None = None
+    doubt: Doubt = SURELY
 
-    def hung(self, wrench: Array, tool: Pose) -> Load:
+    def hung(self, wrench: Array, tool: Pose, doubt: Doubt = SURELY) -> Load:
         """With what is felt now, at rest, with the object hanging from the hand at pose `tool`."""
-        return replace(self, hanging=wrench, moment=self._moment(wrench, tool))
+        return replace(self, hanging=wrench, moment=_moment(wrench, tool), doubt=doubt)
 
-    def turned(self, wrench: Array, tool: Pose) -> str | None:
+    def turned(self, wrench: Array, tool: Pose, doubt: Doubt = SURELY) -> str | None:
         """Why the object hangs otherwise than it did, None while it does not: one that turns
         between the pads brings its centre of mass below them, and its moment goes."""
         if self.moment is None:
             return None
-        change = abs(self._moment(wrench, tool) - self.moment)
-        if change <= TURNED + TURNED_SHARE * abs(self.moment):
+        change = abs(_moment(wrench, tool) - self.moment)
+        if change <= TURNED + SURE * doubt.of_change(self.doubt):
             return None
         return f"it turns in the fingers: its moment about them changed by {change:.2f} N m"
-
-    def _moment(self, wrench: Array, tool: Pose) -> float:
-        return float((wrench - self.empty)[3:] @ tool.rotation[:, 1])
 
     @property
     def weight(self) -> float:
@@ -81,6 +85,11 @@ class Load:
         if bears <= max(UNFELT, BORNE * self.weight):
             return None
         return f"the fingers still bear {bears:.1f} N"
+
+
+def _moment(wrench: Array, tool: Pose) -> float:
+    """N m of a wrench (6,) about the closing direction."""
+    return float(wrench[3:] @ tool.rotation[:, 1])
 
 
 NOTHING = Load(np.zeros(6))

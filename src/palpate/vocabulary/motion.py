@@ -11,6 +11,7 @@ from pydantic import Field
 
 from palpate.errors import InputError
 from palpate.geometry.pose import Array, Pose
+from palpate.robots.accuracy import doubt
 from palpate.robots.reflex import Reflex, Reflexes
 from palpate.robots.safety import Expectation
 from palpate.vocabulary.admissible.reach import beyond_joint_limits, out_of_reach
@@ -206,9 +207,11 @@ class MovePose(Primitive):
         if lifted:
             hanging = yield from feel(blackboard)
             tool = robot.state.pose_world_tcp
-            if reason := blackboard.load.turned(hanging, tool):
+            closing = state.scene.pose_world_base.rotation.T @ tool.rotation[:, 1]
+            unsure = doubt(state.scene.arm, robot.state.q, robot.state.tau, closing)
+            if reason := blackboard.load.turned(hanging, tool, unsure):
                 raise LeafFailure(f"'{state.holding}' does not stay as it was grasped, {reason}")
-            blackboard.load = blackboard.load.hung(hanging, tool)
+            blackboard.load = blackboard.load.hung(hanging, tool, unsure)
             self._light_enough(blackboard)
         return self._arrived(blackboard, target)
 

@@ -1,0 +1,50 @@
+"""How far what an arm feels at rest may be off, by its description."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from palpate.geometry.pose import Array
+from palpate.robots.description import RobotDescription
+from palpate.robots.nominal import RIDGE
+from palpate.robots.pace import jacobian
+
+SAMPLES = 3
+"""of a signal at least of which what is felt is made."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Doubt:
+    """What the joints' deviations do to a moment felt in one configuration, as standard deviations.
+
+    Attributes:
+        lasting: (7,) N m, of each joint's relative errors: those of its sensor and of the links it
+            bears, the same ones in every configuration, in proportion to what the joint bears.
+        fleeting: N m, of all that is another at every rest: friction, drift and noise.
+    """
+
+    lasting: Array
+    fleeting: float
+
+    def of_change(self, since: Doubt) -> float:
+        """N m, standard deviation of the change of the moment from one configuration to another."""
+        lasting = float(np.linalg.norm(self.lasting - since.lasting))
+        return float(np.hypot(lasting, np.hypot(self.fleeting, since.fleeting)))
+
+
+def doubt(arm: RobotDescription, q: Array, tau: Array, axis: Array) -> Doubt:
+    """Of the moment about the unit `axis` (3,), in the base's axes, that is felt at rest at joint
+    angles `q` (7,), rad, with measured joint torques `tau` (7,), N m.
+
+    The wrench at the TCP is (J J^T)^-1 J tau, and so is its deviation. A gain error of uniform
+    distribution has its half width over sqrt(3) as standard deviation.
+    """
+    sensors, gain = arm.sensors, arm.nominal.torque_gain / np.sqrt(3.0)
+    there = jacobian(arm, q)
+    levers = np.linalg.solve(there @ there.T + RIDGE, there)[3:].T @ axis
+    relative = np.hypot(gain, sensors.link_mass)
+    noise = sensors.torque_noise / np.sqrt(SAMPLES)
+    own = np.sqrt(sensors.friction**2 + noise**2 + sensors.drift**2)
+    return Doubt(relative * levers * tau, float(np.linalg.norm(own * levers)))
