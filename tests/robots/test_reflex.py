@@ -16,9 +16,11 @@ def wrench(*force: float, torque: tuple[float, float, float] = (0.0, 0.0, 0.0)) 
 def test_it_says_what_was_felt_and_what_is_allowed() -> None:
     reflex = Reflex(20.0, 8.0)
     assert reflex.fired(wrench(0, 12, -12)) is None
-    assert reflex.fired(wrench(0, 15, -15)) == "the arm stopped itself at 21.2 N, more than 20 N"
+    assert reflex.fired(wrench(0, 15, -15)) == (
+        "unexpected contact: the arm stopped itself at 21.2 N, more than 20 N"
+    )
     turning = reflex.fired(wrench(0, 0, 0, torque=(0, 8.5, 0)))
-    assert turning == "the arm stopped itself at 8.5 N m, more than 8 N m"
+    assert turning == "unexpected contact: the arm stopped itself at 8.5 N m, more than 8 N m"
 
 
 def test_a_load_may_hang_on_the_hand_but_not_press_on_it() -> None:

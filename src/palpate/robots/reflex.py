@@ -27,11 +27,15 @@ class Reflex:
         x, y, z, turn_x, turn_y, turn_z = contact.tolist()
         force = math.hypot(x, y, z - min(max(z, 0.0), self.load))
         if force > self.force:
-            return f"the arm stopped itself at {force:.1f} N, more than {self.force:g} N"
+            return _worded(f"{force:.1f} N", f"{self.force:g} N")
         torque = math.hypot(turn_x, turn_y, turn_z)
         if torque > self.torque:
-            return f"the arm stopped itself at {torque:.1f} N m, more than {self.torque:g} N m"
+            return _worded(f"{torque:.1f} N m", f"{self.torque:g} N m")
         return None
+
+
+def _worded(felt: str, allowed: str) -> str:
+    return f"unexpected contact: the arm stopped itself at {felt}, more than {allowed}"
 
 
 @dataclass(frozen=True, slots=True)

@@ -124,7 +124,7 @@ def test_what_is_run_into_is_not_pressed(
     assert not any(felt.forces)
     arm.set_reflex(REFLEXES.free)
     go(arm, goal, speed)
-    assert str(arm.state.reflex).startswith("the arm stopped itself at ")
+    assert str(arm.state.reflex).startswith("unexpected contact: the arm stopped itself at ")
     assert felt.mean(10) < 180.0
     assert felt.mean(20) < 150.0
     assert felt.after(100) < 25.0
