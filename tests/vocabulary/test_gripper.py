@@ -102,8 +102,8 @@ def test_what_is_not_as_wide_as_believed_is_let_go_before_it_is_lifted(perform, 
     )
     done = perform("OpenGripper", LIFT, AT, "CloseGripper", LIFT, world=slimmer)
     assert done.execution.stopped_by == (
-        "CloseGripper(): the fingers met something at 32.0 mm where 'cup' was believed to be "
-        "40.0 mm wide: it is not where it is believed, look again"
+        "CloseGripper(): the fingers met something at 32.0 mm where 40.0 mm was believed: "
+        "the object is not where it is believed, look again"
     )
     assert done.robot.state.width == pytest.approx(0.08, abs=1e-4)
     assert done.robot.world.true_pose("cup").distance_to(scene.body("cup").pose_world) < 1e-3
@@ -116,7 +116,7 @@ def test_a_can_between_the_edges_of_the_pads_is_let_go_where_it_stands(perform) 
     above, at = ("MovePose", "can_pose + z_offset"), ("MovePose", "can_pose")
     steps = ("OpenGripper", above, at, "CloseGripper", above)
     done = perform(*steps, scene=believed, world=true)
-    assert "'can' was believed to be 62.0 mm wide" in str(done.execution.stopped_by)
+    assert "where 62.0 mm was believed" in str(done.execution.stopped_by)
     stands = done.robot.world.true_pose("can")
     assert stands.rotation[2, 2] > 0.999
     assert stands.distance_to(true.body("can").pose_world) < 5e-3

@@ -11,7 +11,7 @@ from palpate.vocabulary.admissible.collision import finger_collisions
 from palpate.vocabulary.admissible.grasp import ungraspable
 from palpate.vocabulary.admissible.support import would_fall
 from palpate.vocabulary.base import Blackboard, LeafFailure, Primitive, Resource, Steps
-from palpate.vocabulary.load import CLOSING, Load
+from palpate.vocabulary.load import Load
 from palpate.vocabulary.state import SymbolicState
 from palpate.vocabulary.touch import feel
 from palpate.vocabulary.violation import Violation
@@ -20,9 +20,15 @@ GRIP_SETTLE = 0.1
 """s: fingers at rest on an object before the grasp counts."""
 GENTLE = 10.0
 """N of both fingers until it is known what they have met: what stands freely bears it sideways."""
-MISFIT = 0.001
-"""m between the width that is met and the believed one: shapes are believed to that, and a pad gives
-way by less at `GENTLE`."""
+NARROWER = 0.0015
+"""m that the fingers may come nearer each other than believed: shapes are believed to that, and pads
+and objects give way by less at `GENTLE`."""
+YIELDS = 0.005
+"""m that they may come nearer as they take hold: light and soft things give way by half of that, and
+what is squeezed out between them by all of its width."""
+WIDER = 0.003
+"""m that they may stay farther apart: what one finger pushes to the other from 10 mm beside the
+middle tilts that much between the pads."""
 
 
 def finish_fingers(blackboard: Blackboard) -> Steps:
@@ -121,11 +127,15 @@ class CloseGripper(Primitive):
         blackboard.load = Load((yield from feel(blackboard)))
         robot.set_reflex(robot.limits.reflexes.contact)
         met = yield from self._close(blackboard, GENTLE)
-        if reason := _misfit(blackboard.state, met):
+        believed = _believed_width(blackboard.state)
+        if met < believed - NARROWER or met > believed + WIDER:
             yield from self._let_go(blackboard)
-            raise LeafFailure(reason)
+            raise LeafFailure(
+                f"the fingers met something at {1e3 * met:.1f} mm where {1e3 * believed:.1f} mm was "
+                "believed: the object is not where it is believed, look again"
+            )
         width = yield from self._close(blackboard, None)
-        if met - width > CLOSING:
+        if met - width > YIELDS:
             yield from self._let_go(blackboard)
             raise LeafFailure(
                 f"what the fingers met at {1e3 * met:.1f} mm gave way to {1e3 * width:.1f} mm as they "
@@ -152,15 +162,10 @@ class CloseGripper(Primitive):
         return (yield from finish_fingers(blackboard))
 
 
-def _misfit(state: SymbolicState, width: float) -> str | None:
-    """Why fingers that met something at `width` m are not on what they should be; None where they
-    may be."""
+def _believed_width(state: SymbolicState) -> float:
+    """m between the fingers once they are closed on what is believed to be between them; not a
+    number where nothing is, which no width is more or less than."""
     pose = state.pose_world_tcp
     body = None if pose is None else state.object_at(pose)
-    grip = None if pose is None or body is None else state.grip_of(body, pose)
-    if body is None or grip is None or abs(width - grip.width) <= MISFIT:
-        return None
-    return (
-        f"the fingers met something at {1e3 * width:.1f} mm where '{body.name}' was believed to be "
-        f"{1e3 * grip.width:.1f} mm wide: it is not where it is believed, look again"
-    )
+    held = None if pose is None or body is None else state.grip_of(body, pose)
+    return float("nan") if held is None else held.width
