@@ -21,6 +21,7 @@ from palpate.estimation.windows import (
     Mask,
     Path,
     at_rest,
+    commanded,
     lift_path,
     load_of,
     mean_pose,
@@ -77,13 +78,22 @@ def segments(trace: Trace, recording: Recording) -> list[Segment]:
     """All rests and passes that tell about the load of `recording`, with and without it."""
     load = load_of(trace, recording.context.holding)
     path = lift_path(trace, recording, load)
+    samples = trace.samples
+    told = commanded(samples)
     rests = list(_rests(trace, recording, load, path))
-    noise = _noise_density(trace.samples, rests)
-    found = [_segment(trace.samples, cut, np.zeros(1), [cut.rows], noise) for cut in rests]
+    quiet = [cut for cut in rests if not told[cut.rows].any()]
+    noise = _noise_density(samples, [cut.rows for cut in quiet] or list(runs(at_rest(samples))))
+    found = _at(samples, quiet, noise)
     if path is not None:
-        passes = _passes(trace, load, path)
-        found += _binned(trace.samples, passes, path, noise)
-    return [segment for segment in found if segment.at_rest or _has_counterpart(segment, found)]
+        passes = _binned(samples, _passes(trace, load, path), path, noise)
+        found += [one for one in passes if _has_counterpart(one, passes)]
+    if not any(segment.loaded for segment in found):
+        return _at(samples, rests, noise)  # a recording of a motion is all there is
+    return found
+
+
+def _at(samples: Samples, rests: Iterable[_Cut], noise: Array) -> list[Segment]:
+    return [_segment(samples, cut, np.zeros(1), [cut.rows], noise) for cut in rests]
 
 
 def referenced(found: Iterable[Segment]) -> bool:
@@ -214,7 +224,7 @@ def _means(signal: Array, bins: Sequence[Rows]) -> Array:
     return np.array([signal[rows].mean(axis=0) for rows in bins])
 
 
-def _noise_density(samples: Samples, cuts: Sequence[_Cut]) -> Array:
+def _noise_density(samples: Samples, rests: Sequence[Rows]) -> Array:
     """(6,) variance that the mean of n rows has, times n: from means over blocks of rests, trend
     removed.
 
@@ -224,8 +234,8 @@ def _noise_density(samples: Samples, cuts: Sequence[_Cut]) -> Array:
     """
     pooled: Array = np.zeros(6)
     freedom = 0
-    for cut in cuts:
-        y, t = samples.wrench[cut.rows], samples.t[cut.rows]
+    for rows in rests:
+        y, t = samples.wrench[rows], samples.t[rows]
         size = max(1, round(tuning.BLOCK * (len(t) - 1) / max(float(t[-1] - t[0]), 1e-9)))
         count = len(t) // size
         if count <= tuning.TREND + 1:

@@ -75,13 +75,18 @@ def at_rest(samples: Samples) -> Mask:
     t = samples.t
     if len(t) < 2:
         return np.zeros(len(t), dtype=bool)
-    step = np.linalg.norm(np.diff(samples.target_world_tcp[:, :3], axis=0), axis=1)
-    changed = np.concatenate([[False], step > 1e-6])
+    changed = commanded(samples)
     # For every row, when the command changed last and when it will change next.
     last_change = np.maximum.accumulate(np.where(changed, t, -np.inf))
     next_change = np.minimum.accumulate(np.where(changed, t, np.inf)[::-1])[::-1]
     slow = np.linalg.norm(samples.twist[:, :3], axis=1) < tuning.STILL_SPEED
     return (t - last_change > tuning.SETTLE) & (next_change - t > tuning.START) & slow
+
+
+def commanded(samples: Samples) -> Mask:
+    """Rows where the commanded pose moves."""
+    step = np.linalg.norm(np.diff(samples.target_world_tcp[:, :3], axis=0), axis=1)
+    return np.concatenate([[False], step > 1e-6])
 
 
 def near(samples: Samples, pose: Pose) -> Mask:
