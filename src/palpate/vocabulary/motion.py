@@ -52,6 +52,8 @@ PRESS_DEPTHS = (0.005, 0.001)
 """m: how far the equilibrium is lowered while sliding, at its beginning and its end: a normal force
 that the torque sensors resolve, and that varies, so that what the arm's own friction adds to the
 sliding force can be told apart."""
+UNDER_WAY = 90.0
+"""s that one motion may take: half a metre at the least speed of a cautious arm."""
 
 
 def feel_on(
@@ -127,6 +129,7 @@ class MovePose(Primitive):
 
     claims: ClassVar[frozenset[Resource]] = frozenset({"arm"})
     group: ClassVar = "motion"
+    timeout: ClassVar[float] = UNDER_WAY
 
     pose: Annotated[
         str,
@@ -280,6 +283,7 @@ class MoveJoints(Primitive):
 
     claims: ClassVar[frozenset[Resource]] = frozenset({"arm"})
     group: ClassVar = "motion"
+    timeout: ClassVar[float] = UNDER_WAY
 
     joints: Annotated[
         str | list[float],
