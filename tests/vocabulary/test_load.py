@@ -62,3 +62,11 @@ def test_errors_that_last_cancel_in_one_configuration() -> None:
     arm, up = load_description(), np.array([0.0, 1.0, 0.0])
     one = doubt(arm, arm.home, np.array([0.0, -30.0, 0.0, 25.0, 1.0, 3.0, 0.0]), up)
     assert one.of_change(one) == pytest.approx(np.sqrt(2.0) * one.fleeting)
+
+
+@pytest.mark.parametrize(("felt", "opens"), [(0.9, False), (0.0, False), (-1.2, True)])
+def test_what_is_too_light_to_be_felt_must_be_pressed_on_its_support(
+    felt: float, opens: bool
+) -> None:
+    load = Load(wrench(0.0), 0.06, wrench(0.8))
+    assert (load.too_much(wrench(felt)) is None) == opens

@@ -81,10 +81,20 @@ class Load:
 
     def too_much(self, wrench: Array) -> str | None:
         """Why the fingers must not open at `wrench` (6,): they would drop what they bear."""
-        bears = self.borne(wrench)
-        if bears <= max(UNFELT, BORNE * self.weight):
+        if self.hanging is None:
+            bears = self.borne(wrench)
+            return None if bears <= UNFELT else f"the fingers still bear {bears:.1f} N"
+        if self.relieved(wrench) >= max(UNFELT, (1.0 - BORNE) * self.weight):
             return None
-        return f"the fingers still bear {bears:.1f} N"
+        return (
+            f"the fingers are relieved of {self.relieved(wrench):.1f} N since it hung on them, and "
+            f"still bear the {self.weight:.1f} N"
+        )
+
+    def relieved(self, wrench: Array) -> float:
+        """N that the fingers bear less at `wrench` (6,) than with the object hanging free; 0 where
+        it never did."""
+        return 0.0 if self.hanging is None else float(self.hanging[2] - wrench[2])
 
 
 def _moment(wrench: Array, tool: Pose) -> float:

@@ -24,7 +24,7 @@ from palpate.vocabulary.base import (
     Steps,
     Surroundings,
 )
-from palpate.vocabulary.load import UNFELT
+from palpate.vocabulary.load import UNFELT, Load
 from palpate.vocabulary.profile import GUARDED_SPEED, POSE_ERROR, Span, leaves, spans, speed
 from palpate.vocabulary.state import HOME_CONFIG, SymbolicState, pose_of_joints
 from palpate.vocabulary.touch import (
@@ -45,6 +45,8 @@ CONTACT_SPEED = 0.02
 DOWN = np.array([0.0, 0.0, -1.0])
 SET_DOWN = 10.0
 """N that a held object presses on its support, its weight aside, before it counts as set down."""
+PRESSES = 1.0
+"""N besides what is just felt: what is left of it once the arm rests must be felt, too."""
 POSITION_TOLERANCE = 0.010
 """m: an impedance-controlled arm with 1.5 kg on it sags by several millimetres."""
 ANGLE_TOLERANCE = np.radians(3.0)
@@ -119,6 +121,14 @@ def at_rest(state: SymbolicState, at: str | None, target: Pose) -> SymbolicState
         activity="still" if lifted else "contact",
         moved={**state.moved, state.holding: pose_world_object},
     )
+
+
+def _bears(load: Load, wrench: Array) -> bool:
+    """Whether, at what is felt, a support bears the whole load; a light one is pressed on it, as its
+    weight alone would not be felt."""
+    if not load.borne(wrench) < 0.0:
+        return False
+    return load.hanging is None or load.relieved(wrench) > UNFELT + PRESSES
 
 
 class MovePose(Primitive):
@@ -247,7 +257,7 @@ class MovePose(Primitive):
             return "borne"
         feeling = Feeling(robot)
         robot.move_axis(DOWN, GUARDED_SPEED, POSE_ERROR)
-        if not (yield from guarded(blackboard, lambda: load.borne(feeling.now()) < 0.0)):
+        if not (yield from guarded(blackboard, lambda: _bears(load, feeling.now()))):
             raise LeafFailure(
                 f"nothing bears '{blackboard.state.holding}' at '{self.pose}' or "
                 f"{1e3 * POSE_ERROR:.0f} mm below: it stays in the fingers"
