@@ -47,20 +47,30 @@ mujoco.MjrContext(mujoco.MjModel.from_xml_string("<mujoco/>"), 100)
 """
 
 
-@cache
 def gl_available() -> tuple[bool, str]:
     """Whether pictures can be rendered, and the backend's name or, if not, the reason with a remedy
-    in one line.
+    in one line."""
+    chosen = _chosen()
+    if chosen in _OFF:
+        return False, f"MUJOCO_GL={chosen} switches pictures off; unset it to get them"
+    return _usable()
+
+
+def _chosen() -> str:
+    """The backend that the environment names, if any."""
+    return os.environ.get("MUJOCO_GL", "").lower().strip()
+
+
+@cache
+def _usable() -> tuple[bool, str]:
+    """The first backend that works, or why none does.
 
     Each backend is tried in a process of its own, because a driver that fails may take its process
     along and PyOpenGL binds to the first backend for good. The first that works is put in
     `MUJOCO_GL`.
     """
-    chosen = os.environ.get("MUJOCO_GL", "").lower().strip()
-    if chosen in _OFF:
-        return False, f"MUJOCO_GL={chosen} switches pictures off; unset it to get them"
     reasons: list[str] = []
-    for backend in _backends(chosen):
+    for backend in _backends(_chosen()):
         reason = _probe(backend)
         if reason is None:
             _select(backend)
