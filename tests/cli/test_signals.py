@@ -23,8 +23,19 @@ SCENE = """<mujoco model="desk"><worldbody>
 </worldbody></mujoco>
 """
 DRIVER = """import os, signal, time
+from palpate import pipeline
 from palpate.cells.registry import Driver
 from test_nothing_lost import Bench
+
+built = pipeline.build
+
+def build(*inputs):
+    # the signal comes while it is built, however busy the machine is
+    time.sleep(20)
+    return built(*inputs)
+
+if "SLOW_TWIN" in os.environ:
+    pipeline.build = build
 
 def cell(url, scene):
     bench = Bench()
@@ -107,7 +118,8 @@ def test_while_the_arm_moves(desk: Path, others: tuple[signal.Signals, ...]) -> 
     assert found["parameters"] == [] or found["parameters"][0]["verdict"] == "not identified"
 
 
-def test_while_the_twin_is_built(desk: Path) -> None:
+def test_while_the_twin_is_built(desk: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("SLOW_TWIN", "1")
     process, out, err = interrupted(desk, "building the twin", signal.SIGHUP)
     assert process.returncode == 4
     assert "interrupted by SIGHUP while building the twin" in err.splitlines()[-1]
