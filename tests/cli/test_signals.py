@@ -44,6 +44,16 @@ def cell(url, scene):
 
 driver = Driver("scripted", cell)
 """
+PLANNER = """import time
+
+class Slow:
+    name = "slow"
+
+    def plan(self, request, scene, images=()):
+        time.sleep(20)
+
+planner = Slow
+"""
 
 
 @pytest.fixture
@@ -52,14 +62,21 @@ def desk(tmp_path: Path) -> Path:
     metadata = tmp_path / "scripted-1.0.dist-info"
     metadata.mkdir()
     (metadata / "METADATA").write_text("Metadata-Version: 2.1\nName: scripted\nVersion: 1.0\n")
-    (metadata / "entry_points.txt").write_text("[palpate.cells]\nscripted = scripted_driver\n")
+    (metadata / "entry_points.txt").write_text(
+        "[palpate.cells]\nscripted = scripted_driver\n[palpate.planners]\nslow = slow_planner\n"
+    )
     (tmp_path / "scripted_driver.py").write_text(DRIVER)
+    (tmp_path / "slow_planner.py").write_text(PLANNER)
     (tmp_path / "desk.xml").write_text(SCENE)
     return tmp_path
 
 
 def interrupted(
-    desk: Path, word: str, *signals: signal.Signals, rehearse: bool = False
+    desk: Path,
+    word: str,
+    *signals: signal.Signals,
+    planner: str = "symbolic",
+    rehearse: bool = False,
 ) -> tuple[subprocess.Popen[str], str, str]:
     """A run that gets the signals as soon as it says `word` on stderr; the process, and what else
     it printed."""
@@ -68,7 +85,7 @@ def interrupted(
         [
             *(sys.executable, "-m", "palpate.cli.main", "run", "--scene", "desk.xml", "--json"),
             *("-r", "how heavy is the mug?", "--robot", "scripted://here", "--yes"),
-            *("--out", "run", "--rehearse" if rehearse else "--no-rehearse"),
+            *("--planner", planner, "--out", "run", "--rehearse" if rehearse else "--no-rehearse"),
         ],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
@@ -87,16 +104,15 @@ def interrupted(
 
 
 @pytest.mark.parametrize(
-    ("word", "number", "doing"),
-    [
-        ("planning", signal.SIGTERM, "planning"),
-        ("rehearsing", signal.SIGINT, "rehearsing"),
-    ],
+    ("stage", "number", "planner"),
+    [("planning", signal.SIGTERM, "slow"), ("rehearsing", signal.SIGINT, "symbolic")],
 )
-def test_before_anything_moves(desk: Path, word: str, number: signal.Signals, doing: str) -> None:
-    process, out, err = interrupted(desk, word, number, rehearse=True)
+def test_before_anything_moves(
+    desk: Path, stage: str, number: signal.Signals, planner: str
+) -> None:
+    process, out, err = interrupted(desk, stage, number, planner=planner, rehearse=True)
     assert process.returncode == 4
-    assert err.splitlines()[-1].endswith(f"while {doing}; nothing has moved")
+    assert err.splitlines()[-1].endswith(f"while {stage}; nothing has moved")
     assert json.loads(out)["status"] == "aborted"
     assert not (desk / "run").exists()
     assert not list(desk.glob(".run*"))
