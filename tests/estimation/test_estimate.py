@@ -1,8 +1,11 @@
 """An estimate: what it holds, and how it reads."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from palpate.estimation.agreement import FitTest, chi_squared
 from palpate.estimation.estimate import Estimate, Part, interval95, not_identified, rounded
 from palpate.parameter import Parameter
 
@@ -71,6 +74,31 @@ def test_what_is_not_identified_has_no_value():
         Estimate(MUG, "kg", (), (), (), "weighed")
     with pytest.raises(ValueError, match="differ in length"):
         Estimate(MUG, "kg", (0.3,), (), (), "weighed")
+
+
+def test_a_test_of_fit_that_fails_contradicts_the_estimate(weighed):
+    agrees = FitTest("rest against pass", 0.4, 3.9, "Rests and passes differ.")
+    pulled = FitTest("along the lift", 30.0, 4.2, "Something <pulls> on it.")
+    assert replace(weighed, tests=(agrees,)).identified
+    found = replace(weighed, tests=(agrees, pulled), verdict="prior-dominated")
+    assert (found.verdict, found.identified) == ("contradicted", False)
+    assert found.contradiction == "Something <pulls> on it."
+    assert repr(found).endswith("contradicted>")
+    assert "Something &lt;pulls&gt; on it." in found._repr_html_()
+    assert found != replace(weighed, tests=(agrees,))
+    with pytest.raises(ValueError, match="no test of fit failed"):
+        replace(weighed, verdict="contradicted")
+
+
+def test_what_is_no_number_does_not_agree():
+    assert not FitTest("rest against pass", float("nan"), 3.9, "").passed
+
+
+def test_chance_rarely_exceeds_the_limit_of_a_sum_of_squares():
+    test = chi_squared("residuals", 12.0, 3, "They scatter.")
+    drawn = np.random.default_rng(0).chisquare(3, 200_000)
+    assert 0 < np.mean(drawn > test.limit) < 3e-4
+    assert test.passed
 
 
 def test_it_is_a_value(weighed):

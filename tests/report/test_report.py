@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from palpate.estimation.agreement import FitTest
 from palpate.estimation.estimate import Estimate, Part, not_identified
 from palpate.parameter import Parameter
 from palpate.pictures.renderer import png
@@ -229,6 +230,16 @@ def test_an_aborted_run_says_why_and_shows_the_stop(data: ReportData, tmp_path: 
         if "node" in attributes.get("class", "")
     ]
     assert fates[:6] == ["failure", "success", "success", "success", "failure", "waiting"]
+
+
+def test_what_disagrees_is_said_beside_the_value(data: ReportData, tmp_path: Path) -> None:
+    pulled = FitTest("along the lift", 30.0, 4.2, "Something pulls on <it>.")
+    mass, *others = data.measured
+    contradicted = replace(mass, estimate=replace(mass.estimate, tests=(pulled,)))
+    page = page_of(replace(data, status="failed", measured=(contradicted, *others)), tmp_path)
+    assert "contradicted" in page.text
+    assert "Something pulls on <it>." in page.text
+    assert f"{len(others)} of {len(data.measured)} unknowns measured." in page.text
 
 
 def test_a_real_robot_has_no_truth(data: ReportData, tmp_path: Path) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -10,11 +11,13 @@ from typing import Any
 import pytest
 
 from palpate import __version__
+from palpate.estimation.agreement import FitTest
 from palpate.estimation.estimate import Estimate, Part, not_identified
 from palpate.execution.rehearsal import Rehearsal
 from palpate.parameter import Parameter
 from palpate.planning.check.check import Finding
 from palpate.planning.plan import Node, Plan
+from palpate.runs.read import estimate_from
 from palpate.runs.result import parameter_json, result_json
 from palpate.runs.run import Ending, Run, Status
 from palpate.scene.load import parse_scene
@@ -40,6 +43,8 @@ WEIGHED = Estimate(
     (),
     parts={"single-shot": Part(0.262, 0.02)},
 )
+PULLED = FitTest("along the lift", 30.1, 4.2, "Something pulls on it: the force grows by 30 N/m.")
+CONTRADICTED = replace(WEIGHED, tests=(PULLED,))
 EXECUTION = Ending("complete", None, 3, 31.20004, 4.00006, ("bad luck",))
 TWIN = Twin(
     "<mujoco/>",
@@ -136,6 +141,8 @@ def test_a_scalar_is_a_number_and_a_vector_a_list() -> None:
         "ci95": [0.2525, 0.2557],
         "method": "Weighed.",
         "verdict": "identified",
+        "contradiction": None,
+        "tests": [],
         "components": {"single-shot": {"value": 0.262, "std": 0.02}},
     }
     com = parameter_json(
@@ -143,6 +150,30 @@ def test_a_scalar_is_a_number_and_a_vector_a_list() -> None:
     )
     assert com["value"] == [0.1, 0.0, 0.2]
     assert com["ci95"] == [[0.0, 0.2]] * 3
+
+
+def test_what_is_contradicted_says_what_disagrees() -> None:
+    found = parameter_json(CONTRADICTED)
+    assert (found["value"], found["verdict"]) == (0.2541, "contradicted")
+    assert found["contradiction"] == "Something pulls on it: the force grows by 30 N/m."
+    assert found["tests"] == [
+        {
+            "name": "along the lift",
+            "statistic": 30.1,
+            "limit": 4.2,
+            "finding": "Something pulls on it: the force grows by 30 N/m.",
+            "passed": False,
+        }
+    ]
+
+
+def test_an_estimate_is_read_back_with_its_tests() -> None:
+    senseless = replace(PULLED, statistic=math.nan)
+    for estimate in (WEIGHED, CONTRADICTED, replace(WEIGHED, tests=(senseless,))):
+        document = result(replace(COMPLETE, estimates=(estimate,)))["parameters"][0]
+        again = estimate_from(document)
+        assert repr(again) == repr(estimate)
+        assert again.contradiction == estimate.contradiction
 
 
 @pytest.mark.parametrize("parameter", [MASS, COM])
@@ -158,7 +189,8 @@ def test_what_is_not_identified_has_no_value(parameter: Parameter) -> None:
         ({}, "complete"),
         ({"estimates": (not_identified(MASS, "kg", ""),)}, "failed"),
         ({"estimates": ()}, "failed"),
-        ({"estimates": (replace(WEIGHED, verdict="prior-dominated"),)}, "complete"),
+        ({"estimates": (replace(WEIGHED, verdict="prior-dominated"),)}, "failed"),
+        ({"estimates": (CONTRADICTED,)}, "failed"),
         ({"execution": replace(EXECUTION, status="stopped", stopped_by="slip")}, "aborted"),
         ({"execution": None}, "rejected"),
     ],

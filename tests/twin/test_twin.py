@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
+from palpate.estimation.agreement import FitTest
 from palpate.estimation.estimate import Estimate, not_identified
 from palpate.parameter import Parameter
 from palpate.scene.load import parse_scene
@@ -63,6 +66,20 @@ def test_what_is_not_identified_stays_open() -> None:
     twin = build(scene(), not_identified(Parameter("cup", "mass"), "kg", "It slipped."))
     assert twin.xml == SCENE.format(pos="0.5 0 0.05")
     assert twin.diff == ""
+
+
+def test_what_is_contradicted_stays_open_and_says_why() -> None:
+    pulled = FitTest("along the lift", 30.0, 4.2, "Something pulls on it.")
+    twin = build(scene(), replace(MASS, tests=(pulled,)))
+    assert twin.xml == SCENE.format(pos="0.5 0 0.05")
+    assert twin.notes == ("cup.mass is not in the twin: Something pulls on it.",)
+
+
+def test_what_is_prior_dominated_is_marked() -> None:
+    twin = build(scene(), replace(MASS, verdict="prior-dominated"))
+    assert parse_scene(twin.xml).body("cup").known["mass"] == (0.2541,)
+    assert '<text name="palpate_cup_mass_verdict" data="prior-dominated"/>' in twin.xml
+    assert twin.notes == ("cup.mass is prior-dominated: what was believed before says as much",)
 
 
 def test_the_poses_that_came_with_the_scene_hold_for_the_twin() -> None:

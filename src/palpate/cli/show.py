@@ -90,6 +90,10 @@ def _show_estimates(run: Run) -> None:
             cells.append(_numbers(truth) or "–")
         table.add_row(*cells)
     out.print(table)
+    for estimate in run.estimates:
+        if estimate.contradiction:
+            name, finding = escape(str(estimate.parameter)), escape(estimate.contradiction)
+            out.print(f"[bold red]contradicted[/] {name}: {finding}")
 
 
 def _estimate_cells(estimate: Estimate) -> list[str]:

@@ -11,11 +11,12 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
+from palpate.estimation.agreement import FitTest
 from palpate.geometry.pose import Array
 from palpate.parameter import Parameter
 from palpate.trace.recording import Recording
 
-Verdict = Literal["identified", "prior-dominated", "not identified"]
+Verdict = Literal["identified", "prior-dominated", "contradicted", "not identified"]
 
 Z95 = 1.96
 """Half width of the central 95 % interval of a normal distribution, in standard deviations."""
@@ -46,8 +47,10 @@ class Estimate:
         method: a sentence or two for people: what was done with which recordings.
         evidence: the recordings it rests on, for the report's plots.
         verdict: `identified`; `prior-dominated` where what was believed before says as much as the
-            recordings; `not identified`, which has no value.
+            recordings; `contradicted` where a test of fit failed, whatever the estimator said;
+            `not identified`, which has no value. Only what is identified counts as measured.
         parts: further values by name, e.g. `static` and `dynamic`; `components` in `result.json`.
+        tests: the tests of fit that were made, passed or not.
     """
 
     parameter: Parameter
@@ -59,6 +62,7 @@ class Estimate:
     evidence: tuple[Recording, ...] = ()
     verdict: Verdict = "identified"
     parts: Mapping[str, Part] = field(default_factory=dict[str, Part])
+    tests: tuple[FitTest, ...] = ()
 
     @classmethod
     def normal(
@@ -72,11 +76,14 @@ class Estimate:
         verdict: Verdict = "identified",
         parts: Mapping[str, Part] | None = None,
         least: float = -math.inf,
+        tests: tuple[FitTest, ...] = (),
     ) -> Estimate:
         """With the interval of a normal distribution, cut off below `least`."""
         ci95 = interval95(value, std, least)
         values, stds = np.atleast_1d(value), np.atleast_1d(std)
-        return cls(parameter, unit, values, stds, ci95, method, evidence, verdict, parts or {})
+        return cls(
+            parameter, unit, values, stds, ci95, method, evidence, verdict, parts or {}, tests
+        )
 
     def __post_init__(self) -> None:
         for name, shape in (("value", -1), ("std", -1), ("ci95", (-1, 2))):
@@ -87,11 +94,25 @@ class Estimate:
             raise ValueError(f"{self.parameter}: value, std and ci95 differ in length")
         if self.has_value == (self.verdict == "not identified"):
             raise ValueError(f"{self.parameter}: {self.verdict}, with value {self.value}")
+        if self.has_value and self.contradiction:
+            object.__setattr__(self, "verdict", "contradicted")
+        elif self.verdict == "contradicted":
+            raise ValueError(f"{self.parameter}: contradicted, though no test of fit failed")
 
     @property
     def has_value(self) -> bool:
         """Whether there is a value; not when it is not identified."""
         return len(self.value) > 0
+
+    @property
+    def identified(self) -> bool:
+        """Whether it counts as measured."""
+        return self.verdict == "identified"
+
+    @property
+    def contradiction(self) -> str:
+        """What disagrees, in words: the findings of the tests that failed; else nothing."""
+        return " ".join(test.finding for test in self.tests if not test.passed)
 
     def z_score(self, truth: ArrayLike) -> Array:
         """(n,) error in standard deviations, for a `truth` that is known in this unit."""
@@ -107,7 +128,8 @@ class Estimate:
         return self.value, self.std, self.ci95
 
     def _plain(self) -> tuple[object, ...]:
-        return self.parameter, self.unit, self.method, self.evidence, self.verdict, self.parts
+        about = (self.parameter, self.unit, self.method, self.evidence)
+        return *about, self.verdict, self.parts, self.tests
 
     def __repr__(self) -> str:
         if not self.has_value:
@@ -122,6 +144,8 @@ class Estimate:
     def _repr_html_(self) -> str:
         """A small table, one row a component, for notebooks."""
         heading = f"{escape(str(self.parameter))}: {self.verdict}"
+        if self.contradiction:
+            heading += f". {escape(self.contradiction)}"
         if not self.has_value:
             return f"<p>{heading}. {escape(self.method)}</p>"
         rows: list[str] = []

@@ -14,6 +14,12 @@ from __future__ import annotations
 
 import numpy as np
 
+# Tests of fit.
+
+FALSE_ALARM = 1e-4
+"""Probability that one test of fit fails although the model holds: an estimate rests on up to ten,
+and some thousand innocent ones in a row shall stay identified. Sensitive: no."""
+
 # Cutting a trace into rests and passes.
 
 SETTLE = 0.15

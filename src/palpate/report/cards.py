@@ -56,6 +56,7 @@ class Card:
     quantity: str
     unit: str
     verdict: str
+    contradiction: str
     method: str
     intervals: tuple[Interval, ...]
     further: tuple[tuple[str, str], ...]
@@ -94,6 +95,7 @@ def _card(measured: Measured, trace: Trace | None) -> Card:
         quantity_label(estimate.parameter.quantity),
         "" if unit == "1" else unit,
         estimate.verdict,
+        estimate.contradiction,
         estimate.method,
         _intervals(measured),
         tuple(further),

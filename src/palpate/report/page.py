@@ -70,7 +70,7 @@ def _verdict_line(data: ReportData) -> str:
         return "Nothing is missing: the arm did not move."
     if data.status == "aborted":
         return data.stopped_by or "The robot stopped before the plan was finished."
-    found = sum(m.estimate.verdict != "not identified" for m in data.measured)
+    found = sum(m.estimate.identified for m in data.measured)
     wanted = max(len(data.plan.parameters), len(data.measured))
     unknowns = "unknown" if wanted == 1 else "unknowns"
     return f"{found} of {wanted} {unknowns} measured."

@@ -32,7 +32,7 @@ def parameter_groups(
     """Rows by the object they are about."""
     found: dict[Parameter, Measured] = {}
     for m in measured:
-        if m.estimate.verdict != "not identified":
+        if m.estimate.verdict in ("identified", "prior-dominated"):
             found[m.estimate.parameter] = m
     groups: dict[str, list[Row]] = {}
     for row in rows:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -10,6 +11,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from palpate.errors import InputError
+from palpate.estimation.agreement import FitTest
 from palpate.estimation.estimate import Estimate, Part
 from palpate.execution.rehearsal import Rehearsal
 from palpate.geometry.pose import Array
@@ -143,7 +145,14 @@ def estimate_from(row: Mapping[str, Any]) -> Estimate:
         row["method"],
         verdict=row["verdict"],
         parts=parts,
+        tests=tuple(_fit_test(test) for test in row.get("tests", ())),
     )
+
+
+def _fit_test(document: Mapping[str, Any]) -> FitTest:
+    """Null stands for what is no number."""
+    statistic = math.nan if document["statistic"] is None else document["statistic"]
+    return FitTest(document["name"], statistic, document["limit"], document["finding"])
 
 
 def _numbers(document: Any) -> Array:

@@ -89,6 +89,8 @@ def parameter_json(estimate: Estimate) -> dict[str, Any]:
         "ci95": _shaped(estimate.ci95.tolist()),
         "method": estimate.method,
         "verdict": estimate.verdict,
+        "contradiction": estimate.contradiction or None,
+        "tests": [asdict(test) | {"passed": test.passed} for test in estimate.tests],
         "components": {
             name: {"value": part.value, "std": part.std} for name, part in estimate.parts.items()
         },

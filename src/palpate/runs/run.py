@@ -115,7 +115,7 @@ class Run:
 
     @property
     def status(self) -> Status:
-        """`complete` when every promised parameter is estimated, or nothing is missing; `running`
+        """`complete` when every promised parameter is identified, or nothing is missing; `running`
         while there is more to do."""
         if self.interrupted is not None:
             return "aborted"
@@ -125,7 +125,7 @@ class Run:
             return "complete" if self.plan.satisfied else "rejected"
         if self.execution.status == "stopped":
             return "aborted"
-        found = {e.parameter for e in self.estimates if e.verdict != "not identified"}
+        found = {estimate.parameter for estimate in self.estimates if estimate.identified}
         if found >= set(self.plan.parameters):
             return "complete"
         return "failed"
@@ -177,4 +177,6 @@ def _brief(estimate: Estimate) -> str:
     if not estimate.has_value:
         return f"{estimate.parameter} unknown"
     values = " ".join(f"{value:.4g}" for value in estimate.value.tolist())
+    if estimate.contradiction:
+        return f"{estimate.parameter} = {values}, contradicted"
     return f"{estimate.parameter} = {values}"

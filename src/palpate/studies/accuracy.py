@@ -100,7 +100,7 @@ def _scored(run: Run, seed: int) -> Iterator[ScoredEstimate]:
     """Each component of each estimate whose truth somebody knows."""
     for estimate in run.estimates:
         truth = run.truth.get(estimate.parameter)
-        if truth is None or not estimate.has_value:
+        if truth is None or not estimate.identified:
             continue
         naive = estimate.parts.get("single-shot")
         for i, true_value in enumerate(truth):

@@ -4,7 +4,8 @@
   interval; with several components all values come first, then all deviations, and so on;
 - numeric `palpate_<object>_<quantity>_<component>`: value and deviation of a further result (static
   friction);
-- text `palpate_<object>_<quantity>_method`: how it was found.
+- text `palpate_<object>_<quantity>_method`: how it was found;
+- text `palpate_<object>_<quantity>_verdict`: how far it is to be trusted, where it is not identified.
 """
 
 from __future__ import annotations
@@ -64,6 +65,8 @@ def _entries(records: Iterable[Estimate]) -> Iterator[_Entry]:
             numbers = as_text([part.value, part.std])
             yield _Entry("numeric", f"{name}_{further.replace(' ', '_')}", numbers)
         yield _Entry("text", f"{name}_method", _printable(record.method) or "measured")
+        if not record.identified:
+            yield _Entry("text", f"{name}_verdict", record.verdict)
 
 
 def as_text(values: Iterable[float]) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -71,16 +71,17 @@ class Twin:
 
 
 def build_twin(scene: Scene, estimates: Sequence[Estimate], trace: Trace, replay: Replay) -> Twin:
-    """Inject what was identified, then check that the result behaves as recorded."""
-    identified = _identified(estimates)
-    text, notes = complete(scene, identified)
+    """Inject what was measured, then check that the result behaves as recorded."""
+    written = _written(estimates)
+    text, remarks = complete(scene, written)
+    notes = (*_remarks(estimates), *remarks)
     diff = _diff(scene, text)
     try:
-        twin = scene_from_text(text, scene, _measured_places(scene, identified))
+        twin = scene_from_text(text, scene, _measured_places(scene, written))
         marks = validate(twin, scene, trace, replay)
     except PalpateError as error:
         return Twin(text, diff, (*notes, f"the twin was not simulated: {error}"), None)
-    return Twin(text, diff, tuple(notes), marks, twin)
+    return Twin(text, diff, notes, marks, twin)
 
 
 def read_twin(
@@ -97,13 +98,24 @@ def read_twin(
     """
     if validation is None or not scene.bodies:
         return Twin(xml, _diff(scene, xml), tuple(notes), validation)
-    identified = _identified(estimates)
-    twin = scene_from_text(xml, scene, _measured_places(scene, identified))
+    written = _written(estimates)
+    twin = scene_from_text(xml, scene, _measured_places(scene, written))
     return Twin(xml, _diff(scene, xml), tuple(notes), validation, twin)
 
 
-def _identified(estimates: Sequence[Estimate]) -> list[Estimate]:
-    return [estimate for estimate in estimates if estimate.verdict != "not identified"]
+def _written(estimates: Sequence[Estimate]) -> list[Estimate]:
+    """Those that the twin holds."""
+    in_twin = ("identified", "prior-dominated")
+    return [estimate for estimate in estimates if estimate.verdict in in_twin]
+
+
+def _remarks(estimates: Sequence[Estimate]) -> Iterator[str]:
+    """What to know of values that do not count as measured."""
+    for estimate in estimates:
+        if estimate.verdict == "contradicted":
+            yield f"{estimate.parameter} is not in the twin: {estimate.contradiction}"
+        if estimate.verdict == "prior-dominated":
+            yield f"{estimate.parameter} is prior-dominated: what was believed before says as much"
 
 
 def _diff(scene: Scene, text: str) -> str:
