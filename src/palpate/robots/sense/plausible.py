@@ -30,8 +30,12 @@ SIGNALS = ("q", "dq", "tau_ext", "wrench", "pose_world_tcp", "twist", "width")
 
 def not_finite(samples: Samples) -> Fault | None:
     """NaN and infinity in what was logged."""
+    signals: dict[str, Array] = {}
     for name in SIGNALS:
-        values: Array = getattr(samples, name).reshape(len(samples), -1)
+        signals[name] = getattr(samples, name).reshape(len(samples), -1)
+    if np.isfinite(np.concatenate(list(signals.values()), axis=1)).all():
+        return None
+    for name, values in signals.items():
         bad = ~np.isfinite(values).all(axis=1)
         if bad.any():
             count = f"{int(bad.sum())} of {len(samples)} samples of {name}"
@@ -39,10 +43,11 @@ def not_finite(samples: Samples) -> Fault | None:
     return None
 
 
-def impossible(samples: Samples, limits: Limits) -> Fault | None:
-    """Joints that jump, and torques that no joint bears; `samples` begin with the last known one."""
-    dt = np.maximum(np.diff(samples.t), 0.0)[:, None]
-    steps = np.abs(np.diff(samples.q, axis=0))
+def impossible(samples: Samples, last: Samples, limits: Limits) -> Fault | None:
+    """Joints that jump, and torques that no joint bears; `last` is the last known sample."""
+    t, q = np.concatenate([last.t, samples.t]), np.concatenate([last.q, samples.q])
+    dt = np.maximum(t[1:] - t[:-1], 0.0)[:, None]
+    steps = np.abs(q[1:] - q[:-1])
     beyond = steps - OVERSPEED * limits.dq_max * dt - ENCODER_SLACK
     if beyond.max(initial=-1.0) > 0.0:
         row, i = np.unravel_index(int(beyond.argmax()), beyond.shape)
@@ -50,7 +55,7 @@ def impossible(samples: Samples, limits: Limits) -> Fault | None:
             f"joint {i + 1} by {steps[row, i]:.3f} rad in {1e3 * dt[row, 0]:.0f} ms, more than "
             f"{limits.dq_max[i]:.2f} rad/s allow"
         )
-        return Fault("encoders jump", what, float(samples.t[row + 1]))
+        return Fault("encoders jump", what, float(t[row + 1]))
     share = np.abs(samples.tau_ext) / limits.tau_max
     if share.max(initial=0.0) > OVERLOAD:
         row, i = np.unravel_index(int(share.argmax()), share.shape)

@@ -12,7 +12,7 @@ from palpate.robots.description import Limits, RobotDescription
 from palpate.robots.robot import RobotState
 from palpate.robots.sense.clock import Clock
 from palpate.robots.sense.fault import Fault
-from palpate.robots.sense.frozen import Constancy, frozen_encoders, frozen_torques
+from palpate.robots.sense.frozen import Constancy, frozen
 from palpate.robots.sense.plausible import impossible, not_finite, pose_jumps, wrong_width
 from palpate.robots.sense.spikes import Spikes
 from palpate.trace.samples import Samples
@@ -47,8 +47,8 @@ class Watch:
         self._before: RobotState | None = None
         self._felt: deque[Array] = deque()
         self._rested = 0.0
-        self._states = {name: Constancy() for name in ("wrench", "contact", "torques", "encoders")}
-        self._logged = {name: Constancy() for name in ("wrench", "torques", "encoders")}
+        self._states = Constancy({"wrench": 6, "contact": 6, "torques": 7, "encoders": 7})
+        self._logged = Constancy({"wrench": 6, "torques": 7, "encoders": 7})
         self._last = Samples.empty()
         self._way = self._integral = np.zeros(7)
         self._summed = 0.0
@@ -69,7 +69,7 @@ class Watch:
             return
         self._find(
             [
-                *self._frozen(state),
+                self._frozen(state),
                 pose_jumps(state, before, self._limits),
                 wrong_width(state, before, self._arm),
                 self._empty(state),
@@ -84,41 +84,32 @@ class Watch:
             return
         self._find([not_finite(samples)])
         if self.fault is None:
-            joined = Samples.concatenate([self._last, samples])
-            self._find([impossible(joined, self._limits), *self._stands(samples)])
-            self._find([self._disagree(joined)])
+            jumps = impossible(samples, self._last, self._limits)
+            self._find([jumps, self._stands(samples), self._disagree(samples)])
             self._last = samples.where(slice(-1, None))
 
     def _find(self, faults: Iterable[Fault | None]) -> None:
         for fault in faults:
             self.fault = self.fault or fault
 
-    def _frozen(self, state: RobotState) -> list[Fault | None]:
-        values = {
-            "wrench": state.wrench,
-            "contact": state.contact,
-            "torques": state.tau,
-            "encoders": state.q,
-        }
-        target = state.target_world_tcp.vector
-        for name, value in values.items():
-            self._states[name].follow(state.t, value, state.q, target)
-        return _frozen(self._states, state.t)
+    def _frozen(self, state: RobotState) -> Fault | None:
+        values = np.concatenate([state.wrench, state.contact, state.tau, state.q])
+        target, t = state.target_world_tcp.vector, np.array([state.t])
+        self._states.follow(t, values[None], state.q[None], target[None])
+        return frozen(self._states, state.t)
 
-    def _stands(self, samples: Samples) -> list[Fault | None]:
+    def _stands(self, samples: Samples) -> Fault | None:
         """As `_frozen`, in the samples."""
-        rows = zip(samples.t.tolist(), samples.q, samples.target_world_tcp, strict=True)
-        for i, (t, q, target) in enumerate(rows):
-            self._logged["wrench"].follow(t, samples.wrench[i], q, target)
-            self._logged["torques"].follow(t, samples.tau_ext[i], q, target)
-            self._logged["encoders"].follow(t, q, q, target)
-        return _frozen(self._logged, float(samples.t[-1]))
+        values = np.concatenate([samples.wrench, samples.tau_ext, samples.q], axis=1)
+        self._logged.follow(samples.t, values, samples.q, samples.target_world_tcp)
+        return frozen(self._logged, float(samples.t[-1]))
 
     def _disagree(self, samples: Samples) -> Fault | None:
-        """Encoders that go elsewhere than their speeds; `samples` begin with the last known one."""
-        dt = np.diff(samples.t)
-        self._way = self._way + (samples.q[-1] - samples.q[0])
-        self._integral = self._integral + dt @ samples.dq[1:]
+        """Encoders that go elsewhere than their speeds."""
+        t, q = np.concatenate([self._last.t, samples.t]), np.concatenate([self._last.q, samples.q])
+        dt = t[1:] - t[:-1]
+        self._way = self._way + (q[-1] - q[0])
+        self._integral = self._integral + dt @ samples.dq[len(samples) - len(dt) :]
         self._summed += float(dt.sum())
         if self._summed < AGREED:
             return None
@@ -154,11 +145,3 @@ class Watch:
             return False
         away = float(np.abs(state.q - self._arm.home).max())
         return away < AT_HOME and float(np.abs(state.dq).max()) < SLOW
-
-
-def _frozen(signals: dict[str, Constancy], t: float) -> list[Fault | None]:
-    found: list[Fault | None] = [frozen_encoders(signals["encoders"], t)]
-    for name, signal in signals.items():
-        if name != "encoders":
-            found.append(frozen_torques(name, signal, t))
-    return found

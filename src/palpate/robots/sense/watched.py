@@ -64,9 +64,10 @@ class Watched:
 
     def drain(self) -> Samples:
         """See `Robot`."""
-        samples = self._robot.drain()
+        samples, known = self._robot.drain(), self._watch.fault
         self._watch.take(samples)
-        self._shown = None
+        if self._watch.fault is not known:
+            self._shown = None
         return samples
 
     def move_joints(self, q: Array, speed: float = 1.0) -> None:
