@@ -7,7 +7,6 @@ import pytest
 from workbench import BOTTLE, KNOWN, bench
 
 from palpate.geometry.pose import Pose
-from palpate.vocabulary.admissible.footing import clipped, depth, hull
 from palpate.vocabulary.admissible.support import clear_of_support, riders, stable
 from palpate.vocabulary.state import SymbolicState
 
@@ -98,13 +97,3 @@ def test_an_object_is_clear_of_its_support_where_nothing_is_close_below_it() -> 
     # Its frame is beside the table, and it still stands on it.
     assert not clear_of_support(can, "can", at(0.5, 0.61, 0.06))
     assert not clear_of_support(can, "can", at(0.56, 0.2, 0.122))
-
-
-def test_outlines_are_clipped_and_points_measured_against_them() -> None:
-    square = hull(np.array([[0.0, 0], [1, 0], [1, 1], [0, 1], [0.5, 0.5]]))
-    assert len(square) == 4
-    assert depth(square, np.array([0.25, 0.5])) == pytest.approx(0.25)
-    assert depth(square, np.array([-0.5, 0.5])) == pytest.approx(-0.5)
-    shared = clipped(square, square + 0.5)
-    assert hull(shared).tolist() == [[0.5, 0.5], [1, 0.5], [1, 1], [0.5, 1]]
-    assert len(clipped(square, square + 2.0)) == 0

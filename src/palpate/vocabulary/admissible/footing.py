@@ -13,6 +13,7 @@ from functools import cached_property
 import numpy as np
 
 from palpate.geometry.outline import rim, slab
+from palpate.geometry.polygon import clipped, hull
 from palpate.geometry.pose import Array, Pose
 from palpate.vocabulary.admissible.solids import ORIGIN, Shape, Solids, digits, solids
 from palpate.vocabulary.state import SymbolicState
@@ -114,53 +115,3 @@ def _tops(
         if height > bottom + SUNK:
             continue
         yield Top(owner, hull(slab(part, height - FACE, height)), height)
-
-
-def hull(points: Array) -> Array:
-    """(m, 2) corners of the convex hull of (k, 2) points, counterclockwise (Andrew's monotone
-    chain)."""
-    ordered = points[np.lexsort((points[:, 1], points[:, 0]))]
-    lower, upper = _chain(ordered), _chain(ordered[::-1])
-    return np.array([*lower[:-1], *upper[:-1]]).reshape(-1, 2)
-
-
-def _chain(ordered: Array) -> list[Array]:
-    chain: list[Array] = []
-    for point in ordered:
-        while len(chain) > 1 and _cross(chain[-1] - chain[-2], point - chain[-1]) <= 1e-12:
-            chain.pop()
-        chain.append(point)
-    return chain
-
-
-def clipped(polygon: Array, by: Array) -> Array:
-    """(m, 2) corners of the part of a convex polygon that lies in another, both counterclockwise
-    (Sutherland and Hodgman)."""
-    if len(by) < 3:
-        return np.zeros((0, 2))
-    left = list(polygon)
-    for start, end in zip(by, np.roll(by, -1, axis=0), strict=True):
-        inside = [_cross(end - start, point - start) for point in left]
-        kept: list[Array] = []
-        for i, point in enumerate(left):
-            if inside[i - 1] * inside[i] < 0:
-                share = inside[i - 1] / (inside[i - 1] - inside[i])
-                kept.append(left[i - 1] + share * (point - left[i - 1]))
-            if inside[i] >= 0:
-                kept.append(point)
-        left = kept
-    return np.array(left).reshape(-1, 2)
-
-
-def depth(polygon: Array, point: Array) -> float:
-    """m that a point is inside a convex polygon, counterclockwise; negative outside."""
-    if len(polygon) < 3:
-        return -np.inf
-    sides = np.roll(polygon, -1, axis=0) - polygon
-    from_corners = point - polygon
-    crossed = sides[:, 0] * from_corners[:, 1] - sides[:, 1] * from_corners[:, 0]
-    return float((crossed / np.hypot(sides[:, 0], sides[:, 1])).min())
-
-
-def _cross(a: Array, b: Array) -> float:
-    return float(a[0] * b[1] - a[1] * b[0])

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from palpate.geometry.polygon import depth
 from palpate.geometry.pose import Array, Pose
-from palpate.vocabulary.admissible.footing import depth, footing
+from palpate.vocabulary.admissible.footing import footing
 from palpate.vocabulary.admissible.solids import SIDES, digits, solids
 from palpate.vocabulary.admissible.support import TIPPING
 from palpate.vocabulary.admissible.sweep import FINEST, Hit, hand_sweep, opening

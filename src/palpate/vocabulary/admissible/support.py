@@ -7,8 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from palpate.geometry.polygon import depth
 from palpate.geometry.pose import Array, Pose
-from palpate.vocabulary.admissible.footing import Footing, depth, footing
+from palpate.vocabulary.admissible.footing import Footing, footing
 from palpate.vocabulary.admissible.solids import solids
 from palpate.vocabulary.state import SymbolicState
 from palpate.vocabulary.violation import PRECONDITION, Violation
