@@ -10,15 +10,13 @@ from typing import TYPE_CHECKING, ClassVar
 
 from palpate.errors import InputError
 from palpate.files.read import read_bytes
-from palpate.planning.plan import MAX_BYTES, Plan, parse_plan
+from palpate.planning.plan import Plan, parse_plan
 from palpate.scene.from_picture import DetectedScene, SceneBuilder
 
 if TYPE_CHECKING:
     from palpate.planning.model.answer import Proposal
     from palpate.planning.model.conversation import Conversation
     from palpate.scene.scene import Scene
-
-MAX_CONVERSATION = 20 * MAX_BYTES
 
 
 @dataclass(slots=True)
@@ -128,6 +126,8 @@ def plan_file(path: Path) -> Path:
 
 
 def _read(path: Path) -> bytes:
+    from palpate.planning.model.conversation import MAX_CONVERSATION
+
     return read_bytes(path, MAX_CONVERSATION, "a plan")
 
 

@@ -32,6 +32,8 @@ OVERLAPPING = 2
 """Joints between bodies whose shapes may overlap."""
 LEVEL = 0.999
 """Cosine of how far the tool may lean at home."""
+PREFIX = "robot/"
+"""Of the arm's names in a world that it is put into."""
 TCP = "palpate_tcp"
 """The site of a TCP that a description gives as a position."""
 

@@ -12,6 +12,7 @@ from collections.abc import Callable, Generator
 import numpy as np
 
 from palpate.geometry.pose import Array
+from palpate.robots.accuracy import SUSTAINED
 from palpate.robots.robot import Robot
 from palpate.vocabulary.base import Blackboard, LeafFailure, Steps
 
@@ -24,9 +25,6 @@ BRIEF = 0.1
 """s: likewise, where nothing is compared."""
 SETTLE_LIMIT = 3.0
 """s."""
-SUSTAINED = 3
-"""ticks whose median is what is felt: 60 ms, in which the arm goes 1 mm at most where it feels its
-way."""
 MET = 8.0
 """N: change of the contact's force that is something met; five times what the joints' friction and
 the sensors' bias do as the arm sets out."""

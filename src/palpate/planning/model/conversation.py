@@ -21,6 +21,7 @@ from palpate.planning.plan import MAX_BYTES, Plan
 FEEDBACK_ROUNDS = 3
 """How often findings go back to the model."""
 MAX_CONVERSATION = 20 * MAX_BYTES
+"""Bytes of one in a file, and of a file that may be one."""
 MAX_FINDINGS = 20
 MAX_FINDING = 500
 """Findings in one message, and characters of each."""

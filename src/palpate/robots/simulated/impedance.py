@@ -16,6 +16,7 @@ import numpy as np
 
 from palpate.geometry.pose import Array
 from palpate.robots.description import RobotDescription
+from palpate.robots.model import PREFIX
 from palpate.robots.nominal import wrench
 from palpate.robots.sheet import Stiffness
 
@@ -25,7 +26,6 @@ POSTURE_RATE = 5.0
 MOST_AWAY = 0.5
 """rad: the posture does not pull harder than this far away."""
 
-PREFIX = "robot/"
 ORIGIN = PREFIX + "origin"
 AXES = tuple(f"{PREFIX}cartesian_{axis}" for axis in "xyz")
 ORIENTATION = PREFIX + "orientation"

@@ -16,10 +16,10 @@ import numpy as np
 from palpate.errors import ExecutionAborted, InputError, unknown_name
 from palpate.geometry.pose import Array, Pose
 from palpate.robots.description import RobotDescription
-from palpate.robots.model import neighbours
+from palpate.robots.model import PREFIX, neighbours
 from palpate.robots.simulated.gripper import DRIVE, add_drive
 from palpate.robots.simulated.guard import EVERY, Guard
-from palpate.robots.simulated.impedance import PREFIX, Actuators, add_actuators
+from palpate.robots.simulated.impedance import Actuators, add_actuators
 from palpate.robots.simulated.noise import Imperfections, perturb_links
 from palpate.robots.simulated.stiction import declared
 from palpate.robots.simulated.timing import BLOCK, PERIOD, SUBSTEPS, TIMESTEP

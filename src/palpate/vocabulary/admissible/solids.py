@@ -22,12 +22,11 @@ from palpate.mjcf.compile import compile_model, refused
 from palpate.mjcf.shapes import hull_edges, hull_points
 from palpate.robots.description import RobotDescription
 from palpate.robots.kinematics import inverse_kinematics
+from palpate.robots.model import PREFIX
 from palpate.robots.nominal import NominalArm
 from palpate.robots.sheet import Box
 from palpate.scene.scene import Scene
 
-PREFIX = "robot/"
-"""Of the arm's names in the model."""
 LEFT, RIGHT = "left finger", "right finger"
 SIDES = {LEFT: 1.0, RIGHT: -1.0}
 """The fingers, and which way along the tool's y each opens."""
