@@ -16,17 +16,15 @@ from palpate.cli.options import (
     Arm,
     AsJson,
     Cautious,
+    GivenScene,
     ModelOptions,
+    MotionOptions,
     NoiseLevel,
-    OnFailure,
     Out,
     PlanFile,
     Planner,
     Poses,
-    Rehearse,
     Remeasure,
-    RobotUrl,
-    SceneFile,
     SceneOptions,
     Seed,
     Without,
@@ -110,34 +108,19 @@ def scenarios(as_json: AsJson = False) -> None:
 def run(
     *,
     asked: SceneOptions,
-    cautious: Cautious = False,
-    world: World = None,
-    robot: RobotUrl = None,
     planner: Planner = "symbolic",
-    noise: NoiseLevel = "lab",
-    seed: Seed = 0,
-    out: Out = None,
+    remeasure: Remeasure = False,
+    motion: MotionOptions,
     as_json: AsJson = False,
     yes: Yes = False,
-    remeasure: Remeasure = False,
-    rehearse: Rehearse = None,
-    on_failure: OnFailure = "stop",
     without: Without = None,
     model: ModelOptions,
 ) -> None:
     """Measure what is missing and write the twin and the report."""
     settings = replace(
-        asked.settings(),
-        cautious=cautious,
-        world=world,
-        robot=robot,
+        motion.added_to(asked.settings()),
         planner=planner,
-        noise=noise,
-        seed=seed,
-        out=out,
         remeasure=remeasure,
-        rehearse=rehearse,
-        on_failure=on_failure,
         model_settings=model.settings(without),
     )
     carry_out(settings, as_json, yes)
@@ -196,19 +179,12 @@ def prompt(*, asked: SceneOptions, without: Without = None, as_json: AsJson = Fa
 
 
 @command(app)
-def check(
-    plan: PlanFile,
-    *,
-    scene: SceneFile = None,
-    poses: Poses = None,
-    arm: Arm = DEFAULT_ARM,
-    as_json: AsJson = False,
-) -> None:
+def check(plan: PlanFile, *, given: GivenScene, as_json: AsJson = False) -> None:
     """Check a plan against the vocabulary and a scene."""
     from palpate.cli.show import show_findings
     from palpate.tools import check_file
 
-    findings = check_file(plan, scene, poses, arm)
+    findings = check_file(plan, given.scene, given.poses, given.arm)
     show_findings(findings, as_json)
     raise typer.Exit(3 if findings else 0)
 
@@ -217,36 +193,17 @@ def check(
 def execute(
     plan: PlanFile,
     *,
-    scene: SceneFile = None,
-    poses: Poses = None,
-    arm: Arm = DEFAULT_ARM,
-    cautious: Cautious = False,
-    world: World = None,
-    robot: RobotUrl = None,
-    noise: NoiseLevel = "lab",
-    seed: Seed = 0,
-    out: Out = None,
+    given: GivenScene,
+    motion: MotionOptions,
     as_json: AsJson = False,
     yes: Yes = False,
-    rehearse: Rehearse = None,
-    on_failure: OnFailure = "stop",
 ) -> None:
     """Execute a plan that exists already."""
     from palpate.settings import Settings
     from palpate.tools import replayed
 
-    settings = replace(
-        Settings(scene=scene, poses=poses, arm=arm, cautious=cautious),
-        world=world,
-        robot=robot,
-        planner=replayed(plan),
-        noise=noise,
-        seed=seed,
-        out=out,
-        rehearse=rehearse,
-        on_failure=on_failure,
-    )
-    carry_out(settings, as_json, yes)
+    settings = Settings(scene=given.scene, poses=given.poses, arm=given.arm, planner=replayed(plan))
+    carry_out(motion.added_to(settings), as_json, yes)
 
 
 @command(app)

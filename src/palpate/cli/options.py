@@ -6,7 +6,7 @@ of them (see `palpate.cli.command`).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -120,6 +120,33 @@ class SceneOptions:
             poses=self.poses,
             arm=self.arm,
         )
+
+
+@dataclass(frozen=True)
+class GivenScene:
+    """A scene that something is already known to be done in, and the arm."""
+
+    scene: SceneFile = None
+    poses: Poses = None
+    arm: Arm = DEFAULT_ARM
+
+
+@dataclass(frozen=True)
+class MotionOptions:
+    """Which arm moves, simulated or real, and how."""
+
+    cautious: Cautious = False
+    world: World = None
+    robot: RobotUrl = None
+    noise: NoiseLevel = "lab"
+    seed: Seed = 0
+    rehearse: Rehearse = None
+    on_failure: OnFailure = "stop"
+    out: Out = None
+
+    def added_to(self, settings: Settings) -> Settings:
+        """Settings with these, and everything else as it was."""
+        return replace(settings, **asdict(self))
 
 
 @dataclass(frozen=True)
