@@ -7,64 +7,20 @@ import json
 import resource
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from bench import DESK, MASS, Bench
 from failing import Failing
 from standin import StandIn
 
 import palpate as pp
 from palpate import api, pipeline
 from palpate.trace.mcap import read_mcap
-
-DESK = """<mujoco model="desk"><worldbody>
-  <site name="robot_base"/>
-  <body name="desk" pos="0.4 0 -0.03"><geom type="box" size=".6 .6 .03" friction="0.6 0.005 0.0001"/></body>
-  <body name="mug" pos="0.5 0.1 0.05"><freejoint/>
-    <geom type="box" size=".03 .02 .05" friction="0.6 0.005 0.0001"/></body>
-</worldbody></mujoco>
-"""
-MASS = 0.34
-"""kg: what the scripted arm pretends to lift."""
-
-
-class Arm(StandIn):
-    """Feels a mug of `MASS` between its fingers, which is borne where it was grasped."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.weight, self.between = MASS * self.gravity, 0.04
-
-    def close_gripper(self, force: float | None = None) -> None:
-        super().close_gripper(force)
-        self.support_z = float(self.state.pose_world_tcp.position[2])
-
-
-class Bench:
-    """A cell with a scripted arm. Implements `Cell`."""
-
-    description = "a bench"
-    simulated = False
-
-    def __init__(self, wrap: Callable[[StandIn], Any] = lambda arm: arm) -> None:
-        self.arm = Arm()
-        self._robot = wrap(self.arm)
-
-    def picture(self, camera: object = None) -> None:
-        return None
-
-    def robot(self) -> Any:
-        return self._robot
-
-    def footage(self) -> None:
-        return None
-
-    def truth(self, parameter: pp.Parameter) -> None:
-        return None
 
 
 @pytest.fixture(scope="module")
@@ -90,7 +46,7 @@ def result(folder: Path) -> dict[str, Any]:
 @pytest.mark.parametrize("moment", [0.0, 2.0, 5.0])
 @pytest.mark.parametrize("member", ["state", "advance", "drain", "close"])
 def test_a_robot_that_fails(plan: api.Plan, tmp_path: Path, member: str, moment: float) -> None:
-    bench = Bench(lambda arm: Failing(arm, member, moment))
+    bench = Bench(wrap=lambda arm: Failing(arm, member, moment))
     run = plan.run(bench, rehearse=False, out=tmp_path / "run")
     found = result(tmp_path / "run")
     assert found["stage"] is None
@@ -204,7 +160,7 @@ def test_a_disk_that_is_full(plan: api.Plan, tmp_path: Path) -> None:
 KILLED = """
 import os, sys
 sys.path[:0] = {path}
-import test_nothing_lost as bench
+import bench
 import palpate as pp
 
 def kill(arm):
@@ -227,8 +183,7 @@ def test_a_process_that_is_killed_leaves_a_run_to_finish(
     tmp_path: Path, call: str, times: int, verdict: str
 ) -> None:
     out = tmp_path / "run"
-    here = Path(__file__).parent
-    path = [str(here), str(here / "helpers")]
+    path = [str(Path(__file__).parent / "helpers")]
     code = KILLED.format(path=path, call=call, times=times, out=str(out))
     done = subprocess.run([sys.executable, "-c", code], check=False, capture_output=True)
     assert done.returncode == 9

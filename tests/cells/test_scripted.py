@@ -10,61 +10,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from standin import StandIn
+from bench import DESK, MASS, Bench
 
 import palpate as pp
 from palpate.cells.registry import drivers
 
-DESK = """<mujoco model="desk"><worldbody>
-  <site name="robot_base"/>
-  <body name="desk" pos="0.4 0 -0.03"><geom type="box" size=".6 .6 .03" friction="0.6 0.005 0.0001"/></body>
-  <body name="mug" pos="0.5 0.1 0.05"><freejoint/>
-    <geom type="box" size=".03 .02 .05" friction="0.6 0.005 0.0001"/></body>
-</worldbody></mujoco>
-"""
-MASS = 0.34
-"""kg: what the scripted arm pretends to lift."""
-
 PACKAGE = """from palpate.cells.registry import Driver
-from test_scripted_bench import Bench
+from bench import Bench
 
 driver = Driver("scripted", lambda url, scene: Bench(url))
 """
-
-
-class Arm(StandIn):
-    """Reaches every goal at once in its own time, and feels a mug of `MASS` between its fingers,
-    which is borne where it was grasped."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.weight, self.between = MASS * self.gravity, 0.04
-
-    def close_gripper(self, force: float | None = None) -> None:
-        super().close_gripper(force)
-        self.support_z = float(self.state.pose_world_tcp.position[2])
-
-
-class Bench:
-    """A cell that simulates nothing, films nothing and knows nothing. Implements `Cell`."""
-
-    simulated = False
-
-    def __init__(self, url: str = "scripted://here") -> None:
-        self.description = f"bench at {url}"
-        self.arm = Arm()
-
-    def picture(self, camera: object = None) -> None:
-        return None
-
-    def robot(self) -> Arm:
-        return self.arm
-
-    def footage(self) -> None:
-        return None
-
-    def truth(self, parameter: pp.Parameter) -> None:
-        return None
 
 
 @pytest.fixture
@@ -76,7 +31,6 @@ def registered(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None
     (metadata / "entry_points.txt").write_text("[palpate.cells]\nscripted = scripted_driver\n")
     (tmp_path / "scripted_driver.py").write_text(PACKAGE)
     monkeypatch.syspath_prepend(tmp_path)
-    monkeypatch.setitem(sys.modules, "test_scripted_bench", sys.modules[__name__])
     monkeypatch.delitem(sys.modules, "scripted_driver", raising=False)
     drivers.cache_clear()
     yield
