@@ -14,13 +14,13 @@ from palpate.errors import InputError
 from palpate.parameter import Parameter
 from palpate.planning.check.check import RULES, check
 from palpate.planning.plan import parse_plan
-from palpate.studies.campaign import campaign, nasty, plans, runtime
+from palpate.studies.campaign import campaign, nasty, runtime
 from palpate.studies.campaign.bases import Base
 from palpate.studies.campaign.corrupt import corrupted
 from palpate.studies.campaign.faulty import FaultyRobot, broken, frozen
 from palpate.studies.campaign.inputs import BAD, given
 from palpate.studies.campaign.kinds import FAULTS
-from palpate.studies.campaign.ledger import Ledger, Row
+from palpate.studies.campaign.ledger import Drawn, Ledger, Row, drawn
 from palpate.studies.campaign.page import page
 from palpate.studies.campaign.scenes import SMALL_SCENES, small_scene
 
@@ -119,22 +119,21 @@ def test_there_are_sixty_kinds_of_faults_at_five_moments() -> None:
 def test_rows_are_kept_and_only_what_is_missing_is_done(tmp_path: Path) -> None:
     done: list[int] = []
 
-    def work(number: int) -> Row:
-        done.append(number)
-        beyond = ("table hit",) if number == 2 else ()
+    def work(case: Drawn) -> Row:
+        done.append(case.number)
+        beyond = ("table hit",) if case.number == 1 else ()
         touch = {"thing": "table", "part": "hand", "load": False, "peak": 90.0, "mean10": 70.0}
         touch |= {"mean20": 50.0, "tail": 3.0, "over": 0.0, "sideways": 1.0}
-        return Row(
-            "nasty", str(number), "<what>", "command", "complete", beyond=beyond, touches=(touch,)
-        )
+        blank = case.blank("<what>")
+        return replace(blank, outcome="complete", beyond=beyond, touches=(touch,))
 
     ledger = Ledger(tmp_path / "nasty.jsonl")
-    ledger.complete([1, 2], str, work)
+    ledger.complete(drawn("nasty", 5, 2), work)
     with ledger.file.open("a", encoding="utf-8") as file:
         file.write('{"kind": "nasty", "case"')  # the process was killed while it wrote
-    rows = Ledger(ledger.file).complete([1, 2, 3], str, work)
-    assert done == [1, 2, 3]
-    assert [row.case for row in rows] == ["1", "2", "3"]
+    rows = Ledger(ledger.file).complete(drawn("nasty", 5, 3), work)
+    assert done == [0, 1, 2]
+    assert [row.case for row in rows] == ["5/0", "5/1", "5/2"]
     campaign.write(tmp_path)
     html = (tmp_path / "campaign.html").read_text(encoding="utf-8")
     assert "table hit" in html
@@ -164,4 +163,4 @@ def test_a_bad_input_is_refused_in_little_time_and_memory() -> None:
 
 
 def test_a_plan_in_a_light_scene_is_named_by_its_command() -> None:
-    assert plans.Case(3, 14).command("plans").endswith("--seed 3 --case 14")
+    assert Drawn("plans", 3, 14).command.endswith("--kind plans --seed 3 --case 14")

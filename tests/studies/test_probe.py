@@ -11,7 +11,8 @@ import pytest
 from palpate import pipeline
 from palpate.planning.plan import Node, Plan
 from palpate.scenarios.catalogue import scenario
-from palpate.studies.harm import UNSEEN, Harm, harm
+from palpate.studies.harm.harm import Harm, harm
+from palpate.studies.harm.touch import UNSEEN
 from palpate.studies.probe import named, probed_run
 from palpate.studies.witness import Witness
 
@@ -122,24 +123,25 @@ def test_a_push_is_no_harm_below_the_limit_where_the_plan_names_the_object() -> 
         hand + block, 0.3, '<velocity joint="1 0 0" kv="1000"/>', lambda t: [0.05 * (t < 0.25)]
     )
     unnamed, said = judged(witness), judged(witness, named=("block",))
-    assert 0.006 < unnamed.moved["block"] < 0.25 * 0.05 - 0.002
-    assert not unnamed.pushed
+    ((name, what, way),) = [(fate.name, fate.what, fate.way) for fate in unnamed.fates]
+    assert (name, what) == ("block", "moved")
+    assert 0.006 < way < 0.25 * 0.05 - 0.002
     assert not said.beyond
 
 
 def test_what_falls_is_dropped_and_what_is_let_down_is_not() -> None:
-    falling = judged(watched(BLOCK.format(name="block", at="0 0 .06", mass="1"), 0.3))
-    resting = judged(watched(BLOCK.format(name="block", at="0 0 .035", mass="1"), 0.3))
-    assert falling.dropped == ("block",)
-    assert resting.dropped == ()
+    falling = watched(BLOCK.format(name="block", at="0 0 .06", mass="1"), 0.3)
+    resting = watched(BLOCK.format(name="block", at="0 0 .035", mass="1"), 0.3)
+    assert judged(falling, named=("block",)).beyond == ("block dropped",)
+    assert judged(resting, named=("block",)).beyond == ()
 
 
 def test_what_tips_is_seen_and_a_turn_about_the_vertical_is_none() -> None:
     leaning = '<body name="{}" pos="0 0 {}" {}><freejoint/><geom type="box" size=".02 .02 .1" mass="1"/></body>'
     falls = watched(leaning.format("tower", ".115", 'euler="0 15 0"'), 1.0)
     stands = watched(leaning.format("tower", ".1", 'euler="0 0 60"'), 0.2)
-    assert judged(falls).tipped == ("tower",)
-    assert judged(stands).tipped == ()
+    assert "tower tipped" in judged(falls).beyond
+    assert judged(stands).beyond == ()
 
 
 GRIPPER = """
@@ -176,7 +178,7 @@ def test_a_grip_is_exempt_and_what_it_carries_belongs_to_the_robot() -> None:
     assert held[0] == -1
     assert held[120] == 0
     assert held[-1] == -1
-    assert seen.dropped == ("block",)
+    assert "block dropped" in seen.beyond
     assert seen.turned.get("block", 0) < np.deg2rad(2)
 
 
@@ -199,7 +201,7 @@ def test_a_whole_run_is_judged_and_goes_as_without_a_probe() -> None:
     probed = probed_run(plan, scene, settings.world, "none")
     assert probed.execution.robot_seconds > 0
     assert [touch.thing for touch in probed.harm.touches] in ([], ["table"])
-    assert not probed.harm.dropped
+    assert not probed.harm.fallen
 
 
 def test_a_plan_names_what_it_measures_and_where_it_goes() -> None:

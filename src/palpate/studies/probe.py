@@ -17,11 +17,17 @@ from palpate.errors import InputError
 from palpate.execution.recovery import OnFailure
 from palpate.planning.plan import Plan
 from palpate.scene.scene import Scene
-from palpate.studies.harm import SHOWN, UNSEEN, Figures, Harm, harm
+from palpate.studies.harm.harm import Harm, harm
+from palpate.studies.harm.touch import SHOWN, UNSEEN, Figures
 from palpate.studies.witness import Witness
 
 if TYPE_CHECKING:
     from palpate.execution.runner import Execution, Observer
+
+
+AFTERWARDS = 1.0
+"""s that the world is watched for after a run has ended: what was let go of in its last moment
+falls, or topples, in less."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -62,6 +68,7 @@ def probed_run(
     robot = cell.robot()
     witness = Witness.of(robot.world)
     execution = stages.perform(plan, scene, robot, observer, on_failure)
+    robot.advance(AFTERWARDS)
     return Probed(execution, harm(witness, named(plan, scene), unseen, shown, hidden))
 
 

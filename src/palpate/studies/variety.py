@@ -36,17 +36,38 @@ SCENE = """\
     <light pos="0.4 0 {lamp}"/>
     <site name="robot_base" pos="0 0 {base}"/>
     <body name="table" pos="0.6 0 {table}">
-      <geom type="box" size="0.42 0.5 0.02" friction="0.6 0.005 0.0001" rgba="0.8 0.7 0.55 1"/>
+      <geom type="box" size="{half} 0.02" friction="0.6 0.005 0.0001" rgba="0.8 0.7 0.55 1"/>
     </body>
 {bodies}
   </worldbody>
 </mujoco>
 """
 BODY = """\
-    <body name="{name}" pos="{x} {y} {z:.4f}" euler="0 0 {yaw:g}">
+    <body name="{name}" pos="{at}" euler="0 0 {yaw:g}">
       <freejoint/>
-      <geom {shape}{mass} friction="0.7 0.005 0.0001" rgba="0.3 0.5 0.8 1"/>
+      <geom {shape} friction="0.7 0.005 0.0001" rgba="0.3 0.5 0.8 1"/>
     </body>"""
+
+
+def tabletop(
+    name: str,
+    bodies: str,
+    table: str,
+    half: str = "0.42 0.5",
+    base: float = 0.0,
+    lamp: float = 2.0,
+    meshes: str = "",
+) -> str:
+    """A scene: bodies on a table whose middle is at the height `table`, m or `?`, with the half
+    extents `half`, before an arm whose base is at the height `base`."""
+    return SCENE.format(
+        name=name, bodies=bodies, table=table, half=half, base=base, lamp=lamp, meshes=meshes
+    )
+
+
+def standing(name: str, at: str, shape: str, yaw: float = 0.0) -> str:
+    """A free body: its middle at `at`, `shape` the attributes of its geom, `yaw` degrees."""
+    return BODY.format(name=name, at=at, shape=shape, yaw=yaw)
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,9 +90,7 @@ class Thing:
         """Its body with the middle at height `z`, with or without its mass."""
         x, y = self.at
         mass = "" if massless else f' mass="{self.mass}"'
-        return BODY.format(
-            name=self.name, x=x, y=y, z=z, yaw=self.yaw, shape=self._shape(), mass=mass
-        )
+        return standing(self.name, f"{x} {y} {z:.4f}", self._shape() + mass, self.yaw)
 
     def _shape(self) -> str:
         if self.shape == "frustum":
@@ -113,13 +132,13 @@ class Variety:
                 meshes.append(f'    <mesh name="{thing.name}" file="{thing.name}.obj"/>')
             z = self.height + thing.half_height + raised
             bodies.append(thing.mjcf(z, massless=Parameter(thing.name, "mass") in hidden))
-        return SCENE.format(
-            name=self.name,
-            meshes="\n".join(meshes),
-            lamp=self.height + 2,
+        return tabletop(
+            self.name,
+            "\n".join(bodies),
+            middle,
             base=self.base,
-            table=middle,
-            bodies="\n".join(bodies),
+            lamp=self.height + 2,
+            meshes="\n".join(meshes),
         )
 
 

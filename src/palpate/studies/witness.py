@@ -16,12 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.geometry.pose import Array
+from palpate.robots.model import PREFIX
 
 if TYPE_CHECKING:
     from palpate.robots.simulated.world import World
 
-ROBOT = "robot/"
-"""What the names of the arm's own bodies start with in a world."""
 ALONG = 0.7
 """Cosine: a pad's contact whose normal lies this near to the closing axis belongs to a grip."""
 LET_GO = 0.02
@@ -143,7 +142,8 @@ class Witness:
             forces = self.forces.setdefault(pair, Forces())
             forces.steps.append(self.steps)
             forces.vectors.extend((x, y, z))
-            if x * x + y * y > SHOVED**2 and self._is_blocked(pair.thing, pairs, frames):
+            shoved = x * x + y * y > SHOVED**2
+            if shoved and self._is_blocked(pair.thing, (x, y), pairs, frames):
                 forces.blocked.add(self.steps)
 
     def _grips(
@@ -209,12 +209,17 @@ class Witness:
             return two, one
         return one, two
 
-    def _is_blocked(self, thing: str, pairs: list[list[int]], frames: Frames) -> bool:
-        """Whether something that is not the robot's holds the thing sideways."""
+    def _is_blocked(
+        self, thing: str, push: tuple[float, float], pairs: list[list[int]], frames: Frames
+    ) -> bool:
+        """Whether something that is not the robot's holds the thing against a push sideways."""
         for (one, two), frame in zip(pairs, frames, strict=True):
             involved = thing in (self._part[one], self._part[two])
             others = not (self._mine[one] or self._mine[two])
-            if involved and others and abs(frame[2]) < LEANING:
+            # The normal points from the first geom to the second.
+            sign = 1.0 if self._part[two] == thing else -1.0
+            against = sign * (frame[0] * push[0] + frame[1] * push[1]) < 0
+            if involved and others and against and abs(frame[2]) < LEANING:
                 return True
         return False
 
@@ -259,7 +264,7 @@ class Witness:
 
 
 def _is_robot(model: mujoco.MjModel, body: int) -> bool:
-    return model.body(int(body)).name.startswith(ROBOT)
+    return model.body(int(body)).name.startswith(PREFIX)
 
 
 def _is_free(model: mujoco.MjModel, body: int) -> bool:

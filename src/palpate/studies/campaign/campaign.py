@@ -12,7 +12,7 @@ from typing import Any
 from palpate import __version__
 from palpate.errors import InputError, unknown_name
 from palpate.studies.campaign import hidden, inputs, nasty, plans, runtime, signals
-from palpate.studies.campaign.ledger import Ledger, Row
+from palpate.studies.campaign.ledger import Case, Drawn, Ledger, Row
 from palpate.studies.campaign.page import TITLES, counts, page
 
 KINDS = tuple(TITLES)
@@ -37,6 +37,12 @@ DEFAULTS = {
     "light": 50,
 }
 """How many cases of the kinds that are drawn at random."""
+BY_NAME: dict[str, tuple[Sequence[Case], Callable[[Any], Row]]] = {
+    "nasty": (nasty.NASTY, nasty.judged),
+    "runtime": (runtime.CASES, runtime.struck),
+    "inputs": (inputs.BAD, inputs.given),
+}
+"""Kinds whose cases have names: all of them, and what is done with one."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,7 +89,7 @@ def _conducted(kind: str, order: Order, say: Callable[[str], None]) -> dict[str,
     if kind == "signals":
         return {kind: signals.send(folder, count, seed, workers, say)}
     if kind == "inputs":
-        return {kind: inputs.give(folder, workers, say)}
+        return {kind: inputs.give(folder, say)}
     return {kind: hidden.meet(folder, kind, count, seed, workers, say)}
 
 
@@ -92,9 +98,11 @@ def _plans(order: Order, count: int, say: Callable[[str], None]) -> dict[str, li
     rows = plans.check_plans(folder, count, order.seed, workers, say)
     found = {"plans": rows}
     if order.execute:
-        found["accepted"] = plans.execute_plans(folder, rows, order.execute, workers, say, False)
+        found["accepted"] = plans.execute_plans(
+            folder, "accepted", rows, order.execute, workers, say
+        )
     if order.bypass:
-        found["bypass"] = plans.execute_plans(folder, rows, order.execute, workers, say, True)
+        found["bypass"] = plans.execute_plans(folder, "bypass", rows, order.execute, workers, say)
     return found
 
 
@@ -104,20 +112,27 @@ def repeat(kind: str, case: str, seed: int) -> Row:
     Raises:
         InputError: there is no such kind, or no such case.
     """
-    if kind in ("plans", "accepted", "bypass"):
-        drawn = plans.Case(seed, _number(case))
-        return plans.checked(drawn) if kind == "plans" else plans.executed(drawn, kind == "bypass")
-    if kind == "nasty":
-        return nasty.judged(_named(case, {each.name: each for each in nasty.NASTY}))
-    if kind == "runtime":
-        return runtime.struck(_named(case, {each.name: each for each in runtime.CASES}))
-    if kind == "inputs":
-        return inputs.given(_named(case, {each.name: each for each in inputs.BAD}))
-    if kind == "signals":
-        return signals.sent(signals.Case(seed, _number(case)), signals.whole_run())
-    if kind in ("poses", "obstacles", "cautious", "light"):
-        return hidden.met(hidden.Case(kind, seed, _number(case)))
-    raise unknown_name("kind of fault", kind, KINDS)
+    if kind in BY_NAME:
+        known, work = BY_NAME[kind]
+        by_name = {each.name: each for each in known}
+        if case not in by_name:
+            raise unknown_name("case", case, by_name)
+        return work(by_name[case])
+    if kind not in KINDS:
+        raise unknown_name("kind of fault", kind, KINDS)
+    if not case.isdecimal():
+        raise InputError(f"'{case}' is no case of this kind: cases have numbers")
+    return _again(Drawn(kind, seed, int(case)))
+
+
+def _again(case: Drawn) -> Row:
+    if case.kind == "plans":
+        return plans.checked(case)
+    if case.kind in plans.WANTED:
+        return plans.executed(case)
+    if case.kind == "signals":
+        return signals.sent(case, signals.whole_run())
+    return hidden.met(case)
 
 
 def write(folder: Path) -> None:
@@ -146,18 +161,3 @@ def summary(rows: dict[str, list[Row]]) -> dict[str, dict[str, Any]]:
 
 def _documents(rows: dict[str, list[Row]]) -> dict[str, list[dict[str, Any]]]:
     return {kind: [asdict(row) for row in found] for kind, found in rows.items()}
-
-
-def _number(case: str) -> int:
-    if not case.isdecimal():
-        raise InputError(f"'{case}' is no case of this kind: cases have numbers")
-    return int(case)
-
-
-def _named(case: str, known: dict[str, Any]) -> Any:
-    if case not in known:
-        raise unknown_name("case", case, known)
-    return known[case]
-
-
-__all__: Sequence[str] = ("ASKED", "KINDS", "Order", "conduct", "repeat", "summary", "write")

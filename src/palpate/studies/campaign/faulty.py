@@ -75,6 +75,10 @@ class FaultyRobot:
             return true
         return self.lie(true, self)
 
+    def outlast(self, duration: float) -> None:
+        """Let the world go on when nobody asks for it any more, s."""
+        self._robot.advance(duration)
+
     def advance(self, duration: float) -> None:
         self._call("advance")
         self._robot.advance(duration)

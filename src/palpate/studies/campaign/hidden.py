@@ -15,45 +15,39 @@ from palpate.scenarios.catalogue import scenario
 from palpate.scene.load import rearranged, scene_from_text
 from palpate.scene.scene import Scene
 from palpate.studies.campaign.bases import bases
-from palpate.studies.campaign.ledger import Ledger, Row, touches_of, within_time
-from palpate.studies.harm import SHOWN, UNSEEN
+from palpate.studies.campaign.ledger import (
+    Drawn,
+    Ledger,
+    Row,
+    drawn,
+    judged_run,
+    within_time,
+)
+from palpate.studies.harm.touch import CAUTIOUS, CAUTIOUS_RIGID, UNSEEN, Figures
 from palpate.studies.probe import probed_run
 
 MOST = 0.020
 """m: how far things stand from where the scene has them."""
 STIFFNESS = (1e4, 1e5, 1e6)
 """N/m of a post's contact with the arm."""
+RIGID = 1e6
+"""N/m from which on a contact is rigid."""
 POST = "hidden_post"
 LIGHT_THING = "hidden_cup"
 
 
-@dataclass(frozen=True, slots=True)
-class Case:
-    """One run with an error of a kind (`poses`, `obstacles`, `cautious`, `light`), drawn from a
-    seed. `cautious` are obstacles for the slow self of the arm, by the figures of what is shown."""
+def met(case: Drawn) -> Row:
+    """A valid plan in a world that is not quite the scene's.
 
-    kind: str
-    seed: int
-    number: int
-
-    @property
-    def name(self) -> str:
-        return f"{self.seed}/{self.number}"
-
-    @property
-    def command(self) -> str:
-        """What repeats it."""
-        return f"palpate study faults --kind {self.kind} --seed {self.seed} --case {self.number}"
-
-
-def met(case: Case) -> Row:
-    """A valid plan in a world that is not quite the scene's."""
-    blank = Row(case.kind, case.name, "", case.command, "")
+    Kinds: `poses`, `obstacles`, `light`, and `cautious`, which are obstacles for the slow self of
+    the arm, by the figures of what is shown.
+    """
+    blank = case.blank()
     return within_time(lambda: _met(case, blank), blank)
 
 
-def _met(case: Case, blank: Row) -> Row:
-    random = np.random.default_rng([case.seed, case.number, 11])
+def _met(case: Drawn, blank: Row) -> Row:
+    random = case.random(11)
     light = [base for base in bases() if base.light and base.world and base.scene.objects]
     base = light[int(random.integers(0, len(light)))]
     settings = scenario(base.name.partition(":")[0]).settings(cautious=case.kind == "cautious")
@@ -61,35 +55,49 @@ def _met(case: Case, blank: Row) -> Row:
     true = pipeline.load(replace(settings, scene=settings.world))
     assert scene is not None
     assert true is not None
-    world, what, unseen = _world(case.kind, true, random)
-    hidden = SHOWN if case.kind == "cautious" else UNSEEN
-    seen = probed_run(base.plan, scene, world, "lab", case.number, unseen=unseen, hidden=hidden)
-    done = seen.execution
-    return replace(
-        blank,
-        what=f"{base.name}: {what}",
-        outcome=done.status,
-        said=(done.stopped_by,) if done.stopped_by else (),
-        beyond=seen.harm.beyond,
-        touches=touches_of(seen.harm),
-        figures={"base": base.name, "robot_seconds": round(done.robot_seconds, 2)},
+    wrong = _wrong(case.kind, true, random)
+    seen = probed_run(
+        base.plan,
+        scene,
+        wrong.world,
+        "lab",
+        case.number,
+        unseen=wrong.unseen,
+        hidden=wrong.figures,
     )
+    row = judged_run(replace(blank, what=f"{base.name}: {wrong.what}"), seen)
+    listed = [str(fate) for fate in seen.harm.unseen]
+    return replace(row, figures={**row.figures, "base": base.name, "unseen": listed})
 
 
-def _world(
-    kind: str, true: Scene, random: np.random.Generator
-) -> tuple[Scene, str, tuple[str, ...]]:
-    """The hidden world, what is wrong in it, and the names of what no scene shows."""
+@dataclass(frozen=True, slots=True, eq=False)
+class Wrong:
+    """A hidden world, and what is wrong with it.
+
+    Attributes:
+        what: in words. unseen: names of what no scene shows. figures: what it may be met with.
+    """
+
+    world: Scene
+    what: str
+    unseen: tuple[str, ...] = ()
+    figures: Figures = UNSEEN
+
+
+def _wrong(kind: str, true: Scene, random: np.random.Generator) -> Wrong:
+    """The world of a case of a kind."""
     if kind == "poses":
-        world, what = _shifted(true, random)
-        return world, what, ()
+        return Wrong(*_shifted(true, random))
     place = _on_the_way(true, random)
     if kind == "light":
         world = scene_from_text(_with(true.text, _cup(place)), true)
-        return world, f"a cup at {_at(place)}", (LIGHT_THING,)
+        return Wrong(world, f"a cup at {_at(place)}", (LIGHT_THING,))
     stiffness = STIFFNESS[int(random.integers(0, len(STIFFNESS)))]
     world = scene_from_text(_with(true.text, _post(place, stiffness)), true)
-    return world, f"a post of {stiffness:.0e} N/m at {_at(place)}", (POST,)
+    figures = UNSEEN
+    if kind == "cautious":
+        figures = CAUTIOUS_RIGID if stiffness >= RIGID else CAUTIOUS
+    return Wrong(world, f"a post of {stiffness:.0e} N/m at {_at(place)}", (POST,), figures)
 
 
 def _shifted(true: Scene, random: np.random.Generator) -> tuple[Scene, str]:
@@ -159,9 +167,5 @@ def meet(
     folder: Path, kind: str, count: int, seed: int, workers: int, say: Callable[[str], None]
 ) -> list[Row]:
     """`count` runs of a kind."""
-    cases = [Case(kind, seed, number) for number in range(count)]
-    return Ledger(folder / f"{kind}.jsonl").complete(cases, _name, met, workers, say)
-
-
-def _name(case: Case) -> str:
-    return case.name
+    cases = drawn(kind, seed, count)
+    return Ledger(folder / f"{kind}.jsonl").complete(cases, met, workers, say)

@@ -236,8 +236,7 @@ with open(sys.argv[1], "w") as told:
 
 def given(case: Bad) -> Row:
     """What the command line says to a bad input."""
-    command = f"palpate study faults --kind inputs --case '{case.name}'"
-    blank = Row("inputs", case.name, case.name, command, "")
+    blank = Row.named("inputs", case.name, case.name)
 
     def work() -> Row:
         with tempfile.TemporaryDirectory() as folder:
@@ -301,10 +300,6 @@ def _problems(code: int, seconds: float, memory: float, text: str) -> list[str]:
     return problems
 
 
-def give(folder: Path, workers: int, say: Callable[[str], None]) -> list[Row]:
-    """Every bad input."""
-    return Ledger(folder / "inputs.jsonl").complete(BAD, _name, given, 1, say)
-
-
-def _name(case: Bad) -> str:
-    return case.name
+def give(folder: Path, say: Callable[[str], None]) -> list[Row]:
+    """Every bad input, one after the other: what they take of the machine is measured."""
+    return Ledger(folder / "inputs.jsonl").complete(BAD, given, 1, say)

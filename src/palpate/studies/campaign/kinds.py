@@ -9,6 +9,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from palpate.errors import ExecutionAborted
+from palpate.geometry.pose import Array
+from palpate.robots.model import PREFIX
+from palpate.robots.simulated.gripper import DRIVE
 from palpate.studies.campaign.faulty import (
     Act,
     FaultyRobot,
@@ -119,8 +122,9 @@ def _weak_grip(share: float) -> Act:
     """The fingers' drive has but a share of its force left."""
 
     def act(model: mujoco.MjModel, data: mujoco.MjData, since: float) -> None:
-        drive = model.actuator("robot/fingers").id
-        model.actuator_forcerange[drive] = (-80.0 * share, 80.0 * share)
+        drive = model.actuator(PREFIX + DRIVE).id
+        left = min(80.0 * share, float(model.actuator_forcerange[drive, 1]))
+        model.actuator_forcerange[drive] = (-left, left)
 
     return act
 
@@ -128,9 +132,12 @@ def _weak_grip(share: float) -> Act:
 def _weak_arm(share: float) -> Act:
     """The arm's joints have but a share of their torque left."""
 
+    strong: list[Array] = []
+
     def act(model: mujoco.MjModel, data: mujoco.MjData, since: float) -> None:
-        if since < 0.001:
-            model.jnt_actfrcrange[:] *= share
+        if not strong:
+            strong.append(model.jnt_actfrcrange.copy())
+        model.jnt_actfrcrange[:] = share * strong[0]
 
     return act
 
@@ -142,7 +149,7 @@ def _heavy(model: mujoco.MjModel, data: mujoco.MjData, since: float) -> None:
 
 def _hand(model: mujoco.MjModel) -> int:
     """The body that carries the fingers."""
-    finger = model.body("robot/left_finger").id
+    finger = model.body(PREFIX + "left_finger").id
     return int(model.body_parentid[finger])
 
 

@@ -1,4 +1,5 @@
-"""The rows of a campaign: appended case by case, so that one that was stopped goes on."""
+"""The cases of a campaign and their rows: appended case by case, so that one that was stopped goes
+on."""
 
 from __future__ import annotations
 
@@ -7,15 +8,59 @@ import signal
 import traceback
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from types import FrameType
-from typing import Any
+from typing import Any, Protocol, TypeVar
 
-from palpate.studies.harm import Harm
+import numpy as np
+
+from palpate.studies.harm.harm import Harm
+from palpate.studies.probe import Probed
 
 LONGEST = 120
 """s of the processor for one case; beyond, it hangs."""
+
+
+class Case(Protocol):
+    """What is done once; its name is its own within its kind."""
+
+    @property
+    def name(self) -> str: ...
+
+
+AnyCase = TypeVar("AnyCase", bound=Case)
+
+
+@dataclass(frozen=True, slots=True)
+class Drawn:
+    """A case that is drawn at random: which one, from a seed."""
+
+    kind: str
+    seed: int
+    number: int
+
+    @property
+    def name(self) -> str:
+        return f"{self.seed}/{self.number}"
+
+    @property
+    def command(self) -> str:
+        """What repeats it."""
+        return f"palpate study faults --kind {self.kind} --seed {self.seed} --case {self.number}"
+
+    def random(self, *stream: int) -> np.random.Generator:
+        """The same numbers every time; others for another `stream`."""
+        return np.random.default_rng([self.seed, self.number, *stream])
+
+    def blank(self, what: str = "") -> Row:
+        """Its row before anything is known."""
+        return Row(self.kind, self.name, what, self.command, "")
+
+
+def drawn(kind: str, seed: int, count: int) -> list[Drawn]:
+    """The first `count` cases of a seed."""
+    return [Drawn(kind, seed, number) for number in range(count)]
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,6 +89,11 @@ class Row:
     figures: dict[str, Any] = field(default_factory=dict[str, Any])
 
     @classmethod
+    def named(cls, kind: str, case: str, what: str) -> Row:
+        """The row of a case that has a name, before anything is known."""
+        return cls(kind, case, what, f"palpate study faults --kind {kind} --case '{case}'", "")
+
+    @classmethod
     def read(cls, document: dict[str, Any]) -> Row:
         """A row from its line of a file."""
         fields = dict(document)
@@ -64,6 +114,19 @@ def touches_of(seen: Harm) -> tuple[dict[str, Any], ...]:
     return tuple(kept)
 
 
+def judged_run(blank: Row, seen: Probed) -> Row:
+    """The row of a plan that was executed: how it ended, and what it did."""
+    done = seen.execution
+    return replace(
+        blank,
+        outcome=done.status,
+        said=(done.stopped_by,) if done.stopped_by else (),
+        beyond=seen.harm.beyond,
+        touches=touches_of(seen.harm),
+        figures={"robot_seconds": round(done.robot_seconds, 2)},
+    )
+
+
 class Overtime(BaseException):
     """A case takes too long. Nothing that catches `Exception` keeps it from ending."""
 
@@ -79,16 +142,12 @@ def within_time(work: Callable[[], Row], otherwise: Row, seconds: int = LONGEST)
     try:
         return work()
     except Overtime:
-        return _ended(otherwise, "hung", f"not done after {seconds} s")
+        return replace(otherwise, outcome="hung", crash=f"not done after {seconds} s")
     except Exception:
-        return _ended(otherwise, "crashed", traceback.format_exc(limit=-8))
+        return replace(otherwise, outcome="crashed", crash=traceback.format_exc(limit=-8))
     finally:
         signal.setitimer(signal.ITIMER_PROF, 0)
         signal.signal(signal.SIGPROF, previous)
-
-
-def _ended(row: Row, outcome: str, crash: str) -> Row:
-    return Row(row.kind, row.case, row.what, row.command, outcome, crash=crash)
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,9 +177,8 @@ class Ledger:
 
     def complete(
         self,
-        cases: Sequence[Any],
-        name: Callable[[Any], str],
-        work: Callable[[Any], Row],
+        cases: Sequence[AnyCase],
+        work: Callable[[AnyCase], Row],
         workers: int = 1,
         say: Callable[[str], None] = lambda _: None,
     ) -> list[Row]:
@@ -129,16 +187,16 @@ class Ledger:
         `work` and `cases` must be picklable where there is more than one worker.
         """
         done = {row.case: row for row in self.rows()}
-        todo = [case for case in cases if name(case) not in done]
+        todo = [case for case in cases if case.name not in done]
         for row in _each(work, todo, workers):
             self.add([row])
             done[row.case] = row
             if row.crash or row.beyond:
                 say(f"{row.kind} {row.case}: {row.outcome}; {'; '.join(row.beyond[:3])}")
-        return [done[name(case)] for case in cases if name(case) in done]
+        return [done[case.name] for case in cases]
 
 
-def _each(work: Callable[[Any], Row], cases: Sequence[Any], workers: int) -> Iterable[Row]:
+def _each(work: Callable[[AnyCase], Row], cases: Sequence[AnyCase], workers: int) -> Iterable[Row]:
     if workers == 1 or len(cases) < 2:
         yield from map(work, cases)
         return

@@ -8,14 +8,14 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from palpate.parameter import Parameter
 from palpate.planning.check.check import check
-from palpate.planning.plan import Node, Plan, dump_plan
-from palpate.studies.campaign.ledger import Ledger, Row, touches_of, within_time
+from palpate.planning.plan import Node, Plan
+from palpate.studies.campaign.ledger import Ledger, Row, judged_run, within_time
 from palpate.studies.campaign.scenes import small_scene
 from palpate.studies.probe import probed_run
 
@@ -57,7 +57,12 @@ class Nasty:
     @property
     def plan(self) -> Plan:
         tree = None if self.steps is None else Node("Sequence", (), _nodes(self.steps))
-        return Plan(tuple(Parameter(name) for name in self.measures), tree, self.explanation)
+        return Plan(tuple(map(Parameter, self.measures)), tree, self.explanation)
+
+    @property
+    def asked(self) -> tuple[Parameter, ...] | None:
+        """What was asked for, None for whatever the plan measures."""
+        return None if self.requested is None else tuple(map(Parameter, self.requested))
 
 
 def _nodes(steps: Sequence[Step]) -> tuple[Node, ...]:
@@ -140,57 +145,22 @@ NASTY = _read()
 
 def judged(case: Nasty, seed: int = 0) -> Row:
     """What becomes of a nasty plan: refused, or executed and judged."""
-    command = f"palpate study faults --kind nasty --case '{case.name}'"
-    blank = Row("nasty", case.name, case.intention, command, "")
+    blank = Row.named("nasty", case.name, case.intention)
 
     def work() -> Row:
         scene, plan = small_scene(case.scene), case.plan
-        asked = None
-        if case.requested is not None:
-            asked = [Parameter(name) for name in case.requested]
-        findings = check(plan, scene, requested=asked)
+        findings = check(plan, scene, requested=case.asked)
         if findings:
             said = tuple(f"{f.rule}: {f.message}"[:300] for f in findings)
             rules = sorted({f.rule for f in findings})
-            return Row(
-                blank.kind,
-                case.name,
-                case.intention,
-                command,
-                "refused",
-                said,
-                figures={"rules": rules},
-            )
+            return replace(blank, outcome="refused", said=said, figures={"rules": rules})
         if plan.tree is None:
-            return Row(blank.kind, case.name, case.intention, command, "nothing to do")
-        seen = probed_run(plan, scene, None, "lab", seed)
-        done = seen.execution
-        said = (done.stopped_by,) if done.stopped_by else ()
-        return Row(
-            blank.kind,
-            case.name,
-            case.intention,
-            command,
-            done.status,
-            said,
-            beyond=seen.harm.beyond,
-            touches=touches_of(seen.harm),
-        )
+            return replace(blank, outcome="nothing to do")
+        return judged_run(blank, probed_run(plan, scene, None, "lab", seed))
 
     return within_time(work, blank)
 
 
 def judge_nasty(folder: Path, workers: int, say: Callable[[str], None]) -> list[Row]:
     """Every nasty plan."""
-    ledger = Ledger(folder / "nasty.jsonl")
-    return ledger.complete(NASTY, _name, judged, workers, say)
-
-
-def plan_text(name: str) -> str:
-    """The text of a nasty plan."""
-    (case,) = [case for case in NASTY if case.name == name]
-    return dump_plan(case.plan)
-
-
-def _name(case: Nasty) -> str:
-    return case.name
+    return Ledger(folder / "nasty.jsonl").complete(NASTY, judged, workers, say)

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from html import escape
 
 from palpate.studies.campaign.ledger import Row
-from palpate.studies.harm import SHOWN, UNSEEN
+from palpate.studies.harm.touch import SHOWN, UNSEEN
 
 TITLES = {
     "plans": "Corrupted plans, checked",

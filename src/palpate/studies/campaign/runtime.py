@@ -27,7 +27,8 @@ from palpate.scenarios.catalogue import scenario
 from palpate.studies.campaign.faulty import FaultyRobot
 from palpate.studies.campaign.kinds import FAULTS, OBJECT, Fault
 from palpate.studies.campaign.ledger import Ledger, Row, touches_of, within_time
-from palpate.studies.harm import harm
+from palpate.studies.harm.harm import Harm, harm
+from palpate.studies.probe import AFTERWARDS
 
 SCENARIO = "one_missing_mass"
 MOMENTS = (0.1, 0.3, 0.5, 0.7, 0.9)
@@ -87,8 +88,7 @@ def duration() -> float:
 
 def struck(case: Case) -> Row:
     """How a run with a fault ends, from the plan to the folder on disk."""
-    command = f"palpate study faults --kind runtime --case '{case.name}'"
-    blank = Row("runtime", case.name, case.fault, command, "")
+    blank = Row.named("runtime", case.name, case.fault)
     return within_time(lambda: _struck(case, blank), blank)
 
 
@@ -105,13 +105,18 @@ def _struck(case: Case, blank: Row) -> Row:
         for place in fault.patches:
             patched.enter_context(patch(place.replace(":", "."), side_effect=_failing))
         observer = _Watcher(moment) if fault.name == "watcher fails" else None
+        run, said = None, ()
         try:
             run = pipeline.run(settings, observer)
         except PalpateError as error:
-            said = (str(error)[:300],)
-            return _row(blank, fault, cell, Path(folder) / "run", type(error).__name__, said)
-        row = _row(blank, fault, cell, Path(folder) / "run", run.status, ())
-        return replace(row, figures=row.figures | {"wrong": _wrong(run)})
+            status, said = type(error).__name__, (str(error)[:300],)
+        else:
+            status = run.status
+        blank = replace(blank, outcome=status, said=said)
+        if cell.made is None:
+            return blank
+        wrong = _wrong(run) if run and fault.honest else []
+        return _row(blank, fault, cell.made, Path(folder) / "run", wrong)
 
 
 @contextmanager
@@ -136,33 +141,38 @@ def _wrong(run: Run) -> list[str]:
         error = np.abs(estimate.value - true)
         if (error > 5 * estimate.std).any() and (error > 0.05 * np.abs(true)).any():
             shown = f"{estimate.value.round(4).tolist()} ± {estimate.std.round(4).tolist()}"
-            found.append(f"{estimate.parameter}: {shown} for {list(true)}")
+            found.append(f"{estimate.parameter} identified as {shown}, is {list(true)}")
     return found
 
 
-def _row(
-    blank: Row, fault: Fault, cell: _Cell, folder: Path, status: str, said: tuple[str, ...]
-) -> Row:
-    robot = cell.made
-    if robot is None:
-        return replace(blank, outcome=status, said=said)
+def _row(blank: Row, fault: Fault, robot: FaultyRobot, folder: Path, wrong: list[str]) -> Row:
+    robot.outlast(AFTERWARDS)
     seen = harm(robot.witness, (OBJECT,))
     figures, kept = _kept(folder, robot)
-    beyond = list(seen.beyond)
-    if not fault.honest:
-        beyond = [line for line in beyond if line.endswith("dropped")]
-    if not fault.holds:
-        beyond = []
+    beyond = [*chargeable(seen, fault), *wrong]
     if not kept and fault.bytes is None:
         beyond.append("trace lost")
     return replace(
         blank,
-        outcome=status,
-        said=said or (str(figures.pop("stopped_by")),),
+        said=blank.said or (str(figures.pop("stopped_by")),),
         beyond=tuple(beyond),
         touches=touches_of(seen),
-        figures=figures | {"dropped": list(seen.dropped), "preventable": fault.holds},
+        figures=figures | {"dropped": list(seen.fallen), "preventable": fault.holds},
     )
+
+
+def chargeable(seen: Harm, fault: Fault) -> list[str]:
+    """What the arm has to answer for, of what happened: not for forces when somebody else pushes,
+    nor for what becomes of a load that no holding would have kept."""
+    found: list[str] = []
+    if fault.honest:
+        found += seen.forces
+    for fate in seen.fates:
+        pushed = not fault.honest and not fate.fallen
+        lost = not fault.holds and fate.name == OBJECT
+        if not pushed and not lost:
+            found.append(str(fate))
+    return found
 
 
 def _kept(folder: Path, robot: FaultyRobot) -> tuple[dict[str, Any], bool]:
@@ -185,8 +195,4 @@ def _failing(*_: Any, **__: Any) -> None:
 def strike(folder: Path, count: int, workers: int, say: Callable[[str], None]) -> list[Row]:
     """The first `count` cases: all faults amid the run first, when the bottle is in the hand."""
     cases = sorted(CASES, key=lambda case: abs(case.moment - 0.5))[:count]
-    return Ledger(folder / "runtime.jsonl").complete(cases, _name, struck, workers, say)
-
-
-def _name(case: Case) -> str:
-    return case.name
+    return Ledger(folder / "runtime.jsonl").complete(cases, struck, workers, say)

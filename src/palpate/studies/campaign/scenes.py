@@ -9,39 +9,23 @@ from functools import cache
 
 from palpate.scene.load import parse_scene
 from palpate.scene.scene import Scene
-
-_FRAME = """
-<mujoco model="{name}">
-  <worldbody>
-    <light pos="0.4 0 2"/>
-    <site name="robot_base" pos="0 0 0"/>
-    <body name="table" pos="{table}">
-      <geom type="box" size="{half} .02" friction="0.6 0.005 0.0001" rgba=".8 .7 .55 1"/>
-    </body>
-    {things}
-  </worldbody>
-</mujoco>
-"""
-
-
-def _thing(name: str, at: str, geom: str) -> str:
-    return f'<body name="{name}" pos="{at}"><freejoint/><geom {geom} friction="0.7 0.005 0.0001"/></body>'
+from palpate.studies.variety import standing, tabletop
 
 
 def _fixed(name: str, at: str, size: str) -> str:
     return f'<body name="{name}" pos="{at}"><geom type="box" size="{size}"/></body>'
 
 
-CAN = _thing("can", "0.5 0.1 0.06", 'type="cylinder" size=".033 .06"')
-BOTTLE = _thing("bottle", "0.5 -0.1 0.1", 'type="cylinder" size=".031 .1" mass=".25"')
-TALL = _thing("vase", "0.5 0 0.12", 'type="cylinder" size=".022 .12" mass=".3"')
-WIDE = _thing("crate", "0.5 0 0.08", 'type="box" size=".08 .08 .08"')
-HEAVY = _thing("anvil", "0.5 0.15 0.05", 'type="box" size=".03 .06 .05" mass="6"')
-EDGE = _thing("cup", "0.5 0.275 0.05", 'type="cylinder" size=".03 .05" mass=".2"')
-PLANK = _thing("plank", "0.5 0.2 0.015", 'type="box" size=".02 .16 .015" mass=".6"')
-LOWER = _thing("lower", "0.5 0 0.03", 'type="box" size=".03 .03 .03" mass=".4"')
-UPPER = _thing("upper", "0.5 0 0.085", 'type="box" size=".025 .025 .025" mass=".2"')
-NEAR = _thing("left", "0.5 0.05 0.08", 'type="cylinder" size=".03 .08" mass=".3"') + _thing(
+CAN = standing("can", "0.5 0.1 0.06", 'type="cylinder" size=".033 .06"')
+BOTTLE = standing("bottle", "0.5 -0.1 0.1", 'type="cylinder" size=".031 .1" mass=".25"')
+TALL = standing("vase", "0.5 0 0.12", 'type="cylinder" size=".022 .12" mass=".3"')
+WIDE = standing("crate", "0.5 0 0.08", 'type="box" size=".08 .08 .08"')
+HEAVY = standing("anvil", "0.5 0.15 0.05", 'type="box" size=".03 .06 .05" mass="6"')
+EDGE = standing("cup", "0.5 0.275 0.05", 'type="cylinder" size=".03 .05" mass=".2"')
+PLANK = standing("plank", "0.5 0.2 0.015", 'type="box" size=".02 .16 .015" mass=".6"')
+LOWER = standing("lower", "0.5 0 0.03", 'type="box" size=".03 .03 .03" mass=".4"')
+UPPER = standing("upper", "0.5 0 0.085", 'type="box" size=".025 .025 .025" mass=".2"')
+NEAR = standing("left", "0.5 0.05 0.08", 'type="cylinder" size=".03 .08" mass=".3"') + standing(
     "right", "0.5 -0.05 0.08", 'type="cylinder" size=".03 .08" mass=".3"'
 )
 WALL = _fixed("wall", "0.5 0.2 0.15", ".2 .01 .15")
@@ -74,8 +58,7 @@ def small_scene(name: str) -> Scene:
     plain = name.removesuffix("?")
     unknown = "?" if name.endswith("?") else "-0.02"
     half = ".3 .3" if plain in _SMALL else ".38 .5"
-    table = f"0.6 0 {unknown}"
-    return parse_scene(_FRAME.format(name=plain, table=table, half=half, things=_ALL[plain]))
+    return parse_scene(tabletop(plain, _ALL[plain], unknown, half))
 
 
 SMALL_SCENES = tuple(_ALL)

@@ -13,12 +13,11 @@ from dataclasses import dataclass, replace
 from functools import cache, partial
 from pathlib import Path
 
-import numpy as np
-
 from palpate import pipeline
 from palpate.errors import PalpateError
+from palpate.runs.run import Run
 from palpate.scenarios.catalogue import scenario
-from palpate.studies.campaign.ledger import Ledger, Row, within_time
+from palpate.studies.campaign.ledger import Drawn, Ledger, Row, drawn, within_time
 
 SCENARIO = "one_missing_mass"
 KINDS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGKILL)
@@ -27,73 +26,79 @@ TWICE = 0.25
 """Share of the signals, SIGKILL excepted, that a second one follows."""
 PATIENCE = 180
 """s until a process counts as hung."""
-CODES = {0, 4, 130}
-"""Exit statuses that a signal may end in: done before it came, stopped, or not yet begun."""
+DEAF = 0.2
+"""Of a whole run: one that goes on for longer after a signal, and then ends well, has not heard it."""
 PALPATE = (sys.executable, "-c", "import sys; from palpate.cli.main import main; sys.exit(main())")
 
 
 @dataclass(frozen=True, slots=True)
-class Case:
-    """One run that is sent a signal, drawn from a seed."""
+class Blow:
+    """A signal: when, as a share of a whole run, and s until the second one, if any."""
 
-    seed: int
-    number: int
+    kind: signal.Signals
+    when: float
+    again: float | None
 
-    @property
-    def name(self) -> str:
-        return f"{self.seed}/{self.number}"
-
-    def drawn(self) -> tuple[signal.Signals, float, float | None]:
-        """The signal, when (share of a whole run), and s until the second one, if any."""
-        random = np.random.default_rng([self.seed, self.number, 7])
+    @classmethod
+    def of(cls, case: Drawn) -> Blow:
+        """The one that a case is about."""
+        random = case.random(7)
         kind = KINDS[int(random.choice(len(KINDS), p=SHARES))]
         when = float(random.uniform(0.0, 1.05))
         again = None
         if kind is not signal.SIGKILL and random.random() < TWICE:
             again = float(random.uniform(0.05, 1.0))
-        return kind, when, again
+        return cls(kind, when, again)
+
+    def __str__(self) -> str:
+        again = f", again after {self.again:.2f} s" if self.again else ""
+        return f"{self.kind.name} at {self.when:.2f} of the run{again}"
 
 
-def sent(case: Case, whole: float) -> Row:
+@dataclass(frozen=True, slots=True)
+class Exit:
+    """How a process ended: its status, what it said, and s from the signal on, 0 where it had ended
+    before."""
+
+    code: int
+    said: str
+    after: float
+
+
+def sent(case: Drawn, whole: float) -> Row:
     """What becomes of a run that is sent a signal; `whole`: s that an undisturbed one takes."""
-    kind, when, again = case.drawn()
-    what = f"{kind.name} at {when:.2f} of the run" + (
-        f", again after {again:.2f} s" if again else ""
-    )
-    command = f"palpate study faults --kind signals --seed {case.seed} --case {case.number}"
-    blank = Row("signals", case.name, what, command, "")
+    blow = Blow.of(case)
+    blank = case.blank(str(blow))
 
     def work() -> Row:
         with tempfile.TemporaryDirectory() as folder:
-            return _sent(blank, kind, when * whole, again, Path(folder))
+            return _sent(blank, blow, whole, Path(folder))
 
     return within_time(work, blank)
 
 
-def _sent(blank: Row, kind: signal.Signals, after: float, again: float | None, folder: Path) -> Row:
+def _sent(blank: Row, blow: Blow, whole: float, folder: Path) -> Row:
     out = folder / "run"
     process = _start(out)
-    wait_for(process, after)
-    process.send_signal(kind)
-    if again is not None and not wait_for(process, again):
-        process.send_signal(kind)
+    over = _ended_within(process, blow.when * whole)
+    struck = time.perf_counter()
+    process.send_signal(blow.kind)
+    if blow.again is not None and not _ended_within(process, blow.again):
+        process.send_signal(blow.kind)
     try:
         _, errors = process.communicate(timeout=PATIENCE)
     except subprocess.TimeoutExpired:
         process.kill()
         process.communicate()
         return replace(blank, outcome="hung", beyond=("the process hangs",))
-    beyond = [
-        *_exit_problems(kind, process.returncode, errors),
-        *_folder_problems(kind, out, folder),
-    ]
-    said = tuple(line for line in errors.strip().splitlines()[-2:])
-    figures = {"code": process.returncode, "folder": out.exists(), "after": round(after, 2)}
+    after = 0.0 if over else time.perf_counter() - struck
+    ended = Exit(process.returncode, errors.strip(), after)
+    figures = {"code": ended.code, "folder": out.exists(), "after": round(after, 2)}
     return replace(
         blank,
-        outcome=f"exit {process.returncode}",
-        said=said,
-        beyond=tuple(beyond),
+        outcome=f"exit {ended.code}",
+        said=tuple(ended.said.splitlines()[-2:]),
+        beyond=tuple(problems(blow.kind, ended, out, DEAF * whole)),
         figures=figures,
     )
 
@@ -110,7 +115,7 @@ def _start(out: Path) -> subprocess.Popen[str]:
     )
 
 
-def wait_for(process: subprocess.Popen[str], seconds: float) -> bool:
+def _ended_within(process: subprocess.Popen[str], seconds: float) -> bool:
     """Whether a process ended within so many seconds."""
     try:
         process.wait(timeout=seconds)
@@ -119,45 +124,69 @@ def wait_for(process: subprocess.Popen[str], seconds: float) -> bool:
     return True
 
 
-def _exit_problems(kind: signal.Signals, code: int, errors: str) -> Sequence[str]:
-    problems: list[str] = []
-    if "Traceback" in errors:
-        problems.append("a traceback")
+def problems(kind: signal.Signals, ended: Exit, out: Path, deaf: float) -> Sequence[str]:
+    """What is wrong with how a run ended, and with what lies on disk: its folder `out` is readable
+    and says the same, and nothing else is there. `deaf`: s that it may take to end."""
+    found: list[str] = []
+    if "Traceback" in ended.said:
+        found.append("a traceback")
     if kind is signal.SIGKILL:
-        return problems
-    # Before Python has come as far as palpate, a signal does what it always does.
-    if code not in CODES and code != -kind:
-        problems.append(f"exit {code}")
-    if code == 4 and not errors.strip():
-        problems.append("exit 4 without a word")
-    return problems
-
-
-def _folder_problems(kind: signal.Signals, out: Path, folder: Path) -> Sequence[str]:
-    """What is wrong with what lies on disk: a run folder is readable, and nothing else is there."""
-    problems: list[str] = []
-    if out.exists():
-        if kind is signal.SIGKILL:
-            finished = subprocess.run(
-                [*PALPATE, "report", str(out)], capture_output=True, text=True, timeout=PATIENCE
-            )
-            if finished.returncode not in (0, 4) and (out / "trace.mcap").exists():
-                problems.append(f"palpate report: {finished.stderr.strip()[-200:]}")
-        problems += _unreadable(out)
-    strays = [path.name for path in folder.iterdir() if path != out]
+        found += _unfinished(out)
+    else:
+        found += _misjudged(kind, ended, out, deaf)
+    found += _unreadable(out)
+    strays = [path.name for path in out.parent.iterdir() if path != out]
     if strays:
-        problems.append(f"left behind: {', '.join(strays)}")
-    return problems
+        found.append(f"left behind: {', '.join(strays)}")
+    return found
+
+
+def _misjudged(kind: signal.Signals, ended: Exit, out: Path, deaf: float) -> Sequence[str]:
+    """An exit status is 0 when all was done before the signal, 4 when it stopped the run. Before
+    Python has come as far as palpate, a signal does what it always does."""
+    if ended.code == 0:
+        if ended.after > deaf:
+            return [f"not heard: it went on for {ended.after:.0f} s"]
+        return [] if _status(out) == "complete" else [f"exit 0, {_status(out)}"]
+    if ended.code == 4:
+        if not ended.said:
+            return ["exit 4 without a word"]
+        return [] if _status(out) in (None, "aborted") else [f"exit 4, {_status(out)}"]
+    too_early = ended.code in (130, -kind) and not out.exists()
+    return [] if too_early else [f"exit {ended.code}"]
+
+
+def _status(out: Path) -> str | None:
+    """What a run's folder says of it; None without one."""
+    found = _opened(out)
+    return found.status if found else None
+
+
+def _unfinished(out: Path) -> Sequence[str]:
+    """What `palpate report` leaves undone of a run that was killed."""
+    if not (out / "result.json").exists():
+        return []
+    finished = subprocess.run(
+        [*PALPATE, "report", str(out)], capture_output=True, text=True, timeout=PATIENCE
+    )
+    if finished.returncode not in (0, 1, 4):
+        return [f"palpate report: {finished.stderr.strip()[-200:]}"]
+    if _status(out) == "running" or not (out / "report.html").exists():
+        return ["palpate report does not finish it"]
+    return []
 
 
 def _unreadable(out: Path) -> Sequence[str]:
     try:
-        trace = pipeline.reopen(out).trace
+        run = _opened(out)
+        lost = run is not None and (out / "trace.mcap").exists() and run.trace is None
     except PalpateError as error:
         return [f"not readable: {error}"[:200]]
-    if (out / "trace.mcap").exists() and trace is None:
-        return ["the trace is not found again"]
-    return []
+    return ["the trace is not found again"] if lost else []
+
+
+def _opened(out: Path) -> Run | None:
+    return pipeline.reopen(out) if out.exists() else None
 
 
 @cache
@@ -173,10 +202,6 @@ def send(
     folder: Path, count: int, seed: int, workers: int, say: Callable[[str], None]
 ) -> list[Row]:
     """`count` runs, one signal each."""
-    cases = [Case(seed, number) for number in range(count)]
     work = partial(sent, whole=whole_run())
-    return Ledger(folder / "signals.jsonl").complete(cases, _name, work, workers, say)
-
-
-def _name(case: Case) -> str:
-    return case.name
+    cases = drawn("signals", seed, count)
+    return Ledger(folder / "signals.jsonl").complete(cases, work, workers, say)
