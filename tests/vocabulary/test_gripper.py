@@ -120,3 +120,16 @@ def test_a_can_between_the_edges_of_the_pads_is_let_go_where_it_stands(perform) 
     stands = done.robot.world.true_pose("can")
     assert stands.rotation[2, 2] > 0.999
     assert stands.distance_to(true.body("can").pose_world) < 5e-3
+
+
+@pytest.mark.parametrize("beside", [0.010, 0.012])
+def test_a_can_beside_the_middle_of_the_pads_is_carried_as_it_was_grasped(perform, beside) -> None:
+    """The pads' edges have it, and friction holds it: it meets them at 10 degrees at most."""
+    believed, true = (parse_scene(CAN.format(x=x)) for x in (0.5, 0.5 + beside))
+    above, at = ("MovePose", "can_pose + z_offset"), ("MovePose", "can_pose")
+    steps = ("OpenGripper", above, at, "CloseGripper", above, at, "OpenGripper", above)
+    done = perform(*steps, scene=believed, world=true)
+    assert done.execution.status == "complete"
+    stands = done.robot.world.true_pose("can")
+    assert stands.rotation[2, 2] > 0.9999
+    assert stands.distance_to(true.body("can").pose_world) < 1e-3

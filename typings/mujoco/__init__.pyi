@@ -314,6 +314,9 @@ class MjsFrame(_SpecElement):
     quat: _Doubles
 
 class MjsGeom(_SpecElement):
+    type: mjtGeom
+    size: _Doubles
+    margin: float
     contype: int
     conaffinity: int
     condim: int

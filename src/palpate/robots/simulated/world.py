@@ -17,7 +17,7 @@ from palpate.errors import ExecutionAborted, InputError, unknown_name
 from palpate.geometry.pose import Array, Pose
 from palpate.robots.description import RobotDescription
 from palpate.robots.model import PREFIX, neighbours
-from palpate.robots.simulated.gripper import DRIVE, add_drive
+from palpate.robots.simulated.gripper import DRIVE, add_drive, round_fingers
 from palpate.robots.simulated.guard import EVERY, Guard
 from palpate.robots.simulated.impedance import Actuators, add_actuators
 from palpate.robots.simulated.noise import Imperfections, perturb_links
@@ -233,6 +233,7 @@ def _compile(
     for pair in sorted(map(sorted, neighbours(robot, arm))):
         robot.add_exclude(bodyname1=pair[0], bodyname2=pair[1])
     add_drive(robot, arm.hand)
+    round_fingers(robot, arm.hand)
     perturb_links(robot, arm.links, kinds, random)
     spec.option.timestep = TIMESTEP / SUBSTEPS
     for name in ("integrator", "cone", "impratio"):
