@@ -85,6 +85,7 @@ class Bench:
         self.width = 0.08
         self.contact: Array = np.zeros(6)
         self.floor = -1.0
+        self.beside = (0.0, 0.0)
 
     def row(
         self, target: Array, position: Array, velocity: Array, acceleration: Array, extra: Array
@@ -172,9 +173,11 @@ class Bench:
         support: str,
         speed: float = 0.015,
         threshold: float = 8.0,
+        beside: Sequence[float] = (0.0, 0.0),
     ) -> Recording:
-        """A guarded descent on what pushes the tip back with `press(tip_z)` N, a recorded pose, and
-        the retreat."""
+        """A guarded descent on what pushes the tip back with `press(tip_z)` N, `beside` its middle
+        (world x-y, m), a recorded pose, and the retreat."""
+        self.beside = (float(beside[0]), float(beside[1]))
         begin, equilibrium = self.t, self.position.copy()
         height, z, force = equilibrium[2], equilibrium[2], 0.0
         path: list[float] = []
@@ -265,7 +268,7 @@ class Bench:
             position,
             np.array([0, 0, (z - last) / DT]),
             np.zeros(3),
-            np.array([0, 0, -force, 0, 0, 0]),
+            np.array([0, 0, -force, -self.beside[1] * force, self.beside[0] * force, 0]),
         )
 
     def measure(

@@ -1,8 +1,12 @@
-"""Height: rigid tables, cloths on them, cushions."""
+"""Height: rigid tables, cloths on them, cushions, slopes, and what lies under one finger."""
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from recordings import HAND
 
+from palpate.geometry.pose import Pose
 from palpate.parameter import Parameter
 from palpate.quantities.height import estimate_height
 from palpate.trace.recording import Context as Where
@@ -70,11 +74,142 @@ def test_a_cloth_is_pressed_through(bench, noises, world):
 
 @pytest.mark.parametrize("world", ["none", "lab"])
 def test_a_cushion_is_not_called_rigid(bench, noises, world):
+    """A surface that gives way is contradicted: the scene calls it rigid."""
     found = probe(bench, noises[world], cushion)
-    assert found.verdict == "prior-dominated"
+    assert found.verdict == "contradicted"
     low, high = found.ci95[0]
     assert low <= TABLE <= high
-    assert "gives way" in found.method
+    assert "gives way" in found.contradiction
+
+
+@pytest.mark.parametrize("stiffness", [60, 300, 600, 1500, 3000, 12000])
+def test_a_mat_is_no_table_however_fast_the_force_rises_on_it(bench, noises, stiffness):
+    """All of its loading happens before the tip stops."""
+
+    def mat(z):
+        return max(0.0, TABLE + CLOTH - z) * stiffness
+
+    found = probe(bench, noises["lab"], mat)
+    assert found.verdict == "contradicted"
+    assert abs(found.value[0] - (TABLE + CLOTH)) < 2 * found.std[0]
+    assert found.std[0] >= 0.5 * found.parts["penetration"].value
+
+
+@pytest.mark.parametrize("stiffness", [25e3, 33e3])
+def test_a_light_table_is_carried_back_to_no_force_with_half_the_way_as_doubt(
+    bench, noises, stiffness
+):
+    for seed in range(3):
+        found = probe(bench, noises["lab"], lambda z: max(0.0, TABLE - z) * stiffness, seed)
+        assert found.verdict == "identified"
+        assert found.value[0] == pytest.approx(TABLE, abs=1e-4)
+        assert found.std[0] > 0.5 * found.parts["penetration"].value > 5e-5
+
+
+def test_wild_samples_are_no_contact(bench, noises):
+    """Torque sensors drop a wild sample now and then, in free air as well as in contact."""
+    for seed in range(5):
+        b = bench(noises["lab"], seed)
+        b.go("table_approach", (0.5, 0.0, 0.32))
+        recording = b.descend(rigid, "table")
+        b.convert("Pose2Height", "table", "height", recording)
+        trace = b.trace()
+        random = np.random.default_rng(seed)
+        wild = random.random(len(trace.samples)) < 0.03
+        trace.samples.wrench[wild] += random.normal(0.0, 30.0, (int(wild.sum()), 6))
+        found = estimate_height(trace, HEIGHT, None)
+        assert found.value[0] == pytest.approx(TABLE, abs=5e-5)
+        assert found.verdict == "identified"
+
+
+def test_a_stop_in_free_air_is_no_height(bench, noises):
+    b = bench(noises["lab"])
+    b.go("table_approach", (0.5, 0.0, 0.32))
+    begin = b.t
+    for height in np.linspace(0.32, 0.29, 200):
+        b.pressed(b.position, float(height), float(height), 0.0)
+    b.leaf("MoveUntilContact", begin, "contact")
+    recording = b.measure(0.3, "contact", "table", "gripper_pose")
+    found = estimated(b, recording)
+    assert found.verdict == "not identified"
+    assert "nothing pressing back" in found.method
+
+
+def closing(trace):
+    """(3,) the direction in which the fingers close, world."""
+    return Pose(np.zeros(3), trace.samples.pose_world_tcp[0, 3:]).rotation[:, 1]
+
+
+@pytest.mark.parametrize("world", ["none", "lab", "datasheet"])
+@pytest.mark.parametrize("side", [-1, 1])
+def test_one_finger_on_something_is_seen_by_its_moment(bench, noises, world, side):
+    b = bench(noises[world], 2)
+    b.go("table_approach", (0.5, 0.0, 0.32))
+    beside = side * 0.045 * closing(b.trace())[:2]
+    found = estimated(b, b.descend(rigid, "table", beside=beside))
+    assert found.verdict == "contradicted"
+    assert "One finger" in found.contradiction
+
+
+def test_the_length_of_the_tips_is_as_uncertain_as_stated(bench, noises):
+    b = bench(noises["none"])
+    b.go("table_approach", (0.5, 0.0, 0.32))
+    b.convert("Pose2Height", "table", "height", b.descend(rigid, "table"))
+    stds = []
+    for std in (0.0, 5e-4):
+        trace = b.trace(replace(HAND, tip_offset_std=std))
+        stds.append(float(estimate_height(trace, HEIGHT, None).std[0]))
+    assert stds[1] == pytest.approx(np.hypot(stds[0], 5e-4), rel=1e-3)
+
+
+def touch_all(bench, noise, spots, press, seed=0):
+    """One touch a spot; the last is the one that is converted."""
+    b = bench(noise, seed)
+    recording = None
+    for x, y in spots:
+        b.go("table_approach", (x, y, 0.32))
+        recording = b.descend(lambda z, x=x, y=y: press(x, y, z), "table")
+    return estimated(b, recording)
+
+
+CORNERS = ((0.45, -0.05), (0.55, -0.05), (0.5, 0.07))
+
+
+def test_several_touches_make_one_height(bench, noises):
+    """The tips are the same ones; the rest averages out."""
+    once = probe(bench, noises["lab"], rigid)
+    found = touch_all(bench, noises["lab"], CORNERS, lambda x, y, z: rigid(z))
+    assert found.value[0] == pytest.approx(TABLE, abs=5e-5)
+    assert found.verdict == "identified"
+    assert len(found.evidence) == 3
+    assert HAND.tip_offset_std < found.std[0] < once.std[0]
+    assert found.parts["tilt"].value < 3 * found.parts["tilt"].std
+
+
+def test_three_touches_show_how_a_table_leans(bench, noises):
+    slope = np.tan(np.radians(1.0))
+
+    def leaning(x, y, z):
+        return rigid(z - slope * (x - 0.5))
+
+    found = touch_all(bench, noises["lab"], CORNERS, leaning)
+    tilt = found.parts["tilt"]
+    assert tilt.value == pytest.approx(np.radians(1.0), abs=2 * tilt.std)
+    middle = float(np.mean([x for x, _ in CORNERS]))
+    assert abs(found.value[0] - TABLE - slope * (middle - 0.5)) < found.std[0]
+    assert found.std[0] > slope * 0.04
+    assert "leans" in found.method
+
+
+def test_touches_that_disagree_contradict_each_other(bench, noises):
+    """A board under the second of two touches."""
+
+    def board(x, y, z):
+        return rigid(z - 0.006 * (x > 0.5))
+
+    found = touch_all(bench, noises["lab"], CORNERS[:2], board)
+    assert found.verdict == "contradicted"
+    assert "do not agree" in found.contradiction
 
 
 def test_a_stop_on_impact_needs_no_loading_curve(bench, noises):

@@ -188,56 +188,56 @@ BLIND = 0.5
 """part of that 1 sigma that must be left for a coordinate to count as not measured. Sensitive:
 no."""
 
-# Height: the loading curve of a guarded descent.
+# Height: what a guarded descent met.
 
-STOPPED = 0.3
-"""part of the approach speed below which the tip counts as stopped by something much stiffer
-than the arm. Sensitive: height 0.1 σ."""
+DESCENDING = 0.3
+"""part of the highest commanded speed from which the arm descends. Sensitive: no."""
 
-DESCENDING = 0.9
-"""part of the highest commanded speed from which the arm descends at full speed. Sensitive: no."""
+SUSTAINED = 9
+"""rows, 45 ms, whose running median is a force: up to four wild samples in a row are no contact.
+Sensitive: hardly."""
 
 CONTACT_NOISE = 4.0
-"""standard deviations of the noise that a force must exceed to be contact. Sensitive: `soft
-onset` 0.4 σ."""
+"""standard deviations of the noise that a force must exceed to be contact. Sensitive: hardly."""
 
-SPAN_NOISE = 6.0
-"""standard deviations of the noise that the rise of the force must exceed. Sensitive: no."""
+SOFT_FORCE = 0.15
+"""N: a lower force is none; the repeatability of a force that the datasheet states. Sensitive:
+hardly."""
 
-TOUCH = 0.15
-"""part of the pressing force from which the curve is trusted to be contact and not noise.
-Sensitive: height 0.3 σ."""
+SPEED_CHANGE = 0.05
+"""m/s² of the commanded motion from which it changes its speed; a steady descent has none.
+Sensitive: no."""
 
-KNEES = (TOUCH, 0.3, 0.45, 0.6, 0.75)
-"""Parts of the pressing force at which the stiff part may begin. Sensitive: height 0.6 σ, std
-×0.9–1.0."""
+SWING = 0.3
+"""s after a change of the commanded speed in which the arm still swings on its springs. Sensitive:
+no."""
 
-SPAN = 0.25
-"""part of the pressing force by which it must rise while the tip stands for the surface to be
-stiff. Sensitive: height 0.1 σ."""
+FREE_ROWS = 60
+"""rows, 0.3 s, of free air before the contact, to which the moment of the contact is referred.
+Sensitive: no."""
+
+LATE_FORCE = 0.6
+"""part of the pressing force from which the last stretch of the loading curve reaches to all of
+it: reached before the arm is told to stop, whose swing would disturb it. Sensitive: hardly."""
+
+STIFF_SHARE = 0.1
+"""part of the way through something soft that still belongs to the stiff stretch below it.
+Sensitive: hardly."""
 
 CURVE_ROWS = 5
 """rows at least that make a line. Sensitive: no."""
 
-INTERVALS = 8
-"""intervals of force that weigh the same in a line. Sensitive: hardly."""
-
-HALTED = 0.5
-"""part of the descent's speed that must still be commanded for a stop to be the surface's doing.
-Sensitive: no."""
-
-LIFT_OFF = 0.002
-"""m above where it was held: there the tip has left the surface. Sensitive: no."""
-
 UNSEEN = 2e-5
-"""m (1 sigma): penetration of a rigid surface where the force did not vary enough to see it.
+"""m (1 sigma): penetration of a rigid surface that no loading curve shows. Sensitive: no."""
+
+STIFF = 2e-5
+"""m/N: below this a contact is stiff, and the correction for its penetration small. A steel or
+stone table gives way by 1 to 10 µm/N. Sensitive: no."""
+
+RIGID = 5e-5
+"""m/N: what gives way more than this is no rigid surface. A light table does by up to 40 µm/N: a
+board of 18 mm chipboard, 0.6 m wide and 1.2 m long, borne at its ends, 48 E I / L³ with E of 3 GPa.
 Sensitive: no."""
-
-STRAIGHT = 5e-5
-"""m: largest residual (rms) of the stiff part about its line. Sensitive: no."""
-
-RIGID = 2e-4
-"""m/N: what gives way more than this is not a rigid surface. Sensitive: no."""
 
 SOFT = 0.0015
 """m above the rigid surface from which an earlier rise of the force is something soft.
@@ -246,23 +246,22 @@ Sensitive: no."""
 SOFT_ACCURACY = 2e-3
 """m (1 sigma): what is soft has no sharp beginning. Sensitive: `soft onset` std ×0.5–2.0."""
 
-SOFT_SMOOTH = 7
-"""rows over which the force is averaged before its first rise is looked for. Sensitive: `soft
-onset` 0.1 σ."""
-
-SOFT_FORCE = 0.15
-"""N: below this the averaged force is none. Sensitive: `soft onset` 0.5 σ."""
-
-SOFT_RISE = 0.5
-"""part of the way down through what is soft that is left out of the line back to its beginning.
-Sensitive: no."""
-
-RETREAT = 1.5
-"""s after the recording in which the unloading curve is looked for. Sensitive: no."""
+SOLID = 0.05
+"""part (1 sigma) of the thickness of what is soft that stays however hard it is pressed: relative
+density of flexible foams, 0.02 to 0.1 (Gibson & Ashby, Cellular Solids). Sensitive: height std
+×0.6–1.9, only where something soft was pressed through."""
 
 CORRECTION = 0.25
 """part (1 sigma) of the correction for penetration: contacts are not quite linear. Sensitive:
-height std ×0.9–1.3."""
+hardly."""
+
+YIELDING = 0.5
+"""part (1 sigma) of the correction for penetration where the surface is not stiff. Sensitive:
+height std ×0.6–1.9, only there."""
+
+APART = 0.05
+"""m: three touches so far from one another show how a surface leans; 0.1 mm between two touches is
+2 mrad. Sensitive: no."""
 
 # Friction: drags along a support.
 

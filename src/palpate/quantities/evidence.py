@@ -25,8 +25,8 @@ class Evidence:
         activity: what goes on meanwhile; anything when empty.
         holding: whether it is about the object held; otherwise it is about the surface touched, or
             about what moves, held object or gripper.
-        distinct: what of the context tells several such recordings apart; None when they are all
-            alike.
+        distinct: what of the context tells several such recordings apart, the grasp or the place;
+            None when they are all alike.
         count: how many different ones it takes.
     """
 
@@ -34,7 +34,7 @@ class Evidence:
     how: str
     activity: tuple[Activity, ...] = ()
     holding: bool = False
-    distinct: Literal["grasp"] | None = None
+    distinct: Literal["grasp", "place"] | None = None
     count: int = 1
 
     def about(self, context: Context) -> str | None:
@@ -51,4 +51,6 @@ class Evidence:
     def key(self, context: Context) -> str | None:
         """What tells a recording made in `context` apart from others of its kind; None when nothing
         is known that would."""
-        return context.grasp if self.distinct == "grasp" else ""
+        if self.distinct is None:
+            return ""
+        return context.grasp if self.distinct == "grasp" else context.at

@@ -1,16 +1,18 @@
-"""Height of a surface: of what is rigid under the fingertips, from a guarded descent."""
+"""Height of a surface: of what is rigid under the fingertips, from guarded descents."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import ClassVar
 
 import numpy as np
 
 from palpate.errors import InputError
 from palpate.estimation import tuning
-from palpate.estimation.contact import Stiff, Touch, touched
-from palpate.estimation.estimate import Estimate, Part, not_measured
+from palpate.estimation.agreement import FitTest, chi_squared
+from palpate.estimation.contact import Touch, probes, touched
+from palpate.estimation.estimate import Estimate, Part, not_identified, not_measured
+from palpate.estimation.plane import Plane, fit_plane
 from palpate.geometry.pose import Array
 from palpate.mjcf.body import Body, BodyDescription
 from palpate.mjcf.document import UNKNOWN, Element, has_unknown, label, tokens
@@ -41,6 +43,8 @@ SUNK = 0.003
 """m: how far a hidden surface is below the believed one where things stand on it, at most: they
 must not start inside it."""
 
+NOTHING = "The descent ended with nothing pressing back on the fingertips."
+
 OFF = 0.03
 """m: how far a hidden surface is off the believed one where nothing stands on it, at most."""
 
@@ -58,6 +62,7 @@ class Height(Quantity):
             POSE,
             "MoveUntilContact -z over a free spot, MeasureGripperPose",
             activity=("contact",),
+            distinct="place",
         ),
     )
     estimators: ClassVar = {"loading-curve": "palpate.quantities.height:estimate_height"}
@@ -178,65 +183,109 @@ def _is_carried(surface: BodyDescription, foot: Array) -> bool:
 
 
 def estimate_height(trace: Trace, parameter: Parameter, body: Body | None) -> Estimate:
-    """World z of the rigid surface under the fingertips.
+    """World z of the rigid surface under the fingertips, from every touch of it.
 
-    `parts`: `penetration` (how far the pressed tip was below it) and, when the force began to rise
-    earlier, `soft onset` (world z). A surface that still gives way under the full force is
-    `prior-dominated`.
+    `parts`: `penetration` (how far the pressed tip was below it), `compliance` where the surface
+    gives way, `soft onset` (world z) where something soft was pressed through, and `tilt` from
+    three touches on.
 
     Raises:
-        ValueError: the recording holds no samples, or no guarded descent comes before it.
+        ValueError: a recording holds no samples, or no guarded descent comes before it.
     """
-    recording = trace.converted(parameter)
-    if recording is None:
+    declared = trace.converted(parameter)
+    if declared is None:
         return not_measured(parameter, UNIT)
-    touch = touched(trace, recording)
-    stiff = touch.stiff
-    penetration = stiff.compliance * max(touch.full - stiff.knee, 0.0)
-    parts = {"penetration": Part(penetration, tuning.CORRECTION * penetration, UNIT)}
-    if touch.soft is not None:
-        parts["soft onset"] = Part(touch.soft, tuning.SOFT_ACCURACY, UNIT)
+    recordings = probes(trace, parameter) or [declared]
+    met = [touched(trace, recording) for recording in recordings]
+    found = [touch for touch in met if touch is not None]
+    if not found:
+        return not_identified(parameter, UNIT, NOTHING, tuple(recordings))
+    spots = np.array([touch.spot for touch in found])
+    stds = [_std(touch, trace.hand) for touch in found]
+    plane = fit_plane(spots, [touch.height for touch in found], stds)
     return Estimate.normal(
         parameter,
         UNIT,
-        stiff.height,
-        _std(touch, penetration, trace.hand),
-        _method(touch),
-        (recording,),
-        "identified" if stiff.rigid else "prior-dominated",
-        parts,
+        plane.height,
+        float(np.hypot(plane.std, trace.hand.tip_offset_std)),
+        _method(found, plane),
+        tuple(touch.recording for touch in found),
+        parts=_parts(found, plane),
+        tests=tuple(_tests(found, plane)),
     )
 
 
-def _std(touch: Touch, penetration: float, hand: Hand) -> float:
-    """m: of the pose, of the line, of its way back to no force, and of the force it starts from."""
-    stiff = touch.stiff
-    variance = (
-        hand.pose_repeatability**2
-        + stiff.scatter**2
-        + (tuning.CORRECTION * penetration) ** 2
-        + (stiff.compliance * hand.force_repeatability) ** 2
+def _std(touch: Touch, hand: Hand) -> float:
+    """m: of one touch, without the length of the tips, which all share: of the pose, of the way
+    back to no force, and of what stays of something soft."""
+    compliance = touch.penetration / touch.full
+    stiff = compliance <= tuning.STIFF
+    correction = tuning.CORRECTION if stiff else tuning.YIELDING
+    parts = (
+        hand.pose_repeatability,
+        tuning.UNSEEN,
+        correction * touch.penetration,
+        compliance * hand.force_repeatability,
+        tuning.SOLID * touch.soft,
+        touch.first_std if touch.gives_way else 0.0,
     )
-    std = float(np.sqrt(variance))
-    if stiff.rigid:
-        return std
-    # What gives way may end anywhere as far below as it has given way so far.
-    return max(std, stiff.compliance * touch.full)
+    return float(np.linalg.norm(parts))
 
 
-def _method(touch: Touch) -> str:
-    stiff = touch.stiff
+def _tests(found: Sequence[Touch], plane: Plane) -> Iterator[FitTest]:
+    """Whether what was met is one rigid surface."""
+    softest = max(found, key=lambda touch: touch.yields)
+    yield FitTest(
+        "rigid",
+        softest.yields,
+        tuning.RIGID,
+        f"The surface gives way: pressed with {softest.full:.1f} N, the tip was held "
+        f"{1e3 * softest.penetration:.1f} mm below where it met it, and how far something rigid is "
+        "below that is not known.",
+    )
+    for touch in found:
+        if touch.tells_sides:
+            yield FitTest(
+                "both fingers",
+                abs(touch.lever),
+                touch.opening / 4,
+                f"One finger alone stands on something: the force acts {1e3 * abs(touch.lever):.0f} "
+                "mm beside the middle of the hand, on a thing or a slope under that finger.",
+            )
+    if plane.freedom:
+        yield chi_squared(
+            "touch against touch",
+            plane.misfit,
+            plane.freedom,
+            "The touches do not agree on one surface: something lies on it, or it is not plane.",
+        )
+
+
+def _parts(found: Sequence[Touch], plane: Plane) -> dict[str, Part]:
+    deepest = max(found, key=lambda touch: touch.penetration)
+    depth = deepest.penetration
+    share = tuning.CORRECTION if depth <= tuning.STIFF * deepest.full else tuning.YIELDING
+    parts = {"penetration": Part(depth, share * depth, UNIT)}
+    softest = max(found, key=lambda touch: touch.soft)
+    if softest.soft > 0.0:
+        accuracy = float(np.hypot(tuning.SOFT_ACCURACY, softest.first_std))
+        parts["soft onset"] = Part(softest.first, accuracy, UNIT)
+    if plane.tilt is not None:
+        parts["tilt"] = Part(*plane.tilt, "rad")
+    return parts
+
+
+def _method(found: Sequence[Touch], plane: Plane) -> str:
+    last = found[-1]
+    times = "" if len(found) == 1 else f" of {len(found)} touches"
     text = (
-        f"Height of the fingertips where the descent was stopped, carried back along the loading curve "
-        f"({1e6 * stiff.compliance:.0f} µm/N, pressed with {touch.full:.1f} N) to its beginning"
+        f"Height of the fingertips{times} where the descent was stopped, carried back along the loading "
+        f"curve ({1e6 * last.penetration / last.full:.0f} µm/N, pressed with {last.full:.1f} N) to its "
+        "beginning"
     )
-    if not stiff.rigid:
-        return text + "; it still gives way under the full force, so nothing rigid was reached."
-    return text + _softly(stiff, touch.soft) + "."
-
-
-def _softly(stiff: Stiff, soft: float | None) -> str:
-    if soft is None:
-        return ""
-    thickness = 1e3 * (soft - stiff.height)
-    return f"; something soft above it, {thickness:.0f} mm thick, was pressed through"
+    thickest = max(touch.soft for touch in found)
+    if thickest > 0.0:
+        text += f"; something soft above it, {1e3 * thickest:.0f} mm thick, was pressed through"
+    if plane.tilt is None:
+        return f"{text}."
+    return f"{text}; the plane through them leans by {np.degrees(plane.tilt[0]):.2f}°."

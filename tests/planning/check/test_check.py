@@ -358,3 +358,21 @@ def test_any_tree_is_judged_without_an_exception(scene: Scene, tree: Node, promi
     assert len(found) <= MAX_FINDINGS
     assert all(f.path and f.rule in RULES and f.message for f in found)
     check(Plan((), tree, ""), None)
+
+
+PROBE = ["MoveUntilContact -z", "MeasureGripperPose"]
+
+
+def probing(*spots: str) -> list[str]:
+    """A height from one touch a spot, converted after the last."""
+    actions = ["MoveJoints home_config", "OpenGripper"]
+    for spot in spots:
+        actions += [f"MovePose {spot}", *PROBE, f"MovePose {spot}"]
+    return [*actions[:-1], "Pose2Height", actions[-1], "MoveJoints home_config"]
+
+
+def test_a_height_may_be_probed_at_several_places_but_not_again_and_again_at_one(scene: Scene):
+    spots = [f"bench_approach {shift}".strip() for shift in ("", "+ x_offset", "+ y_offset")]
+    assert check(plan(sequence(*probing(*spots)), "bench.height"), scene) == ()
+    again = sequence(*probing(spots[0], spots[0], spots[0]))
+    assert rules(plan(again, "bench.height"), scene) == {"redundant": "tree.children[8]"}

@@ -78,12 +78,25 @@ def _unused_recordings(case: Case, walk: Walk) -> Iterator[str]:
             continue
         evidence: set[tuple[Parameter, Piece]] = set()
         for parameter in case.plan.parameters:
-            piece = catalogue().piece(parameter, *action.after.logged[-1])
+            piece = _piece(parameter, action)
             if piece is not None:
                 evidence.add((parameter, piece))
         if action.path not in converted and evidence <= seen:
             yield action.path
         seen |= evidence
+
+
+def _piece(parameter: Parameter, action: Action) -> Piece | None:
+    """Which piece of the evidence for a parameter an action records: of a derived one, or one of
+    several that count together."""
+    logged = action.after.logged[-1]
+    quantity = catalogue().get(parameter.quantity)
+    if quantity is None or quantity.derived:
+        return catalogue().piece(parameter, *logged)
+    piece = quantity.piece(parameter, *logged)
+    if piece is None or quantity.evidence[piece[0]].distinct is None:
+        return None
+    return piece
 
 
 def _converted_recordings(walk: Walk) -> set[str]:

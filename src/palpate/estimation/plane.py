@@ -1,0 +1,66 @@
+"""Several touches of one surface as one height: their mean, or the plane through them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from palpate.estimation import tuning
+from palpate.geometry.pose import Array
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Plane:
+    """What touches say of a surface.
+
+    Attributes:
+        height: m, of its middle among the touches. std: m, without what all touches share.
+        tilt: rad, from level, and its standard deviation; None where the touches do not span a
+            plane.
+        misfit: sum of the squared residuals over their variances. freedom: how many touches are
+            more than it takes.
+    """
+
+    height: float
+    std: float
+    tilt: tuple[float, float] | None
+    misfit: float
+    freedom: int
+
+
+def fit_plane(spots: Array, heights: Sequence[float], stds: Sequence[float]) -> Plane:
+    """The plane through touches at `spots` (n, 2), m, by weighted least squares; where they do not
+    span one, their weighted mean.
+
+    A surface that leans is higher on one side than on the other: its height, one number, is then as
+    uncertain as the touches are apart along the slope (root mean square).
+    """
+    z, weight = np.asarray(heights), 1.0 / np.asarray(stds)
+    middle = spots.mean(axis=0)
+    level = np.ones((len(z), 1))
+    leaning = np.hstack([level, spots - middle])
+    design = leaning if spans_plane(spots) else level
+    weighted = design * weight[:, None]
+    covariance = np.linalg.inv(weighted.T @ weighted).astype(np.float64)
+    solution: Array = covariance @ weighted.T @ (z * weight)
+    misfit = float(np.sum(((z - design @ solution) * weight) ** 2))
+    variance, tilt = float(covariance[0, 0]), None
+    if design.shape[1] == 3:
+        slope = solution[1:]
+        tilt = (float(np.linalg.norm(slope)), float(np.sqrt(covariance[[1, 2], [1, 2]].mean())))
+        rise: Array = (spots - middle) @ slope
+        variance += float(np.mean(rise**2))
+    return Plane(float(solution[0]), float(np.sqrt(variance)), tilt, misfit, len(z) - len(solution))
+
+
+def spans_plane(spots: Array) -> bool:
+    """Whether three of the spots are `APART` from one another, and not in line."""
+    if len(spots) < 3:
+        return False
+    # The spread along the shorter main axis; that of three points APART from one another, at the
+    # corners of an equilateral triangle, is APART / sqrt(6). Half of it is still no line.
+    centred = spots - spots.mean(axis=0)
+    variances = np.linalg.eigvalsh(centred.T @ centred / len(spots)).astype(np.float64)
+    return float(variances[0]) >= (tuning.APART / 2) ** 2 / 6
