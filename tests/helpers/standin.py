@@ -117,7 +117,7 @@ class StandIn:
     def move_joints(self, q: Any, speed: float = 1.0) -> None:
         self.calls.append(("move_joints", q))
 
-    def move_pose(self, target: Pose, speed: float) -> None:
+    def move_pose(self, target: Pose, speed: float, slower: Any = ()) -> None:
         self.calls.append(("move_pose", target))
         self.goal, self.speed = target, speed
         self.put(moving=True)

@@ -12,6 +12,7 @@ from palpate.robots import trajectory
 from palpate.robots.trajectory import (
     Motion,
     PosePath,
+    Stretch,
     quintic,
     rotation_vector,
     still,
@@ -27,6 +28,10 @@ def rest(*p: float) -> Motion:
     return Motion(np.array(p), np.zeros(len(p)), np.zeros(len(p)))
 
 
+def steadily(speed: float) -> list[Stretch]:
+    return [Stretch(1.0, speed)]
+
+
 def finely(path: trajectory.Path, step: float = 1e-3) -> tuple[np.ndarray, np.ndarray]:
     t = np.arange(path.knots[0], path.end + step, step)
     return t, path.sample(t)
@@ -35,7 +40,11 @@ def finely(path: trajectory.Path, step: float = 1e-3) -> tuple[np.ndarray, np.nd
 @given(st.floats(0.01, 1.0), st.floats(0.05, 2.0))
 def test_a_straight_motion_arrives_at_rest_below_its_speed(distance: float, speed: float) -> None:
     path = straight(
-        2.0, rest(0.0, 0.0, 0.0), np.array([distance, 0.0, 0.0]), speed / distance, 1.0 / distance
+        2.0,
+        rest(0.0, 0.0, 0.0),
+        np.array([distance, 0.0, 0.0]),
+        steadily(speed / distance),
+        1.0 / distance,
     )
     _, p = finely(path)
     assert p[0] == pytest.approx(ZERO)
@@ -45,27 +54,64 @@ def test_a_straight_motion_arrives_at_rest_below_its_speed(distance: float, spee
 
 
 def test_a_long_motion_cruises_at_its_speed() -> None:
-    path = straight(0.0, rest(0.0), np.array([0.5]), 0.1 / 0.5, 1.0 / 0.5)
+    path = straight(0.0, rest(0.0), np.array([0.5]), steadily(0.1 / 0.5), 1.0 / 0.5)
     _, p = finely(path)
     speed = np.gradient(p[:, 0], 1e-3)
     assert np.isclose(speed, 0.1, rtol=1e-6).mean() > 0.9
 
 
+@given(
+    st.lists(st.tuples(st.floats(0.003, 0.4), st.floats(0.01, 0.25)), min_size=1, max_size=6),
+    st.floats(0.5, 3.0),
+)
+def test_every_stretch_is_gone_no_faster_than_it_may_be(
+    parts: list[tuple[float, float]], acceleration: float
+) -> None:
+    lengths, speeds = np.array(parts).T
+    whole = float(lengths.sum())
+    stretches = [
+        Stretch(end / whole, speed / whole)
+        for end, speed in zip(np.cumsum(lengths), speeds, strict=True)
+    ]
+    path = straight(0.0, rest(0.0), np.array([whole]), stretches, acceleration / whole)
+    t = np.arange(0.0, path.end + 0.002, 0.002)
+    at = path.sample(t)[:, 0]
+    speed = np.gradient(at, t)
+    allowed = speeds[np.minimum(np.searchsorted(np.cumsum(lengths), at), len(lengths) - 1)]
+    beside = np.abs(at[:, None] - np.cumsum(lengths)).min(axis=1) < 1e-3
+    assert at[0] == 0.0
+    assert at[-1] == pytest.approx(whole)
+    assert (speed <= allowed * 1.001 + 1e-9)[~beside].all()
+    assert (speed >= -1e-9).all()
+
+
+def test_it_slows_down_before_a_slow_stretch_and_does_not_stop_there() -> None:
+    path = straight(
+        0.0, rest(0.0), np.array([0.3]), [Stretch(2 / 3, 0.2 / 0.3), Stretch(1.0, 0.1)], 1.0 / 0.3
+    )
+    t, p = finely(path)
+    speed = np.gradient(p[:, 0], t)
+    slow = p[:, 0] > 0.2
+    assert speed[slow].max() == pytest.approx(0.03, rel=1e-3)
+    assert speed[~slow].max() == pytest.approx(0.2, rel=1e-3)
+    assert speed[(p[:, 0] > 0.15) & (p[:, 0] < 0.25)].min() > 0.029
+
+
 def test_jerk_is_bounded() -> None:
-    path = straight(0.0, rest(0.0), np.array([0.3]), 0.25 / 0.3, 1.0 / 0.3)
+    path = straight(0.0, rest(0.0), np.array([0.3]), steadily(0.25 / 0.3), 1.0 / 0.3)
     _, p = finely(path)
     jerk = np.diff(p[:, 0], 3) / 1e-9
     assert np.abs(jerk).max() < 12.0  # 6 v / T^2 of the ramps, m/s^3
 
 
 def test_before_and_after_it_stands_still() -> None:
-    path = straight(1.0, rest(0.2), np.array([0.4]), 1.0, 1.0)
+    path = straight(1.0, rest(0.2), np.array([0.4]), steadily(1.0), 1.0)
     assert path.sample(np.array([0.0, 99.0]))[:, 0] == pytest.approx([0.2, 0.4])
     assert path.at(99.0).v == pytest.approx([0.0])
 
 
 def test_a_stop_goes_on_smoothly() -> None:
-    path = straight(0.0, rest(0.0), np.array([0.5]), 0.4, 2.0)
+    path = straight(0.0, rest(0.0), np.array([0.5]), steadily(0.4), 2.0)
     now = path.at(0.7)
     halt = stop(0.7, now, 1.0)
     begun = halt.at(0.7)
@@ -77,9 +123,9 @@ def test_a_stop_goes_on_smoothly() -> None:
 
 
 def test_replacing_a_motion_under_way_keeps_position_and_speed() -> None:
-    first = straight(0.0, rest(0.0, 0.0), np.array([0.5, 0.0]), 0.4, 2.0)
+    first = straight(0.0, rest(0.0, 0.0), np.array([0.5, 0.0]), steadily(0.4), 2.0)
     now = first.at(0.8)
-    second = straight(0.8, now, np.array([0.2, 0.3]), 0.5, 2.0)
+    second = straight(0.8, now, np.array([0.2, 0.3]), steadily(0.5), 2.0)
     assert second.at(0.8).v == pytest.approx(now.v)
     assert second.at(second.end).p == pytest.approx([0.2, 0.3])
 
@@ -109,7 +155,7 @@ def test_turning_by_the_rotation_vector_between_two_orientations(
 def test_a_pose_path_tells_its_turning_rate() -> None:
     origin = Pose.top_down([0, 0, 0], 0.0).quaternion
     goal = np.array([0.1, 0.0, 0.0, 0.0, 0.0, 0.8])
-    path = PosePath(straight(0.0, rest(*np.zeros(6)), goal, 0.5, 1.0), origin)
+    path = PosePath(straight(0.0, rest(*np.zeros(6)), goal, steadily(0.5), 1.0), origin)
     middle = path.motion(path.end / 2)
     assert middle.p[3:] == pytest.approx(ZERO)
     assert middle.v[3:] == pytest.approx([0.0, 0.0, 0.4], rel=1e-3)

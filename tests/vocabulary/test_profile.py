@@ -6,19 +6,16 @@ from dataclasses import replace
 
 import pytest
 
-from palpate.robots.registry import load_description
+from palpate.geometry.pose import Pose
 from palpate.vocabulary.profile import (
-    FIXED,
-    FREE,
     GUARDED_SPEED,
-    OBJECT_SPEED,
+    NEAR_SPEED,
     Span,
     between,
     spans,
     speed,
+    stretches,
 )
-
-HOME = load_description().home
 
 
 @pytest.fixture
@@ -28,15 +25,15 @@ def ways(start):
     return resolve("cup_pose + z_offset"), resolve("cup_pose")
 
 
-def lengths(parts: list[Span]) -> list[tuple[int, int]]:
-    """(mm, near) of each part."""
-    return [(round(1e3 * part.start.distance_to(part.end)), part.near) for part in parts]
+def lengths(parts: list[Span]) -> list[tuple[int, bool]]:
+    """(mm, guarded) of each part."""
+    return [(round(1e3 * part.start.distance_to(part.end)), part.guarded) for part in parts]
 
 
 def test_a_way_ends_slowly_where_something_is_grasped(start, ways) -> None:
     above, grasp = ways
     parts = list(spans(replace(start, gripper="open"), above, grasp))
-    assert (parts[0].near, parts[-1].near) == (FREE, FIXED)
+    assert [part.guarded for part in parts] == [False, True]
     assert parts[0].start.distance_to(above) == parts[-1].end.distance_to(grasp) == 0.0
     near = sum(part.start.distance_to(part.end) for part in parts if part.guarded)
     assert 0.05 < near < 0.09, "the tips are near the cup's top from 20 mm above it on"
@@ -45,7 +42,7 @@ def test_a_way_ends_slowly_where_something_is_grasped(start, ways) -> None:
 def test_a_way_up_is_free_after_the_lift_off(start, ways) -> None:
     above, grasp = ways
     parts = list(spans(replace(start, gripper="open"), grasp, above))
-    assert [part.near for part in parts] == [FIXED, FREE]
+    assert [part.guarded for part in parts] == [True, False]
     assert 0.008 < parts[0].start.distance_to(parts[0].end) < 0.015
 
 
@@ -68,15 +65,27 @@ def test_high_above_everything_a_way_is_free(start, ways) -> None:
     high = above.translated((0.0, 0.0, 0.2))
     (part,) = spans(start, high, high.translated((0.0, -0.2, 0.0)))
     assert not part.guarded
-    assert speed(part, start.scene, HOME) == start.scene.arm.pace.speed
+    assert speed(part, start.scene) == start.scene.arm.pace.speed
 
 
-def test_near_what_is_fixed_the_speed_follows_the_effective_mass(start, ways) -> None:
+def test_near_things_the_speed_follows_the_effective_mass(start, ways) -> None:
     _, grasp = ways
-    down = grasp.translated((0.0, 0.0, -0.03))
-    slow = speed(Span(grasp, down, FIXED), start.scene, HOME)
-    assert 0.01 < slow <= OBJECT_SPEED
-    assert speed(Span(grasp, grasp, FIXED), start.scene, HOME) == GUARDED_SPEED
+    nearer = Pose.top_down((0.35, 0.0, grasp.position[2]), 0.0)
+    slow, heavy = (
+        speed(Span(pose, pose.translated((0.0, 0.0, -0.03)), True), start.scene)
+        for pose in (grasp, nearer)
+    )
+    assert 0.01 < heavy < slow <= NEAR_SPEED
+    assert speed(Span(grasp, grasp, True), start.scene) == GUARDED_SPEED
+
+
+def test_the_arm_is_told_of_all_parts_at_once(start, ways) -> None:
+    above, grasp = ways
+    parts = list(spans(replace(start, gripper="open"), above, grasp))
+    free, near = stretches(parts, start.scene)
+    assert near.end == pytest.approx(1.0)
+    assert free.end == pytest.approx(above.distance_to(parts[0].end) / above.distance_to(grasp))
+    assert free.speed > near.speed
 
 
 def test_a_pose_between_turns_evenly(ways) -> None:

@@ -6,12 +6,14 @@ polls `state.moving`. Time is the robot's own.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
 from palpate.geometry.pose import Array, Pose
 from palpate.robots.description import Limits
 from palpate.robots.reflex import Reflex
+from palpate.robots.trajectory import Stretch
 from palpate.trace.recording import Hand
 from palpate.trace.samples import Samples
 
@@ -92,9 +94,10 @@ class Robot(Protocol):
         """
         ...
 
-    def move_pose(self, target: Pose, speed: float) -> None:
+    def move_pose(self, target: Pose, speed: float, slower: Sequence[Stretch] = ()) -> None:
         """Start a straight motion with bounded jerk of the commanded TCP pose to `target` (world),
-        at most `speed` m/s, and no faster than its effective mass allows (`robots.pace`).
+        at most `speed` m/s, and no faster than its effective mass allows (`robots.pace`); `slower`
+        says how fast one part after the other of the way may be gone, up to its end, m/s.
 
         The arm follows like a spring: what is in its way bears a force, and it may end beside the
         target. `state.moving` until the command has ended.
@@ -122,7 +125,7 @@ class Robot(Protocol):
         ...
 
     def set_reflex(self, thresholds: Reflex) -> None:
-        """From now on the arm stops itself, within 2 ms, when it feels more than `thresholds`
+        """From now on the arm stops itself, within 1 ms, when it feels more than `thresholds`
         allow; `limits.reflexes` has those for free air, carrying, probing and contact. Those for
         contact, the widest, hold until the first call.
 

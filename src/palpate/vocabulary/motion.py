@@ -25,7 +25,7 @@ from palpate.vocabulary.base import (
     Surroundings,
 )
 from palpate.vocabulary.load import UNFELT, Load
-from palpate.vocabulary.profile import GUARDED_SPEED, POSE_ERROR, Span, leaves, spans, speed
+from palpate.vocabulary.profile import GUARDED_SPEED, POSE_ERROR, Span, leaves, spans, stretches
 from palpate.vocabulary.state import HOME_CONFIG, SymbolicState, pose_of_joints
 from palpate.vocabulary.touch import (
     BRIEF,
@@ -59,17 +59,17 @@ UNDER_WAY = 90.0
 
 
 def feel_on(
-    blackboard: Blackboard, span: Span, sets_down: bool, goal: str
+    blackboard: Blackboard, span: Span, left: float, sets_down: bool, goal: str
 ) -> Generator[None, None, bool]:
-    """Follow a guarded span that has been started: True when the held object's support bears it
-    and more, which ends the motion.
+    """Follow a guarded span of a motion under way, which goes on for `left` m behind it: True when
+    the held object's support bears it and more, which ends the motion.
 
     Raises:
         LeafFailure: it meets something else; the arm still presses on it.
     """
     robot, feeling = blackboard.robot, Feeling(blackboard.robot)
     yield
-    while robot.state.moving:
+    while not _passed(blackboard, span, left):
         wrench = feeling.now()
         change = wrench - feeling.first
         if sets_down and -blackboard.load.borne(wrench) > SET_DOWN:
@@ -77,18 +77,34 @@ def feel_on(
             return True
         met = change[:3] - _explained(blackboard, change, sets_down, span)
         if np.linalg.norm(met) > MET:
-            left = 1e3 * robot.state.pose_world_tcp.distance_to(span.end)
+            before = 1e3 * (left + robot.state.pose_world_tcp.distance_to(span.end))
             raise LeafFailure(
                 f"unexpected contact: the hand pushes with {in_words(met)} on something "
-                f"{left:.0f} mm before the end of the way to '{goal}'"
+                f"{before:.0f} mm before the end of the way to '{goal}'"
             )
         yield
     return False
 
 
-def _reflex(of: Reflexes, span: Span, holding: str | None) -> Reflex:
-    """At what the arm stops itself on the way."""
-    if span.guarded:
+def _go_on(blackboard: Blackboard, span: Span, left: float) -> Steps:
+    """Follow a span of a motion under way in which nothing is near."""
+    yield
+    while not _passed(blackboard, span, left):
+        yield
+    return "passed"
+
+
+def _passed(blackboard: Blackboard, span: Span, left: float) -> bool:
+    """Whether a motion has left a span behind, or has ended."""
+    state = blackboard.robot.state
+    length = span.start.distance_to(span.end)
+    gone = state.target_world_tcp.distance_to(span.start)
+    return not state.moving or (left > 0.0 and gone >= length)
+
+
+def _reflex(of: Reflexes, span: Span, holding: str | None, sets_down: bool) -> Reflex:
+    """At what the arm stops itself on the way. What it leaves, or sets down, may press."""
+    if span.guarded and (sets_down or leaves(span.start, span.end)):
         return replace(of.probing, load=of.carrying.load)
     return of.carrying if holding else of.free
 
@@ -207,12 +223,17 @@ class MovePose(Primitive):
         lifted = self.effects(state).lifted
         sets_down = state.holding is not None and not lifted
         dwell = DWELL
-        for span in spans(state, robot.state.target_world_tcp, target):
-            robot.set_reflex(_reflex(robot.limits.reflexes, span, state.holding))
-            robot.move_pose(span.end, speed(span, blackboard.scene, robot.state.q))
+        way = list(spans(state, robot.state.target_world_tcp, target))
+        left = sum(span.start.distance_to(span.end) for span in way)
+        pace = blackboard.scene.arm.pace
+        robot.move_pose(target, pace.speed, stretches(way, blackboard.scene))
+        for span in way:
+            left -= span.start.distance_to(span.end)
+            left = left if span is not way[-1] else 0.0
+            robot.set_reflex(_reflex(robot.limits.reflexes, span, state.holding, sets_down))
             if not span.guarded:
-                yield from finish(blackboard)
-            elif (yield from feel_on(blackboard, span, sets_down, self.pose)):
+                yield from _go_on(blackboard, span, left)
+            elif (yield from feel_on(blackboard, span, left, sets_down, self.pose)):
                 yield from settle(blackboard, BRIEF)
                 return self._set_down(blackboard, target)
             dwell = BRIEF if span.guarded else DWELL

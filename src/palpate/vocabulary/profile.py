@@ -6,8 +6,8 @@ where something is, or may be by the uncertainty of poses:
 
     speed |   ________________
           |  /                \\
-          | /                  \\_______        near objects
-          |/                            \\____   near what is fixed, and before every stop
+          | /                  \\___________     near things
+          |/                                \\
           +------------------------------------> way
 
 A way up and down over one object has one profile, whether the fingers are empty or hold it, because
@@ -16,16 +16,16 @@ weighing compares equal passes over one path.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
+from itertools import accumulate, pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.geometry.pose import Array, Pose
+from palpate.geometry.pose import Pose
 from palpate.robots.pace import contact_speed
-from palpate.robots.trajectory import rotation_vector, turned
+from palpate.robots.trajectory import Stretch, rotation_vector, turned
 from palpate.scene.scene import Scene
 from palpate.vocabulary.admissible.clearance import STEEP
 from palpate.vocabulary.admissible.support import clear_of_support
@@ -37,11 +37,9 @@ POSE_ERROR = 0.020
 GUARDED_SPEED = 0.018
 """m/s at which both fingers on a table stay below 65 N (mean over 10 ms) and 45 N (20 ms), also where
 the arm is heaviest (28 kg, close to its base)."""
-OBJECT_SPEED = 0.035
-"""m/s near what stands freely: a fingertip on the top of a can stays below 65 and 45 N."""
-LAST = 0.020
-"""m before the end of a way near anything that are gone as near what is fixed: what is grasped may
-be higher than believed, and then the palm meets it."""
+NEAR_SPEED = 0.05
+"""m/s near things, where the arm is light: it goes 3 mm in the 60 ms in which it is certain that it
+has met something, and what stands freely is not to be moved by 5."""
 LIFT_OFF = 0.010
 """m: how far the arm goes slowly as it leaves what it stood at ..."""
 RETRACED = 0.10
@@ -51,11 +49,7 @@ CELL = 0.005
 SHORTEST = 0.015
 """m: a shorter stretch is not worth another speed."""
 
-FREE, OBJECT, FIXED = 0, 1, 2
-"""What a stretch of the way is near."""
-Levels = NDArray[np.intp]
-AWAY = Pose.of((0.0, 0.0, -100.0))
-"""Where nothing is near."""
+Cells = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,42 +58,45 @@ class Span:
 
     Attributes:
         start, end: poses of the TCP in the world.
-        near: what something met here would be, or `FREE`.
+        guarded: something may be met here.
     """
 
     start: Pose
     end: Pose
-    near: int
-
-    @property
-    def guarded(self) -> bool:
-        """Whether something may be met here."""
-        return self.near != FREE
+    guarded: bool
 
 
 def spans(state: SymbolicState, start: Pose, end: Pose) -> Iterator[Span]:
     """The straight way of the TCP from `start` to `end` (world) in parts, in order, by what `state`
     believes."""
-    levels = _levels(state, start, end)
-    edges = [0, *(np.flatnonzero(np.diff(levels)) + 1).tolist(), len(levels)]
-    for first, last in pairwise(edges):
-        one = between(start, end, first / len(levels))
-        other = between(start, end, last / len(levels))
-        yield Span(one, other, int(levels[first]))
+    near = _near(state, start, end)
+    for first, last in pairwise(_edges(near)):
+        one = between(start, end, first / len(near))
+        other = between(start, end, last / len(near))
+        yield Span(one, other, bool(near[first]))
 
 
-def speed(span: Span, scene: Scene, q: Array) -> float:
-    """m/s, the fastest on a span that begins at joint angles `q` (7,), rad."""
-    if span.near == FREE:
+def stretches(parts: Sequence[Span], scene: Scene) -> list[Stretch]:
+    """How fast each part of a way may be gone."""
+    lengths = [part.start.distance_to(part.end) for part in parts]
+    whole = max(sum(lengths), 1e-9)
+    return [
+        Stretch(end / whole, speed(part, scene))
+        for part, end in zip(parts, accumulate(lengths), strict=True)
+    ]
+
+
+def speed(span: Span, scene: Scene) -> float:
+    """m/s, the fastest on a span."""
+    if not span.guarded:
         return scene.arm.pace.speed  # the arm goes more slowly where it is heavy
-    if span.near == OBJECT:
-        return OBJECT_SPEED
     way = span.end.position - span.start.position
     length = float(np.linalg.norm(way))
     if length < CELL:
         return GUARDED_SPEED
     direction = scene.pose_world_base.rotation.T @ way / length
-    return min(contact_speed(scene.arm, q, direction), OBJECT_SPEED)
+    met = scene.pose_world_base.inverse() @ span.start
+    return min(contact_speed(scene.arm, met, direction), NEAR_SPEED)
 
 
 def between(start: Pose, end: Pose, share: float) -> Pose:
@@ -120,54 +117,41 @@ def leaves(start: Pose, end: Pose) -> bool:
     return float(np.linalg.norm(way[:2])) < STEEP and float(way[2]) > 0.0
 
 
-def _levels(state: SymbolicState, start: Pose, end: Pose) -> Levels:
-    """What each cell of the way is near."""
-    levels = np.full(max(1, int(np.ceil(start.distance_to(end) / CELL))), FREE)
+def _near(state: SymbolicState, start: Pose, end: Pose) -> Cells:
+    """Which cells of the way are near something."""
+    near = np.zeros(max(1, int(np.ceil(start.distance_to(end) / CELL))), dtype=np.bool_)
     for hand in _with_and_without(state, start, end):
-        _raise(levels, near_spans(hand, start, end, POSE_ERROR), OBJECT)
-        _raise(levels, near_spans(_among_fixed(hand), start, end, POSE_ERROR), FIXED)
+        for first, last in near_spans(hand, start, end, POSE_ERROR):
+            near[int(first * len(near)) : int(np.ceil(last * len(near)))] = True
     if leaves(start, end):
-        _lift_off(levels)
-    if levels[-1] != FREE:
-        levels[-_cells(LAST) :] = FIXED
-    _smooth(levels)
-    return levels
+        _lift_off(near)
+    _smooth(near)
+    return near
 
 
-def _raise(levels: Levels, near: Iterable[tuple[float, float]], level: int) -> None:
-    for first, last in near:
-        cells = slice(int(first * len(levels)), int(np.ceil(last * len(levels))))
-        levels[cells] = np.maximum(levels[cells], level)
-
-
-def _lift_off(levels: Levels) -> None:
+def _lift_off(near: Cells) -> None:
     """Near the start, the way back is free after a little."""
-    clear = np.flatnonzero(levels == FREE)
-    near = int(clear[0]) if len(clear) else len(levels)
-    first = min(near, _cells(LIFT_OFF))
-    levels[:first] = FIXED
-    levels[first : min(near, _cells(RETRACED))] = FREE
+    clear = np.flatnonzero(~near)
+    left = int(clear[0]) if len(clear) else len(near)
+    near[min(left, _cells(LIFT_OFF)) : min(left, _cells(RETRACED))] = False
 
 
-def _smooth(levels: Levels) -> None:
-    """Stretches that are too short for a speed of their own go as slowly as a neighbour."""
-    for level in (FREE, OBJECT):
-        edges = [0, *(np.flatnonzero(np.diff(levels)) + 1).tolist(), len(levels)]
-        for first, last in pairwise(edges):
-            whole = last - first == len(levels)
-            if levels[first] == level and last - first < _cells(SHORTEST) and not whole:
-                around = levels[max(first - 1, 0)], levels[min(last, len(levels) - 1)]
-                levels[first:last] = max(*around, level)
+def _smooth(near: Cells) -> None:
+    """Free stretches that are too short for a speed of their own go as slowly as what is beside
+    them."""
+    for first, last in pairwise(_edges(near)):
+        whole = last - first == len(near)
+        if not near[first] and last - first < _cells(SHORTEST) and not whole:
+            near[first:last] = True
+
+
+def _edges(near: Cells) -> list[int]:
+    """Where stretches begin, and the end."""
+    return [0, *(np.flatnonzero(np.diff(near)) + 1).tolist(), len(near)]
 
 
 def _cells(length: float) -> int:
     return round(length / CELL)
-
-
-def _among_fixed(state: SymbolicState) -> SymbolicState:
-    """As if no object stood anywhere."""
-    nowhere = {name: AWAY for name in state.scene.objects if name != state.holding}
-    return replace(state, moved={**state.moved, **nowhere})
 
 
 def _with_and_without(state: SymbolicState, start: Pose, end: Pose) -> Iterator[SymbolicState]:

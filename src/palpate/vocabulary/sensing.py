@@ -11,7 +11,7 @@ from palpate.vocabulary.base import Blackboard, Primitive, Steps
 from palpate.vocabulary.state import SymbolicState
 
 FORCE_WINDOW = 1.0
-"""s: 1500 torque samples bring the white noise of a force below 10 mN."""
+"""s: 1000 torque samples bring the white noise of a force below 10 mN."""
 POSE_WINDOW = 0.3
 """s."""
 

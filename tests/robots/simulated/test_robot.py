@@ -200,7 +200,7 @@ def test_hold_stops_a_free_motion_smoothly() -> None:
     arm.move_pose(Pose.top_down([0.6, 0.0, TABLE + 0.3], 0.0), 0.25)
     ticks(arm, 0.8)
     speed = np.linalg.norm(arm.state.twist[:3])
-    assert speed > 0.1
+    assert speed > 0.08
     arm.hold()
     samples = arrive(arm)
     assert np.abs(samples.twist[-1]).max() < 2e-3

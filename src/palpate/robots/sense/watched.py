@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 from palpate.geometry.pose import Array, Pose
@@ -10,6 +11,7 @@ from palpate.robots.reflex import Reflex
 from palpate.robots.robot import Robot, RobotState
 from palpate.robots.sense.fault import Fault
 from palpate.robots.sense.watch import Watch
+from palpate.robots.trajectory import Stretch
 from palpate.trace.recording import Hand
 from palpate.trace.samples import Samples
 
@@ -74,9 +76,9 @@ class Watched:
         """See `Robot`."""
         self._robot.move_joints(q, speed)
 
-    def move_pose(self, target: Pose, speed: float) -> None:
+    def move_pose(self, target: Pose, speed: float, slower: Sequence[Stretch] = ()) -> None:
         """See `Robot`."""
-        self._robot.move_pose(target, speed)
+        self._robot.move_pose(target, speed, slower)
 
     def move_axis(self, direction: Array, speed: float, travel: float) -> None:
         """See `Robot`."""

@@ -22,12 +22,12 @@ from palpate.robots.simulated.timing import TIMESTEP
 OBSERVER_TIME = 0.005
 """s: time constant of the observer; Franka states that its arms detect a collision within 2 ms
 (Panda datasheet, "collision detection time")."""
-EVERY = 2
-"""Control cycles between two looks at the forces."""
-BRAKING = 60.0
-"""1/s: how fast the arm slows down when it has stopped itself; 0.25 m/s end after 4 mm."""
+BRAKING = 150.0
+"""1/s: how fast the arm slows down when it has stopped itself, within what its joints can exert;
+0.25 m/s end after 2 mm. A heavy arm is in contact with a rigid post for some 10 ms: what it brakes
+in these is not for the post to bear."""
 
-_KEEP = math.exp(-EVERY * TIMESTEP / OBSERVER_TIME)
+_KEEP = math.exp(-TIMESTEP / OBSERVER_TIME)
 _BLEND = 1.0 - _KEEP
 _ANYTHING = Reflex(math.inf, math.inf)
 
@@ -38,21 +38,25 @@ class Reaction(NamedTuple):
     Attributes:
         gains: of the drives, which then take torques.
         damping: (7, 7) N m s/rad. load: (7,) N m that hold what hangs on the hand.
+        most: (7,) N m that the joints exert.
     """
 
     gains: Gains
     damping: Array
     load: Array
+    most: Array
 
     @classmethod
-    def of(cls, inertia: Array, load: Array) -> Reaction:
+    def of(cls, inertia: Array, load: Array, most: Array) -> Reaction:
         """Dampers like the inertia (7, 7): the whole arm slows down as one, and no joint pushes
         another against what has stopped the TCP."""
-        return cls(Gains.of_torques(inertia), BRAKING * inertia, load)
+        return cls(Gains.of_torques(inertia), BRAKING * inertia, load, most)
 
     def torque(self, dq: Array) -> Array:
-        """(7,) N m at joint rates (7,), rad/s."""
-        return self.load - self.damping @ dq
+        """(7,) N m at joint rates (7,), rad/s; all less where one would need more than it has."""
+        braking = self.damping @ dq
+        share = max(1.0, float((np.abs(braking) / self.most).max()))
+        return self.load - braking / share
 
 
 class Guard:
@@ -88,11 +92,11 @@ class Guard:
             jacobian: (6, 7), world axes about the TCP.
             inertia: (7, 7) kg m^2 that the commanded torques move.
             dq: (7,) rad/s now.
-            deviation: (n, 7) N m of each look: what the sensors show beyond what is commanded,
+            deviation: (n, 7) N m of each cycle: what the sensors show beyond what is commanded,
                 less Coriolis and centrifugal torques.
         """
         to_wrench = _BLEND * dposv(jacobian @ jacobian.T + RIDGE, jacobian)[1]
-        to_momentum = to_wrench @ inertia / (EVERY * TIMESTEP)
+        to_momentum = to_wrench @ inertia / TIMESTEP
         self._to_wrench = np.concatenate([to_wrench, -to_momentum], axis=1)
         self._known = deviation @ to_wrench.T
         self._dq[:] = dq
@@ -104,7 +108,7 @@ class Guard:
             self.reaction = reaction()
 
     def feels(self, commanded: Array, weight: Array, dq: Array) -> bool:
-        """`EVERY` cycles later: whether it is too much, and the arm gives way from now on.
+        """A cycle later: whether it is too much, and the arm gives way from now on.
 
         `commanded` (7,) N m at the joints, of which `weight` holds the nominal arm up.
         """

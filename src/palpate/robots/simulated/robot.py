@@ -7,6 +7,7 @@ world's actuators (`impedance`), so that Python runs once per tick and not once 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,11 +16,11 @@ from palpate.geometry.pose import Array, Pose
 from palpate.robots import trajectory
 from palpate.robots.description import Limits, RobotDescription
 from palpate.robots.nominal import NominalArm, wrench
-from palpate.robots.pace import joint_rate, speed_along
+from palpate.robots.pace import free_speeds, joint_rates
 from palpate.robots.reflex import Reflex
 from palpate.robots.robot import RobotState
 from palpate.robots.simulated.gripper import Gripper
-from palpate.robots.simulated.guard import EVERY, Guard, Reaction
+from palpate.robots.simulated.guard import Guard, Reaction
 from palpate.robots.simulated.impedance import Gains, Inertia
 from palpate.robots.simulated.noise import Sensors
 from palpate.robots.simulated.noise_models import noise_models
@@ -31,6 +32,7 @@ from palpate.robots.simulated.setpoints import (
 )
 from palpate.robots.simulated.timing import BLOCK, DAMPING_DELAY, LONGEST_RUN, PERIOD, TIMESTEP
 from palpate.robots.simulated.world import World
+from palpate.robots.trajectory import Stretch
 from palpate.trace.recording import Hand
 from palpate.trace.samples import Samples
 
@@ -40,6 +42,8 @@ if TYPE_CHECKING:
 GIVING_WAY = 0.2
 """s, about 2 d / k of the TCP's springs: a stop this long moves the equilibrium on by as much as it
 leads the arm, so that a contact keeps the force it had."""
+STANDING = 1e-4
+"""m: a shorter way has no direction to be heavy in."""
 STANDSTILL = 0.005
 """rad/s: slower joints have stopped giving way."""
 SHORTEST_YIELD, LONGEST_YIELD = 0.1, 0.5
@@ -136,29 +140,33 @@ class MujocoRobot:
         """See `Robot`. No part exceeds the description's pace."""
         self._reflex = None
         goal, now, pace = np.asarray(q, dtype=float), self._joint_motion(), self._arm.pace
-        farthest = float(np.abs(goal - now.p).max())
-        rate = speed * joint_rate(self._nominal, pace, now.p, goal)
-        acceleration = pace.joint_acceleration / max(farthest, 1e-6)
-        self._follow_joints(trajectory.straight(self._world.t, now, goal, rate, acceleration))
+        rates = speed * np.array(joint_rates(self._nominal, self._arm, now.p, goal))
+        acceleration = pace.joint_acceleration / max(float(np.abs(goal - now.p).max()), 1e-6)
+        stretches = trajectory.stretches(rates)
+        self._follow_joints(trajectory.straight(self._world.t, now, goal, stretches, acceleration))
 
-    def move_pose(self, target: Pose, speed: float) -> None:
+    def move_pose(self, target: Pose, speed: float, slower: Sequence[Stretch] = ()) -> None:
         """See `Robot`. Slower where the arm's effective mass is large."""
         self._reflex = None
         now, origin = self._pose_motion()
         goal = np.concatenate(
             [target.position, trajectory.rotation_vector(origin, target.quaternion)]
         )
-        distance = max(float(np.linalg.norm(goal[:3] - now.p[:3])), 1e-6)
+        way = goal[:3] - now.p[:3]
+        distance = max(float(np.linalg.norm(way)), 1e-6)
         angle = max(float(np.linalg.norm(goal[3:])), 1e-6)
         pace, t, q = self._arm.pace, self._world.t, self._readout.q
         bent = self._nominal.reach(target, self._arm.home)
-        ahead = (goal[:3] - now.p[:3]) / distance
-        free = speed_along(self._nominal, pace, [q, (q + bent) / 2, bent], ahead)
-        rate = min(min(speed, free) / distance, pace.turning_speed / angle)
+        free = np.array([speed])
+        if distance > STANDING:
+            free = np.minimum(free_speeds(self._nominal, self._arm, (q, bent), way), speed)
+        rates = np.minimum(free / distance, pace.turning_speed / angle)
+        asked = [Stretch(part.end, part.speed / distance) for part in slower]
+        stretches = trajectory.slowed(trajectory.stretches(rates), asked)
         acceleration = min(pace.acceleration / distance, pace.turning_acceleration / angle)
-        path = trajectory.straight(t, now, goal, rate, acceleration)
+        path = trajectory.straight(t, now, goal, stretches, acceleration)
         resting = trajectory.Motion(q, np.zeros(7), np.zeros(7))
-        posture = trajectory.straight(t, resting, bent, rate, acceleration)
+        posture = trajectory.straight(t, resting, bent, stretches, acceleration)
         self._follow_pose(trajectory.PosePath(path, origin), posture)
 
     def move_axis(self, direction: Array, speed: float, travel: float) -> None:
@@ -308,7 +316,7 @@ class MujocoRobot:
 
         def reaction() -> Reaction:
             load = min(max(readout.load, 0.0), thresholds.load)
-            return Reaction.of(mass_matrix, jacobian[2] * load)
+            return Reaction.of(mass_matrix, jacobian[2] * load, self._arm.limits.tau_max)
 
         self._guard.begin(
             None if self._yielding else thresholds,
@@ -316,7 +324,7 @@ class MujocoRobot:
             jacobian,
             mass_matrix + DAMPING_DELAY * damping,
             readout.speed,
-            self._sensors.cycles(cycles // EVERY) + (readout.deviation - velocity_torque),
+            self._sensors.cycles(cycles) + (readout.deviation - velocity_torque),
         )
 
     @property

@@ -18,7 +18,7 @@ from palpate.geometry.pose import Array, Pose
 from palpate.robots.description import RobotDescription
 from palpate.robots.model import PREFIX, neighbours
 from palpate.robots.simulated.gripper import DRIVE, add_drive, round_fingers
-from palpate.robots.simulated.guard import EVERY, Guard
+from palpate.robots.simulated.guard import Guard
 from palpate.robots.simulated.impedance import Actuators, add_actuators
 from palpate.robots.simulated.noise import Imperfections, perturb_links
 from palpate.robots.simulated.stiction import declared
@@ -114,7 +114,7 @@ class World:
         )
         now, speed, inputs, commanded = data.qpos, data.qvel, data.ctrl, data.qfrc_actuator[self._v]
         dq, weight, done = data.qvel[self._v], data.qfrc_gravcomp[self._v], n
-        drives, cycle = self.actuators.drives, 0
+        drives = self.actuators.drives
         for block, rows in enumerate(control.reshape(n, BLOCK, -1)):
             for stiction in self._stiction:
                 stiction.apply(model, data)
@@ -124,8 +124,7 @@ class World:
                     inputs[drives] = guard.reaction.torque(dq)
                 self._substeps()
                 torque[block, i] = commanded
-                cycle += 1
-                if not (cycle % EVERY or guard.yielding) and guard.feels(commanded, weight, dq):
+                if not guard.yielding and guard.feels(commanded, weight, dq):
                     self.actuators.set(guard.reaction.gains)
             qpos[block], qvel[block] = now, speed
             if guard.fired:
