@@ -53,6 +53,10 @@ Ground = Callable[[Array, Array], Array]
 """Wrench (6,) that the surroundings take, from the tip's position and the velocity."""
 
 
+def _nothing(_: Array) -> Array:
+    return np.zeros(3)
+
+
 @dataclass
 class Bench:
     """Write a trace motion by motion."""
@@ -204,16 +208,19 @@ class Bench:
         at: str,
         goal: Sequence[float],
         static: float,
-        dynamic: float,
+        dynamic: float | Callable[[Array], float],
         press: tuple[float, float],
         support: str = "table",
         speed: float = 0.02,
+        pull: Callable[[Array], Array] = _nothing,
+        attraction: float = 0.0,
     ) -> None:
         """Drag the grasped object along its support; `press` (m) is how deep the equilibrium is,
         first and last.
 
         It sticks until the arm's spring and damper exceed static times normal force, then slides
-        against dynamic.
+        against dynamic, which may depend on where it is (world, m). `pull` (N, world) is what else
+        pulls on it there, `attraction` (N) what presses it on its support besides the hand.
         """
         start, end = self.position.copy(), np.array(goal, dtype=float)
         begin, distance = self.t, float(np.linalg.norm(end - start))
@@ -230,18 +237,21 @@ class Bench:
                 1.0, (time + 0.5) / 0.3
             )
             normal = STIFFNESS * depth + weight
+            here = start + way * x
+            mu = dynamic(here) if callable(dynamic) else dynamic
+            pressed, aside = normal + attraction, float(pull(here) @ way)
             for part in np.arange(1, 11) / 10:
-                pull = STIFFNESS * (before + part * (on - before) - x) + damping * (
+                push = STIFFNESS * (before + part * (on - before) - x) + damping * (
                     commanded - velocity
                 )
-                sliding = sliding or pull > static * normal
+                sliding = sliding or push + aside > static * pressed
                 velocity = (
-                    max(velocity + (pull - dynamic * normal) / moving * DT / 10, 0.0)
+                    max(velocity + (push + aside - mu * pressed) / moving * DT / 10, 0.0)
                     if sliding
                     else 0.0
                 )
                 x += velocity * DT / 10
-            force = np.concatenate([pull * way, np.zeros(3)])
+            force = np.concatenate([push * way, np.zeros(3)])
             force[2] = -normal
             target = start + way * on - np.array([0.0, 0.0, depth])
             self.row(target, start + way * x, way * velocity, np.zeros(3), force)

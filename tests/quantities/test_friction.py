@@ -1,4 +1,4 @@
-"""Friction from drags: bias, direction, pressure."""
+"""Friction from drags: bias, direction, pressure; and worlds in which it is not all there is."""
 
 from dataclasses import replace
 
@@ -10,23 +10,39 @@ from palpate.quantities.friction import estimate_friction
 
 STATIC, DYNAMIC = 0.41, 0.34
 PARAMETER = Parameter("bottle", "friction")
-FALLING, CONSTANT = (0.012, 0.003), (0.006, 0.006)
+ABOVE, GRASP, GOAL = (0.5, 0.1, 0.3), (0.5, 0.1, 0.2), (0.6, 0.1, 0.2)
+PRESSED, CONSTANT = (0.003, 0.012, 0.003), (0.006, 0.006, 0.006)
 
 
-def drag(bench, noise, seed=0, press=FALLING, there_and_back=True, goal=(0.6, 0.1, 0.2)):
-    b = bench(noise, seed)
-    above, grasp = (0.5, 0.1, 0.3), (0.5, 0.1, 0.2)
-    b.go("bottle_pose + z_offset", above)
-    b.go("bottle_pose", grasp)
-    b.close("bottle", 0.254)
-    b.go("bottle_pose + z_offset", above)
-    b.measure()
-    b.go("bottle_pose", grasp)
-    b.drag("place", goal, STATIC, DYNAMIC, press)
+def drag(bench, noise, seed=0, press=PRESSED, there_and_back=True, goal=GOAL, **world):
+    """A weighing, a slide and the way back, each in two halves as MovePose makes them."""
+    b = grasped(bench, noise, seed)
+    slide(b, goal, press, **world)
     if there_and_back:
-        b.drag("bottle_pose", grasp, STATIC, DYNAMIC, press)
+        slide(b, GRASP, press, **world)
+    return released(b)
+
+
+def grasped(bench, noise, seed=0):
+    b = bench(noise, seed)
+    b.go("bottle_pose + z_offset", ABOVE)
+    b.go("bottle_pose", GRASP)
+    b.close("bottle", 0.254)
+    b.go("bottle_pose + z_offset", ABOVE)
+    b.measure()
+    b.go("bottle_pose", GRASP)
+    return b
+
+
+def slide(b, goal, press, static=STATIC, dynamic=DYNAMIC, **world):
+    middle = (np.array(b.position) + goal) / 2
+    b.drag("middle", middle, static, dynamic, press[:2], **world)
+    b.drag("place", goal, static, dynamic, press[1:], **world)
+
+
+def released(b):
     b.open()
-    b.go("bottle_pose + z_offset", above)
+    b.go("bottle_pose + z_offset", ABOVE)
     return b.trace()
 
 
@@ -35,7 +51,7 @@ def test_perfect_sensors(bench, noises):
     assert found.value[0] == pytest.approx(DYNAMIC, abs=2e-3)
     assert found.parts["static"].value == pytest.approx(STATIC, abs=0.03)
     assert found.verdict == "identified"
-    assert len(found.evidence) == 2
+    assert len(found.evidence) == 4
 
 
 @pytest.mark.parametrize("world", ["lab", "datasheet"])
@@ -49,21 +65,20 @@ def test_the_arms_own_friction_does_not_reach_the_estimate(bench, noises, world)
     assert np.abs(dynamic - DYNAMIC).max() < 0.02
     assert np.abs(static.mean() - STATIC) < 0.03
     assert sum(covers) >= 8
+    assert all(e.verdict == "identified" for e in found)
 
 
 def test_a_constant_pressure_leaves_the_bias_in_and_says_so(bench, noises):
     trace = drag(bench, noises["lab"], 1, CONSTANT)
-    falling = estimate_friction(drag(bench, noises["lab"], 1, FALLING), PARAMETER, None)
+    pressed = estimate_friction(drag(bench, noises["lab"], 1), PARAMETER, None)
     constant = estimate_friction(trace, PARAMETER, None)
-    assert constant.std[0] > 3 * falling.std[0]
+    assert constant.std[0] > 3 * pressed.std[0]
     assert abs(constant.value[0] - DYNAMIC) < 3 * constant.std[0]
 
 
 @pytest.mark.parametrize("goal", [(0.6, 0.1, 0.2), (0.5, 0.2, 0.2), (0.43, 0.03, 0.2)])
 def test_independent_of_direction(bench, noises, goal):
-    found = estimate_friction(
-        drag(bench, noises["none"], goal=goal, there_and_back=False), PARAMETER, None
-    )
+    found = estimate_friction(drag(bench, noises["none"], goal=goal), PARAMETER, None)
     assert found.value[0] == pytest.approx(DYNAMIC, abs=2e-3)
 
 
@@ -82,4 +97,92 @@ def test_a_friction_that_cannot_be_told_from_none_has_no_value(bench, noises):
     assert len(found.value) == 0
     assert not found.parts
     assert "cannot be told from none" in found.method
-    assert len(found.evidence) == 2
+    assert len(found.evidence) == 4
+
+
+def leash(stiffness):
+    """A spring of so many N/m that is slack where the object was grasped."""
+    return lambda position: stiffness * (np.array(GRASP) - position) * [1.0, 1.0, 0.0]
+
+
+def zones(first, last):
+    """The coefficient on either side of the middle of the slide."""
+    middle = (GRASP[0] + GOAL[0]) / 2
+    return lambda position: first if position[0] < middle else last
+
+
+def slid(bench, noise, **world):
+    return estimate_friction(drag(bench, noise, **world), PARAMETER, None)
+
+
+def is_right(found):
+    return found.verdict == "identified" and abs(found.z_score(DYNAMIC)[0]) < 3
+
+
+@pytest.mark.parametrize("world", ["lab", "datasheet"])
+@pytest.mark.parametrize("stiffness", [5.0, 15.0, 60.0])
+def test_a_leash_is_no_friction(bench, noises, world, stiffness):
+    found = slid(bench, noises[world], pull=leash(stiffness))
+    assert is_right(found)
+
+
+def test_a_leash_on_a_slide_one_way(bench, noises):
+    found = slid(bench, noises["lab"], pull=leash(15.0), there_and_back=False)
+    assert is_right(found)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_slide_one_way_covers(bench, noises, seed):
+    found = slid(bench, noises["datasheet"], seed=seed, there_and_back=False)
+    assert is_right(found)
+
+
+@pytest.mark.parametrize("force", [2.0, 12.0])
+def test_a_magnet_presses_and_is_not_felt(bench, noises, force):
+    found = slid(bench, noises["lab"], attraction=force)
+    assert abs(found.z_score(DYNAMIC)[0]) < 3
+    assert (found.verdict == "contradicted") == (force > 10)
+
+
+def test_two_zones_are_not_one_friction(bench, noises):
+    found = slid(bench, noises["lab"], dynamic=zones(0.2, 0.5))
+    assert found.verdict == "contradicted"
+    assert "differs along the way" in found.contradiction
+
+
+def test_two_axes_that_differ_are_not_one_friction(bench, noises):
+    along, across = (0.6, 0.1, 0.2), (0.6, 0.2, 0.2)
+    b = grasped(bench, noises["lab"])
+    for place, dynamic in ((along, 0.25), (across, 0.5), (along, 0.5), (GRASP, 0.25)):
+        slide(b, place, PRESSED, dynamic=dynamic)
+    found = estimate_friction(released(b), PARAMETER, None)
+    assert found.verdict == "contradicted"
+    assert "directions or axes" in found.contradiction
+
+
+def test_a_steep_support_is_met_both_ways(bench, noises):
+    steep = 0.017
+    b = grasped(bench, noises["lab"])
+    slide(b, GOAL, PRESSED, dynamic=DYNAMIC + steep)
+    slide(b, GRASP, PRESSED, dynamic=DYNAMIC - steep)
+    assert is_right(estimate_friction(released(b), PARAMETER, None))
+
+
+def test_what_slips_in_the_fingers_is_no_friction(bench, noises):
+    """What the fingers hold back is the same however hard they press."""
+    b = grasped(bench, noises["lab"])
+    for place in (GOAL, GRASP):
+        slide(b, place, PRESSED, static=0.01, dynamic=0.01, attraction=300.0)
+    found = estimate_friction(released(b), PARAMETER, None)
+    assert found.verdict != "identified"
+
+
+def test_the_hand_that_is_held_back_slides_nothing(bench, noises):
+    """An object that sticks and slips: the hand stands still, and jumps."""
+    trace = drag(bench, noises["lab"])
+    samples = trace.samples
+    sticks = (np.floor(samples.t / 0.1) % 2 == 0)[:, None]
+    jerky = replace(samples, twist=np.where(sticks, 0.2, 1.8) * samples.twist)
+    found = estimate_friction(replace(trace, samples=jerky), PARAMETER, None)
+    assert found.verdict == "contradicted"
+    assert "sticks and slips" in found.contradiction

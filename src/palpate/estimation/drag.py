@@ -1,20 +1,15 @@
-"""Drags of a held object along its support, and the friction in them.
+"""Drags of a held object along its support, row by row.
 
 While the hand drags the object, the sensed wrench holds the tangential force and, as what is
-missing from the object's weight, the normal force: N = (f_z with the object in the air) - f_z. Each
-drag, in whichever direction, follows
-
-    f_t = mu N + h,
-
-h being what the arm's own friction and bias leave in the reading, partly the same in all drags
-(friction turns round with the motion), partly not (bias does not). h does not depend on N, so it
-shows as soon as N varies; otherwise only its prior bounds it, and the standard deviation says so.
+missing from the object's weight, the normal force: N = (f_z with the object in the air) - f_z. The
+object sticks, breaks away, and slides; `sliding` fits what the drags have in common.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -24,32 +19,44 @@ from palpate.geometry.pose import Array
 from palpate.trace.samples import Samples, Trace
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Drag:
     """One drag, row by row.
 
     Attributes:
-        t: s. tangential: N, along the drag, the arm's inertia taken off. normal: N.
+        t: s. way: (2,) its direction, world. place: (n, 2) m, of the hand, world.
+        tangential: N, along the drag, the arm's inertia taken off. normal: N.
+        acceleration: m/s², along the drag.
+        turned: (n, 7) which way each joint was turned last: -1 to 1, between them as it turns round.
         cruising: the motion is commanded at its full speed. moving: the hand follows it.
     """
 
     t: Array
+    way: Array
+    place: Array
     tangential: Array
     normal: Array
+    acceleration: Array
+    turned: Array
     cruising: Mask
     moving: Mask
 
     @property
+    def period(self) -> float:
+        """s between two rows."""
+        return float(np.median(np.diff(self.t)))
+
+    @cached_property
     def quotient(self) -> Array:
         """(n,) tangential over normal force, smoothed."""
-        rows = max(1, round(tuning.SMOOTH / float(np.median(np.diff(self.t)))))
+        rows = max(1, round(tuning.SMOOTH / self.period))
         kernel = np.ones(rows) / rows
         tangential = np.convolve(self.tangential, kernel, "same")
         normal = np.convolve(self.normal, kernel, "same")
         pressed = normal > tuning.NORMAL_MIN
         return np.where(pressed, tangential / np.maximum(normal, tuning.NORMAL_MIN), 0.0)
 
-    @property
+    @cached_property
     def breakaway(self) -> int | None:
         """Row at which the object begins to slide; None when it never does.
 
@@ -59,46 +66,63 @@ class Drag:
         late = self.cruising & (self.t > self.t[0] + tuning.LATE * (self.t[-1] - self.t[0]))
         if not late.any():
             return None
-        quotient = self.quotient
-        begun = np.flatnonzero(quotient >= tuning.SLIDING * np.median(quotient[late]))
+        begun = np.flatnonzero(self.quotient >= tuning.SLIDING * np.median(self.quotient[late]))
         if not len(begun):
             return None
         start = self.t[begun[0]]
         window = (self.t >= start) & (self.t <= start + tuning.PEAK_WITHIN)
-        return int(np.argmax(np.where(window, quotient, -np.inf)))
+        return int(np.argmax(np.where(window, self.quotient, -np.inf)))
 
-    @property
+    @cached_property
+    def swung_out(self) -> Mask:
+        """Rows after the breakaway in which the hand is told to move at full speed."""
+        if self.breakaway is None:
+            return np.zeros(len(self.t), dtype=bool)
+        return self.cruising & (self.t > self.t[self.breakaway] + tuning.TRANSIENT)
+
+    @cached_property
     def steady(self) -> Mask:
         """Rows of steady sliding."""
-        start = self.breakaway
-        if start is None:
-            return np.zeros(len(self.t), dtype=bool)
-        swung_out = self.t > self.t[start] + tuning.TRANSIENT
-        return swung_out & self.cruising & self.moving & (self.normal > tuning.NORMAL_MIN)
+        return self.swung_out & self.moving & (self.normal > tuning.NORMAL_MIN)
+
+    @property
+    def parting(self) -> list[slice]:
+        """Short stretches of rows, one of which is where the object breaks away."""
+        if self.breakaway is None:
+            return []
+        size = max(1, round(tuning.SMOOTH / self.period))
+        first = max(0, self.breakaway - 2 * size)
+        last = min(len(self.t) - size, self.breakaway + size)
+        return [slice(row, row + size) for row in range(first, last + 1)]
+
+    def turning(self, rows: slice) -> float:
+        """N (1 sigma): by how much the friction in the arm's joints shows otherwise in `rows` than
+        in steady sliding."""
+        turned = self.turned[rows].mean(axis=0) - self.turned[self.steady].mean(axis=0)
+        return tuning.JOINT_FRICTION * float(np.linalg.norm(turned))
+
+    def row_variance(self) -> float:
+        """N², of the tangential force in a row of steady sliding: half of that from row to row."""
+        return float(np.diff(self.tangential[self.steady]).var()) / 2.0
+
+    def noise_density(self) -> float:
+        """N², variance that the mean of n steady rows has, times n: from the scatter of short means
+        about a line through each block, so that nothing slower counts."""
+        force = self.tangential[self.steady]
+        size = max(1, round(tuning.SMOOTH / self.period))
+        count = max(4, round(tuning.BLOCK / self.period / size))
+        pooled, freedom = 0.0, 0
+        for start in range(0, len(force) - size * count + 1, size * count):
+            means = force[start : start + size * count].reshape(count, size).mean(axis=1)
+            pooled += size * float(np.sum(_detrended(means) ** 2))
+            freedom += count - 2
+        return pooled / freedom if freedom else tuning.UNKNOWN_NOISE
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Dynamic:
-    """The friction of steady sliding.
-
-    Attributes:
-        value, std: mu_d.
-        residuals: N, h of each drag. common_variance: N², of their mean.
-    """
-
-    value: float
-    std: float
-    residuals: Array
-    common_variance: float
-
-
-@dataclass(frozen=True, slots=True)
-class _Peak:
-    """mu_s of one breakaway, its noise, and the normal force, N."""
-
-    ratio: float
-    noise: float
-    normal: float
+def _detrended(y: Array) -> Array:
+    """What a straight line leaves of `y`."""
+    basis = np.vander(np.linspace(-1.0, 1.0, len(y)), 2)
+    return y - basis @ (np.linalg.pinv(basis) @ y)
 
 
 def steady_drags(trace: Trace, name: str) -> list[Drag]:
@@ -116,13 +140,26 @@ def _drags(trace: Trace, load: Load) -> Iterator[Drag]:
     free = _hanging_free(samples, load, floor)
     if free is None:
         return
+    turned = _turned(samples)
     step = np.gradient(samples.target_world_tcp[:, :3], samples.t, axis=0)
     horizontal = np.linalg.norm(step[:, :2], axis=1)
     level = np.abs(step[:, 2]) < tuning.DRAG_SLOPE * horizontal
     low = samples.pose_world_tcp[:, 2] < floor + tuning.DOWN
     for rows in runs(load.loaded & low & (horizontal > tuning.DRAG_SPEED) & level):
         if rows.stop - rows.start > tuning.DRAG_ROWS:
-            yield _drag(samples, rows, step[:, :2], free)
+            yield _drag(samples, rows, step[:, :2], free, turned)
+
+
+def _turned(samples: Samples) -> Array:
+    """(n, 7) which way each joint was turned last: -1 to 1, between them while it turns round, over
+    `tuning.PRESLIDING` (Dahl's model)."""
+    step = np.diff(samples.q, axis=0, prepend=samples.q[:1])
+    keep = np.exp(-np.abs(step) / tuning.PRESLIDING)
+    pull = np.copysign(1.0 - keep, step)
+    found = np.zeros_like(step)
+    for row in range(1, len(step)):
+        found[row] = keep[row] * found[row - 1] + pull[row]
+    return found
 
 
 def _height_at(samples: Samples, time: float) -> float:
@@ -139,7 +176,7 @@ def _hanging_free(samples: Samples, load: Load, floor: float) -> Array | None:
     return samples.wrench[hanging, :3].mean(axis=0)
 
 
-def _drag(samples: Samples, rows: slice, step: Array, free: Array) -> Drag:
+def _drag(samples: Samples, rows: slice, step: Array, free: Array, turned: Array) -> Drag:
     """The drag in `rows`; `step` is the commanded horizontal velocity, `free` the force without
     support."""
     velocity = step[rows]
@@ -152,78 +189,12 @@ def _drag(samples: Samples, rows: slice, step: Array, free: Array) -> Drag:
     acceleration = gained / float(np.median(np.diff(samples.t)))
     return Drag(
         samples.t[rows],
+        way,
+        samples.pose_world_tcp[rows, :2],
         force[:, :2] @ way - tuning.HORIZONTAL_MASS * acceleration,
         -force[:, 2],
+        acceleration,
+        turned[rows],
         commanded > tuning.CRUISE * float(np.median(commanded)),
         samples.twist[rows, :2] @ way > tuning.FOLLOWING * commanded,
     )
-
-
-def dynamic_friction(drags: Sequence[Drag]) -> Dynamic:
-    """mu_d and each drag's residual h, given priors on h.
-
-    Bayesian linear regression of f_t on N (nothing known of mu), a common h and each drag's own h
-    (normal, `tuning.DRIVE_BIAS`): posterior covariance (XᵀX / s² + P)⁻¹, s² being the scatter of a
-    row times how many rows there are to an independent one.
-    """
-    tangential = np.concatenate([drag.tangential[drag.steady] for drag in drags])
-    normal = np.concatenate([drag.normal[drag.steady] for drag in drags])
-    owner = np.repeat(np.arange(len(drags)), [int(drag.steady.sum()) for drag in drags])
-    own = owner[:, None] == np.arange(len(drags))
-    design = np.column_stack([normal, np.ones_like(normal), own]).astype(np.float64)
-    prior = np.diag([0.0] + [tuning.DRIVE_BIAS**-2] * (1 + len(drags)))
-    rough = float(tangential @ normal / (normal @ normal))
-    scatter = max(float((tangential - rough * normal).std()), 1e-3)
-    spread = tuning.CORRELATION * scatter**2
-    covariance: Array = np.linalg.inv(design.T @ design / spread + prior).astype(np.float64)
-    found: Array = covariance @ (design.T @ tangential) / spread
-    # Two numbers of the posterior are wanted: mu, and the mean of all h.
-    mean_of = np.eye(2, len(found))
-    mean_of[1, 2:] = 1.0 / len(drags)
-    variance = mean_of @ covariance @ mean_of.T
-    return Dynamic(
-        float(found[0]),
-        float(np.sqrt(variance[0, 0])),
-        found[1] + found[2:],
-        float(variance[1, 1]),
-    )
-
-
-def static_friction(drags: Sequence[Drag], dynamic: Dynamic) -> tuple[float, float] | None:
-    """mu_s and its standard deviation, from the force at each breakaway; None without one."""
-    found: list[_Peak] = []
-    for drag, residual in zip(drags, dynamic.residuals.tolist(), strict=True):
-        peak = _peak(drag, residual)
-        if peak is not None:
-            found.append(peak)
-    if not found:
-        return None
-    ratios = np.array([peak.ratio for peak in found])
-    noises = np.array([peak.noise for peak in found])
-    normals = np.array([peak.normal for peak in found])
-    scatter = float(ratios.std(ddof=1)) if len(ratios) > 1 else 0.0
-    # The breakaways' own errors average out; what the drags have in common does not.
-    common = dynamic.common_variance / float(normals.mean()) ** 2
-    variance = (np.mean(noises**2) + scatter**2) / len(ratios) + common
-    return float(ratios.mean()), float(np.sqrt(variance))
-
-
-def _peak(drag: Drag, residual: float) -> _Peak | None:
-    row = drag.breakaway
-    if row is None:
-        return None
-    near = np.flatnonzero(np.abs(drag.t - drag.t[row]) <= tuning.SMOOTH)
-    quotient = drag.tangential[near] / np.maximum(drag.normal[near], tuning.NORMAL_MIN)
-    top = int(near[np.argmax(quotient)])
-    rise = slice(max(top - tuning.RISE_ROWS + 1, 0), top + 1)
-    normal = float(drag.normal[rise].mean())
-    noise = float(np.diff(drag.tangential[drag.steady]).std()) / np.sqrt(2.0)
-    return _Peak((_last(drag.tangential[rise]) - residual) / normal, noise / normal, normal)
-
-
-def _last(y: Array) -> float:
-    """The end of the line through `y`: a force that rises until it breaks away is greatest
-    there."""
-    if len(y) < 3:
-        return float(y[-1])
-    return float(np.polyfit(np.arange(len(y)) - (len(y) - 1), y, 1)[1])

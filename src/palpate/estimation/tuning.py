@@ -269,7 +269,8 @@ DRAG_SPEED = 0.002
 """m/s, commanded and horizontal, from which a row belongs to a drag. Sensitive: no."""
 
 DRAG_SLOPE = 0.3
-"""vertical over horizontal commanded speed up to which a motion is a drag. Sensitive: no."""
+"""vertical over horizontal commanded speed up to which a motion is a drag. Sensitive: friction 0.7
+σ, std ×0.6–1.0."""
 
 DRAG_ROWS = 20
 """rows that a drag must exceed, so that it has a beginning and a later half. Sensitive: no."""
@@ -279,32 +280,30 @@ STEADY_ROWS = 10
 
 CRUISE = 0.95
 """part of the usual commanded speed from which the motion is at its full speed. Sensitive:
-friction 0.9 σ, std ×1.0–1.1."""
+friction 1.5 σ, std ×1.0–2.0."""
 
 LATE = 0.5
-"""part of a drag after which its quotient of forces is the usual one. Sensitive: no."""
+"""part of a drag after which its quotient of forces is the usual one. Sensitive: friction 1.7 σ,
+std ×0.9–1.0."""
 
 SLIDING = 0.85
 """part of the usual quotient of forces from which the object may be sliding: before, it turns in
-the fingers' grip. Sensitive: friction 1.8 σ, std ×0.9–1.0."""
-
-RISE_ROWS = 6
-"""rows of the rise before the breakaway through which a line is laid. Sensitive: `static` 0.2 σ,
-std ×0.9–1.1."""
+the fingers' grip. Sensitive: friction 0.8 σ, std ×1.0–1.9; `static` 2.6 σ."""
 
 FOLLOWING = 0.7
 """part of the commanded speed at which the hand follows; slower, the object may have stuck
 again. Sensitive: no."""
 
 PEAK_WITHIN = 0.3
-"""s after that in which the breakaway lies. Sensitive: friction 0.3 σ, std ×0.9–1.0."""
+"""s after that in which the breakaway lies. Sensitive: friction 1.7 σ, std ×0.9–1.7."""
 
 SMOOTH = 0.02
-"""s: forces are averaged over this before the breakaway is looked for. Sensitive: hardly."""
+"""s: forces are averaged over this before the breakaway is looked for. Sensitive: friction 2.1 σ,
+std ×0.9–1.8; `static` 1.0 σ."""
 
 TRANSIENT = 0.25
 """s after breakaway in which the spring between arm and object still swings. Sensitive: friction
-0.5 σ, std ×0.9–1.2."""
+2.7 σ, std ×0.8–1.3."""
 
 DOWN = 0.006
 """m above the grasp that the hand may be while the object is on its support. Sensitive: no."""
@@ -312,24 +311,63 @@ DOWN = 0.006
 HANGING = 0.02
 """m above the grasp from which the object hangs free. Sensitive: no."""
 
-DRIVE_BIAS = 0.3
-"""N (1 sigma): residual of the arm's own joint friction in a horizontal force while the joints
-slide. Sensitive: friction 1.2 σ, std ×0.8–1.1."""
-
 HORIZONTAL_MASS = 5.0
 """kg, of a 7-axis arm at its TCP, horizontally: what its acceleration at breakaway takes of the
-force. Sensitive: friction 0.06 σ."""
+force. Sensitive: friction 0.6 σ; `static` 1.5 σ."""
 
 GAIN_RATIO = 0.8
 """part of a gain's half width that a quotient of two forces is wrong by (1 sigma): different
-joints carry them, sqrt(2) times a uniform error, 1/sqrt(3). Sensitive: friction std ×0.9–1.3."""
+joints carry them, sqrt(2) times a uniform error, 1/sqrt(3). Sensitive: friction std ×0.6–1.9."""
 
 NORMAL_MIN = 0.5
 """N: below this the quotient of forces says nothing. Sensitive: no."""
 
-CORRELATION = 10.0
-"""rows of a drag per independent one: stick-slip and the arm's own swing correlate over a tenth
-of a second. Sensitive: friction 0.6 σ, std ×0.8–1.4."""
+FRICTION_PRIOR = 10.0
+"""1 sigma of a coefficient: nothing is known of it. Sensitive: no."""
+
+TILT = 0.009
+"""rad (1 sigma): how far a support is out of level, half a degree; slides both ways show it.
+Sensitive: friction 0.1 σ; std of a slide one way ×0.8–1.7."""
+
+PULL = 20.0
+"""N/m (1 sigma): what pulls with the place, a cable or a leash; a normal force that rises and
+falls shows it. Sensitive: friction 0.1 σ."""
+
+CURVE = 0.05
+"""N (1 sigma) at `HALF_WAY`: curvature of the arm's bias along a slide. Sensitive: friction 0.2 σ,
+std ×0.9–1.1."""
+
+HALF_WAY = 0.03
+"""m: half of the shortest slide that a plan makes for a friction. Sensitive: friction 0.3 σ, std
+×0.9–1.1."""
+
+SAME_LINE = 0.95
+"""cosine between the ways of two drags on one line. Sensitive: no."""
+
+PRESLIDING = 2e-3
+"""rad over which the friction in a joint turns round: the usual order for harmonic drives.
+Sensitive: `static` hardly, std ×0.9–1.1."""
+
+JOINT_FRICTION = 0.2
+"""N (1 sigma) at the hand of one joint's friction. Sensitive: `static` 0.1 σ, std ×0.9–1.3."""
+
+CORRELATED_BLOCKS = 3.0
+"""blocks: what the model of a drag leaves out is the same in about so many neighbouring ones.
+Sensitive: friction std ×0.8–1.3."""
+
+SLIDING_NOISE = 1e-3
+"""N: noise of a block that is always assumed. Sensitive: no."""
+
+HORIZONTAL_SPREAD = 2.0
+"""kg (1 sigma) of `HORIZONTAL_MASS`, with the hand turning as it lets go. Sensitive: `static` 0.3
+σ, std ×0.6–1.8."""
+
+STICKING = 0.1
+"""part of the rows of steady sliding in which the hand may lag behind its command; an object that
+sticks and slips holds it back most of the time. Sensitive: no."""
+
+LIKELY_FRICTION = 2.0
+"""coefficient beyond which nothing dry slides on anything. Sensitive: no."""
 
 SIGNIFICANT = 2.0
 """standard deviations from zero from which a friction is identified. Sensitive: no."""

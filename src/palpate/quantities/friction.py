@@ -8,8 +8,10 @@ from typing import ClassVar
 import numpy as np
 
 from palpate.estimation import tuning
-from palpate.estimation.drag import Drag, dynamic_friction, static_friction, steady_drags
+from palpate.estimation.agreement import FitTest, chi_squared
+from palpate.estimation.drag import Drag, steady_drags
 from palpate.estimation.estimate import Estimate, Part, not_identified
+from palpate.estimation.sliding import Sliding, fit_sliding, static_friction
 from palpate.geometry.pose import Array
 from palpate.mjcf.body import Body, BodyDescription
 from palpate.mjcf.defaults import MUJOCO_FRICTION
@@ -115,25 +117,72 @@ def estimate_friction(trace: Trace, parameter: Parameter, body: Body | None) -> 
             "No recording shows the held object sliding steadily along its support.",
             evidence,
         )
-    dynamic = dynamic_friction(drags)
+    found = fit_sliding(drags, trace.hand.force_repeatability)
+    value, unsure = found.friction
     # Both forces carry the gain of the joints that sensed them.
-    gain = tuning.GAIN_RATIO * trace.hand.torque_gain * dynamic.value
-    std = float(np.hypot(dynamic.std, gain))
+    std = float(np.hypot(unsure, tuning.GAIN_RATIO * trace.hand.torque_gain * value))
     normal = _normal_forces(drags)
     method = _method(len(drags), float(normal.min()), float(normal.max()))
-    if dynamic.value <= tuning.SIGNIFICANT * std:
-        found = f" The result, {dynamic.value:.2g} ± {std:.2g}, cannot be told from none."
-        return not_identified(parameter, UNIT, method + found, evidence)
+    tests = _tests(drags, found)
+    if value <= tuning.SIGNIFICANT * std:
+        reasons = [test.finding for test in tests if not test.passed]
+        none = f"The result, {value:.2g} ± {std:.2g}, cannot be told from none."
+        return not_identified(parameter, UNIT, " ".join([method, none, *reasons]), evidence)
 
     parts = {
-        "dynamic": Part(dynamic.value, std),
+        "dynamic": Part(value, std),
         "normal force": Part(float(normal.mean()), float(normal.std()), "N"),
     }
-    static = static_friction(drags, dynamic)
+    static = static_friction(drags, found)
     if static is not None:
         parts["static"] = Part(*static)
     return Estimate.normal(
-        parameter, UNIT, dynamic.value, std, method, evidence, parts=parts, least=0.0
+        parameter, UNIT, value, std, method, evidence, parts=parts, least=0.0, tests=tests
+    )
+
+
+def _tests(drags: Sequence[Drag], found: Sliding) -> tuple[FitTest, ...]:
+    """Whether one coefficient of dry friction is all that there is."""
+    value, unsure = found.friction
+    constant, constant_std = found.constant
+    tilt, tilt_std = found.tilt
+    held = sum(int(np.sum(drag.swung_out & ~drag.moving)) for drag in drags)
+    rows = sum(int(drag.swung_out.sum()) for drag in drags)
+    return (
+        chi_squared(
+            "one coefficient everywhere",
+            found.disagreement,
+            found.freedom,
+            f"The sliding force is {found.misfit:.2g} N (rms) off what one coefficient makes of the "
+            "normal force: friction differs along the way, between its directions or axes, or "
+            "something else pulls.",
+        ),
+        chi_squared(
+            "force without pressure",
+            constant**2 / (tuning.FORCE_BIAS**2 + constant_std**2),
+            1,
+            f"{constant:.2g} N of the sliding force do not grow with the normal force: something "
+            "else holds the object (a magnet, something sticky), or it slips in the fingers.",
+        ),
+        chi_squared(
+            "one way against the other",
+            tilt**2 / (tuning.TILT**2 + tilt_std**2),
+            2,
+            f"Friction differs by {2 * tilt:.2g} from one way to the other: the support is steep, or "
+            "something pulls.",
+        ),
+        FitTest(
+            "steady sliding",
+            held / max(rows, 1),
+            tuning.STICKING,
+            "The object sticks and slips: no force is that of steady sliding.",
+        ),
+        FitTest(
+            "a likely coefficient",
+            value - tuning.SIGNIFICANT * unsure,
+            tuning.LIKELY_FRICTION,
+            "Nothing dry is so rough: something holds the object.",
+        ),
     )
 
 
@@ -154,7 +203,7 @@ def _normal_forces(drags: Sequence[Drag]) -> Array:
 
 def _method(drags: int, least: float, most: float) -> str:
     return (
-        f"Tangential over normal force in {drags} drag{'s' * (drags > 1)} under "
+        f"How the tangential force grows with the normal force in {drags} drag{'s' * (drags > 1)} under "
         f"{least:.1f} to {most:.1f} N, both measured against the object hanging free; "
         "static at breakaway, dynamic while sliding steadily."
     )

@@ -1,0 +1,223 @@
+"""The friction in drags of a held object along its support.
+
+A row of drag i, at the place x of the hand along the line that it goes on, follows
+
+    f_t = (mu + w·θ) N + h + h_i + s (b + g x + q x²)
+
+    mu          friction, which is sought; N is the normal force
+    w, θ        direction of the drag, and tilt of the support
+    h, h_i      what the arm leaves in the reading, along a line whichever way, and in one drag
+    s           1 or -1: one way along the line or the other
+    b, g, q     a bias, and what pulls with the place: a spring, a leash, a cable
+
+It is linear in all of them, which have normal priors but for mu (Bayesian linear regression, e.g.
+Bishop, Pattern Recognition and Machine Learning, section 3.3). A normal force that rises and falls
+along the line tells mu from all of them, whatever they are; where it does not, their priors are in
+the standard deviation. The noise comes from the scatter within short stretches, never from the
+misfit, which would let the priors outweigh the recordings; the misfit is added to the standard
+deviation afterwards.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from palpate.estimation import tuning
+from palpate.estimation.drag import Drag
+from palpate.geometry.pose import Array
+
+MU, TILT_X, TILT_Y = 0, 1, 2
+"""Coefficients that the normal force is multiplied by."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Sliding:
+    """What fits all drags.
+
+    Attributes:
+        coefficients: (p,) mu_d first. covariance: (p, p).
+        asides: for each drag (n, p), one row for each of its own: the model without mu.
+        middle: (p,) mean of them over all rows of steady sliding.
+        misfit: N, root mean square of what the model leaves beyond the noise.
+        disagreement, freedom: of a chi-squared test of what it leaves.
+    """
+
+    coefficients: Array
+    covariance: Array
+    asides: tuple[Array, ...]
+    middle: Array
+    misfit: float
+    disagreement: float
+    freedom: int
+
+    @property
+    def friction(self) -> tuple[float, float]:
+        """mu_d and its standard deviation."""
+        return float(self.coefficients[MU]), float(np.sqrt(self.covariance[MU, MU]))
+
+    @property
+    def constant(self) -> tuple[float, float]:
+        """N: what neither turns round with the drags nor grows with the normal force, and its
+        standard deviation."""
+        constant = self.middle.copy()
+        constant[: TILT_Y + 1] = 0.0
+        return float(constant @ self.coefficients), self._std(constant)
+
+    @property
+    def tilt(self) -> tuple[float, float]:
+        """By how much mu seems to differ from its mean in the direction in which it does most, and
+        the standard deviation."""
+        tilt = self.coefficients[TILT_X : TILT_Y + 1]
+        size = float(np.linalg.norm(tilt))
+        row = np.zeros_like(self.middle)
+        row[TILT_X : TILT_Y + 1] = tilt / max(size, 1e-12)
+        return size, self._std(row)
+
+    def aside(self, drag: int, rows: slice) -> tuple[float, float]:
+        """N: mean over rows of a drag of what is no friction of the object, and its standard
+        deviation."""
+        row = self.asides[drag][rows].mean(axis=0)
+        return float(row @ self.coefficients), self._std(row)
+
+    def _std(self, row: Array) -> float:
+        return float(np.sqrt(row @ self.covariance @ row))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Line:
+    """A line that drags go on: its unit direction (2,), and which way each drag goes on it by the
+    drag's index, 1 or -1."""
+
+    direction: Array
+    sides: dict[int, float]
+
+
+def fit_sliding(drags: Sequence[Drag], repeatability: float) -> Sliding:
+    """The friction of steady sliding; `repeatability` (N) is how far a force may be off that the arm
+    feels, half of it within one drag."""
+    designs, prior = _designs(drags)
+    design, force, noise = _blocks(drags, designs)
+    weighted = design.T / noise
+    posterior = np.linalg.inv(weighted @ design + np.diag(prior**-2.0))
+    found: Array = posterior @ (weighted @ force)
+    squares = (force - design @ found) ** 2
+
+    excess = max(0.0, float(np.mean(squares - noise)))
+    gain = posterior @ weighted
+    asides = tuple(_without_mu(part) for part in designs)
+    steady = [aside[drag.steady] for aside, drag in zip(asides, drags, strict=True)]
+    return Sliding(
+        found,
+        (posterior + tuning.CORRELATED_BLOCKS * excess * gain @ gain.T).astype(np.float64),
+        asides,
+        np.vstack(steady).mean(axis=0),
+        float(np.sqrt(excess)),
+        float((squares / (noise + (repeatability / 2) ** 2)).sum()) / tuning.CORRELATED_BLOCKS,
+        max(1, round(len(force) / tuning.CORRELATED_BLOCKS)),
+    )
+
+
+def _designs(drags: Sequence[Drag]) -> tuple[list[Array], Array]:
+    """For each drag (n, p), one row for each of its own, and the prior standard deviations (p,)."""
+    lines = _lines(drags)
+    places = np.vstack([drag.place[drag.steady] for drag in drags])
+    middle = (places.max(axis=0) + places.min(axis=0)) / 2
+    prior = [tuning.FRICTION_PRIOR, tuning.TILT, tuning.TILT]
+    for _ in lines:
+        prior += [tuning.FORCE_BIAS, tuning.KIND_BIAS, tuning.PULL, tuning.CURVE]
+    prior += [tuning.KIND_BIAS] * len(drags)
+
+    designs: list[Array] = []
+    for i, (drag, own) in enumerate(zip(drags, np.eye(len(drags)), strict=True)):
+        ones = np.ones((len(drag.t), 1))
+        along = [_along(drag, line, line.sides.get(i, 0.0), middle) for line in lines]
+        normal = drag.normal[:, None]
+        designs.append(np.hstack([normal, normal * drag.way, *along, ones * own]))
+    return designs, np.array(prior)
+
+
+def _lines(drags: Sequence[Drag]) -> list[_Line]:
+    found: list[_Line] = []
+    for i, drag in enumerate(drags):
+        for line in found:
+            along = float(line.direction @ drag.way)
+            if abs(along) > tuning.SAME_LINE:
+                line.sides[i] = float(np.sign(along))
+                break
+        else:
+            found.append(_Line(drag.way, {i: 1.0}))
+    return found
+
+
+def _along(drag: Drag, line: _Line, side: float, middle: Array) -> Array:
+    """(n, 4) the line's columns in a drag that goes on it one way or the other, or not at all."""
+    x = (drag.place - middle) @ line.direction
+    columns = [abs(side) * np.ones_like(x), side * np.ones_like(x), side * x]
+    return np.column_stack([*columns, side * (x / tuning.HALF_WAY) ** 2])
+
+
+def _blocks(drags: Sequence[Drag], designs: Sequence[Array]) -> tuple[Array, Array, Array]:
+    """Means over blocks of steady sliding: the design (m, p), the force (m,) N, and the variance of
+    its noise (m,) N²."""
+    rows: list[Array] = []
+    forces: list[float] = []
+    noises: list[float] = []
+    for drag, design in zip(drags, designs, strict=True):
+        density = drag.noise_density()
+        steady = np.flatnonzero(drag.steady)
+        size = max(1, round(tuning.BLOCK / drag.period))
+        for block in np.array_split(steady, max(1, len(steady) // size)):
+            rows.append(design[block].mean(axis=0))
+            forces.append(float(drag.tangential[block].mean()))
+            noises.append(density / len(block) + tuning.SLIDING_NOISE**2)
+    return np.array(rows), np.array(forces), np.array(noises)
+
+
+def _without_mu(design: Array) -> Array:
+    aside = design.copy()
+    aside[:, MU] = 0.0
+    return aside
+
+
+@dataclass(frozen=True, slots=True)
+class _Peak:
+    """mu_s of one breakaway, and variances: of its own, and of what breakaways have in common."""
+
+    ratio: float
+    own: float
+    common: float
+
+
+def static_friction(drags: Sequence[Drag], sliding: Sliding) -> tuple[float, float] | None:
+    """mu_s and its standard deviation, from the force at each breakaway; None without one."""
+    peaks = list(_peaks(drags, sliding))
+    if not peaks:
+        return None
+    ratios = np.array([peak.ratio for peak in peaks])
+    own = np.array([peak.own for peak in peaks])
+    common = np.array([peak.common for peak in peaks])
+    weight = 1.0 / (own + common)
+    weight /= weight.sum()
+    scatter = float(ratios.var(ddof=1)) / len(ratios) if len(ratios) > 1 else 0.0
+    variance = max(float(weight**2 @ own), scatter) + float(weight @ common)
+    return float(weight @ ratios), float(np.sqrt(variance))
+
+
+def _peaks(drags: Sequence[Drag], sliding: Sliding) -> Iterator[_Peak]:
+    for i, drag in enumerate(drags):
+        peaks = [_peak(drag, rows, *sliding.aside(i, rows)) for rows in drag.parting]
+        if peaks:
+            yield max(peaks, key=lambda peak: peak.ratio)
+
+
+def _peak(drag: Drag, rows: slice, aside: float, aside_std: float) -> _Peak:
+    """The quotient of forces in `rows`; `aside` (N) is what of the force is no friction."""
+    normal = max(float(drag.normal[rows].mean()), tuning.NORMAL_MIN)
+    force = float(drag.tangential[rows].mean()) - aside
+    inertia = tuning.HORIZONTAL_SPREAD * float(np.abs(drag.acceleration[rows]).max())
+    own = drag.row_variance() / (rows.stop - rows.start)
+    common = aside_std**2 + drag.turning(rows) ** 2 + inertia**2
+    return _Peak(force / normal, own / normal**2, common / normal**2)
