@@ -12,7 +12,7 @@ from palpate import pipeline
 from palpate.planning.plan import Node, Plan
 from palpate.scenarios.catalogue import scenario
 from palpate.studies.harm.harm import Harm, harm
-from palpate.studies.harm.touch import UNSEEN
+from palpate.studies.harm.touch import CAUTIOUS, UNSEEN
 from palpate.studies.probe import named, probed_run
 from palpate.studies.witness import Witness
 
@@ -116,6 +116,39 @@ def test_a_light_object_may_be_pushed_less_hard_than_one_that_something_holds() 
     assert [line for line in free.beyond if "block moved" in line]
 
 
+@pytest.mark.parametrize(("mass", "wall", "found"), [("1", "0 .048", True), ("2", "", False)])
+def test_only_what_stands_against_a_push_excuses_it(mass: str, wall: str, found: bool) -> None:
+    """A wall beside the block, which it slides along, does not hold it; what is heavy counts as fixed."""
+    hand = PUSHER.format(at="-.0499 0 .03", axis="1 .05 0")
+    block = BLOCK.format(name="block", at="0 0 .03", mass=mass)
+    beside = f'<geom type="box" size=".2 .02 .2" pos="{wall} .2"/>' if wall else ""
+    seen = judged(watched(hand + block + beside, 0.1, '<motor joint="1 .05 0"/>', lambda _: [40.0]))
+    assert any("sideways" in line for line in seen.forces) == found
+
+
+def test_what_is_pushed_against_the_robot_itself_is_excused_by_nothing() -> None:
+    hand = PUSHER.format(at="-.0499 0 .03", axis="1 0 0")
+    block = BLOCK.format(name="block", at="0 0 .03", mass="1")
+    link = '<body name="robot/link" pos=".0499 0 .2"><geom type="box" size=".02 .2 .2"/></body>'
+    seen = judged(watched(hand + link + block, 0.1, '<motor joint="1 0 0"/>', lambda _: [30.0]))
+    assert any("sideways" in line for line in seen.forces)
+
+
+def test_the_limits_of_what_is_unseen_are_other_ones() -> None:
+    """30 N, sustained: nothing on what is shown, a tail on what is not; 100 N, briefly: the other
+    way round."""
+    hand = PUSHER.format(at="0 0 .0205", axis="0 0 1")
+    long = watched(hand, 0.5, '<motor joint="0 0 1"/>', lambda _: [-30.0])
+    brief = watched(
+        hand, 0.5, '<motor joint="0 0 1"/>', lambda t: [-100.0 if 0.1 < t < 0.13 else -1.0]
+    )
+    assert harm(long).forces == ()
+    assert len(harm(brief).forces) == 2
+    assert harm(long, unseen=("floor",)).forces == ("robot/hand on floor: 30 N after 100 ms",)
+    assert harm(brief, unseen=("floor",)).forces == ()
+    assert harm(brief, unseen=("floor",), hidden=CAUTIOUS).forces == harm(brief).forces
+
+
 def test_a_push_is_no_harm_below_the_limit_where_the_plan_names_the_object() -> None:
     hand = PUSHER.format(at="-.052 0 .03", axis="1 0 0")
     block = BLOCK.format(name="block", at="0 0 .03", mass="1")
@@ -134,6 +167,18 @@ def test_what_falls_is_dropped_and_what_is_let_down_is_not() -> None:
     resting = watched(BLOCK.format(name="block", at="0 0 .035", mass="1"), 0.3)
     assert judged(falling, named=("block",)).beyond == ("block dropped",)
     assert judged(resting, named=("block",)).beyond == ()
+
+
+def test_what_sinks_slowly_is_dropped_where_nothing_bears_it() -> None:
+    floating = BLOCK.format(name="block", at="0 0 .06", mass="1")
+    floating = floating.replace("<body ", '<body gravcomp=".95" ')
+    assert "block dropped" in judged(watched(floating, 0.4)).beyond
+    lift = '<joint name="lift" type="slide" axis="0 0 1"/><geom type="box" size=".1 .1 .01"/>'
+    carried = f'<body name="lift" pos="0 0 .1">{lift}</body>' + BLOCK.format(
+        name="block", at="0 0 .14", mass="1"
+    )
+    lowered = watched(carried, 0.6, '<velocity joint="lift" kv="9999"/>', lambda _: [-0.12])
+    assert judged(lowered, named=("block",)).beyond == ("block left its place",)
 
 
 def test_what_tips_is_seen_and_a_turn_about_the_vertical_is_none() -> None:

@@ -6,6 +6,7 @@ hard, and where every object is; `harm` judges it.
 
 from __future__ import annotations
 
+import math
 from array import array
 from collections.abc import Iterable
 from dataclasses import dataclass, field
@@ -29,6 +30,8 @@ LOOK = 10
 """Physics steps between two looks at where the objects are: 5 ms. What falls 13 mm needs 51 ms."""
 LEANING = 0.7
 """|n_z| of a contact's normal below which it holds an object sideways."""
+FACING = 0.5
+"""Cosine: what holds an object against a push has its normal this much against it."""
 SHOVED = 25.0
 """N sideways from which on it is looked whether the object can give way at all."""
 
@@ -218,7 +221,8 @@ class Witness:
             others = not (self._mine[one] or self._mine[two])
             # The normal points from the first geom to the second.
             sign = 1.0 if self._part[two] == thing else -1.0
-            against = sign * (frame[0] * push[0] + frame[1] * push[1]) < 0
+            along = sign * (frame[0] * push[0] + frame[1] * push[1])
+            against = along < -FACING * math.hypot(*push)
             if involved and others and against and abs(frame[2]) < LEANING:
                 return True
         return False

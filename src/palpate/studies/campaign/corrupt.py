@@ -24,10 +24,29 @@ Place = tuple[Siblings, int]
 
 MOST = 3
 """Changes of one plan."""
+SPOILT = 0.08
+"""Share of plans in which something is of another kind besides, after which nobody can read on."""
 GARBLED = 0.04
 """Share of plans whose text is damaged besides."""
+DEEPEST = 40
+"""Composites about one node."""
 FACTORS = (-20.0, -3.0, -2.0, -1.0, -0.5, 0.0, 0.2, 0.37, 0.5, 0.8, 1.5, 2.0, 3.0, 5.0, 16.0, 1e6)
 NUMBERS = (0.0, -1.0, 1.0, 7.3, 1e9, 1e308, -1e308, 1e-308)
+SCRAWLS = ("1e999", "nan", "-inf", "0x10", "1_0", "٣", "½", "1,5", "--1", "")
+"""Where a factor belongs."""
+ANYTHING = (None, True, "", "null", [], {}, [[]], {"type": "MovePose"}, float("nan"), 10**400)
+"""Where something of another kind belongs."""
+MISSPELLINGS: tuple[Callable[[str], str], ...] = (
+    str.upper,
+    str.title,
+    lambda name: name.replace("a", "\u0430").replace("o", "\u043e"),  # Cyrillic ones
+    lambda name: name[:3] + "\u200b" + name[3:],  # a space of no width
+    lambda name: "\u202e" + name,  # the wrong way round
+    lambda name: f" {name}\n",
+    lambda name: name + "\u0301",  # an accent
+    lambda name: 300 * name,
+    lambda name: name.replace("_", "."),
+)
 QUANTITIES = ("mass", "friction", "height", "com", "inertia", "position", "velocity", "nonsense")
 SENSING = ("MeasureForces", "MeasureGripperPose")
 CONVERSIONS = ("Force2Mass", "Force2Velocity", "Force2Momentum", "Pose2Height", "Pose2Plan")
@@ -101,6 +120,20 @@ class Corruption:
         node["pose"] = "".join(signs.get(c, c) for c in old)
         return f"{old} became {node['pose']}"
 
+    def scrawl(self) -> str:
+        """A factor that is no number, or is not written as one."""
+        node = self._one("MovePose")
+        offset = self._choice(self.scene.symbols.offset_names)
+        node["pose"] = f"{node['pose']} + {self._choice(SCRAWLS)}*{offset}"
+        return f"scrawled {node['pose']}"
+
+    def misspell(self) -> str:
+        """A name in other letters."""
+        node = self._one("MovePose")
+        head, *rest = str(node["pose"]).split(" ", 1)
+        node["pose"] = " ".join([self._choice(MISSPELLINGS)(head), *rest])
+        return f"misspelt {ascii(node['pose'])[:80]}"
+
     def axis(self) -> str:
         node = self._one("MoveUntilContact")
         node["axis"] = self._choice(AXES)
@@ -163,6 +196,32 @@ class Corruption:
         kind = self._choice(("Sequence", "Parallel"))
         siblings[i] = {"type": kind, "children": [siblings[i]]}
         return f"a {kind} about one node"
+
+    def bury(self) -> str:
+        """One node inside of many composites."""
+        siblings, i = self._leaf()
+        levels = int(self.random.integers(2, DEEPEST))
+        for _ in range(levels):
+            siblings[i] = {"type": "Sequence", "children": [siblings[i]]}
+        return f"{levels} Sequences about one node"
+
+    def field(self) -> str:
+        """A field too many, or one that something else has."""
+        siblings, i = self._leaf()
+        name = self._choice(("speed", "pose", "axis", "joints", "name", "force"))
+        siblings[i][name] = self._choice(("", "+x", 1.0, [], "home_config"))
+        return f"a {name} in {_shown(siblings[i])}"
+
+    def spoil(self) -> str:
+        """Something of another kind anywhere, or nothing at all; the last change there can be."""
+        holders: list[Document] = [self.document, *self._nodes(), *self.document["parameters"]]
+        holder = self._choice(holders)
+        name = self._choice(list(holder))
+        if self.random.random() < 0.3:
+            del holder[name]
+            return f"no {name}"
+        holder[name] = self._choice(ANYTHING)
+        return f"{name} became {str(holder[name])[:40]}"
 
     def shuffle(self) -> str:
         siblings, _ = self._leaf()
@@ -251,6 +310,10 @@ CHANGES: tuple[Callable[[Corruption], str], ...] = (
     Corruption.number,
     Corruption.nest,
     Corruption.shuffle,
+    Corruption.scrawl,
+    Corruption.misspell,
+    Corruption.bury,
+    Corruption.field,
 )
 
 
@@ -262,6 +325,8 @@ def corrupted(base: Base, random: np.random.Generator) -> Corrupted:
     for _ in range(min(MOST, int(random.geometric(0.6)))):
         change = CHANGES[int(random.integers(0, len(CHANGES)))]
         changes.append(change(corruption))
+    if random.random() < SPOILT:
+        changes.append(corruption.spoil())
     text = json.dumps(document, ensure_ascii=False)
     if random.random() < GARBLED:
         text, where = _garbled(text, random)

@@ -55,7 +55,7 @@ def _met(case: Drawn, blank: Row) -> Row:
     true = pipeline.load(replace(settings, scene=settings.world))
     assert scene is not None
     assert true is not None
-    wrong = _wrong(case.kind, true, random)
+    wrong = wrong_world(case.kind, true, random)
     seen = probed_run(
         base.plan,
         scene,
@@ -84,7 +84,7 @@ class Wrong:
     figures: Figures = UNSEEN
 
 
-def _wrong(kind: str, true: Scene, random: np.random.Generator) -> Wrong:
+def wrong_world(kind: str, true: Scene, random: np.random.Generator) -> Wrong:
     """The world of a case of a kind."""
     if kind == "poses":
         return Wrong(*_shifted(true, random))

@@ -265,8 +265,8 @@ def _given(case: Bad, blank: Row, folder: Path) -> Row:
         said.seek(0)
         text = said.read()
     code, work, memory = _used(told)
-    problems = _problems(code, work, memory, text.decode("utf-8", "replace"))
-    beyond = [problem for problem in problems if case.refused or problem != "exit 0"]
+    found = problems(code, work, memory, text.decode("utf-8", "replace"))
+    beyond = [problem for problem in found if case.refused or problem != "exit 0"]
     shown = tuple(text.decode("utf-8", "replace").strip().splitlines()[-2:])
     figures = {
         "code": code,
@@ -285,19 +285,20 @@ def _used(told: Path) -> tuple[int, float, float]:
     return code, work, kilobytes * 1024
 
 
-def _problems(code: int, seconds: float, memory: float, text: str) -> list[str]:
-    problems: list[str] = []
+def problems(code: int, seconds: float, memory: float, text: str) -> list[str]:
+    """What is wrong with how a bad input was refused: s of the processor, bytes, all that was said."""
+    found: list[str] = []
     if code not in (2, 3):
-        problems.append(f"exit {code}")
+        found.append(f"exit {code}")
     if "Traceback" in text:
-        problems.append("a traceback")
+        found.append("a traceback")
     if seconds > SECONDS:
-        problems.append(f"{seconds:.0f} s")
+        found.append(f"{seconds:.0f} s")
     if memory > MEMORY:
-        problems.append(f"{memory / 1e9:.1f} GB")
+        found.append(f"{memory / 1e9:.1f} GB")
     if any(category(c) in ("Cc", "Cf") and c not in "\t\n\r" for c in text):
-        problems.append("control characters reach the terminal")
-    return problems
+        found.append("control characters reach the terminal")
+    return found
 
 
 def give(folder: Path, say: Callable[[str], None]) -> list[Row]:

@@ -90,6 +90,12 @@ def _section(kind: str, rows: Sequence[Row]) -> Iterable[str]:
         limit = UNSEEN.mean10 if kind == "obstacles" else SHOWN.mean10
         yield histogram(forces, limit)
         yield "<h3>Worst forces</h3>" + _worst(rows)
+    unseen = Counter[str]()
+    for row in rows:
+        unseen.update(row.figures.get("unseen", ()))
+    if unseen:
+        listed = "; ".join(f"{fate} ({number})" for fate, number in unseen.most_common())
+        yield f"<p class=small>Of what no scene shows: {escape(listed)}</p>"
     bad = [row for row in rows if row.beyond or row.crash]
     yield f"<h3>Beyond the figures, or crashed: {len(bad)} of {len(rows)}</h3>"
     if bad:

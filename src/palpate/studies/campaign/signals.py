@@ -158,8 +158,11 @@ def _misjudged(kind: signal.Signals, ended: Exit, out: Path, deaf: float) -> Seq
 
 def _status(out: Path) -> str | None:
     """What a run's folder says of it; None without one."""
-    found = _opened(out)
-    return found.status if found else None
+    try:
+        run = _opened(out)
+    except PalpateError:
+        return "unreadable"
+    return run.status if run else None
 
 
 def _unfinished(out: Path) -> Sequence[str]:

@@ -18,7 +18,6 @@ from palpate.studies.campaign import campaign, nasty, runtime
 from palpate.studies.campaign.bases import Base
 from palpate.studies.campaign.corrupt import corrupted
 from palpate.studies.campaign.faulty import FaultyRobot, broken, frozen
-from palpate.studies.campaign.inputs import BAD, given
 from palpate.studies.campaign.kinds import FAULTS
 from palpate.studies.campaign.ledger import Drawn, Ledger, Row, drawn
 from palpate.studies.campaign.page import page
@@ -154,12 +153,6 @@ def test_a_case_is_repeated_by_its_number_or_name() -> None:
         campaign.repeat("rutime", "1", 0)
     with pytest.raises(InputError, match="numbers"):
         campaign.repeat("plans", "six", 0)
-
-
-def test_a_bad_input_is_refused_in_little_time_and_memory() -> None:
-    (case,) = [case for case in BAD if case.name == "a million copies"]
-    row = given(case)
-    assert (row.outcome, row.beyond) == ("exit 2", ())
 
 
 def test_a_plan_in_a_light_scene_is_named_by_its_command() -> None:
