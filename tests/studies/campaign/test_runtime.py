@@ -68,7 +68,7 @@ def struck(robot: MujocoRobot, name: str) -> tuple[mujoco.MjModel, mujoco.MjData
 
 def test_faults_of_the_world_change_it(robot: MujocoRobot) -> None:
     before = robot.world.model.jnt_actfrcrange.copy()
-    model, _ = struck(robot, "arm weakens")
+    model, _ = struck(robot, "arm gives out")
     np.testing.assert_allclose(model.jnt_actfrcrange, before / 4)
     model, _ = struck(robot, "pads without friction")
     pads = [model.geom(f"robot/{side}_pad") for side in ("left", "right")]

@@ -34,7 +34,18 @@ FACTORS = (-20.0, -3.0, -2.0, -1.0, -0.5, 0.0, 0.2, 0.37, 0.5, 0.8, 1.5, 2.0, 3.
 NUMBERS = (0.0, -1.0, 1.0, 7.3, 1e9, 1e308, -1e308, 1e-308)
 SCRAWLS = ("1e999", "nan", "-inf", "0x10", "1_0", "٣", "½", "1,5", "--1", "")
 """Where a factor belongs."""
-ANYTHING: tuple[Any, ...] = (None, True, "", "null", [], {}, [[]], {"type": "MovePose"}, float("nan"), 10**400)
+ANYTHING: tuple[Any, ...] = (
+    None,
+    True,
+    "",
+    "null",
+    [],
+    {},
+    [[]],
+    {"type": "MovePose"},
+    float("nan"),
+    10**400,
+)
 """Where something of another kind belongs."""
 MISSPELLINGS: tuple[Callable[[str], str], ...] = (
     str.upper,

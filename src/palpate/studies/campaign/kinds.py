@@ -42,8 +42,8 @@ class Fault:
     Attributes:
         meddle: makes a robot faulty. patches: what fails besides, by `module:name`.
         bytes: how large files may become, for a disk that is full; None for any size.
-        holds: holding still keeps the load. honest: nobody outside pushes, so that all forces are
-            the arm's own.
+        holds: holding still keeps the load. honest: nobody outside pushes, and the arm can bear
+            itself, so that all forces are its own.
     """
 
     name: str
@@ -252,7 +252,8 @@ FAULTS: tuple[Fault, ...] = (
     Fault("pads with little friction", _acts(_slippery(0.15)), holds=False),
     Fault("grip gives out", _acts(_weak_grip(0.02)), holds=False),
     Fault("grip weakens", _acts(_weak_grip(0.4))),
-    Fault("arm weakens", _acts(_weak_arm(0.25)), holds=False),
+    Fault("arm weakens", _acts(_weak_arm(0.6))),
+    Fault("arm gives out", _acts(_weak_arm(0.25)), honest=False, holds=False),
     # what else may fail
     Fault("watcher fails", _nothing),
     Fault("disk full at 2 kB", _nothing, bytes=2_000),
