@@ -83,6 +83,23 @@ class Look(NamedTuple):
     touched: Mask
 
 
+class Touching(NamedTuple):
+    """What follows from who touches whom, and from what is held, whatever the forces.
+
+    Attributes:
+        pairs: the two geoms of each contact. mine: contacts of the robot, and of what it grips.
+        fingers: those of a finger with an object: the contact, the finger, the object.
+        presses: those with anything else than itself: the contact, the pair, the sign of its force.
+        touched: (objects,) touching anything.
+    """
+
+    pairs: list[list[int]]
+    mine: list[int]
+    fingers: list[tuple[int, int, int]]
+    presses: list[tuple[int, Pair, float]]
+    touched: Mask
+
+
 class Witness:
     """Watches a simulation from the moment it is made: to be called after every physics step.
 
@@ -112,7 +129,9 @@ class Witness:
         self._find_fingers()
         self._gripped: dict[int, int] = {}
         self._held = -1
+        self._let_go = LET_GO / self.period
         self._force = np.zeros(6)
+        self._known: tuple[bytes, int] | None = None
         self.looks = [self._look(data, np.zeros(len(free), dtype=bool))]
 
     @classmethod
@@ -124,73 +143,92 @@ class Witness:
 
     def __call__(self, data: mujoco.MjData) -> None:
         """Take note of one physics step."""
-        geoms = data.contact.geom
-        if len(geoms) and self._mine.take(geoms).any():
-            self._touching(data, geoms)
-        if self.steps - self._gripped.get(self._held, self.steps) > LET_GO / self.period:
+        touching = self._who_touches(data.contact.geom)
+        if touching.mine:
+            self._note_forces(data, touching)
+        if self.steps - self._gripped.get(self._held, self.steps) > self._let_go:
             self._hold(-1)
         self.steps += 1
         if self.steps % LOOK == 0:
-            self.looks.append(self._look(data, self._touched(geoms)))
+            self.looks.append(self._look(data, touching.touched))
 
-    def _touching(self, data: mujoco.MjData, geoms: Ints) -> None:
+    def _who_touches(self, geoms: Ints) -> Touching:
+        """Most steps have the contacts of the step before: then nothing is looked up anew."""
+        pairs = geoms.tobytes(), self._held
+        if pairs != self._known:
+            self._known, self._last = pairs, self._looked_up(geoms)
+        return self._last
+
+    def _looked_up(self, geoms: Ints) -> Touching:
+        mine = np.flatnonzero(self._mine.take(geoms).any(axis=1)).tolist()
+        pairs: list[list[int]] = geoms.tolist()
+        fingers: list[tuple[int, int, int]] = []
+        for i in mine:
+            side, other = self._sides(pairs[i])
+            finger, thing = self._finger.get(side), self._object_of[other]
+            if finger is not None and thing >= 0:
+                fingers.append((i, finger, thing))
+        touched = np.zeros(len(self.objects) + 1, dtype=bool)
+        touched[self._object.take(geoms)] = True
+        return Touching(pairs, mine, fingers, self._presses(pairs, mine), touched[:-1])
+
+    def _presses(self, pairs: list[list[int]], mine: list[int]) -> list[tuple[int, Pair, float]]:
+        found: list[tuple[int, Pair, float]] = []
+        for i in mine:
+            side, other = self._sides(pairs[i])
+            load = side not in self._robot_geoms
+            if not self._is_own(side, other, load):
+                # MuJoCo's force is what the first geom does to the second.
+                sign = 1.0 if side == pairs[i][0] else -1.0
+                found.append((i, Pair(self._part[side], self._part[other], load), sign))
+        return found
+
+    def _note_forces(self, data: mujoco.MjData, touching: Touching) -> None:
         """Write down the forces of the robot, and of what it grips, on everything else."""
-        rows = np.flatnonzero(self._mine.take(geoms).any(axis=1)).tolist()
-        frames, pairs = data.contact.frame.tolist(), geoms.tolist()
-        grips = self._grips(data, rows, pairs, frames)
+        frames: Frames = data.contact.frame.tolist()
+        held = self._held
+        grips = self._grips(data, touching.fingers, frames)
+        presses = touching.presses
+        if self._held != held:
+            presses = self._presses(touching.pairs, touching.mine)
         sums: dict[Pair, list[float]] = {}
-        for i in rows:
-            self._add(data, i, pairs[i], frames[i], grips, sums)
+        for i, pair, sign in presses:
+            if i not in grips:
+                self._add(data, i, sign, frames[i], sums.setdefault(pair, [0.0, 0.0, 0.0]))
         for pair, (x, y, z) in sums.items():
             forces = self.forces.setdefault(pair, Forces())
             forces.steps.append(self.steps)
             forces.vectors.extend((x, y, z))
             shoved = x * x + y * y > SHOVED**2
-            if shoved and self._is_blocked(pair.thing, (x, y), pairs, frames):
+            if shoved and self._is_blocked(pair.thing, (x, y), touching.pairs, frames):
                 forces.blocked.add(self.steps)
 
     def _grips(
-        self, data: mujoco.MjData, rows: Iterable[int], pairs: list[list[int]], frames: Frames
+        self, data: mujoco.MjData, fingers: Iterable[tuple[int, int, int]], frames: Frames
     ) -> set[int]:
         """Contacts of both fingers with one object along the closing axis: the commanded grip."""
+        if not fingers:
+            return set()
         found: dict[int, dict[int, list[int]]] = {}
         x, y, z = data.xaxis[self._closing].tolist()
-        for i in rows:
-            mine, other = self._sides(pairs[i])
-            finger, thing = self._finger.get(mine), self._object_of[other]
-            if finger is None or thing < 0:
-                continue
+        for i, finger, thing in fingers:
             normal = frames[i]
             if abs(normal[0] * x + normal[1] * y + normal[2] * z) > ALONG:
                 found.setdefault(thing, {}).setdefault(finger, []).append(i)
         grips: set[int] = set()
-        for thing, fingers in found.items():
-            if len(fingers) < 2:
+        for thing, sides in found.items():
+            if len(sides) < 2:
                 continue
             self._gripped[thing] = self.steps
             self._hold(thing)
-            grips.update(i for contacts in fingers.values() for i in contacts)
+            grips.update(i for contacts in sides.values() for i in contacts)
         return grips
 
     def _add(
-        self,
-        data: mujoco.MjData,
-        i: int,
-        pair: list[int],
-        frame: list[float],
-        grips: set[int],
-        sums: dict[Pair, list[float]],
+        self, data: mujoco.MjData, i: int, sign: float, frame: list[float], total: list[float]
     ) -> None:
-        mine, other = self._sides(pair)
-        load = mine not in self._robot_geoms
-        if i in grips or self._is_own(mine, other, load):
-            return
         mujoco.mj_contactForce(self._model, data, i, self._force)
-        normal, first, second = self._force[:3].tolist()
-        # MuJoCo's is what the first geom does to the second, in the contact's frame.
-        sign = 1.0 if mine == pair[0] else -1.0
-        key = Pair(self._part[mine], self._part[other], load)
-        total = sums.setdefault(key, [0.0, 0.0, 0.0])
+        normal, first, second = self._force[:3].tolist()  # in the contact's frame
         for axis in range(3):
             along = normal * frame[axis] + first * frame[3 + axis] + second * frame[6 + axis]
             total[axis] += sign * along
@@ -235,11 +273,6 @@ class Witness:
         self._mine = self._robot.copy()
         if thing >= 0:
             self._mine |= self._object == thing
-
-    def _touched(self, geoms: Ints) -> Mask:
-        touched = np.zeros(len(self.objects) + 1, dtype=bool)
-        touched[self._object.take(geoms)] = True
-        return touched[:-1]
 
     def _look(self, data: mujoco.MjData, touched: Mask) -> Look:
         poses, hand = data.qpos[self._qpos], data.xquat[self._hand].copy()
