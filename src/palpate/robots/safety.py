@@ -69,19 +69,18 @@ def unexplained_force(
 
 
 def _not_finite(state: RobotState) -> str | None:
-    total = (
-        state.q.sum()
-        + state.dq.sum()
-        + state.tau.sum()
-        + state.tau_ext.sum()
-        + state.wrench.sum()
-        + state.contact.sum()
-        + state.twist.sum()
-        + state.pose_world_tcp.position.sum()
-        + state.pose_world_tcp.quaternion.sum()
-        + state.width
+    signals = (
+        state.q,
+        state.dq,
+        state.tau,
+        state.tau_ext,
+        state.wrench,
+        state.contact,
+        state.twist,
+        state.pose_world_tcp.position,
+        state.pose_world_tcp.quaternion,
     )
-    if np.isfinite(total):
+    if np.isfinite(np.concatenate(signals)).all() and math.isfinite(state.width):
         return None
     bad = [
         name

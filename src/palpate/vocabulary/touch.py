@@ -48,10 +48,15 @@ class Feeling:
         self._ticks.append(self._robot.state.contact)
         if len(self._ticks) < SUSTAINED:
             return np.full(6, np.nan)
-        wrench: Array = np.median(self._ticks, axis=0)
+        wrench = middle(*self._ticks)
         if np.isnan(self.first).any():
             self.first = wrench
         return wrench
+
+
+def middle(a: Array, b: Array, c: Array) -> Array:
+    """The median of three, element by element; not a number where one of them is not."""
+    return np.maximum(np.minimum(a, b), np.minimum(np.maximum(a, b), c))
 
 
 def feel(blackboard: Blackboard, ticks: int = SUSTAINED) -> Generator[None, None, Array]:

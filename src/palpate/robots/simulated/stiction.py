@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from palpate.errors import InputError, unknown_name
 
@@ -20,19 +21,25 @@ SLIP = 0.002
 slide."""
 
 
-@dataclass(frozen=True, slots=True)
+OWN, FIXED = 1, 2
+"""Geoms of the object, and of what never moves."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Stiction:
     """One object's two coefficients, and where they go.
 
     Attributes:
         geoms: the object's geom ids. dof: first of its free joint's degrees of freedom.
         static, dynamic: coefficients of sliding friction, the latter per geom.
+        sides: per geom of the world: `OWN`, `FIXED`, else 0.
     """
 
     geoms: tuple[int, ...]
     dof: int
     static: float
     dynamic: tuple[float, ...]
+    sides: NDArray[np.int8]
 
     def apply(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
         """Set the coefficient that holds at the speed at which the object slides on what it
@@ -47,26 +54,15 @@ class Stiction:
         At the contact, not at the body's origin: an object turns in the fingers' grip before its
         base slips.
         """
-        pairs, points = data.contact.geom, data.contact.pos
-        touching = [
-            p
-            for pair, p in zip(pairs, points, strict=True)
-            if self._on_static(model, *map(int, pair))
-        ]
-        if not touching:
+        sides = self.sides.take(data.contact.geom)
+        on_fixed = sides[:, 0] + sides[:, 1] == OWN + FIXED
+        if not on_fixed.any():
             return 0.0
         body = model.geom_bodyid[self.geoms[0]]
         linear, turning = data.qvel[self.dof : self.dof + 3], data.qvel[self.dof + 3 : self.dof + 6]
-        angular = data.xmat[body].reshape(3, 3) @ turning
-        speed = linear + np.cross(angular, np.array(touching) - data.xpos[body])
-        return float(np.hypot(speed[:, 0], speed[:, 1]).max())
-
-    def _on_static(self, model: mujoco.MjModel, geom1: int, geom2: int) -> bool:
-        """Whether a contact is between the object and something that never moves."""
-        if (geom1 in self.geoms) == (geom2 in self.geoms):
-            return False
-        other = geom2 if geom1 in self.geoms else geom1
-        return int(model.body_weldid[model.geom_bodyid[other]]) == 0
+        wx, wy, wz = data.xmat[body].reshape(3, 3) @ turning
+        x, y, z = (data.contact.pos[on_fixed] - data.xpos[body]).T
+        return float(np.hypot(linear[0] + (wy * z - wz * y), linear[1] + (wz * x - wx * z)).max())
 
 
 def declared(model: mujoco.MjModel) -> tuple[Stiction, ...]:
@@ -102,4 +98,6 @@ def _stiction(model: mujoco.MjModel, name: str, static: float) -> Stiction:
             f"'{PREFIX}{name}' is {static:g}, below the object's friction {max(dynamic):g}: what "
             "holds must not be less than what slides"
         )
-    return Stiction(geoms, int(model.body_dofadr[body]), static, dynamic)
+    sides = np.where(model.body_weldid[model.geom_bodyid] == 0, FIXED, 0).astype(np.int8)
+    sides[list(geoms)] = OWN
+    return Stiction(geoms, int(model.body_dofadr[body]), static, dynamic, sides)
