@@ -44,10 +44,9 @@ def touch(state: SymbolicState, direction: Array, travel: float) -> Touch | None
 def _touch(state: SymbolicState, start: Pose, direction: Array, travel: float) -> Touch | None:
     end = start.translated(travel * direction)
     swept = hand_sweep(state, of_hand(start, end, opening(state), FINEST))
-    hits = list(swept.hits(np.full(len(swept.pairs), TOUCHES)))
-    if not hits:
+    first = swept.first(np.full(len(swept.pairs), TOUCHES))
+    if first is None:
         return None
-    first = min(hits, key=lambda hit: hit.share)
     clear = max(first.share * travel - FINEST, 0.0)
     return Touch(first, start.translated(clear * direction))
 

@@ -120,16 +120,30 @@ class Sweep:
 
         What is too near at the start may stay as near.
         """
+        for found in self._hits_in_turn(margins):
+            yield from found
+
+    def first(self, margins: Array) -> Hit | None:
+        """The first of the `hits`; what comes after it is not looked for."""
+        for found in self._hits_in_turn(margins):
+            return min(found, key=lambda hit: hit.share)
+        return None
+
+    def _hits_in_turn(self, margins: Array) -> Iterator[list[Hit]]:
+        """The hits between one moment and the next, where there are any."""
         margins = self._as_at_start(margins)
         apart = (self.bounds[:-1] + self.bounds[1:] - self.travels) / 2
         doubtful = apart < margins
         met: set[int] = set()
         for i in np.flatnonzero(doubtful.any(axis=1)).tolist():
+            found: list[Hit] = []
             left = [p for p in np.flatnonzero(doubtful[i]).tolist() if p not in met]
             for pair, moment in self._search(self.moments[i], self.moments[i + 1], left, margins):
                 if pair not in met:
                     met.add(pair)
-                    yield self._hit(pair, moment)
+                    found.append(self._hit(pair, moment))
+            if found:
+                yield found
 
     def near(self, growth: float) -> NDArray[np.bool_]:
         """(n - 1,) bool: whether any pair may come within `growth` m between two moments."""
