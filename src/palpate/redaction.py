@@ -61,7 +61,8 @@ def _redacted(content: Any) -> Any:
 
 def _keys() -> Iterator[str]:
     """Every key in the environment, the longest first: one may begin with another."""
-    values = {value.strip() for name, value in os.environ.items() if _KEY_NAME.match(name)}
+    names = [name for name in os.environ if _KEY_NAME.match(name)]
+    values = {os.environ[name].strip() for name in names}
     yield from sorted((v for v in values if len(v) >= SHORTEST), key=lambda v: (-len(v), v))
 
 

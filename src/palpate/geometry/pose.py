@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -26,8 +27,8 @@ class Pose:
     def of(cls, position: ArrayLike, quaternion: ArrayLike = (1.0, 0.0, 0.0, 0.0)) -> Pose:
         """A pose from any array-likes; the quaternion is normalised."""
         q = np.array(quaternion, dtype=float)
-        norm = float(np.linalg.norm(q))
-        if not np.isfinite(norm) or norm < 1e-9:
+        norm = math.sqrt(q.dot(q))
+        if not math.isfinite(norm) or norm < 1e-9:
             raise ValueError(f"not a rotation quaternion: {quaternion!r}")
         return cls(np.array(position, dtype=float), q / norm)
 
@@ -84,4 +85,5 @@ class Pose:
 
     def distance_to(self, other: Pose) -> float:
         """Distance between the two origins, m."""
-        return float(np.linalg.norm(self.position - other.position))
+        apart = self.position - other.position
+        return math.sqrt(apart.dot(apart))

@@ -144,13 +144,21 @@ def _widths(state: SymbolicState) -> tuple[float, ...]:
 
 def _margins(state: SymbolicState, swept: Sweep, passing: Passing) -> Array:
     """(p,) m that each pair of parts keeps."""
-    parts = swept.parts
     heights = {name: _unsure(state, name) for name in state.scene.surfaces}
-    found = np.empty(len(swept.pairs))
-    for i, pair in enumerate(swept.pairs):
-        first, second = map(int, pair)
-        found[i] = _margin(state, parts[first], parts[second], passing, heights)
-    return found
+    # Shapes of one thing keep the same: few margins, many pairs.
+    alike: dict[tuple[str, str], Part] = {}
+    for part in swept.parts:
+        alike.setdefault((part.kind, part.owner), part)
+    number = {called: i for i, called in enumerate(alike)}
+    numbers = np.array([number[part.kind, part.owner] for part in swept.parts])
+    first, second = numbers[swept.pairs[:, 0]], numbers[swept.pairs[:, 1]]
+    codes, which = np.unique(first * len(alike) + second, return_inverse=True)
+    things = list(alike.values())
+    found: list[float] = []
+    for code in map(int, codes):
+        one, other = divmod(code, len(things))
+        found.append(_margin(state, things[one], things[other], passing, heights))
+    return np.array(found, dtype=np.float64)[which]
 
 
 def _margin(

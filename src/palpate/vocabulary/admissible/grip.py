@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from palpate.geometry.pose import Array, Pose
-from palpate.vocabulary.admissible.solids import SIDES, Frames, Shape, Solids, digits
+from palpate.vocabulary.admissible.frames import Cluster, Frames, Shape
+from palpate.vocabulary.admissible.solids import SIDES, Solids, digits
 
 BITE = 0.004
 """m that the pads must have of an object, in height and along it: less is an edge that slips out."""
@@ -67,7 +68,7 @@ def _until_met(
     """m that a finger's pads travel inwards from open until one meets a part of an object; None
     where they meet none."""
     pads, opening = shapes.pads(side), shapes.scene.arm.hand.opening
-    there = Frames.of(parts, pose_tcp_object.position[None], pose_tcp_object.rotation[None])
+    there = Cluster.of(parts).at(pose_tcp_object.position[None], pose_tcp_object.rotation[None])
     travel = 0.0
     for _ in range(APPROACHES):
         here = np.array([[0.0, SIDES[side] * (opening / 2 - travel), 0.0]])
@@ -81,7 +82,7 @@ def _until_met(
 
 
 def _at(pads: tuple[Shape, ...], position: Array) -> Frames:
-    return Frames.of(pads, position, np.eye(3)[None])
+    return Cluster.of(pads).at(position, np.eye(3)[None])
 
 
 def _apart(shapes: Solids, pads: tuple[Shape, ...], parts: tuple[Shape, ...], at: Frames) -> float:

@@ -7,7 +7,7 @@ says the distance between two of them: real shapes, not the boxes around them.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from typing import TypeVar, cast
@@ -26,6 +26,7 @@ from palpate.robots.model import PREFIX
 from palpate.robots.nominal import NominalArm
 from palpate.robots.sheet import Box
 from palpate.scene.scene import Scene
+from palpate.vocabulary.admissible.frames import Cluster, Frames, Shape
 
 LEFT, RIGHT = "left finger", "right finger"
 SIDES = {LEFT: 1.0, RIGHT: -1.0}
@@ -37,57 +38,11 @@ FAR = 10.0
 """m: no two things are asked about that are farther apart."""
 REACHED = 0.002
 """m: a search for a configuration that ends farther from the pose has not found one."""
-CACHED_SCENES = 8
+CACHED_SCENES = 32
 REMEMBERED = 20_000
 """Findings that are kept of one scene."""
 
 T = TypeVar("T")
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Shape:
-    """A colliding shape: its id in the model, and its pose in the frame of what it belongs to."""
-
-    geom: int
-    position: Array
-    rotation: Array
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Frames:
-    """Where shapes are at each of n moments: positions (n, k, 3) and rotations (n, k, 3, 3)."""
-
-    positions: Array
-    rotations: Array
-
-    @classmethod
-    def of(cls, shapes: Sequence[Shape], positions: Array, rotations: Array) -> Frames:
-        """Of shapes whose carrier is at `positions` (n, 3) and `rotations` (n, 3, 3)."""
-        offsets = np.array([shape.position for shape in shapes]).reshape(-1, 3)
-        turns = np.array([shape.rotation for shape in shapes]).reshape(-1, 3, 3)
-        return cls(
-            positions[:, None] + np.einsum("nij,kj->nki", rotations, offsets),
-            np.einsum("nij,kjl->nkil", rotations, turns),
-        )
-
-    @classmethod
-    def joined(cls, parts: Sequence[Frames]) -> Frames:
-        """Shapes of several carriers, at the same moments."""
-        return cls(
-            np.concatenate([part.positions for part in parts], axis=1),
-            np.concatenate([part.rotations for part in parts], axis=1),
-        )
-
-    def repeated(self, moments: int) -> Frames:
-        """The one moment as often as that."""
-        return Frames(
-            np.repeat(self.positions, moments, axis=0), np.repeat(self.rotations, moments, axis=0)
-        )
-
-    def at(self, moment: int) -> Frames:
-        """That moment alone."""
-        one = slice(moment, moment + 1)
-        return Frames(self.positions[one], self.rotations[one])
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,6 +96,16 @@ class Solids:
     def base(self) -> str:
         """Owner of the shapes of the arm's base."""
         return self.scene.arm.base
+
+    @cached_property
+    def clusters(self) -> Mapping[str, Cluster]:
+        """Each object's shapes."""
+        return {name: Cluster.of(shapes) for name, shapes in self.objects.items()}
+
+    @cached_property
+    def standing(self) -> Frames:
+        """Where the fixed shapes are, at the one moment that is as good as any."""
+        return Cluster.of(self.fixed).at(np.zeros((1, 3)), np.eye(3)[None])
 
     def pads(self, side: str) -> tuple[Shape, ...]:
         """What of a finger grasps: the shapes whose friction overrules others', else all."""
@@ -226,7 +191,7 @@ class Solids:
 
 def digits(values: Array) -> bytes:
     """Numbers to a millionth, for a key."""
-    return np.round(values, 6).tobytes()
+    return values.round(6).tobytes()
 
 
 @lru_cache(CACHED_SCENES)

@@ -16,8 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.geometry.pose import Array, Pose
+from palpate.vocabulary.admissible.frames import Cluster, Frames, Shape
 from palpate.vocabulary.admissible.grip import grip
-from palpate.vocabulary.admissible.solids import SIDES, Frames, Shape, Solids, solids
+from palpate.vocabulary.admissible.solids import SIDES, Solids, solids
 from palpate.vocabulary.admissible.way import Way, of_hand
 from palpate.vocabulary.state import SymbolicState
 
@@ -74,14 +75,16 @@ class Sweep:
     """A way, with all that moves along it and all that stands beside it.
 
     Attributes:
-        parts: what moves, then what stands.
+        parts: what moves, then what stands. moving: how many of them move.
         place: the shapes' frames of a way, in the order of `parts`.
-        pairs: (p, 2) which of them may meet; the first of each moves.
+        pairs: (p, 2) which of them may meet; the first of each moves, and the second of the last
+            ones.
     """
 
     solids: Solids
     way: Way
     parts: Sequence[Part]
+    moving: int
     place: Callable[[Way], Frames]
     pairs: Pairs
 
@@ -91,22 +94,14 @@ class Sweep:
         return self.place(self.way)
 
     @cached_property
-    def moments(self) -> list[Moment]:
-        """The moments of the way."""
-        return [Moment(float(i), self.frames.at(i)) for i in range(self.way.count)]
-
-    @cached_property
     def bounds(self) -> Array:
         """(n, p) m that the shapes of a pair are apart at least, by the ball around one and the box
         around the other."""
-        geoms = np.array([part.geom for part in self.parts])
-        middles, halves = self.solids.boxes
-        first, second = self.pairs[:, 0], self.pairs[:, 1]
-        apart = self.frames.positions[:, first] - self.frames.positions[:, second]
-        local = np.einsum("npij,npi->npj", self.frames.rotations[:, second], apart)
-        outside = np.abs(local - middles[geoms[second]]) - halves[geoms[second]]
-        apart = np.sqrt((np.maximum(outside, 0.0) ** 2).sum(axis=2))
-        return apart - self.solids.radii[geoms[first]]
+        to_standing = int((self.pairs[:, 1] >= self.moving).sum())
+        standing, moving = self.pairs[:to_standing], self.pairs[to_standing:]
+        # What stands is at the first moment where it always is.
+        parts = [self._apart(standing, slice(0, 1)), self._apart(moving, slice(None))]
+        return np.concatenate(parts, axis=1) - self.solids.radii[self._geoms[self.pairs[:, 0]]]
 
     @cached_property
     def travels(self) -> Array:
@@ -114,6 +109,42 @@ class Sweep:
         moments."""
         each = self._travel(self.frames.positions, self.frames.rotations)
         return each[:, self.pairs[:, 0]] + each[:, self.pairs[:, 1]]
+
+    @cached_property
+    def _geoms(self) -> Pairs:
+        return np.array([part.geom for part in self.parts])
+
+    @cached_property
+    def _moving_radii(self) -> Array:
+        return self.solids.radii[self._geoms[: self.moving]]
+
+    @cached_property
+    def _moments(self) -> dict[int, Moment]:
+        return {}
+
+    def _moment(self, i: int) -> Moment:
+        """A moment of the way."""
+        if i not in self._moments:
+            self._moments[i] = Moment(float(i), self.frames.at(i))
+        return self._moments[i]
+
+    def _apart(self, pairs: Pairs, moments: slice) -> Array:
+        """(n, p) m from the middle of the first of each pair to the box around the second, which is
+        looked at in these moments alone."""
+        first, second = pairs[:, 0], pairs[:, 1]
+        middles, halves = self.solids.boxes
+        middle, half = middles[self._geoms[second]], halves[self._geoms[second]]
+        x, y, z = (
+            self.frames.positions[:, first, axis] - self.frames.positions[moments, second, axis]
+            for axis in range(3)
+        )
+        turns, total = self.frames.rotations[moments, second], np.zeros(x.shape)
+        for axis in range(3):
+            turn = turns[:, :, :, axis]
+            outside = x * turn[:, :, 0] + y * turn[:, :, 1] + z * turn[:, :, 2]
+            outside = np.abs(outside - middle[:, axis]) - half[:, axis]
+            total += np.maximum(outside, 0.0) ** 2
+        return np.sqrt(total)
 
     def hits(self, margins: Array) -> Iterator[Hit]:
         """Pairs that come nearer than their margin (p,) m, each where it first does.
@@ -138,7 +169,7 @@ class Sweep:
         for i in np.flatnonzero(doubtful.any(axis=1)).tolist():
             found: list[Hit] = []
             left = [p for p in np.flatnonzero(doubtful[i]).tolist() if p not in met]
-            for pair, moment in self._search(self.moments[i], self.moments[i + 1], left, margins):
+            for pair, moment in self._search(self._moment(i), self._moment(i + 1), left, margins):
                 if pair not in met:
                     met.add(pair)
                     found.append(self._hit(pair, moment))
@@ -151,7 +182,7 @@ class Sweep:
         found = np.zeros(len(doubtful), dtype=np.bool_)
         for i in range(len(doubtful)):
             for pair in np.flatnonzero(doubtful[i]).tolist():
-                apart = self._exact(self.moments[i], pair) + self._exact(self.moments[i + 1], pair)
+                apart = self._exact(self._moment(i), pair) + self._exact(self._moment(i + 1), pair)
                 if (apart - self.travels[i, pair]) / 2 < growth:
                     found[i] = True
                     break
@@ -160,7 +191,7 @@ class Sweep:
     def _as_at_start(self, margins: Array) -> Array:
         allowed = margins.copy()
         for pair in np.flatnonzero(self.bounds[0] < margins).tolist():
-            allowed[pair] = min(margins[pair], self._exact(self.moments[0], pair) - SLACK)
+            allowed[pair] = min(margins[pair], self._exact(self._moment(0), pair) - SLACK)
         return allowed
 
     def _search(
@@ -187,10 +218,12 @@ class Sweep:
 
     def _travel(self, positions: Array, rotations: Array) -> Array:
         """(n - 1, k) m that any point of a shape moves at most between two moments."""
-        radii = self.solids.radii[[part.geom for part in self.parts]]
-        moved = np.sqrt((np.diff(positions, axis=0) ** 2).sum(axis=2))
-        turned = np.sqrt((np.diff(rotations, axis=0) ** 2).sum(axis=(2, 3)) / 2)
-        return CURVED * (moved + radii * turned)
+        travels = np.zeros((len(positions) - 1, len(self.parts)))
+        positions, rotations = positions[:, : self.moving], rotations[:, : self.moving]
+        moved = np.sqrt(((positions[1:] - positions[:-1]) ** 2).sum(axis=2))
+        turned = np.sqrt(((rotations[1:] - rotations[:-1]) ** 2).sum(axis=(2, 3)) / 2)
+        travels[:, : self.moving] = CURVED * (moved + self._moving_radii * turned)
+        return travels
 
     def _exact(self, moment: Moment, pair: int) -> float:
         if pair not in moment.known:
@@ -268,12 +301,12 @@ class _Crowd:
         for geom, joint in shapes.links.items():
             links.append((Part(geom, LINK, shapes.owners[geom]), joint))
         standing = [Part(shape.geom, "", shapes.owners[shape.geom]) for shape in shapes.fixed]
-        there = [Frames.of(shapes.fixed, np.zeros((1, 3)), np.eye(3)[None])]
+        there = [shapes.standing]
         for name in state.scene.objects:
             if name != state.holding:
-                pose, parts = state.pose_of(name), shapes.objects[name]
-                standing += [Part(shape.geom, "", name) for shape in parts]
-                there.append(Frames.of(parts, pose.position[None], pose.rotation[None]))
+                pose, cluster = state.pose_of(name), shapes.clusters[name]
+                standing += [Part(shape.geom, "", name) for shape in shapes.objects[name]]
+                there.append(cluster.at(pose.position[None], pose.rotation[None]))
         return cls(shapes, tuple(carried), tuple(links), tuple(standing), Frames.joined(there))
 
     def sweep(self, way: Way, with_links: bool = False) -> Sweep:
@@ -281,26 +314,27 @@ class _Crowd:
         carried = [part for part, _ in self.carried]
         links = [part for part, _ in self.links] if with_links else []
         moving = len(carried) + len(links)
-        pairs = [(i, moving + j) for i in range(moving) for j in range(len(self.standing))]
+        meets = np.ones((moving, len(self.standing)), dtype=np.bool_)
         if with_links:
-            pairs = [*filter(self._can_meet, pairs), *self._own_pairs()]
+            meets[len(carried) :] = self._links_meet()
+        pairs = np.argwhere(meets) + np.array([0, moving])
+        if with_links:
+            own = np.array(list(self._own_pairs()), dtype=np.intp).reshape(-1, 2)
+            pairs = np.concatenate([pairs, own])
         return Sweep(
             self.solids,
             way,
             (*carried, *links, *self.standing),
+            moving,
             self._placing(with_links),
-            np.array(pairs, dtype=np.intp),
+            pairs,
         )
 
-    def _can_meet(self, pair: tuple[int, int]) -> bool:
-        """Whether a moving and a standing part can, or are neighbours: the base and the first
-        links."""
-        first, second = pair
-        link = first - len(self.carried)
-        if link < 0:
-            return True
-        standing = self.standing[second - len(self.carried) - len(self.links)]
-        return standing.owner != self.solids.base or self.links[link][1] > NEIGHBOURS
+    def _links_meet(self) -> NDArray[np.bool_]:
+        """(links, standing) whether they can, or are neighbours: the base and the first links."""
+        based = np.array([part.owner == self.solids.base for part in self.standing], dtype=np.bool_)
+        near = np.array([joint <= NEIGHBOURS for _, joint in self.links], dtype=np.bool_)
+        return ~(near[:, None] & based)
 
     def _own_pairs(self) -> Iterator[tuple[int, int]]:
         """Parts of the robot that can meet: those with enough joints between them."""
@@ -315,12 +349,12 @@ class _Crowd:
                     yield first + i, first + j
 
     def _placing(self, with_links: bool) -> Callable[[Way], Frames]:
-        shapes = [shape for _, shape in self.carried]
+        carried = Cluster.of([shape for _, shape in self.carried])
         sides = np.array([SIDES.get(part.kind, 0.0) for part, _ in self.carried]) / 2
 
         def place(way: Way) -> Frames:
             rotations = way.rotations()
-            hand = Frames.of(shapes, way.positions, rotations)
+            hand = carried.at(way.positions, rotations)
             # A finger is half the opening beside the tool's axis, along its y.
             beside = np.einsum("n,k,nj->nkj", way.widths, sides, rotations[:, :, 1])
             parts = [Frames(hand.positions + beside, hand.rotations)]
