@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import resource
 import struct
 import time
 import zlib
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from palpate.errors import InputError
@@ -90,9 +92,25 @@ def test_only_what_may_be_large_is_tried_elsewhere_first(monkeypatch: pytest.Mon
 def test_a_trial_ends_when_there_is_too_little_memory() -> None:
     grid = '<asset><hfield name="h" nrow="20000" ncol="20000" size="1 1 1 1"/></asset>'
     started = time.perf_counter()
-    with pytest.raises(InputError, match="takes more than 3 s or 700 MB; use fewer"):
+    with pytest.raises(InputError, match="takes more than 2 s or 700 MB; use fewer"):
         require_compiles(scene('<geom type="hfield" hfield="h"/>', grid), None)
     assert time.perf_counter() - started < 10
+
+
+def test_a_trial_ends_when_its_processor_time_is_up(tmp_path: Path) -> None:
+    corners = np.random.default_rng(0).standard_normal((60_000, 3, 3))
+    faces = np.zeros(len(corners), dtype=[("normal", "<f4", 3), ("at", "<f4", (3, 3)), ("", "<u2")])
+    faces["at"] = corners / np.linalg.norm(corners, axis=2, keepdims=True)
+    content = bytes(80) + np.uint32(len(faces)).tobytes() + faces.tobytes()
+    (tmp_path / "shards.stl").write_bytes(content)
+    text = scene(
+        '<geom type="mesh" mesh="m"/>', '<asset><mesh name="m" file="shards.stl"/></asset>'
+    )
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    with pytest.raises(InputError, match="takes more than 2 s"):
+        require_compiles(text, tmp_path)
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    assert after.ru_utime - before.ru_utime < trial.SECONDS + 2.0
 
 
 def test_what_mujoco_refuses_is_not_the_trials_business() -> None:

@@ -64,6 +64,19 @@ def test_cut_off_anywhere_it_is_read_up_to_there(
     np.testing.assert_array_equal(found.t, trace.t[: len(found.t)])
 
 
+def test_no_key_is_in_the_file_of_a_run_under_way(
+    trace: Trace, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("ACME_API_KEY", "ak-31415926535897932384")
+    path = tmp_path / "trace.mcap"
+    telling = replace(
+        trace.leaves[0], label="with ak-31415926535897932384", message="ak-3141592653"
+    )
+    written(path, replace(trace, leaves=(telling,)), ends=False)
+    assert b"ak-31415926" not in path.read_bytes()
+    assert read_mcap(path).leaves == (replace(telling, label="with [key]", message="[key]"),)
+
+
 def test_the_finished_file_takes_its_place(trace: Trace, tmp_path: Path) -> None:
     path = tmp_path / "trace.mcap"
     written(path, trace)

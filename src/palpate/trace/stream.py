@@ -17,6 +17,7 @@ import numpy as np
 
 from palpate import __version__
 from palpate.geometry.pose import Array
+from palpate.redaction import redact
 from palpate.trace.recording import Conversion, Hand, LeafRun, Recording
 from palpate.trace.samples import COLUMNS, Samples, Trace
 
@@ -77,7 +78,7 @@ class TraceStream:
         self._writer.start(profile=PROFILE, library=f"palpate {__version__}")
         self._blocks = self._writer.register_channel(BLOCKS, "f64", 0)
         self._events = self._writer.register_channel(EVENTS, "json", 0)
-        self._message(self._events, 0.0, self._json.dump_json(self._record((), (), ())))
+        self._note(0.0, self._record((), (), ()))
         self._file.flush()
 
     def write(self, samples: Samples, recorded: Recorded) -> None:
@@ -114,7 +115,10 @@ class TraceStream:
         self._seen = (len(of.leaves), len(of.recordings), len(of.conversions))
         if self._seen != (a, b, c):
             new = self._record(of.leaves[a:], of.recordings[b:], of.conversions[c:])
-            self._message(self._events, self._written, self._json.dump_json(new))
+            self._note(self._written, new)
+
+    def _note(self, t: float, record: Record) -> None:
+        self._message(self._events, t, redact(self._json.dump_json(record).decode()).encode())
 
     def _record(
         self,
