@@ -10,7 +10,7 @@ import pytest
 
 from palpate.errors import InputError
 from palpate.planning.planner import MAX_REQUEST
-from palpate.robots.simulated.noise_models import noise_models
+from palpate.robots.simulated.noise.models import noise_models
 from palpate.settings import Settings
 
 D = Path("scene.xml")
@@ -26,7 +26,7 @@ D = Path("scene.xml")
         Settings(request="x" * MAX_REQUEST, scene=D),
         Settings(scene=D, world=D),
         Settings(scene=D, robot="franka://10.0.0.1"),
-        *(Settings(scene=D, noise=noise) for noise in noise_models().models),
+        *(Settings(scene=D, noise=noise) for noise in noise_models().names),
     ],
 )
 def test_what_makes_sense_passes_unchanged(settings: Settings) -> None:
@@ -39,7 +39,7 @@ def test_what_makes_sense_passes_unchanged(settings: Settings) -> None:
         ({"scene": None}, "nothing to do: give a request"),
         ({"request": " \n"}, "the request is empty"),
         ({"request": "x" * (MAX_REQUEST + 1)}, f"has {MAX_REQUEST + 1} characters"),
-        ({"noise": "loud"}, "unknown noise 'loud'; valid: datasheet, lab, none"),
+        ({"noise": "loud"}, "unknown noise 'loud'; valid: datasheet, hardware, lab, none"),
         ({"on_failure": "panic"}, "unknown policy for failures 'panic'; valid: replan, skip, stop"),
         ({"world": D, "robot": "franka://host"}, "world= and robot= exclude each other"),
         ({"seed": -1}, "seed= must not be negative"),
@@ -57,4 +57,4 @@ def test_an_existing_folder_is_refused_at_once(tmp_path: Path) -> None:
 
 
 def test_the_sensor_worlds_are_the_robots() -> None:
-    assert list(noise_models().models) == ["none", "lab", "datasheet"]
+    assert noise_models().names == ("none", "lab", "datasheet", "hardware")

@@ -19,7 +19,6 @@ from palpate.errors import ExecutionAborted, InputError
 from palpate.interrupt import interrupts
 from palpate.planning.check.check import Finding
 from palpate.planning.planner import Planner
-from palpate.robots.registry import load_description
 from palpate.runs.folder import (
     check_writable,
     default_folder,
@@ -155,9 +154,7 @@ def load(settings: Settings) -> Scene | None:
         load_image(image)
     if settings.scene is None:
         return None
-    return load_scene(
-        settings.scene, settings.poses, load_description(settings.arm, settings.cautious)
-    )
+    return load_scene(settings.scene, settings.poses, settings.described_arm())
 
 
 def plan(settings: Settings, scene: Scene | None, planner: Planner | None = None) -> Run:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any, get_args
+from typing import TYPE_CHECKING, Any, get_args
 from urllib.parse import urlsplit, urlunsplit
 
 from palpate import __version__
@@ -13,7 +13,10 @@ from palpate.errors import InputError, unknown_name
 from palpate.execution.recovery import OnFailure
 from palpate.planning.model.session import Budget, ModelSettings
 from palpate.planning.planner import MAX_REQUEST
-from palpate.robots.registry import DEFAULT
+from palpate.robots.registry import DEFAULT, load_description
+
+if TYPE_CHECKING:
+    from palpate.robots.description import RobotDescription
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,7 +32,7 @@ class Settings:
         robot: URL of a real robot; None is the embedded one.
         arm: the arm's description, by name or folder. cautious: it moves slowly everywhere.
         planner: `symbolic`, `exhaustive`, `replay:FILE` or `PROVIDER:MODEL`.
-        noise: sensor world of the embedded robot. seed: of everything random in it.
+        noise: noise model of the embedded robot, by name or file. seed: of everything random in it.
         out: run folder to make; must not exist.
         remeasure: measure what R asks even if D states it.
         on_failure: what to do when the tree fails (see `palpate.execution.recovery`).
@@ -61,7 +64,7 @@ class Settings:
         Raises:
             InputError: nothing asked, or a value out of range; the message names the argument.
         """
-        from palpate.robots.simulated.noise_models import noise_models
+        from palpate.robots.simulated.noise.models import noise_models
 
         replayed = self.planner.startswith("replay:")
         if self.request is None and self.scene is None and not at_hand and not replayed:
@@ -82,6 +85,21 @@ class Settings:
                 f"'{self.out}' exists already: choose another out=, nothing is overwritten"
             )
         return self
+
+    def described_arm(self) -> RobotDescription:
+        """The arm as its owner knows it: its description and, of the embedded one, what the noise
+        model's datasheet says.
+
+        Raises:
+            InputError: no such arm or noise model.
+        """
+        from palpate.robots.datasheet import informed
+        from palpate.robots.simulated.noise.models import noise_models
+
+        arm = load_description(self.arm, self.cautious)
+        if self.robot is not None:
+            return arm
+        return informed(arm, noise_models().load(self.noise, arm).datasheet)
 
 
 def _check_request(request: str) -> None:
@@ -112,7 +130,7 @@ def request_json(settings: Settings) -> dict[str, Any]:
         "arm": settings.arm,
         "cautious": settings.cautious,
         "planner": settings.planner,
-        "noise": settings.noise,
+        "noise": _noise_json(settings.noise),
         "seed": settings.seed,
         "remeasure": settings.remeasure,
         "on_failure": settings.on_failure,
@@ -120,6 +138,13 @@ def request_json(settings: Settings) -> dict[str, Any]:
         "asking": _model_settings_json(settings.model_settings),
         "palpate": __version__,
     }
+
+
+def _noise_json(noise: str) -> str:
+    """A name, or where its file is."""
+    from palpate.robots.simulated.noise.models import means_file
+
+    return str(Path(noise).absolute()) if means_file(noise) else noise
 
 
 def settings_from(document: Mapping[str, Any]) -> Settings:

@@ -24,7 +24,6 @@ from palpate.planning.planner import Observant, Planner, PlannerSettings
 from palpate.planning.registry import planners
 from palpate.planning.symbolic.planner import requested
 from palpate.quantities.estimators import estimate_all, failed
-from palpate.robots.registry import load_description
 from palpate.runs.run import Ending, Run
 from palpate.scene.from_picture import DetectedScene, SceneBuilder
 from palpate.scene.load import parse_scene
@@ -79,7 +78,7 @@ def cell_for(settings: Settings, scene: Scene | None, seen: bool = False) -> Cel
         noise=settings.noise,
         seed=settings.seed,
         tolerance=tolerance,
-        arm=load_description(settings.arm, settings.cautious),
+        arm=settings.described_arm(),
     )
 
 
@@ -207,7 +206,7 @@ def replay(scene: Scene, plan: Plan, world: MjSpec) -> Trace:
 
 
 def _planner(settings: Settings, poses: Poses) -> Planner:
-    builder = SceneBuilder(poses, load_description(settings.arm, settings.cautious))
+    builder = SceneBuilder(poses, settings.described_arm())
     told = PlannerSettings(settings.remeasure, settings.model_settings, builder)
     return planners().make(settings.planner, told)
 

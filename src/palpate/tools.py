@@ -75,7 +75,7 @@ def prompt(settings: Settings) -> Prompt:
     symbols = None
     if scene is None:
         poses = read_poses(settings.poses) if settings.poses else Poses()
-        symbols = SceneBuilder(poses, load_description(settings.arm, settings.cautious)).symbols
+        symbols = SceneBuilder(poses, settings.described_arm()).symbols
     left_out = settings.model_settings.without
     return compose(vocabulary(), settings.request or "", scene, settings.images, symbols, left_out)
 

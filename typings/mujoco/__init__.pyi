@@ -271,6 +271,7 @@ class MjData:
     xfrc_applied: _Doubles
     qfrc_bias: _Doubles
     qfrc_gravcomp: _Doubles
+    qfrc_constraint: _Doubles
     qacc: _Doubles
     cvel: _Doubles
     xpos: _Doubles
@@ -317,6 +318,8 @@ class MjsGeom(_SpecElement):
     type: mjtGeom
     size: _Doubles
     margin: float
+    pos: _Doubles
+    fromto: _Doubles
     contype: int
     conaffinity: int
     condim: int
@@ -346,6 +349,8 @@ class MjsJoint(_SpecElement):
     damping: _Doubles
     frictionloss: float
     actfrcrange: _Vector
+    axis: _Doubles
+    ref: float
     @property
     def parent(self) -> MjsBody: ...
 

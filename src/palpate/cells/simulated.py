@@ -11,6 +11,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from palpate.cells.draw import draw_truth
 from palpate.cells.view import workspace_png
 from palpate.errors import InputError
@@ -28,6 +30,12 @@ if TYPE_CHECKING:
 SIZE_TOLERANCE = 0.02
 """m: how far an object's extents in scene and world may differ and still be the same object."""
 
+BASE_TOLERANCE = 0.05
+"""m: how far the arm may stand beside where the scene has it."""
+
+TURNED = float(np.cos(np.radians(2.5)))
+"""And how far it may be turned: 5°, as the cosine of half of it."""
+
 SEEN_TOLERANCE = 0.06
 """m: the same for a scene made of what was seen in a picture, where a block is taken for a square
 one."""
@@ -41,7 +49,8 @@ class SimulatedCell:
         world: the world as a scene, nothing missing but what does not matter.
         drawn: values that were drawn from priors, for a world made from D.
         description: for the report.
-        noise: sensor world of the robot. seed: of everything random in it.
+        noise: noise model of the robot, by name or file. seed: of everything random in it.
+        scene: D, all that the robot's owner knows of the workplace; None: the world itself.
     """
 
     world: Scene
@@ -51,6 +60,7 @@ class SimulatedCell:
     description: str = "simulated world"
     noise: str = "lab"
     seed: int = 0
+    scene: Scene | None = None
     _robot: MujocoRobot | None = field(default=None, init=False, repr=False)
 
     @property
@@ -63,14 +73,22 @@ class SimulatedCell:
         return workspace_png(self.world.spec(self.drawn), tuple(self.world.bodies), camera)
 
     def robot(self) -> MujocoRobot:
-        """A new arm in a new copy of the world."""
+        """A new arm in a new copy of the world; it knows of the world what the scene says."""
         from palpate.pictures.renderer import add_lights
         from palpate.robots.simulated.robot import MujocoRobot
 
         spec = self.world.spec(self.drawn)
         add_lights(spec)
-        base, arm = self.world.pose_world_base, self.world.arm
-        self._robot = MujocoRobot(spec, base, arm, noise=self.noise, seed=self.seed)
+        known, down = self.scene or self.world, np.array([0.0, 0.0, -1.0])
+        self._robot = MujocoRobot(
+            spec,
+            known.pose_world_base,
+            known.arm,
+            noise=self.noise,
+            seed=self.seed,
+            stands=self.world.pose_world_base,
+            gravity=known.gravity * down,
+        )
         return self._robot
 
     def footage(self) -> Footage | None:
@@ -111,7 +129,7 @@ def simulated_cell(
         hidden = load_scene(world, arm=arm) if isinstance(world, Path) else world
         if scene is not None:
             _match(scene, hidden, tolerance)
-        return SimulatedCell(hidden, {}, f"simulated world {world.name}", noise, seed)
+        return SimulatedCell(hidden, {}, f"simulated world {world.name}", noise, seed, scene)
     if scene is None:
         raise InputError("a simulated cell needs a scene or a world to be made of")
     drawn = draw_truth(scene, seed)
@@ -127,8 +145,21 @@ def _match(scene: Scene, world: Scene, tolerance: float) -> None:
             f"scene and world do not match: the world has no {', '.join(absent)}; "
             f"it has {', '.join(world.bodies)}"
         )
+    _match_bases(scene, world)
     for name, body in scene.objects.items():
         _match_body(body, world.bodies[name], tolerance)
+
+
+def _match_bases(scene: Scene, world: Scene) -> None:
+    """The arm stands about where it is thought to stand; how far off it is, is the world's secret."""
+    mine, theirs = scene.pose_world_base, world.pose_world_base
+    turned = abs(float(mine.quaternion @ theirs.quaternion))
+    if mine.distance_to(theirs) > BASE_TOLERANCE or turned < TURNED:
+        raise InputError(
+            f"scene and world do not match: the arm stands at {mine.position.round(3).tolist()} in "
+            f"the scene and at {theirs.position.round(3).tolist()} in the world; give both the same "
+            "site 'robot_base'"
+        )
 
 
 def _match_body(mine: Body, theirs: Body, tolerance: float) -> None:

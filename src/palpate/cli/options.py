@@ -51,7 +51,9 @@ Planner = Annotated[
 NoiseLevel = Annotated[
     str,
     typer.Option(
-        "--noise", metavar="NAME", help="Sensor world of the robot: none | lab | datasheet | NAME"
+        "--noise",
+        metavar="NAME|FILE.yaml",
+        help="How the robot differs from its model: none | lab | datasheet | hardware | FILE.yaml",
     ),
 ]
 Seed = Annotated[int, typer.Option("--seed", help="Seed of everything random.")]

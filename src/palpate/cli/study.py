@@ -27,7 +27,14 @@ CORES = os.cpu_count() or 1
 
 Names = Annotated[list[str] | None, typer.Argument(metavar="[SCENARIO]...")]
 ScenarioName = Annotated[str, typer.Argument()]
-Noise = Annotated[str, typer.Option("--noise", help="Sensor world: none, lab or datasheet.")]
+Noise = Annotated[
+    str,
+    typer.Option(
+        "--noise",
+        metavar="NAME|FILE.yaml",
+        help="How the robot differs from its model: none | lab | datasheet | hardware | FILE.yaml",
+    ),
+]
 Seeds = Annotated[int, typer.Option("--seeds", min=1)]
 Seed = Annotated[int, typer.Option("--seed", min=0)]
 Workers = Annotated[int, typer.Option("--workers", help="Processes.", min=1)]

@@ -21,6 +21,7 @@ from palpate.pictures.moments import (
 )
 from palpate.pictures.renderer import gl_available, png
 from palpate.report.data import Measured, ParameterRow, ReportData
+from palpate.robots.simulated.noise.models import noise_models
 from palpate.runs.folder import replacing
 from palpate.scene.camera import load_image
 
@@ -118,7 +119,7 @@ def report_data(run: Run, pictures: Pictures, scratch: Path) -> ReportData:
         after=pictures.after,
         versions={"palpate": __version__, **{name: version(name) for name in LIBRARIES}},
         seed=settings.seed,
-        noise=settings.noise,
+        noise=noise_models().title(settings.noise),
         files=tuple(_files(scratch)),
     )
     if run.execution is not None:

@@ -147,12 +147,15 @@ def read_description(folder: Path, name: str, known: Mapping[str, Path]) -> Robo
         limits=_limits(folder / FILE, sheet, model),
         hand=sheet.hand,
         nominal=Hand(
-            tip_offset=_tip(model, sheet.hand),
+            tip_offset=pads_end(model, sheet.hand),
             force_repeatability=accuracy.force_repeatability,
             torque_gain=accuracy.torque_gain,
             pose_repeatability=accuracy.pose_repeatability,
             joints=sheet.joints,
             fingers=sheet.hand.fingers,
+            force_resolution=accuracy.force_resolution,
+            force_accuracy=accuracy.force_accuracy,
+            tip_offset_std=accuracy.tip_offset_std,
         ),
         reach=sheet.reach,
         stiffness=sheet.stiffness,
@@ -212,7 +215,7 @@ def _links(model: mujoco.MjModel, joints: tuple[str, ...]) -> tuple[str, ...]:
     return tuple(reversed(chain))
 
 
-def _tip(model: mujoco.MjModel, hand: ParallelHand) -> float:
+def pads_end(model: mujoco.MjModel, hand: ParallelHand) -> float:
     """How far the fingers' pads reach beyond the TCP along the tool, m."""
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)

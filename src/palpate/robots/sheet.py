@@ -12,11 +12,12 @@ from pathlib import Path
 from typing import Annotated, Any, cast
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, PlainValidator, ValidationError
+from pydantic import Field, PlainValidator, ValidationError
 
 from palpate.errors import InputError, unknown_name
 from palpate.files.plain_yaml import plain_yaml
 from palpate.files.read import read_text
+from palpate.files.worded import Section, worded
 from palpate.geometry.pose import Array
 
 FILE = "description.yaml"
@@ -49,12 +50,6 @@ Vector = Annotated[Array, PlainValidator(_numbers(3))]
 Size = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Share = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 Name = Annotated[str, Field(min_length=1, max_length=100)]
-
-
-class Section(BaseModel):
-    """Part of a description."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
 
 class Workspace(Section):
@@ -206,11 +201,21 @@ class Pace(Section):
 
 
 class Accuracy(Section):
-    """What the maker states: N per approach, relative (half width), m."""
+    """What the maker states, and how well the pads' end is known.
+
+    Attributes:
+        force_resolution: N. force_repeatability: N, per approach.
+        force_accuracy: N, of a force that is referred to nothing.
+        torque_gain: relative, half width. pose_repeatability: m.
+        tip_offset_std: m, from the TCP to the pads' end.
+    """
 
     force_repeatability: Size
     torque_gain: Size
     pose_repeatability: Size
+    force_resolution: Size = 0.05
+    force_accuracy: Size = 0.8
+    tip_offset_std: Size = 2e-4
 
 
 class Sensors(Section):
@@ -286,7 +291,7 @@ def read_sheet(folder: Path, known: Mapping[str, Path]) -> Sheet:
     try:
         return Sheet.model_validate(_content(path, known))
     except ValidationError as error:
-        raise InputError(f"{path}: {_worded(error)}") from None
+        raise InputError(f"{path}: {worded(error, Sheet)}") from None
 
 
 def _content(path: Path, known: Mapping[str, Path]) -> Any:
@@ -315,25 +320,3 @@ def _merged(below: Mapping[str, Any], above: Mapping[str, Any]) -> dict[str, Any
 
 def _yaml(path: Path) -> Any:
     return plain_yaml(read_text(path, MAX_BYTES, "the description of an arm"), str(path))
-
-
-def _worded(error: ValidationError) -> str:
-    """The first thing that is wrong: its key, and what may stand there."""
-    first = error.errors()[0]
-    key = ".".join(str(part) for part in first["loc"]) or "content"
-    if first["type"] == "missing":
-        return f"'{key}' is missing"
-    if first["type"] != "extra_forbidden":
-        return f"'{key}': {first['msg'].removeprefix('Value error, ')}"
-    valid = _keys(first["loc"][:-1])
-    return f"unknown key '{key}'; valid: {', '.join(valid)}"
-
-
-def _keys(where: tuple[int | str, ...]) -> list[str]:
-    """The keys of the section that a path into the description leads to."""
-    section: type[BaseModel] = Sheet
-    for part in where:
-        inner = section.model_fields[str(part)].annotation if isinstance(part, str) else None
-        if isinstance(inner, type) and issubclass(inner, BaseModel):
-            section = inner
-    return sorted(section.model_fields)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, cast
 from palpate import __version__
 from palpate.estimation.estimate import Estimate
 from palpate.planning.plan import dump_plan
+from palpate.robots.simulated.noise.models import noise_models
 
 if TYPE_CHECKING:
     from palpate.runs.run import Run
@@ -34,7 +35,7 @@ def result_json(run: Run, folder: Path | None) -> dict[str, Any]:
         "provenance": {
             "palpate": __version__,
             "seed": run.settings.seed,
-            "noise": run.settings.noise,
+            "noise": noise_models().title(run.settings.noise),
             "world": run.world,
         },
     }

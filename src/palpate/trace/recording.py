@@ -80,6 +80,7 @@ class Hand:
         tip_offset: distance from the TCP to the end of the fingertips along the tool axis, m.
         force_repeatability: N, per approach. torque_gain: relative, half width.
         pose_repeatability: m.
+        force_resolution: N. force_accuracy: N, of a force that is referred to nothing.
         tip_offset_std: m, how well `tip_offset` is known.
         joints, fingers: their names, as logged; a trace from before arms could be chosen names none,
             and is an FR3's.
@@ -91,4 +92,6 @@ class Hand:
     pose_repeatability: float
     joints: tuple[str, ...] = tuple(f"fr3_joint{i}" for i in range(1, 8))
     fingers: tuple[str, str] = ("fr3_finger_joint1", "fr3_finger_joint2")
+    force_resolution: float = 0.05
+    force_accuracy: float = 0.8
     tip_offset_std: float = 2e-4

@@ -10,7 +10,10 @@ import numpy as np
 from palpate.geometry.pose import Array, Pose
 from palpate.robots.nominal import NominalArm, wrenches
 from palpate.robots.simulated.impedance import Gains
-from palpate.robots.simulated.noise import Sensors
+from palpate.robots.simulated.noise.encoders import Encoders
+from palpate.robots.simulated.noise.motion import Motion
+from palpate.robots.simulated.noise.sensors import Sensors
+from palpate.robots.simulated.noise.stamps import Stamps
 from palpate.robots.simulated.timing import DAMPING_DELAY, PERIOD
 from palpate.robots.simulated.world import Steps
 from palpate.trace.samples import Samples
@@ -27,23 +30,42 @@ class Readout:
     Attributes:
         q, dq: (7,) rad, rad/s. tau, tau_ext: (7,) N m. wrench, contact, twist: (6,).
         pose_world_tcp: (7,) of the newest encoder reading, not a block's mean.
+        stamp: s, robot time of the newest sample that arrived.
         jacobian: (6, 7). gravity_torque: (7,) N m, nominal. commanded: (7,) N m, the last block's.
         speed: (7,) rad/s at the very end; `dq` is the last block's mean.
         deviation: (7,) N m, what the torque sensors now show beyond the truth.
         load: N that hangs on the hand: the slow part of the vertical force.
+        astray: (7,) rad, reported less true joint angles now.
     """
 
-    def __init__(self, nominal: NominalArm, sensors: Sensors, q: Array) -> None:
-        self._nominal, self._sensors = nominal, sensors
+    def __init__(
+        self,
+        nominal: NominalArm,
+        sensors: Sensors,
+        encoders: Encoders,
+        stamps: Stamps,
+        q: Array,
+        torque: Array,
+    ) -> None:
+        """At rest at `q` (7,), rad, held up by `torque` (7,), N m."""
+        self._nominal, self._sensors, self._encoders = nominal, sensors, encoders
+        self._stamps = stamps
         self._reflected = nominal.armature
-        here = nominal.kinematics(q[None])
-        self._last = np.concatenate([q, here.pose_world_tcp[0], here.gravity_torque[0]])
+        reported = encoders.reported(q[None], torque[None])
+        here = nominal.kinematics(reported)
+        self.astray = reported[0] - q
+        self._last = np.concatenate([reported[0], here.pose_world_tcp[0], here.gravity_torque[0]])
+        self._stray = np.zeros(7)
+        self.stamp = 0.0
         self.speed = np.zeros(7)
         self.dq, self.tau_ext, self._external = np.zeros(7), np.zeros(7), np.zeros(7)
         self.wrench, self.contact, self.twist = np.zeros(6), np.zeros(6), np.zeros(6)
         self.deviation, self.load = np.zeros(7), 0.0
         self.jacobian = here.jacobian[0]
         self.tau = self.commanded = self.gravity_torque
+        position = here.pose_world_tcp[:, :3]
+        start = Motion(reported, np.zeros((1, 7)), self.jacobian, position)
+        sensors.zero(torque, self.gravity_torque, start)
 
     @property
     def q(self) -> Array:
@@ -56,49 +78,87 @@ class Readout:
     @property
     def pose_world_tcp(self) -> Pose:
         row = self._last[7:14]
-        return Pose(row[:3] + self._sensors.pose_error, row[3:])
+        return Pose(row[:3] + self._encoders.pose_error, row[3:])
 
     def read(self, steps: Steps, gains: Gains, t: float, target: Array) -> Samples:
-        """The samples of a run of steps that ended at time `t` with the TCP commanded to `target`
-        (n, 7).
+        """The samples of a run of steps that ended at world time `t` with the TCP commanded to
+        `target` (n, 7); those that arrived.
 
         Positions, torques and all that follows are means over a sample's block.
         """
         n, gained = len(steps.q), self._gained(steps.dq)
-        here = self._nominal.kinematics(steps.q, steps.dq, gained / PERIOD)
+        q = self._reported(steps)
+        here = self._nominal.kinematics(q, steps.dq, gained / PERIOD)
         rows = np.empty((n + 1, 21))
-        rows[0], rows[1:, :7] = self._last, steps.q
+        rows[0], rows[1:, :7] = self._last, q
         rows[1:, 7:14], rows[1:, 14:] = here.pose_world_tcp, here.gravity_torque
         mean = rows[1:] + rows[:-1]
         mean *= 0.5
         dq = (rows[1:, :7] - rows[:-1, :7]) / PERIOD
         jacobian = here.jacobian
         true = self._link_torque(steps, gained, gains, jacobian[-1])
-        torque = self._sensors.measure(true, dq, jacobian[-1])
+        motion = Motion(mean[:, :7], dq, jacobian[-1], mean[:, 7:10])
+        torque, arrived = self._sensors.measure(true, motion)
         self.deviation = torque[-1] - true[-1]
         tau_ext = torque - mean[:, 14:]
         external = self._observe(tau_ext - here.inertia_torque)
         both = wrenches(jacobian, np.stack([tau_ext, external], axis=2))
-        wrench = both[:, :, 0]
+        self._encoders.pass_time(n)
+        mean[:, 7:10] += self._encoders.pose_error
+        if not self._encoders.clean:
+            dq = self._blur(mean, dq, jacobian)
         twist = np.matmul(jacobian, dq[:, :, None])[:, :, 0]
-        mean[:, 7:10] += self._sensors.pose_error
-        self._last, self.dq, self.commanded = rows[-1], dq[-1], steps.torque[-1]
-        self.tau, self.tau_ext = torque[-1], tau_ext[-1]
-        self.jacobian, self.twist = jacobian[-1], twist[-1]
-        self.wrench, self.contact = wrench[-1], both[-1, :, 1]
-        self.load += (self.contact[2] - self.load) * -math.expm1(-n * PERIOD / LOAD_TIME)
+        self._last, self.commanded = rows[-1], steps.torque[-1]
+        self.astray = q[-1] - steps.q[-1]
+        self.jacobian = jacobian[-1]
+        self.load += (both[-1, 2, 1] - self.load) * -math.expm1(-n * PERIOD / LOAD_TIME)
         ends = t - PERIOD * np.arange(n - 1.0, -1.0, -1.0)
-        return Samples(
-            ends,
+        samples = Samples(
+            self._stamps.of(ends),
             mean[:, :7],
             dq,
             tau_ext,
-            wrench,
+            both[:, :, 0],
             mean[:, 7:14],
             twist,
             target,
             steps.fingers.sum(1),
         )
+        if arrived is not None and not arrived.all():
+            samples, torque, both = samples.where(arrived), torque[arrived], both[arrived]
+        if len(samples):
+            self.stamp, self.dq, self.twist = (
+                float(samples.t[-1]),
+                samples.dq[-1],
+                samples.twist[-1],
+            )
+            self.tau, self.tau_ext = torque[-1], samples.tau_ext[-1]
+            self.wrench, self.contact = both[-1, :, 0], both[-1, :, 1]
+        return samples
+
+    def _reported(self, steps: Steps) -> Array:
+        """(n, 7) rad at the end of each block, as the encoders have it, but for their noise."""
+        encoders = self._encoders
+        q = encoders.reported(steps.q, steps.torque)
+        if encoders.soft:
+            tool = self.pose_world_tcp.rotation[:, 2]
+            jacobians = np.broadcast_to(self.jacobian, (len(q), 6, 7))
+            felt = wrenches(jacobians, steps.contact[:, :, None])[:, :3, 0]
+            q = q + encoders.pressed(self.jacobian, -felt @ tool, tool)
+        return q
+
+    def _blur(self, mean: Array, dq: Array, jacobian: Array) -> Array:
+        """Give the angles (in `mean`) and the poses that follow from them the encoders' noise;
+        returns the rates, rad/s, that they have with it."""
+        noise = self._encoders.noise(len(mean))
+        if noise is not None:
+            mean[:, :7] += noise
+            mean[:, 7:10] += np.matmul(jacobian[:, :3], noise[:, :, None])[:, :, 0]
+            before = np.concatenate([self._stray[None], noise[:-1]])
+            dq = dq + (noise - before) / PERIOD
+            self._stray = noise[-1]
+        mean[:, :7] = self._encoders.quantised(mean[:, :7])
+        return dq
 
     def _gained(self, dq: Array) -> Array:
         """(n, 7) rad/s that the joints gained in each block."""

@@ -8,22 +8,29 @@ world's actuators (`impedance`), so that Python runs once per tick and not once 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from palpate.geometry.pose import Array, Pose
 from palpate.robots import trajectory
+from palpate.robots.datasheet import informed
 from palpate.robots.description import Limits, RobotDescription
 from palpate.robots.nominal import NominalArm, wrench
 from palpate.robots.pace import free_speeds, joint_rates
 from palpate.robots.reflex import Reflex
 from palpate.robots.robot import RobotState
+from palpate.robots.simulated.correction import Correction
 from palpate.robots.simulated.gripper import Gripper
 from palpate.robots.simulated.guard import Guard, Reaction
 from palpate.robots.simulated.impedance import Gains, Inertia
-from palpate.robots.simulated.noise import Sensors
-from palpate.robots.simulated.noise_models import noise_models
+from palpate.robots.simulated.noise.encoders import Encoders
+from palpate.robots.simulated.noise.models import noise_models
+from palpate.robots.simulated.noise.sensors import Sensors
+from palpate.robots.simulated.noise.stamps import Stamps
+from palpate.robots.simulated.noise.true_arm import Truth
+from palpate.robots.simulated.noise.values import Streams
 from palpate.robots.simulated.readout import Readout
 from palpate.robots.simulated.setpoints import (
     Setpoints,
@@ -31,7 +38,7 @@ from palpate.robots.simulated.setpoints import (
     pose_setpoints,
 )
 from palpate.robots.simulated.timing import BLOCK, DAMPING_DELAY, LONGEST_RUN, PERIOD, TIMESTEP
-from palpate.robots.simulated.world import World
+from palpate.robots.simulated.world import Steps, World
 from palpate.robots.trajectory import Stretch
 from palpate.trace.recording import Hand
 from palpate.trace.samples import Samples
@@ -63,33 +70,49 @@ class MujocoRobot:
         arm: RobotDescription,
         noise: str = "none",
         seed: int = 0,
+        *,
+        stands: Pose | None = None,
+        gravity: Array | None = None,
     ) -> None:
-        """Put `arm` into `world` (which is changed) at `pose_world_base`.
+        """Put the true `arm` of the noise model into `world`, which is changed.
+
+        Args:
+            pose_world_base: where the base is thought to stand. stands: where it stands in `world`
+                but for what the noise model says; there, by default.
+            gravity: (3,) m/s^2 that is thought to act; the world's, by default.
 
         Raises:
-            InputError: the world does not compile with the robot in it.
+            InputError: no such noise model, or the world does not compile with the robot in it.
         """
-        random = np.random.default_rng(seed)
-        kinds = noise_models().imperfections(noise, arm)
+        model, streams = noise_models().load(noise, arm), Streams(seed)
+        arm, truth = informed(arm, model.datasheet), Truth(model.model, streams)
+        assumed = np.array(world.option.gravity if gravity is None else gravity)
         self._arm = arm
-        self._world = World(world, pose_world_base, arm, kinds, random)
-        self._nominal = NominalArm(arm, pose_world_base, self._world.gravity)
-        self._sensors = Sensors(kinds, PERIOD, BLOCK, random)
+        self._gravity = float(-assumed[2])
+        self._world = World(world, stands or pose_world_base, arm, truth)
+        self._nominal = NominalArm(arm, pose_world_base, assumed)
+        self._sensors = Sensors(model, arm.limits.tau_max, streams)
+        self._encoders = Encoders(model, self._sensors.rests, streams)
+        self._stamps = Stamps(model.acquisition, streams)
+        self._wider = truth.width()
         self._gripper = Gripper(arm.hand)
         self._guard = Guard()
         self._thresholds = arm.limits.reflexes.contact
         self._reflex: str | None = None
         self._due = 0.0
         self._logged: list[Samples] = []
-        self._start(arm.home)
+        self._start(arm.home, truth.askew)
 
-    def _start(self, q: Array) -> None:
+    def _start(self, q: Array, askew: bool) -> None:
         """At rest at the configuration `q`, sensors zeroed."""
-        self._readout = Readout(self._nominal, self._sensors, q)
-        self._sensors.zero(self._world.true_gravity_torque(), self._readout.gravity_torque)
+        weight = self._world.true_gravity_torque()
+        self._readout = Readout(
+            self._nominal, self._sensors, self._encoders, self._stamps, q, weight
+        )
+        self._correction = Correction(self._world, self._readout, self._encoders, askew)
         self._target = self._readout.pose_world_tcp.vector
         self._cached: RobotState | None = None
-        self._follow_joints(trajectory.still(0.0, q))
+        self._follow_joints(trajectory.still(0.0, self._readout.q))
 
     @property
     def world(self) -> World:
@@ -103,13 +126,13 @@ class MujocoRobot:
 
     @property
     def hand(self) -> Hand:
-        """The nominal hand."""
+        """The nominal hand, as its owner knows it."""
         return self._arm.nominal
 
     @property
     def gravity(self) -> float:
-        """m/s^2."""
-        return float(-self._world.gravity[2])
+        """m/s^2 that is thought to act."""
+        return self._gravity
 
     @property
     def state(self) -> RobotState:
@@ -117,8 +140,8 @@ class MujocoRobot:
         if self._cached is None:
             readout, gripper, t = self._readout, self._gripper, self._world.t
             self._cached = RobotState(
-                t=t,
-                stamp=t,
+                t=t * self._stamps.rate,
+                stamp=readout.stamp,
                 q=readout.q,
                 dq=readout.dq,
                 tau=readout.tau,
@@ -208,7 +231,7 @@ class MujocoRobot:
 
     def advance(self, duration: float) -> None:
         """Step the world for `duration` s, to the next log period."""
-        self._due += duration
+        self._due += duration / self._stamps.rate
         periods = round((self._due - self._world.t) / PERIOD)
         while periods > 0:
             self._run(min(periods, LONGEST_RUN))
@@ -292,20 +315,27 @@ class MujocoRobot:
         self._dynamics = self._nominal.dynamics(self._readout.q, self._readout.dq)
         control = np.empty((n, len(world.rest_control)))
         control[:] = world.rest_control
+        self._correction.follow()
         target = self._command(control)
         world.set_fingers(
             control, self._gripper.setpoints(world.t + TIMESTEP * np.arange(n, dtype=float))
         )
         self._begin_guard(n)
         steps = world.step(control, self._guard)
-        self._logged.append(self._readout.read(steps, self._gains, world.t, target[: len(steps.q)]))
+        steps_target = target[: len(steps.q)]
+        samples = self._readout.read(steps, self._gains, world.t, steps_target)
+        self._logged.append(replace(samples, width=samples.width + self._wider))
         self._target = target[len(steps.q) - 1]
-        self._gripper.observe(world.t, steps.fingers[-1].tolist(), steps.finger_speed[-1].tolist())
+        self._feel_fingers(steps)
         self._cached = None
         if self._guard.fired:
             self._yield(self._guard.fired)
         elif self._yielding and self._rests():
             self._follow_joints(trajectory.still(world.t, self._leading()))
+
+    def _feel_fingers(self, steps: Steps) -> None:
+        fingers, speeds = steps.fingers[-1] + self._wider / 2, steps.finger_speed[-1]
+        self._gripper.observe(self._world.t, fingers.tolist(), speeds.tolist())
 
     def _begin_guard(self, cycles: int) -> None:
         """Look out for contacts in the run of cycles ahead."""
@@ -324,7 +354,8 @@ class MujocoRobot:
             jacobian,
             mass_matrix + DAMPING_DELAY * damping,
             readout.speed,
-            self._sensors.cycles(cycles) + (readout.deviation - velocity_torque),
+            self._sensors.looks(cycles)
+            + (readout.deviation - velocity_torque - self._correction.torque),
         )
 
     @property
@@ -353,16 +384,18 @@ class MujocoRobot:
         rows, target = setpoints.rows[first:last], setpoints.poses[block : last // BLOCK]
         if self._yielding:
             return target
+        correction = self._correction
         if not self._gains.cartesian:
-            control[:, actuators.drives] = rows
+            control[:, actuators.drives] = correction.joints(rows)
+            control[:, actuators.drives] += correction.torque / self._gains.stiffness
             return target
-        control[:, actuators.position] = rows[:, :3] - self._sensors.pose_error
-        control[:, actuators.orientation] = rows[:, 3:]
+        control[:, actuators.position] = correction.positions(rows[:, :3])
+        control[:, actuators.orientation] = correction.orientations(rows[:, 3:])
         posture = setpoints.posture[block]
         torque = self._gains.posture_torque(
             posture[:7] - readout.q, posture[7:] - readout.dq, readout.jacobian
         )
-        torque += self._dynamics[1]
+        torque += self._dynamics[1] + correction.torque
         control[:, actuators.drives] = torque
         return target
 

@@ -20,7 +20,7 @@ from palpate.robots.model import PREFIX, neighbours
 from palpate.robots.simulated.gripper import DRIVE, add_drive, round_fingers
 from palpate.robots.simulated.guard import Guard
 from palpate.robots.simulated.impedance import Actuators, add_actuators
-from palpate.robots.simulated.noise import Imperfections, perturb_links
+from palpate.robots.simulated.noise.true_arm import Truth
 from palpate.robots.simulated.stiction import declared
 from palpate.robots.simulated.timing import BLOCK, PERIOD, SUBSTEPS, TIMESTEP
 
@@ -49,12 +49,14 @@ class Steps:
 
     Attributes:
         q, dq: (n, 7) at the end of each block. torque: (n, 7) mean commanded joint torques, N m.
+        contact: (n, 7) N m that contacts exert at the joints at the end of each block.
         fingers, finger_speed: (n, 2) at the end of each block, m, m/s.
     """
 
     q: Array
     dq: Array
     torque: Array
+    contact: Array
     fingers: Array
     finger_speed: Array
 
@@ -77,11 +79,16 @@ class World:
         spec: mujoco.MjSpec,
         pose_world_base: Pose,
         arm: RobotDescription,
-        kinds: Imperfections,
-        random: np.random.Generator,
+        truth: Truth,
     ) -> None:
+        """Put the true arm into `spec`, which is changed, at `pose_world_base`, where it is thought
+        to stand.
+
+        Raises:
+            InputError: it does not compile, or its physics is none to weigh and touch in.
+        """
         self._arm = arm
-        self.model = _compile(spec, pose_world_base, arm, kinds, random)
+        self.model = _compile(spec, pose_world_base, arm, truth)
         self._data = mujoco.MjData(self.model)
         joints = [self.model.joint(PREFIX + name) for name in arm.joints]
         self._q, self._v = _run(joints[0].qposadr[0], 7), _run(joints[0].dofadr[0], 7)
@@ -107,10 +114,11 @@ class World:
             ExecutionAborted: the physics became unstable.
         """
         model, data, n = self.model, self._data, len(control) // BLOCK
-        qpos, qvel, torque = (
+        qpos, qvel, torque, contact = (
             np.empty((n, model.nq)),
             np.empty((n, model.nv)),
             np.empty((n, BLOCK, 7)),
+            np.empty((n, 7)),
         )
         now, speed, inputs, commanded = data.qpos, data.qvel, data.ctrl, data.qfrc_actuator[self._v]
         dq, weight, done = data.qvel[self._v], data.qfrc_gravcomp[self._v], n
@@ -127,6 +135,7 @@ class World:
                 if not guard.yielding and guard.feels(commanded, weight, dq):
                     self.actuators.set(guard.reaction.gains)
             qpos[block], qvel[block] = now, speed
+            contact[block] = data.qfrc_constraint[self._v]
             if guard.fired:
                 done = block + 1
                 break
@@ -143,6 +152,7 @@ class World:
             qpos[:, self._q],
             qvel[:, self._v],
             mean,
+            contact[:n],
             qpos[:, self._finger_q],
             qvel[:, self._finger_v],
         )
@@ -175,9 +185,10 @@ class World:
         return self._data.qpos.copy()
 
     @property
-    def gravity(self) -> Array:
-        """(3,) m/s^2, world axes."""
-        return self.model.opt.gravity.copy()
+    def compensation(self) -> Array:
+        """(7,) N m with which MuJoCo holds the nominal arm up now."""
+        data = self._data if self.t else self._at(self.qpos)
+        return data.qfrc_gravcomp[self._v].copy()
 
     def data(self, qpos: Array | None = None) -> mujoco.MjData:
         """The world now, or at `qpos` (one of `frames`), forwarded: for pictures. Reused by the
@@ -198,7 +209,9 @@ class World:
 
     def true_tcp(self) -> Pose:
         """Where the TCP really is now, in the world."""
-        data = self._at(self.qpos)
+        data = self._seen
+        data.qpos[:] = self._data.qpos
+        mujoco.mj_kinematics(self.model, data)
         tcp, hand = data.site(PREFIX + self._arm.tcp), data.body(PREFIX + self._arm.hand.body)
         return Pose(tcp.xpos.copy(), hand.xquat.copy())
 
@@ -218,10 +231,9 @@ def _compile(
     spec: mujoco.MjSpec,
     pose_world_base: Pose,
     arm: RobotDescription,
-    kinds: Imperfections,
-    random: np.random.Generator,
+    truth: Truth,
 ) -> mujoco.MjModel:
-    """The world with the robot in it.
+    """The world with the true robot in it.
 
     Raises:
         InputError: MuJoCo does not accept the result, or the world's physics is none to weigh and
@@ -232,18 +244,18 @@ def _compile(
     for pair in sorted(map(sorted, neighbours(robot, arm))):
         robot.add_exclude(bodyname1=pair[0], bodyname2=pair[1])
     add_drive(robot, arm.hand)
+    truth.build(robot, arm)
     round_fingers(robot, arm.hand)
-    perturb_links(robot, arm.links, kinds, random)
     spec.option.timestep = TIMESTEP / SUBSTEPS
+    spec.option.gravity = truth.gravity(spec.option.gravity)
     for name in ("integrator", "cone", "impratio"):
         setattr(spec.option, name, getattr(robot.option, name))
     robot.option.gravity, robot.option.timestep = spec.option.gravity, spec.option.timestep
     for key in list(spec.keys):  # states of a world without this robot
         spec.delete(key)
     try:
-        frame = spec.worldbody.add_frame(
-            pos=pose_world_base.position, quat=pose_world_base.quaternion
-        )
+        base = truth.base(pose_world_base)
+        frame = spec.worldbody.add_frame(pos=base.position, quat=base.quaternion)
         spec.attach(robot, frame=frame, prefix=PREFIX)
         add_actuators(spec, arm)
         return spec.compile()

@@ -1,0 +1,77 @@
+"""Joint angles as the encoders tell them."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from palpate.geometry.pose import Array
+from palpate.robots.nominal import RIDGE
+from palpate.robots.simulated.noise.model import NoiseModel
+from palpate.robots.simulated.noise.rests import Rests
+from palpate.robots.simulated.noise.values import JOINTS, Streams
+from palpate.robots.simulated.noise.wander import Relaxation
+from palpate.robots.simulated.timing import BLOCK, PERIOD
+
+
+class Encoders:
+    """Reported against true joint angles, and the reported against the true place of the TCP.
+
+    Attributes:
+        exact: whether they report every angle as it is, but for noise. clean: and without noise.
+        soft: m/N by which the pads give way under a probe: the arm goes on, as its encoders see.
+    """
+
+    def __init__(self, noise: NoiseModel, rests: Rests, streams: Streams) -> None:
+        pose, model = noise.pose, noise.model
+        self._rests = rests
+        self._compliance = model.joint_compliance.draw(streams("model.joint_compliance"))
+        self.soft = model.pad_compliance.number(streams("model.pad_compliance"))
+        self._ripple = math.sqrt(2.0) * pose.encoder_ripple.size
+        self._cycles = pose.encoder_ripple.cycles
+        self._phase = streams("pose.encoder_ripple").uniform(-np.pi, np.pi, JOINTS)
+        self._noise, self._random = pose.encoder, streams("pose.encoder")
+        self._step = pose.quantisation
+        self.exact = not (self._compliance.any() or self._ripple.any() or self.soft)
+        self.clean = not (pose.encoder.any() or pose.quantisation)
+        self._thermal = None
+        if pose.thermal:
+            time = noise.torque.drift.time_constant
+            self._thermal = Relaxation(pose.thermal, time, streams("pose.thermal"), 3)
+
+    @property
+    def pose_error(self) -> Array:
+        """(3,) m, world axes: reported less true position of the TCP, besides what the angles do."""
+        if self._thermal is None:
+            return self._rests.pose_error
+        return self._rests.pose_error + self._thermal.value
+
+    def pass_time(self, periods: int) -> None:
+        """The links warm up and cool down."""
+        if self._thermal is not None:
+            self._thermal.after(periods * PERIOD)
+
+    def reported(self, q: Array, torque: Array) -> Array:
+        """(n, 7) rad of the true angles (n, 7) under link-side torques (n, 7), N m: the encoders sit
+        before what gives way."""
+        if self.exact:
+            return q
+        return q + self._compliance * torque + self._ripple * np.sin(self._cycles * q + self._phase)
+
+    def pressed(self, jacobian: Array, force: Array, axis: Array) -> Array:
+        """(n, 7) rad more that the arm went on while its pads gave way under `force` (n,), N, along
+        the unit `axis` (3,) in which they press."""
+        forward = np.concatenate([axis, np.zeros(3)])
+        along = jacobian.T @ np.linalg.solve(jacobian @ jacobian.T + RIDGE, forward)
+        return self.soft * np.maximum(force, 0.0)[:, None] * along
+
+    def noise(self, periods: int) -> Array | None:
+        """(periods, 7) rad of the means of blocks; None without any."""
+        if not self._noise.any():
+            return None
+        return self._noise / math.sqrt(BLOCK) * self._random.standard_normal((periods, JOINTS))
+
+    def quantised(self, q: Array) -> Array:
+        """(n, 7) rad, in whole steps."""
+        return np.round(q / self._step) * self._step if self._step else q

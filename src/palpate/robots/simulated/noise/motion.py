@@ -1,0 +1,25 @@
+"""What an arm did in a run of log periods, as its sensors live through it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from palpate.geometry.pose import Array
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Motion:
+    """n log periods of an arm.
+
+    Attributes:
+        q, dq: (n, 7) rad, rad/s. jacobian: (6, 7) of the last period, world axes about the TCP.
+        position: (n, 3) m, the TCP's.
+    """
+
+    q: Array
+    dq: Array
+    jacobian: Array
+    position: Array
+
+    def __len__(self) -> int:
+        return len(self.q)
