@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pkgutil import resolve_name
+
 import mujoco
 import numpy as np
 import pytest
@@ -64,6 +66,12 @@ def struck(robot: MujocoRobot, name: str) -> tuple[mujoco.MjModel, mujoco.MjData
     for step in range(3):
         faulty.act(model, data, step * 0.0005)
     return model, data
+
+
+def test_what_else_fails_is_there_to_fail() -> None:
+    places = [place for fault in FAULTS for place in fault.patches]
+    assert len(places) >= 5
+    assert all(callable(resolve_name(place)) for place in places)
 
 
 def test_faults_of_the_world_change_it(robot: MujocoRobot) -> None:

@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 from typing import Any
-from unittest.mock import patch
+from unittest.mock import Mock, patch
 
 import numpy as np
 
@@ -102,8 +102,11 @@ def _struck(case: Case, blank: Row) -> Row:
         cell = _Cell(inner, fault, moment)
         patched.enter_context(patch.object(stages, "cell_for", return_value=cell))
         patched.enter_context(_small_disk(fault.bytes))
+        failing: list[Mock] = []
         for place in fault.patches:
-            patched.enter_context(patch(place.replace(":", "."), side_effect=_failing))
+            failing.append(
+                patched.enter_context(patch(place.replace(":", "."), side_effect=_failing))
+            )
         observer = _Watcher(moment) if fault.name == "watcher fails" else None
         run, said = None, ()
         try:
@@ -116,7 +119,9 @@ def _struck(case: Case, blank: Row) -> Row:
         if cell.made is None:
             return blank
         wrong = _wrong(run) if run and fault.honest else []
-        return _row(blank, fault, cell.made, Path(folder) / "run", wrong)
+        row = _row(blank, fault, cell.made, Path(folder) / "run", wrong)
+        struck = cell.made.last >= moment and all(part.called for part in failing)
+        return replace(row, figures=row.figures | {"struck": struck})
 
 
 @contextmanager
@@ -149,12 +154,13 @@ def _row(blank: Row, fault: Fault, robot: FaultyRobot, folder: Path, wrong: list
     robot.outlast(AFTERWARDS)
     seen = harm(robot.witness, (OBJECT,))
     figures, kept = _kept(folder, robot)
+    stopped_by = figures.pop("stopped_by")
     beyond = [*chargeable(seen, fault), *wrong]
     if not kept and fault.bytes is None:
         beyond.append("trace lost")
     return replace(
         blank,
-        said=blank.said or (str(figures.pop("stopped_by")),),
+        said=blank.said or ((str(stopped_by),) if stopped_by else ()),
         beyond=tuple(beyond),
         touches=touches_of(seen),
         figures=figures | {"dropped": list(seen.fallen), "preventable": fault.holds},
