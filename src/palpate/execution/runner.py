@@ -199,7 +199,7 @@ class _Loop:
             return
         if self.blackboard.robot.state.gripping:
             self._put_down()
-        elif self.blackboard.state.holding:
+        if self.blackboard.state.holding and not self._gripping():
             self.blackboard.state = lost(self.blackboard)
 
     def execution(self, wall_seconds: float, asked: bool) -> Execution:
@@ -239,6 +239,8 @@ class _Loop:
             self.tick_to_end(down, PutDown.timeout, self.hurried)
         finally:
             down.stop(Status.INVALID)
+        if self.blackboard.robot.state.moving:
+            self._rest()
 
     def _come_to_rest(self) -> None:
         """Wait for the end of all motion, and stop pressing on what was run into: `hold` keeps the

@@ -58,6 +58,10 @@ class PutDown(Primitive):
         held = state.holding is not None
         return Expectation(contact=True, grasped=held)
 
+    def slipping(self, blackboard: Blackboard) -> str | None:
+        """What slips is put down all the same, as long as the fingers have it."""
+        return None
+
     def run(self, blackboard: Blackboard) -> Steps:
         robot, name = blackboard.robot, blackboard.state.holding
         robot.set_reflex(robot.limits.reflexes.contact)

@@ -195,15 +195,18 @@ class Primitive(BaseModel):
     def unsafe(self, blackboard: Blackboard) -> str | None:
         """The safety predicate, evaluated every tick: the reason it is violated, or None."""
         expected = self.expectation(blackboard.state)
-        state = blackboard.robot.state
-        slip = blackboard.load.slip(state.width) if expected.grasped and state.gripping else None
-        return slip or violation(
-            state,
+        return self.slipping(blackboard) or violation(
+            blackboard.robot.state,
             blackboard.robot.limits,
             expected,
             blackboard.scene.pose_world_base,
             blackboard.robot.gravity,
         )
+
+    def slipping(self, blackboard: Blackboard) -> str | None:
+        """Why what the fingers are to hold leaves them; None while it does not."""
+        grasped, state = self.expectation(blackboard.state).grasped, blackboard.robot.state
+        return blackboard.load.slip(state.width) if grasped and state.gripping else None
 
     def run(self, blackboard: Blackboard) -> Steps:
         """Behave. Yield once a tick while RUNNING."""

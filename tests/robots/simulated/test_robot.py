@@ -298,3 +298,23 @@ def test_fingers_that_close_gently_press_no_more_than_they_are_told() -> None:
     assert arm.state.gripping
     assert arm.state.width < gentle
     assert abs(arm.world.data().actuator("robot/fingers").force[0]) > 70.0
+
+
+def test_fingers_that_nothing_resists_any_more_go_no_faster_than_they_can() -> None:
+    arm = robot()
+    go(arm, ABOVE)
+    go(arm, AT, 0.1)
+    arm.close_gripper()
+    arrive(arm)
+    bottle = int(arm.world.model.jnt_qposadr[arm.world.model.body("bottle").jntadr[0]])
+    ways: list[float] = []
+
+    def without_the_bottle(data: mujoco.MjData) -> None:
+        data.qpos[bottle + 2] = 5.0
+        ways.append(float(data.joint("robot/fr3_finger_joint1").qpos[0]))
+
+    arm.world.watch = without_the_bottle
+    arm.advance(0.5)
+    window = round(0.01 / arm.world.model.opt.timestep)
+    speeds = (np.array(ways[:-window]) - np.array(ways[window:])) / 0.01
+    assert 0.04 < speeds.max() < 1.2 * ARM.hand.speed

@@ -11,9 +11,8 @@ from palpate.geometry.pose import Array
 from palpate.robots.sheet import ParallelHand
 
 DRIVE = "fingers"
-STIFFNESS, DAMPING = 20_000.0, 300.0
-"""N/m, N s/m: the drive's servo, of both fingers together; stiff, so that the fingers do not give
-under a load, and damped well above its own oscillation."""
+LAG = 0.015
+"""s that the fingers are behind their set-point."""
 STANDSTILL = 0.001
 """m/s: fingers slower than this stand still."""
 STANDING = 0.1
@@ -28,7 +27,8 @@ def add_drive(robot: mujoco.MjSpec, hand: ParallelHand) -> None:
     """Make the two fingers one mechanism: mirrored, with one drive that pushes each with half its
     force.
 
-    Its control is each finger's distance from the middle, m.
+    Its control is each finger's distance from the middle, m. It is damped so that all of its force
+    moves the fingers no faster than they can go: what gives way is followed, and not hit.
     """
     tendon = robot.add_tendon(name=DRIVE)
     for finger in hand.fingers:
@@ -45,7 +45,12 @@ def add_drive(robot: mujoco.MjSpec, hand: ParallelHand) -> None:
         ctrlrange=(-0.01, hand.opening / 2),
         forcerange=(-hand.force, hand.force),
     )
-    drive.set_to_position(kp=STIFFNESS, kv=DAMPING)
+    drive.set_to_position(kp=_damping(hand) / LAG, kv=_damping(hand))
+
+
+def _damping(hand: ParallelHand) -> float:
+    """N s/m, of both fingers together."""
+    return hand.force / hand.speed
 
 
 def round_fingers(robot: mujoco.MjSpec, hand: ParallelHand) -> None:
@@ -70,7 +75,7 @@ class Gripper:
 
     def __init__(self, hand: ParallelHand) -> None:
         self._open, self._closed, self._speed = hand.opening / 2, -hand.overclose, hand.speed
-        self._strongest = hand.force
+        self._strongest, self._damping = hand.force, _damping(hand)
         self.force = hand.force
         """N that the drive exerts at most."""
         self.width = 2 * self._open
@@ -85,11 +90,6 @@ class Gripper:
         """Closed, and stopped on something."""
         return self._goal == self._closed and not self.moving and self.width > NOTHING
 
-    @property
-    def _saturation(self) -> float:
-        """m: how far the set-point must lead for all of the force."""
-        return self.force / STIFFNESS
-
     def open(self, t: float) -> None:
         """Start opening fully."""
         self._start(t, self._open, self._strongest)
@@ -99,7 +99,8 @@ class Gripper:
         self._start(t, self._closed, self._strongest if force is None else force)
 
     def setpoints(self, t: Array) -> Array | float:
-        """Each finger's commanded way from the middle at times `t` (n,), m."""
+        """Each finger's commanded way from the middle at times `t` (n,), m, until the fingers are
+        observed next."""
         if t[0] - self._since > abs(self._goal - self._from) / self._speed:
             return self._goal
         way = self._speed * (t - self._since)
@@ -110,24 +111,29 @@ class Gripper:
     def observe(self, t: float, fingers: Sequence[float], speeds: Sequence[float]) -> None:
         """Take note of the fingers' two ways from the middle, m, and their speeds, m/s.
 
-        Fingers that touch are closed, however much the end stops give under the drive.
+        Fingers that touch are closed, however much the end stops give under the drive. The set-point
+        waits for fingers that it leads by more than all of the force needs: where something gives
+        way at last, they do not jump after it.
         """
         self.width = max(0.0, sum(fingers))
+        middle, speed = sum(fingers) / 2, max(map(abs, speeds))
+        commanded, lead = self._commanded(t), self._lead(speed)
+        pressed = commanded == self._goal or commanded < middle - lead
+        self._from, self._since = float(np.clip(commanded, middle - lead, middle + lead)), t
         if not self.moving:
             return
-        if max(map(abs, speeds)) > STANDSTILL or not self._pressed(t):
+        if speed > STANDSTILL or not pressed:
             self._last_moved = t
         self.moving = t - self._last_moved < STANDING
 
-    def _pressed(self, t: float) -> bool:
-        """The set-point has arrived, or leads by enough for the full force."""
-        commanded = float(np.asarray(self.setpoints(np.array([t]))).flat[0])
-        return commanded == self._goal or commanded < self.width / 2 - self._saturation
+    def _lead(self, speed: float) -> float:
+        """m that the set-point is ahead of fingers that go with a speed, m/s, and all the force."""
+        return LAG * (self.force / self._damping + speed)
+
+    def _commanded(self, t: float) -> float:
+        return float(np.asarray(self.setpoints(np.array([t]))).flat[0])
 
     def _start(self, t: float, goal: float, force: float) -> None:
-        commanded = float(np.asarray(self.setpoints(np.array([t]))).flat[0])
-        low, high = self.width / 2 - self._saturation, self.width / 2 + self._saturation
+        self._from, self._since, self._last_moved = self._commanded(t), t, t
         self.force = min(force, self._strongest)
-        self._from = float(np.clip(commanded, low, high))
-        self._since = self._last_moved = t
         self._goal, self.moving = goal, True
