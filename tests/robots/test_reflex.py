@@ -23,6 +23,16 @@ def test_it_says_what_was_felt_and_what_is_allowed() -> None:
     assert turning == "unexpected contact: the arm stopped itself at 8.5 N m, more than 8 N m"
 
 
+def test_what_slides_may_be_pressed_more_than_it_is_dragged() -> None:
+    sliding = Reflex(60.0, 15.0, sideways=25.0)
+    assert sliding.fired(wrench(20, -14, 50)) is None
+    assert sliding.fired(wrench(20, -16, 0)) == (
+        "unexpected contact: the arm stopped itself at 25.6 N sideways, more than 25 N"
+    )
+    assert sliding.least == 15.0
+    assert Reflex(60.0, 15.0).fired(wrench(40, 0, 0)) is None
+
+
 def test_a_load_may_hang_on_the_hand_but_not_press_on_it() -> None:
     carrying = Reflex(20.0, 8.0, load=30.0)
     assert carrying.fired(wrench(0, 0, 45)) is None

@@ -22,7 +22,7 @@ from palpate.vocabulary.gripper import finish_fingers
 from palpate.vocabulary.motion import DOWN
 from palpate.vocabulary.profile import GUARDED_SPEED, POSE_ERROR
 from palpate.vocabulary.state import SymbolicState
-from palpate.vocabulary.touch import Feeling, finish, guarded
+from palpate.vocabulary.touch import Feeling, finish, guarded, settle
 
 AT_GRASP = 0.003
 """m: an object this near to the height where it was grasped still stands on its support."""
@@ -39,8 +39,6 @@ RETREAT_SPEED = 0.05
 """m/s."""
 RETREAT = 0.10
 """m."""
-SETTLING = 0.3
-"""s."""
 
 
 class PutDown(Primitive):
@@ -71,7 +69,8 @@ class PutDown(Primitive):
         robot.open_gripper()
         yield from finish_fingers(blackboard)
         robot.move_axis(-DOWN, RETREAT_SPEED, RETREAT)
-        yield from _arrive(blackboard)
+        yield from finish(blackboard)
+        yield from settle(blackboard)
         return f"put {name or 'what was just grasped'} down"
 
     def _to_support(self, blackboard: Blackboard, name: str) -> Steps:
@@ -106,7 +105,8 @@ class PutDown(Primitive):
         robot.move_axis(DOWN, GUARDED_SPEED, travel)
         if not (yield from guarded(blackboard, lambda: -load.borne(feeling.now()) > PRESSED)):
             raise LeafFailure(nowhere)
-        yield from _arrive(blackboard)
+        yield from finish(blackboard)
+        yield from settle(blackboard)
         early = _above(blackboard, place)
         if early > POSE_ERROR:
             raise LeafFailure(
@@ -166,12 +166,3 @@ def lost(blackboard: Blackboard) -> SymbolicState:
     return replace(
         state, moved={other: pose for other, pose in state.moved.items() if other != name}
     )
-
-
-def _arrive(blackboard: Blackboard) -> Steps:
-    """Wait until the arm's motion has ended and it had time to come to rest."""
-    yield from finish(blackboard)
-    since = blackboard.robot.state.t
-    while blackboard.robot.state.t - since < SETTLING:
-        yield
-    return "arrived"

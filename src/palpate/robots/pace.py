@@ -34,7 +34,8 @@ on a table."""
 REBOUND = 0.5
 """Restitution of the arm's shells on something as stiff, damped by a fifth of the critical."""
 LENGTHWAYS = 0.7
-"""Cosine to the tool's axis of motions that the fingertips alone, or the wrist alone, lead."""
+"""Cosine to the tool's axis of motions that the fingertips alone, or the wrist alone, lead: what
+stands upright meets the hand's side with no more than the rest of the motion."""
 WINDOW = 0.010
 """s, over which the force of a contact is averaged."""
 GENTLE = 0.65

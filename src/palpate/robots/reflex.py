@@ -15,11 +15,18 @@ class Reflex:
     Attributes:
         force: N, magnitude at the TCP. torque: N m, likewise.
         load: N that may hang on the hand besides: a weight, which pulls straight down.
+        sideways: N, of the horizontal force alone.
     """
 
     force: float
     torque: float
     load: float = 0.0
+    sideways: float = math.inf
+
+    @property
+    def least(self) -> float:
+        """No smaller wrench, N or N m, is too much."""
+        return min(self.force, self.torque, self.sideways)
 
     def fired(self, contact: Array) -> str | None:
         """Why the arm stops at the external wrench `contact` (6,), the convention of
@@ -28,6 +35,9 @@ class Reflex:
         force = math.hypot(x, y, z - min(max(z, 0.0), self.load))
         if force > self.force:
             return _worded(f"{force:.1f} N", f"{self.force:g} N")
+        sideways = math.hypot(x, y)
+        if sideways > self.sideways:
+            return _worded(f"{sideways:.1f} N sideways", f"{self.sideways:.0f} N")
         torque = math.hypot(turn_x, turn_y, turn_z)
         if torque > self.torque:
             return _worded(f"{torque:.1f} N m", f"{self.torque:g} N m")

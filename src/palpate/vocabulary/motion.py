@@ -31,6 +31,7 @@ from palpate.vocabulary.touch import (
     BRIEF,
     DWELL,
     MET,
+    WHILE_FELT,
     Feeling,
     feel,
     finish,
@@ -54,6 +55,8 @@ PRESS_DEPTHS = (0.005, 0.001)
 """m: how far the equilibrium is lowered while sliding, at its beginning and its end: a normal force
 that the torque sensors resolve, and that varies, so that what the arm's own friction adds to the
 sliding force can be told apart."""
+ROUGHEST = 1.0
+"""friction between an object and its support, the largest plausible: rubber on dry concrete."""
 UNDER_WAY = 90.0
 """s that one motion may take: half a metre at the least speed of a cautious arm."""
 
@@ -107,6 +110,24 @@ def _reflex(of: Reflexes, span: Span, holding: str | None, sets_down: bool) -> R
     if span.guarded and (sets_down or leaves(span.start, span.end)):
         return replace(of.probing, load=of.carrying.load)
     return of.carrying if holding else of.free
+
+
+def _sliding(blackboard: Blackboard) -> Reflex:
+    """At what the arm stops itself as it drags what it holds: at more than the roughest support
+    holds back of what presses on it, it has met something else."""
+    arm, contact = blackboard.scene.arm, blackboard.robot.limits.reflexes.contact
+    pressed = arm.stiffness.translation * max(PRESS_DEPTHS) + _weight(blackboard)
+    return replace(contact, sideways=ROUGHEST * pressed + MET)
+
+
+def _weight(blackboard: Blackboard) -> float:
+    """N, of what is held: as felt or known, else the most that the arm carries."""
+    robot, state = blackboard.robot, blackboard.state
+    if blackboard.load.weight > 0.0:
+        return blackboard.load.weight
+    assert state.holding is not None
+    known = state.scene.body(state.holding).known.get("mass", (robot.limits.payload,))
+    return known[0] * robot.gravity
 
 
 def _explained(blackboard: Blackboard, change: Array, sets_down: bool, span: Span) -> Array:
@@ -237,7 +258,7 @@ class MovePose(Primitive):
                 yield from settle(blackboard, BRIEF)
                 return self._set_down(blackboard, target)
             dwell = BRIEF if span.guarded else DWELL
-        yield from settle(blackboard, dwell)
+        yield from settle(blackboard, dwell - WHILE_FELT if lifted else dwell)
         if lifted:
             hanging = yield from feel(blackboard)
             tool = robot.state.pose_world_tcp
@@ -250,7 +271,7 @@ class MovePose(Primitive):
         return self._arrived(blackboard, target)
 
     def _slide(self, blackboard: Blackboard, target: Pose) -> Steps:
-        blackboard.robot.set_reflex(blackboard.robot.limits.reflexes.contact)
+        blackboard.robot.set_reflex(_sliding(blackboard))
         first, last = (np.array([0.0, 0.0, -depth]) for depth in PRESS_DEPTHS)
         for waypoint in (
             blackboard.robot.state.target_world_tcp.translated(first),

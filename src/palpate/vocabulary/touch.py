@@ -25,6 +25,8 @@ BRIEF = 0.1
 """s: likewise, where nothing is compared."""
 SETTLE_LIMIT = 3.0
 """s."""
+WHILE_FELT = 0.06
+"""s that these ticks take."""
 MET = 8.0
 """N: change of the contact's force that is something met; five times what the joints' friction and
 the sensors' bias do as the arm sets out."""

@@ -14,7 +14,7 @@ from palpate.errors import InputError
 from palpate.parameter import Parameter
 from palpate.planning.check.check import RULES, check
 from palpate.planning.plan import parse_plan
-from palpate.studies.campaign import campaign, nasty, runtime
+from palpate.studies.campaign import campaign, hidden, nasty, runtime
 from palpate.studies.campaign.bases import Base
 from palpate.studies.campaign.corrupt import corrupted
 from palpate.studies.campaign.faulty import FaultyRobot, broken, frozen
@@ -157,3 +157,21 @@ def test_a_case_is_repeated_by_its_number_or_name() -> None:
 
 def test_a_plan_in_a_light_scene_is_named_by_its_command() -> None:
     assert Drawn("plans", 3, 14).command.endswith("--kind plans --seed 3 --case 14")
+
+
+@pytest.mark.parametrize("stiffness", [1e5, 1e6])
+@pytest.mark.parametrize("mass", [4.0, 18.0])
+def test_a_post_is_as_stiff_as_it_says_whatever_leans_on_it(stiffness: float, mass: float) -> None:
+    model = mujoco.MjModel.from_xml_string(
+        f"""<mujoco><option timestep="0.0005" integrator="implicitfast" gravity="0 0 0"/><worldbody>
+        {hidden.post((0.05, 0.0, 0.0), stiffness)}
+        <body pos="-0.01 0 0.1"><joint name="x" type="slide" axis="1 0 0" damping="3000"/>
+        <geom type="sphere" size="0.045" mass="{mass}"/></body></worldbody></mujoco>"""
+    )
+    data = mujoco.MjData(model)
+    where = []
+    for force in (100.0, 200.0):
+        data.qfrc_applied[model.joint("x").dofadr[0]] = force
+        mujoco.mj_step(model, data, nstep=4000)
+        where.append(data.joint("x").qpos[0])
+    assert 100.0 / (where[1] - where[0]) == pytest.approx(stiffness, rel=0.1)

@@ -101,7 +101,7 @@ class Guard:
         self._known = deviation @ to_wrench.T
         self._dq[:] = dq
         self._thresholds = thresholds or _ANYTHING
-        self._little = min(self._thresholds.force, self._thresholds.torque) ** 2
+        self._little = self._thresholds.least**2
         self._look, self._reaction = 0, reaction
         self.yielding, self.fired = thresholds is None, None
         if self.yielding:

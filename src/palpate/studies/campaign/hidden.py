@@ -32,6 +32,10 @@ STIFFNESS = (1e4, 1e5, 1e6)
 """N/m of a post's contact with the arm."""
 RIGID = 1e6
 """N/m from which on a contact is rigid."""
+POST_MASS = 1.0
+"""kg of a post: an aluminium one of its size has 0.8."""
+CONTACT, CONTACT_DAMPING = 3e6, 1200.0
+"""1/s^2 and 1/s of its contact: what physics steps of 0.5 ms resolve."""
 POST = "hidden_post"
 LIGHT_THING = "hidden_cup"
 
@@ -93,7 +97,7 @@ def wrong_world(kind: str, true: Scene, random: np.random.Generator) -> Wrong:
         world = scene_from_text(_with(true.text, _cup(place)), true)
         return Wrong(world, f"a cup at {_at(place)}", (LIGHT_THING,))
     stiffness = STIFFNESS[int(random.integers(0, len(STIFFNESS)))]
-    world = scene_from_text(_with(true.text, _post(place, stiffness)), true)
+    world = scene_from_text(_with(true.text, post(place, stiffness)), true)
     figures = UNSEEN
     if kind == "cautious":
         figures = CAUTIOUS_RIGID if stiffness >= RIGID else CAUTIOUS
@@ -130,19 +134,25 @@ def _on_the_way(true: Scene, random: np.random.Generator) -> tuple[float, float,
     return float(spot[0]), float(spot[1]), bottom
 
 
-def _post(place: tuple[float, float, float], stiffness: float) -> str:
-    """A rigid post, 0.4 m high, whose contact has a stiffness per kg of what runs into it.
+def post(place: tuple[float, float, float], stiffness: float) -> str:
+    """MJCF of a post, 0.4 m high and 20 mm off the ground, that gives way by a force over
+    `stiffness`, N/m, whatever runs into it.
 
-    MuJoCo takes `solref="-k -b"` per effective mass (manual, solver parameters); 5 kg stand for an
-    arm's.
+    MuJoCo's contacts are as stiff as the masses in them make them: `solref="-k -b"` gives k times
+    the effective mass (manual, solver parameters). So the post stands on springs, and its contact
+    is stiffer than these. A fifth of the critical damping, of what 10 kg do on it, leaves a rebound
+    of about one half.
     """
     x, y, z = place
-    k = stiffness / 5.0
-    damping = 0.2 * 2 * np.sqrt(k)
+    damping = 2 * 0.2 * np.sqrt(10.0 * stiffness)
+    slides = "".join(
+        f'<joint type="slide" axis="{axis}" stiffness="{stiffness}" damping="{damping}"/>'
+        for axis in ("1 0 0", "0 1 0", "0 0 1")
+    )
     return (
-        f'<body name="{POST}" pos="{x} {y} {z + 0.2}">'
-        f'<geom type="cylinder" size=".015 .2" priority="2" solref="{-k} {-damping}" '
-        'solimp="0.99 0.99 0.001"/></body>'
+        f'<body name="{POST}" pos="{x} {y} {z + 0.21}" gravcomp="1">{slides}'
+        f'<geom type="cylinder" size=".015 .19" mass="{POST_MASS}" priority="2" '
+        f'solref="{-CONTACT} {-CONTACT_DAMPING}" solimp="0.99 0.99 0.001"/></body>'
     )
 
 
