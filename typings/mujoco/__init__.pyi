@@ -277,6 +277,7 @@ class MjData:
     xpos: _Doubles
     xquat: _Doubles
     xmat: _Doubles
+    xanchor: _Doubles
     xaxis: _Doubles
     geom_xpos: _Doubles
     geom_xmat: _Doubles

@@ -12,8 +12,6 @@ tuned: it comes with the trace, in `trace.hand`.
 
 from __future__ import annotations
 
-import numpy as np
-
 # Tests of fit.
 
 FALSE_ALARM = 1e-4
@@ -23,8 +21,8 @@ and some thousand innocent ones in a row shall stay identified. Sensitive: no.""
 # Cutting a trace into rests and passes.
 
 SETTLE = 0.15
-"""s after the commanded pose stopped moving: the impedance controller's transient. Sensitive:
-mass 0.3 σ, std ×0.9–1.4; friction 0.2 σ, std ×1.0–1.1; com 0.2 σ, std ×0.9–1.2."""
+"""s after the commanded pose stopped moving: the impedance controller's transient. Sensitive: mass
+0.1 σ; friction 0.2 σ, std ×1.0–1.1; com 0.2 σ."""
 
 START = 0.06
 """s before the commanded pose moves on: a smooth start accelerates before it visibly moves.
@@ -78,25 +76,51 @@ PAUSE = 0.5
 """s between two stretches of one pass, at most: a motion changes its speed near things. Sensitive:
 no."""
 
-STEADY = 0.3
-"""m/s² along the path up to which a row belongs to a pass: what the arm's own inertia does as it
-changes its speed is far more than a load. Sensitive: no."""
+SPEED_SMOOTH = 0.05
+"""s over which the speed is averaged before its change is taken: encoders are noisy. Sensitive:
+mass 0.6 σ, std ×0.9–1.1."""
+
+SHORT_BLOCK = 0.05
+"""s: means over such blocks show the white noise; long enough for a filter of the signals to have
+forgotten. Sensitive: mass 0.2 σ, std ×0.9–1.3."""
+
+LONG_BLOCK = 0.4
+"""s: means over such blocks show what is slower; three of them fit into the shortest pass.
+Sensitive: hardly."""
+
+GAP = 3.0
+"""sampling periods from which samples are missing. Sensitive: no."""
+
+STANDS_OUT = 2.0
+"""standard deviations by which long blocks scatter more than white noise lets them, before that is
+taken for 1/f noise. Sensitive: mass 0.2 σ, std ×1.0–1.5."""
+
+OVERLAP = 2.0
+"""second differences of neighbouring blocks per independent one. Sensitive: as `STANDS_OUT`, half
+as much."""
+
+CHAIN_ROWS = 20
+"""rows on which it is tried whether an arm's kinematics explain its wrench. Sensitive: no."""
+
+CHAIN_FORCE = 0.5
+"""N, median over those rows: where they differ by more, the wrench itself is taken. Sensitive:
+no."""
+
+STEADY = 0.05
+"""m/s², vertical, up to which a row belongs to a pass: what the arm's own inertia does as it
+changes its speed is far more than a load. Sensitive: mass 0.4 σ, std ×0.8–1.1."""
 
 SAME_MOTION = 0.25
 """m/s², root mean square along the path: passes whose accelerations differ by more are not
 compared. Sensitive: no."""
 
 BINS = 10
-"""bins along the path, so that all passes are compared at the same configurations. Sensitive:
-mass 0.4 σ, std ×0.9–1.1; com 0.4 σ, std ×0.8–1.4."""
+"""bins along the path, so that all passes are compared at the same configurations. Sensitive: mass
+0.3 σ."""
 
 BLOCK = 0.1
-"""s: samples are averaged over blocks of this length before their scatter is taken, so
-correlation counts. Sensitive: mass 0.2 σ, std ×0.9–1.2; com 0.2 σ, std ×0.9–1.1."""
-
-TREND = 1
-"""degree of the trend in time that is taken out of a rest before its scatter is taken: drift is
-no noise. Sensitive: mass 0.06 σ, std ×0.9–1.2; com 0.09 σ."""
+"""s: samples of a drag are averaged over blocks of this length before their scatter is taken, so
+correlation counts. Sensitive: friction 0.07 σ, std ×1.0–1.1."""
 
 UNKNOWN_NOISE = 0.01
 """N², (N m)²: variance of a row where no rest is long enough to show it. Sensitive: no."""
@@ -112,48 +136,67 @@ TORQUE_LEVER = 0.3
 wrist joints). Sensitive: com 0.07 σ, std ×0.9–1.1."""
 
 KIND_BIAS = 0.3
-"""N (1 sigma): how far the bias of one kind of segment lies from the common one (friction
-hysteresis). Sensitive: mass 0.2 σ, std ×1.0–1.1; com 0.1 σ."""
-
-PASS_SCATTER = 0.003
-"""N: prior scale of the scatter between passes; joints that slide hold no stick residual.
-Sensitive: mass 0.06 σ, std ×0.9–1.2; com 0.09 σ, std ×0.9–1.1."""
-
-REST_GRID = np.geomspace(0.02, 0.8, 12)
-"""N: scatter between rests that is integrated over, evenly in its logarithm; from far below the
-force's repeatability to far above. Sensitive: mass 0.07 σ; com 0.1 σ."""
-
-PASS_GRID = np.geomspace(0.001, 0.1, 10)
-"""N: scatter between passes that is integrated over, likewise. Sensitive: mass std ×0.8–1.2; com
-0.05 σ."""
-
-ROUGH_SCATTER = 0.02
-"""N: scatter of segments in the first fit, which only shows what the model leaves out.
-Sensitive: mass 0.05 σ."""
-
-DRIFT = 0.001
-"""N/s (1 sigma): how fast the sensors' zero wanders; a weighing takes half a minute. Sensitive:
-mass 0.1 σ, std ×0.9–1.1."""
-
-APPARENT_MASS = (6.0, 3.0)
-"""kg, mean and 1 sigma: apparent vertical mass at the TCP, wide enough for any seven-axis arm.
-Sensitive: hardly."""
-
-CROSS_INERTIA = 0.5
-"""part of that 1 sigma by which a vertical acceleration shows in the other components.
-Sensitive: hardly."""
+"""N (1 sigma): how far the bias of one kind of segment lies from the common one, and its slope and
+curvature along the path (friction hysteresis). Sensitive: mass 0.08 σ; com 0.1 σ."""
 
 CENTRIFUGAL = 8.0
-"""N s²/m² (1 sigma): how much two passes differ whose squared speeds differ; equal motions
-compare best. Sensitive: hardly."""
+"""N s²/m² (1 sigma): what the square of the speed makes of a force; equal motions compare best.
+Sensitive: hardly."""
 
 DEGREE = 3
 """degree of the polynomial along the path that the bias of one direction of travel follows.
-Sensitive: mass 0.8 σ, std ×0.9–1.5; com 0.3 σ, std ×1.0–1.1."""
+Sensitive: mass 0.2 σ."""
 
-CORRELATED_BINS = 3.0
-"""bins: what the model of a pass leaves out is the same in about so many neighbouring ones.
-Sensitive: mass 0.1 σ, std ×0.9–1.1; com 0.2 σ, std ×0.9–1.2."""
+DRIFT = 0.033
+"""N (1 sigma): how far the sensors' zero wanders; 0.01 N m in a joint. No published figure: some
+0.2 permille of the range of a large joint's strain gauges. Sensitive: mass 0.3 σ, std ×1.0–1.1."""
+
+DRIFT_TIME = 300.0
+"""s in which it forgets where it was. No published figure. Sensitive: mass 0.15 σ."""
+
+FLICKER_TIMES = tuple(0.3 * 4.0**i for i in range(6))
+"""s: time constants of the processes whose sum is 1/f noise; from what blocks see to the length of
+a long run. Sensitive: hardly."""
+
+APPARENT_MASS = 10.0
+"""kg (1 sigma): apparent vertical mass at the TCP, wide enough for any seven-axis arm. Sensitive:
+mass 0.1 σ."""
+
+VISCOUS = 1.0
+"""N s/m (1 sigma): what the speed makes of a force; friction of 0.07 N m s/rad at a lever of half a
+metre is a third of it. Sensitive: hardly."""
+
+BIN_BIAS = 0.03
+"""N (1 sigma): what the polynomial leaves of the bias at one place of the path (gear waves).
+Sensitive: mass 0.08 σ."""
+
+REST_FRICTION = 0.1
+"""N (1 sigma): friction that is another at every rest, though the arm came the same way. Sensitive:
+mass 0.08 σ."""
+
+PULL_SMALL = 0.05
+"""N/m (1 sigma): a force that grows with the height so little is no contradiction. Sensitive:
+no."""
+
+PULL_SHARE = 0.03
+"""1/m (1 sigma), part of the load: likewise; levers of joints are not known better along a lift,
+and loads in a perfect world read up to 5 % a metre off. Sensitive: no."""
+
+RUB_SHARE = 0.002
+"""part of the load (1 sigma), likewise: friction in a joint grows with what it bears by about so
+much. Sensitive: no."""
+
+RUB_SMALL = 0.005
+"""N (1 sigma): a load that differs so little between directions, between rest and pass and between
+weighings is no contradiction: a tenth of the force that such arms resolve. Sensitive: no."""
+
+TELLING = 0.1
+"""part of `LOAD_PRIOR`: a term known no better than that cannot be told from the load. Sensitive:
+no."""
+
+LOAD_ITERATIONS = 3
+"""solutions after the first: what gains and tilts do is in proportion to the load. Sensitive:
+no."""
 
 FLOOR = 1e-4
 """N: noise that is always assumed, lest perfect sensors make the equations singular. Sensitive:
@@ -161,10 +204,6 @@ no."""
 
 LOAD_PRIOR = 1e3
 """N (1 sigma) of the load: nothing is known of it. Sensitive: no."""
-
-GAIN_AVERAGE = 0.7
-"""part of one joint's gain error: two joints carry a vertical load about equally, and their
-errors average to 1/sqrt(2) of one. Sensitive: mass std ×0.8–1.4."""
 
 # Centre of mass.
 
@@ -174,11 +213,6 @@ Sensitive: com std ×0.9–1.1."""
 
 AT_GRASP = 0.05
 """s before and after the hand closed, over which its pose is averaged. Sensitive: no."""
-
-GAIN_LEVER = 0.3
-"""m: unequal gains of the joints' torque sensors make a pure force look as if it acted off the
-TCP, by the gain's standard deviation times about so much; the same at all grasps. Sensitive: com
-std ×0.6–1.9."""
 
 COM_PRIOR = 0.25
 """part of the object's extent that is the 1 sigma of a coordinate of the centre of mass before

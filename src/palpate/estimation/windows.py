@@ -83,6 +83,17 @@ def at_rest(samples: Samples) -> Mask:
     return (t - last_change > tuning.SETTLE) & (next_change - t > tuning.START) & slow
 
 
+def vertical_acceleration(samples: Samples) -> Array:
+    """(n,) m/s² of the TCP, from its speed averaged over a while: encoders are noisy."""
+    t = samples.t
+    if len(t) < 2:
+        return np.zeros(len(t))
+    rows = max(1, round(tuning.SPEED_SMOOTH / max(float(np.median(np.diff(t))), 1e-9)))
+    kernel = np.ones(rows) / rows
+    speed = np.convolve(samples.twist[:, 2], kernel, mode="same")
+    return np.gradient(speed, t)
+
+
 def commanded(samples: Samples) -> Mask:
     """Rows where the commanded pose moves."""
     step = np.linalg.norm(np.diff(samples.target_world_tcp[:, :3], axis=0), axis=1)

@@ -9,10 +9,10 @@ from typing import ClassVar
 import numpy as np
 
 from palpate.estimation import tuning
+from palpate.estimation.agreement import FitTest
 from palpate.estimation.estimate import Estimate, Part, not_identified
-from palpate.estimation.load import FORCE_Z, TORQUE_X, TORQUE_Y, fit_load
-from palpate.estimation.segments import segments
-from palpate.estimation.weighing import uniform_std, weigh
+from palpate.estimation.load.fit import Load, fit_load
+from palpate.estimation.load.segments import weighings
 from palpate.estimation.windows import load_of, mean_pose
 from palpate.geometry.pose import Array, Pose
 from palpate.mjcf.body import Body, BodyDescription
@@ -107,46 +107,43 @@ class CentreOfMass(Quantity):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Grasp:
-    """What one still recording says.
+class _Grasps:
+    """What all grasps say: two linear equations each for the centre of mass in the body frame.
 
     Attributes:
-        recording: the evidence.
-        torque: N m, magnitude of the load's horizontal moment about the TCP.
-        rows: (2, 3) and right: (2,): linear equations for the centre of mass in the body frame, m.
-        std: (2,) m, of each.
+        recordings: one a grasp.
+        rows: (2n, 3) and right: (2n,), m. covariance: (2n, 2n) m² of them.
     """
 
-    recording: Recording
-    torque: float
+    recordings: Sequence[Recording]
     rows: Array
     right: Array
-    std: Array
+    covariance: Array
 
 
 def estimate_com(trace: Trace, parameter: Parameter, body: Body | None) -> Estimate:
     """Centre of mass in the body frame from all recordings of the object held still in the air.
 
     A still grasp tells where the centre of mass is horizontally, not along gravity: that coordinate
-    keeps the geometric centre with its prior spread, and the method says so. `parts` holds `mass`
-    from the grasp with the least torque, and that `least torque`.
+    keeps the geometric centre with its prior spread, and the method says so. `parts` holds the `mass`
+    from all grasps, and the `least torque`.
     """
     held = _held_still(trace, parameter.object)
     if body is None or not held:
         return not_identified(
             parameter, UNIT, "No recording shows the object held still in the air."
         )
-    grasps = [_grasp(trace, recording, body) for recording in held]
+    load = fit_load(weighings(trace, held[0]), trace.gravity, trace.hand)
+    grasps = _grasps(trace, held, load, body)
     centre, covariance = _solve(grasps, body)
-    # Unequal gains of the joints shift all grasps alike, so that more of them do not help.
-    common = uniform_std(tuning.GAIN_LEVER * trace.hand.torque_gain)
-    std = np.sqrt(np.diag(covariance) + common**2)
-    best = min(grasps, key=lambda grasp: grasp.torque)
+    weight, std = load.force / trace.gravity, load.force_std / trace.gravity
+    torques = [float(np.hypot(*moment)) for moment in load.value[1:].reshape(-1, 2)]
     parts = {
-        "mass": weigh(trace, best.recording).part,
-        "least torque": Part(best.torque, 0.0, "N·m"),
+        "mass": Part(weight, std, "kg"),
+        "least torque": Part(min(torques), 0.0, "N·m"),
     }
-    return _estimate(parameter, body, grasps, (centre, std), parts)
+    found = centre, np.sqrt(np.diag(covariance))
+    return _estimate(parameter, body, grasps.recordings, found, parts, load.tests)
 
 
 def _held_still(trace: Trace, name: str) -> list[Recording]:
@@ -159,30 +156,39 @@ def _held_still(trace: Trace, name: str) -> list[Recording]:
     return found
 
 
-def _grasp(trace: Trace, recording: Recording, body: Body) -> _Grasp:
-    """Two equations for the centre of mass c in the body frame.
+def _grasps(trace: Trace, held: Sequence[Recording], load: Load, body: Body) -> _Grasps:
+    """The equations for the centre of mass c in the body frame.
 
     The load hangs at r = (-M_y, M_x) / F from the TCP, seen from above, because its moment about
     the TCP is M = r x (0, 0, F). That point is p + R c in the world, with p and R the position and
     rotation of the object in the hand: two rows of R c = TCP + r - p.
     """
-    found = segments(trace, recording)
-    hand, gravity = trace.hand, trace.gravity
-    weight, torque_x, torque_y = (
-        fit_load(found, axis, gravity, hand) for axis in (FORCE_Z, TORQUE_X, TORQUE_Y)
-    )
-    pose_world_tcp = mean_pose(trace.of(recording))
-    pose_world_body = pose_world_tcp @ _pose_tcp_body(trace, recording, body)
-    offset = np.array([-torque_y.value, torque_x.value]) / weight.value
-    noise = np.array([torque_y.std / weight.value, torque_x.std / weight.value])
-    std = np.hypot(noise, np.abs(offset) * (weight.std / weight.value))
-    return _Grasp(
-        recording,
-        float(np.hypot(torque_x.value, torque_y.value)),
-        pose_world_body.rotation[:2],
-        pose_world_tcp.position[:2] + offset - pose_world_body.position[:2],
-        np.hypot(std, tuning.GRASP_ACCURACY),
-    )
+    recordings: list[Recording] = []
+    rows: list[Array] = []
+    right: list[Array] = []
+    for i, grasp in enumerate(load.grasps):
+        recording = next(one for one in held if one.start >= grasp)
+        moment = load.value[1 + 2 * i : 3 + 2 * i]
+        offset = np.array([-moment[1], moment[0]]) / load.force
+        pose_world_tcp = mean_pose(trace.of(recording))
+        pose_world_body = pose_world_tcp @ _pose_tcp_body(trace, recording, body)
+        recordings.append(recording)
+        rows.append(pose_world_body.rotation[:2])
+        right.append(pose_world_tcp.position[:2] + offset - pose_world_body.position[:2])
+    own = tuning.GRASP_ACCURACY**2 * np.eye(2 * len(rows))
+    return _Grasps(recordings, np.vstack(rows), np.concatenate(right), _offsets(load) + own)
+
+
+def _offsets(load: Load) -> Array:
+    """(2n, 2n) m²: covariance of where the load hangs, of first order in that of force and
+    moments."""
+    moments = load.value[1:]
+    slopes = np.zeros((len(moments), 1 + len(moments)))
+    for x in range(0, len(moments), 2):
+        slopes[x, 2 + x], slopes[x + 1, 1 + x] = -1.0, 1.0
+        slopes[x, 0], slopes[x + 1, 0] = moments[x + 1] / load.force, -moments[x] / load.force
+    slopes /= load.force
+    return slopes @ load.covariance @ slopes.T
 
 
 def _pose_tcp_body(trace: Trace, recording: Recording, body: Body) -> Pose:
@@ -196,18 +202,17 @@ def _pose_tcp_body(trace: Trace, recording: Recording, body: Body) -> Pose:
     return mean_pose(at_grasp).inverse() @ body.pose_world
 
 
-def _solve(grasps: Sequence[_Grasp], body: Body) -> tuple[Array, Array]:
-    """The centre of mass (3,) m and its covariance: least squares around a prior at the geometric
-    centre, with the covariance inflated where the grasps disagree (Birge ratio)."""
-    rows = np.vstack([grasp.rows for grasp in grasps])
-    right = np.concatenate([grasp.right for grasp in grasps])
-    weight = np.concatenate([grasp.std for grasp in grasps]) ** -2.0
+def _solve(grasps: _Grasps, body: Body) -> tuple[Array, Array]:
+    """The centre of mass (3,) m and its covariance: generalised least squares around a prior at the
+    geometric centre, with the covariance inflated where the grasps disagree (Birge ratio)."""
+    weight = np.linalg.inv(grasps.covariance)
     spread = tuning.COM_PRIOR * np.maximum(body.size, 1e-3)
     prior: Array = np.diag(spread**-2.0).astype(np.float64)
-    information: Array = (rows.T * weight) @ rows + prior
+    information: Array = grasps.rows.T @ weight @ grasps.rows + prior
     covariance: Array = np.linalg.inv(information).astype(np.float64)
-    centre = covariance @ ((rows.T * weight) @ right + prior @ body.centre)
-    misfit = float(np.sqrt(np.mean((right - rows @ centre) ** 2 * weight)))
+    centre = covariance @ (grasps.rows.T @ weight @ grasps.right + prior @ body.centre)
+    left = grasps.right - grasps.rows @ centre
+    misfit = float(np.sqrt(left @ weight @ left / len(left)))
     inflated: Array = covariance * max(1.0, misfit) ** 2
     return centre, inflated
 
@@ -215,9 +220,10 @@ def _solve(grasps: Sequence[_Grasp], body: Body) -> tuple[Array, Array]:
 def _estimate(
     parameter: Parameter,
     body: Body,
-    grasps: Sequence[_Grasp],
+    recordings: Sequence[Recording],
     found: tuple[Array, Array],
     parts: Mapping[str, Part],
+    tests: tuple[FitTest, ...],
 ) -> Estimate:
     centre, std = found
     blind = std > tuning.BLIND * tuning.COM_PRIOR * body.size
@@ -226,10 +232,11 @@ def _estimate(
         UNIT,
         np.where(blind, body.centre, centre),
         std,
-        _method(len(grasps), blind.tolist()),
-        tuple(grasp.recording for grasp in grasps),
+        _method(len(recordings), blind.tolist()),
+        tuple(recordings),
         "prior-dominated" if bool(blind.all()) else "identified",
         parts,
+        tests=tests,
     )
 
 

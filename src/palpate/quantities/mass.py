@@ -10,8 +10,8 @@ import numpy as np
 
 from palpate.estimation import tuning
 from palpate.estimation.estimate import Estimate, not_identified, not_measured
-from palpate.estimation.segments import Segment, referenced
-from palpate.estimation.weighing import alone, single_shot, weigh
+from palpate.estimation.load.segments import Segment, referenced
+from palpate.estimation.load.weighing import alone, single_shot, weigh
 from palpate.mjcf.body import Body, BodyDescription
 from palpate.mjcf.edits import Slot
 from palpate.mjcf.inertial import Statement, mass_is_open, mass_of
@@ -97,7 +97,7 @@ def estimate_mass(trace: Trace, parameter: Parameter, body: Body | None) -> Esti
     if recording is None:
         return not_measured(parameter, UNIT)
     weight = weigh(trace, recording)
-    parts = {"single-shot": single_shot(trace, recording), **alone(trace, weight.segments)}
+    parts = {"single-shot": single_shot(trace, recording), **alone(trace, weight.weighings)}
     method = _method(weight.segments)
     if weight.verdict == "prior-dominated":
         method += LIGHT
@@ -111,6 +111,7 @@ def estimate_mass(trace: Trace, parameter: Parameter, body: Body | None) -> Esti
         (recording,),
         weight.verdict,
         parts,
+        weight.tests,
     )
 
 
@@ -149,5 +150,5 @@ def _method(found: Sequence[Segment]) -> str:
     return (
         f"mass = (F_z loaded − F_z empty) / g: {count[True, True]} loaded against "
         f"{count[True, False]} empty rests and {count[False, True]} loaded against {count[False, False]} "
-        "empty passes over the same path in the same direction, weighted by their scatter."
+        "empty passes over the same path in the same direction, fitted in the arm's joints."
     )

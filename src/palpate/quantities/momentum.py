@@ -7,8 +7,8 @@ from typing import ClassVar
 import numpy as np
 
 from palpate.estimation.estimate import Estimate, not_measured
+from palpate.estimation.load.weighing import weigh
 from palpate.estimation.motion import mean_velocity
-from palpate.estimation.weighing import weigh
 from palpate.mjcf.body import Body
 from palpate.parameter import Parameter
 from palpate.quantities.evidence import Evidence
@@ -66,4 +66,5 @@ def estimate_momentum(trace: Trace, parameter: Parameter, body: Body | None) -> 
         (recording,),
         weight.verdict,
         {"mass": weight.part},
+        tests=weight.tests,
     )

@@ -15,7 +15,7 @@ import numpy as np
 
 from palpate.errors import InputError
 from palpate.geometry.pose import Array
-from palpate.robots.model import TCP, compiled, prepared, require_arm, tool_pose
+from palpate.robots.model import TCP, chain, compiled, prepared, require_arm, tool_pose
 from palpate.robots.reflex import Reflex, Reflexes
 from palpate.robots.sheet import (
     FILE,
@@ -156,6 +156,7 @@ def read_description(folder: Path, name: str, known: Mapping[str, Path]) -> Robo
             force_resolution=accuracy.force_resolution,
             force_accuracy=accuracy.force_accuracy,
             tip_offset_std=accuracy.tip_offset_std,
+            chain=chain(model, sheet),
         ),
         reach=sheet.reach,
         stiffness=sheet.stiffness,

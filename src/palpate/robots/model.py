@@ -14,6 +14,7 @@ from palpate.geometry.pose import Array, Pose
 from palpate.mjcf.bounds import require_bounded
 from palpate.mjcf.document import read_document
 from palpate.robots.sheet import ParallelHand, Sheet
+from palpate.trace.recording import Chain, Triple
 
 if TYPE_CHECKING:
     from palpate.robots.description import RobotDescription
@@ -58,6 +59,25 @@ def tool_pose(model: mujoco.MjModel, data: mujoco.MjData, hand: ParallelHand) ->
         return Pose(data.site(hand.tcp).xpos.copy(), body.xquat.copy())
     frame = Pose(body.xpos.copy(), body.xquat.copy())
     return Pose(frame.apply(hand.tcp), frame.quaternion)
+
+
+def chain(model: mujoco.MjModel, sheet: Sheet) -> Chain:
+    """The arm's kinematics in numbers; `model` is its own, with nothing else in it."""
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    ids = [model.joint(name).id for name in sheet.joints]
+    tool = tool_pose(model, data, sheet.hand)
+    return Chain(
+        tuple(_triple(data.xaxis[i]) for i in ids),
+        tuple(_triple(data.xanchor[i]) for i in ids),
+        _triple(tool.position),
+        (_triple(tool.rotation[0]), _triple(tool.rotation[1]), _triple(tool.rotation[2])),
+    )
+
+
+def _triple(vector: Array) -> Triple:
+    x, y, z = vector.tolist()
+    return x, y, z
 
 
 def require_arm(where: Path, sheet: Sheet, model: mujoco.MjModel) -> None:

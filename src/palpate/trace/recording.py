@@ -72,6 +72,24 @@ class LeafRun:
     """Symbolic state after the leaf ended."""
 
 
+Triple = tuple[float, float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class Chain:
+    """The nominal kinematics of a serial arm, at joint angles 0, in the axes of its base.
+
+    Attributes:
+        axes: unit axis of each hinge, from the base on. anchors: a point on it, m.
+        tcp: m. tool: the rows of the tool's rotation matrix.
+    """
+
+    axes: tuple[Triple, ...]
+    anchors: tuple[Triple, ...]
+    tcp: Triple
+    tool: tuple[Triple, Triple, Triple]
+
+
 @dataclass(frozen=True, slots=True)
 class Hand:
     """What estimators, plots and files need of the nominal arm: geometry, datasheet accuracy, names.
@@ -82,6 +100,7 @@ class Hand:
         pose_repeatability: m.
         force_resolution: N. force_accuracy: N, of a force that is referred to nothing.
         tip_offset_std: m, how well `tip_offset` is known.
+        chain: what the joints do to the TCP; None where that was not written down.
         joints, fingers: their names, as logged; a trace from before arms could be chosen names none,
             and is an FR3's.
     """
@@ -95,3 +114,4 @@ class Hand:
     force_resolution: float = 0.05
     force_accuracy: float = 0.8
     tip_offset_std: float = 2e-4
+    chain: Chain | None = None

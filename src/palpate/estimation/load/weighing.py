@@ -8,10 +8,11 @@ from statistics import NormalDist
 
 import numpy as np
 
-from palpate.estimation import tuning
-from palpate.estimation.estimate import Part, Verdict
-from palpate.estimation.load import FORCE_Z, Contrast, fit_load
-from palpate.estimation.segments import Segment, referenced, segments
+from palpate.estimation.agreement import FitTest
+from palpate.estimation.estimate import Part, Verdict, interval95
+from palpate.estimation.load.equations import FORCE_Z
+from palpate.estimation.load.fit import fit_load
+from palpate.estimation.load.segments import Segment, Weighing, referenced, weighings
 from palpate.trace.recording import Recording
 from palpate.trace.samples import Trace
 
@@ -24,44 +25,43 @@ class Weight:
         mass, std, ci95: kg.
         verdict: `prior-dominated` where the object is so light that it is positive says as much
             about its mass as the forces.
-        segments: the rests and passes it rests on.
+        weighings: what it rests on. tests: of what else might have acted on it.
     """
 
     mass: float
     std: float
     ci95: tuple[float, float]
     verdict: Verdict
-    segments: Sequence[Segment]
+    weighings: Sequence[Weighing]
+    tests: tuple[FitTest, ...]
 
     @property
     def part(self) -> Part:
         """As a part of another estimate."""
         return Part(self.mass, self.std, "kg")
 
+    @property
+    def segments(self) -> Sequence[Segment]:
+        """All rests and passes."""
+        return [segment for weighing in self.weighings for segment in weighing.segments]
+
 
 def weigh(trace: Trace, recording: Recording) -> Weight:
-    """The load's vertical force over g, against the same rests and passes without the object.
+    """The load's vertical force over g, against the same rests and passes without the object, from
+    every weighing of what was held during `recording`.
 
     Raises:
         ValueError: the recording holds no samples or no held object.
     """
-    found = segments(trace, recording)
-    force = fit_load(found, FORCE_Z, trace.gravity, trace.hand)
-    gain = uniform_std(tuning.GAIN_AVERAGE * trace.hand.torque_gain)
-    g = trace.gravity
-    mass, std = force.value / g, float(np.hypot(force.std, gain * force.value)) / g
-    low, high = _widened(force, mass, std)
+    found = weighings(trace, recording)
+    load = fit_load(found, trace.gravity, trace.hand)
+    mass, std = load.force / trace.gravity, load.force_std / trace.gravity
+    low, high = interval95(mass, std)[0].tolist()
     if low > 0.0:
-        return Weight(mass, std, (low, high), "identified", found)
+        return Weight(mass, std, (low, high), "identified", found, load.tests)
     mass, std = positive(mass, std)
-    return Weight(mass, std, (0.0, max(high, 2.0 * mass)), "prior-dominated", found)
-
-
-def _widened(force: Contrast, mass: float, std: float) -> tuple[float, float]:
-    """The force's interval about the mass, as much wider as the gain makes the deviation."""
-    widen = std / force.std
-    low, high = (mass + widen * (bound - force.value) for bound in force.ci95)
-    return low, high
+    bounds = (0.0, max(high, 2.0 * mass))
+    return Weight(mass, std, bounds, "prior-dominated", found, load.tests)
 
 
 def single_shot(trace: Trace, recording: Recording) -> Part:
@@ -70,24 +70,16 @@ def single_shot(trace: Trace, recording: Recording) -> Part:
     return Part(float(force.mean()) / trace.gravity, float(force.std()) / trace.gravity, "kg")
 
 
-def alone(trace: Trace, found: Sequence[Segment]) -> Mapping[str, Part]:
+def alone(trace: Trace, found: Sequence[Weighing]) -> Mapping[str, Part]:
     """What `rests` and `passes` say on their own, kg, where they have a reference."""
-    groups = {
-        "rests": [segment for segment in found if segment.at_rest],
-        "passes": [segment for segment in found if not segment.at_rest],
-    }
     parts: dict[str, Part] = {}
-    for name, group in groups.items():
-        if referenced(group):
-            force = fit_load(group, FORCE_Z, trace.gravity, trace.hand)
-            parts[name] = Part(force.value / trace.gravity, force.std / trace.gravity, "kg")
+    for name, at_rest in (("rests", True), ("passes", False)):
+        group = [weighing.only(at_rest) for weighing in found]
+        group = [weighing for weighing in group if referenced(weighing.segments)]
+        if group:
+            load = fit_load(group, trace.gravity, trace.hand)
+            parts[name] = Part(load.force / trace.gravity, load.force_std / trace.gravity, "kg")
     return parts
-
-
-def uniform_std(half_width: float) -> float:
-    """Standard deviation of what is known to lie within a half width and no more (JCGM 100:2008,
-    GUM, 4.3.7)."""
-    return half_width / float(np.sqrt(3.0))
 
 
 def positive(mean: float, std: float) -> tuple[float, float]:

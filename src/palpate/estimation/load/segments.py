@@ -10,12 +10,14 @@ of a *kind*: what makes two of them comparable.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from palpate.estimation import tuning
+from palpate.estimation.load.feeling import Feeling, feeling
+from palpate.estimation.load.noise import Noise, block_noise
 from palpate.estimation.windows import (
     Load,
     Mask,
@@ -27,10 +29,11 @@ from palpate.estimation.windows import (
     mean_pose,
     near,
     runs,
+    vertical_acceleration,
 )
 from palpate.geometry.pose import Array
 from palpate.trace.recording import Recording
-from palpate.trace.samples import Samples, Trace
+from palpate.trace.samples import FORCES, Samples, Trace
 
 Rows = NDArray[np.intp] | slice
 """Rows of a trace's samples."""
@@ -42,22 +45,25 @@ class Segment:
 
     Attributes:
         kind: `up`, `down` (passes) or `rest ...` with how the arm came to rest.
-        loaded: with the object in the hand.
-        t: mean time, s. start, end: s.
-        path: (k,) position along the path, -1 to 1.
-        acceleration: (k,) vertical, m/s². speed2: (k,) m²/s², squared speed.
-        mean, variance: (k, 6) of the wrench.
+        loaded: with the object in the hand. grasp: s, when the hand took or left something last.
+        start, end: s. t: (k,) mean time, s.
+        path: (k,) m along the path. acceleration: (k,) vertical, m/s². speed2: (k,) m²/s², squared
+            speed.
+        maps: (k, m, 6) what unit wrenches make of the m signals (`estimation.feeling`).
+        felt, variance: (k, m) the signals' means, and what white noise leaves of it in them.
     """
 
     kind: str
     loaded: bool
-    t: float
+    grasp: float
     start: float
     end: float
+    t: Array
     path: Array
     acceleration: Array
     speed2: Array
-    mean: Array
+    maps: Array
+    felt: Array
     variance: Array
 
     @property
@@ -74,26 +80,94 @@ class _Cut:
     rows: Rows
 
 
-def segments(trace: Trace, recording: Recording) -> list[Segment]:
+@dataclass(frozen=True, slots=True, eq=False)
+class Weighing:
+    """What tells about a load along one path.
+
+    Attributes:
+        segments: rests and passes with the load and without.
+        noise: of the signals. scale: (m,) of the signals, see `estimation.feeling`.
+    """
+
+    segments: Sequence[Segment]
+    noise: Noise
+    scale: Array
+
+    @property
+    def grasps(self) -> Sequence[float]:
+        """s, of each grasp with which the load was weighed on it."""
+        return sorted({segment.grasp for segment in self.segments if segment.loaded})
+
+    def only(self, at_rest: bool) -> Weighing:
+        """Its rests, or its passes, alone."""
+        kept = [segment for segment in self.segments if segment.at_rest == at_rest]
+        return replace(self, segments=kept)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Signals:
+    """A trace's signals with what its segments are made of, row by row."""
+
+    samples: Samples
+    felt: Feeling
+    noise: Noise
+    acceleration: Array
+    speed2: Array
+    progress: Array
+    grasps: tuple[float, ...]
+
+
+def weighing(trace: Trace, recording: Recording) -> Weighing:
     """All rests and passes that tell about the load of `recording`, with and without it."""
     load = load_of(trace, recording.context.holding)
     path = lift_path(trace, recording, load)
     samples = trace.samples
-    told = commanded(samples)
+    told, steady = commanded(samples), _steady(samples)
     rests = list(_rests(trace, recording, load, path))
     quiet = [cut for cut in rests if not told[cut.rows].any()]
-    noise = _noise_density(samples, [cut.rows for cut in quiet] or list(runs(at_rest(samples))))
-    found = _at(samples, quiet, noise)
-    if path is not None:
-        passes = _binned(samples, _passes(trace, load, path), path, noise)
-        found += [one for one in passes if _has_counterpart(one, passes)]
+    passes = _passes(trace, load, path, steady) if path is not None else []
+    felt, acceleration = feeling(trace), vertical_acceleration(samples)
+    calm = [cut.rows for cut in (*quiet, *passes)] or list(runs(at_rest(samples)))
+    signals = _Signals(
+        samples,
+        felt,
+        block_noise(felt.signals, samples.t, acceleration, calm),
+        acceleration,
+        (samples.twist[:, :3] ** 2).sum(axis=1),
+        path.progress(samples) if path is not None else np.zeros(len(samples)),
+        load.grasps,
+    )
+    found = [_segment(signals, cut, [cut.rows]) for cut in quiet]
+    binned = _binned(signals, passes)
+    found += [one for one in binned if _has_counterpart(one, binned)]
     if not any(segment.loaded for segment in found):
-        return _at(samples, rests, noise)  # a recording of a motion is all there is
-    return found
+        # A recording of a motion is all there is.
+        found = [_segment(signals, cut, [cut.rows]) for cut in rests]
+    return Weighing(found, signals.noise, felt.scale)
 
 
-def _at(samples: Samples, rests: Iterable[_Cut], noise: Array) -> list[Segment]:
-    return [_segment(samples, cut, np.zeros(1), [cut.rows], noise) for cut in rests]
+def weighings(trace: Trace, recording: Recording) -> Sequence[Weighing]:
+    """All that tells about what was held during `recording`, a weighing for each path on which the
+    same object was lifted and held still."""
+    measured = [recording]
+    for other in trace.recordings:
+        still = other.buffer == FORCES and other.context.activity == "still"
+        held = other.context.holding == recording.context.holding
+        if still and held and not any(_same_place(trace, other, one) for one in measured):
+            measured.append(other)
+    return [weighing(trace, one) for one in measured]
+
+
+def _same_place(trace: Trace, one: Recording, other: Recording) -> bool:
+    """Whether two recordings are of one lift, or of lifts along the same path."""
+    if one is other:
+        return True
+    load = load_of(trace, one.context.holding)
+    paths = lift_path(trace, one, load), lift_path(trace, other, load)
+    if paths[0] is None or paths[1] is None:
+        return paths[0] is paths[1]
+    same_grasp = float(np.linalg.norm(paths[0].origin - paths[1].origin)) < tuning.NEAR
+    return same_grasp and float(abs(paths[0].axis @ paths[1].axis)) > tuning.ALONG
 
 
 def referenced(found: Iterable[Segment]) -> bool:
@@ -147,11 +221,15 @@ def _arrival(samples: Samples, row: int, path: Path | None) -> str:
     return "down" if along < -tuning.ALONG else "beside"
 
 
-def _passes(trace: Trace, load: Load, path: Path) -> list[_Cut]:
+def _steady(samples: Samples) -> Mask:
+    """Rows where the arm does not change its speed."""
+    return np.abs(vertical_acceleration(samples)) < tuning.STEADY
+
+
+def _passes(trace: Trace, load: Load, path: Path, steady: Mask) -> list[_Cut]:
     """Motions along the path that cover enough of it, up and down; where the arm goes steadily, if
     that is enough of it both with the load and without."""
     speed = np.gradient(path.progress(trace.samples), trace.samples.t)
-    steady = np.abs(np.gradient(speed, trace.samples.t)) < tuning.STEADY
     found = list(_motions(trace.samples, load, path, speed, steady))
     if {cut.loaded for cut in found} == {True, False}:
         return found
@@ -181,70 +259,40 @@ def _joined(moving: Mask, t: Array) -> Iterator[NDArray[np.intp]]:
     yield from found
 
 
-def _binned(samples: Samples, passes: Sequence[_Cut], path: Path, density: Array) -> list[Segment]:
+def _binned(signals: _Signals, passes: Sequence[_Cut]) -> list[Segment]:
     """Passes in bins along the stretch of the path that all of them cover."""
     if not passes:
         return []
-    progress = path.progress(samples)
+    progress = signals.progress
     low = max(float(progress[cut.rows].min()) for cut in passes)
     high = min(float(progress[cut.rows].max()) for cut in passes)
     bins = np.digitize(progress, np.linspace(low, high, tuning.BINS + 1)) - 1
     found: list[Segment] = []
     for cut in passes:
-        rows = np.arange(len(samples))[cut.rows]
+        rows = np.arange(len(progress))[cut.rows]
         filled = [k for k in range(tuning.BINS) if np.any(bins[rows] == k)]
-        centres = 2.0 * (np.array(filled) + 0.5) / tuning.BINS - 1.0
-        rows_of_bins = [rows[bins[rows] == k] for k in filled]
-        found.append(_segment(samples, cut, centres, rows_of_bins, density))
+        found.append(_segment(signals, cut, [rows[bins[rows] == k] for k in filled]))
     return found
 
 
-def _segment(
-    samples: Samples, cut: _Cut, path: Array, bins: Sequence[Rows], density: Array
-) -> Segment:
-    """A cut's means over `bins`, which lie at `path`; `density` is the wrench's noise of a row."""
-    acceleration = np.gradient(samples.twist[:, 2], samples.t)
-    speed2 = (samples.twist[:, :3] ** 2).sum(axis=1)
-    t = samples.t[cut.rows]
+def _segment(signals: _Signals, cut: _Cut, bins: Sequence[Rows]) -> Segment:
+    """A cut's means over `bins`."""
+    samples, t = signals.samples, signals.samples.t[cut.rows]
     return Segment(
         cut.kind,
         cut.loaded,
-        float(t.mean()),
+        max([time for time in signals.grasps if time <= t[0]], default=-np.inf),
         float(t[0]),
         float(t[-1]),
-        path,
-        _means(acceleration, bins),
-        _means(speed2, bins),
-        _means(samples.wrench, bins),
-        np.array([density / len(samples.t[rows]) for rows in bins]),
+        _means(samples.t, bins),
+        _means(signals.progress, bins),
+        _means(signals.acceleration, bins),
+        _means(signals.speed2, bins),
+        signals.felt.maps(_means(samples.q, bins)),
+        _means(signals.felt.signals, bins),
+        np.array([signals.noise.white / len(samples.t[rows]) for rows in bins]),
     )
 
 
 def _means(signal: Array, bins: Sequence[Rows]) -> Array:
     return np.array([signal[rows].mean(axis=0) for rows in bins])
-
-
-def _noise_density(samples: Samples, rests: Sequence[Rows]) -> Array:
-    """(6,) variance that the mean of n rows has, times n: from means over blocks of rests, trend
-    removed.
-
-    Means over blocks, because neighbouring rows are correlated: the variance of a mean then falls
-    more slowly than with the number of rows (batch means, e.g. Law, Simulation Modeling and
-    Analysis, section 9.5).
-    """
-    pooled: Array = np.zeros(6)
-    freedom = 0
-    for rows in rests:
-        y, t = samples.wrench[rows], samples.t[rows]
-        size = max(1, round(tuning.BLOCK * (len(t) - 1) / max(float(t[-1] - t[0]), 1e-9)))
-        count = len(t) // size
-        if count <= tuning.TREND + 1:
-            continue
-        blocks = y[: count * size].reshape(count, size, 6).mean(axis=1)
-        basis = np.vander(np.linspace(-1.0, 1.0, count), tuning.TREND + 1)
-        residual: Array = blocks - basis @ (np.linalg.pinv(basis) @ blocks)
-        pooled = pooled + size * (residual**2).sum(axis=0)
-        freedom += count - tuning.TREND - 1
-    if not freedom:
-        return np.full(6, tuning.UNKNOWN_NOISE)
-    return pooled / freedom

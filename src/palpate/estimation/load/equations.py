@@ -1,0 +1,167 @@
+"""The equations of a weighing: its signals in rows, their covariance without the load, and linear
+models of them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.estimation import tuning
+from palpate.estimation.load.segments import Segment, Weighing
+from palpate.geometry.pose import Array
+from palpate.trace.recording import Hand
+
+FORCE_Z, TORQUE_X, TORQUE_Y = 2, 3, 4
+"""Components of a wrench."""
+SIDEWAYS = (0, 1, 5)
+"""Those that a thing which hangs free does not have."""
+WAYS = {"up": 1.0, "down": -1.0}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Rows:
+    """The equations of one weighing, signal by signal and in each bin by bin.
+
+    Attributes:
+        felt: (n,) the signals. root: (n, n) lower triangle whose square is their covariance without
+            the load.
+        wrench: (n, 6) what the components of the load's wrench make of them.
+        grasp: (n,) s, of loaded rows. height: (n,) m about its mean, of loaded rows.
+        way: (n,) 1 up, -1 down, 0 at rest. rest: (n,) 1 at rest.
+        signal: (n,) which signal a row is of.
+    """
+
+    felt: Array
+    root: Array
+    wrench: Array
+    grasp: Array
+    height: Array
+    way: Array
+    rest: Array
+    signal: NDArray[np.intp]
+
+    def white(self, columns: Array) -> Array:
+        """(n, p) in rows of unit variance."""
+        whitened: Array = np.linalg.solve(self.root, columns).astype(np.float64)
+        return whitened
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Model:
+    """A linear model in rows of unit variance: `y` (n,) = `design` (n, p) times coefficients with
+    prior deviations `prior` (p,)."""
+
+    design: Array
+    y: Array
+    prior: Array
+
+    def solve(self) -> tuple[Array, Array]:
+        """Posterior mean (p,) and covariance (p, p)."""
+        information = self.design.T @ self.design + np.diag(self.prior**-2)
+        covariance: Array = np.linalg.inv(information).astype(np.float64)
+        return covariance @ (self.design.T @ self.y), covariance
+
+    def extended(self, columns: Array, prior: float) -> Model:
+        """With further coefficients, in front."""
+        more = np.full(columns.shape[1], prior)
+        return Model(
+            np.concatenate([columns, self.design], axis=1),
+            self.y,
+            np.concatenate([more, self.prior]),
+        )
+
+
+def equations(weighing: Weighing, gravity: float, hand: Hand) -> Rows:
+    found = weighing.segments
+    hanging: list[Array] = []
+    for segment in found:
+        hanging.append(segment.loaded * (1.0 + segment.acceleration / gravity))
+    loaded = np.concatenate(hanging)
+    maps = np.concatenate([segment.maps for segment in found])
+    path = np.concatenate([segment.path for segment in found])
+    signals = int(maps.shape[1])
+    root: Array = np.linalg.cholesky(_covariance(weighing, maps, hand)).astype(np.float64)
+
+    def each(values: Iterable[float]) -> Array:
+        """A number of each segment, in all its rows."""
+        pairs = zip(found, values, strict=True)
+        return np.tile(np.concatenate([np.full(len(s.t), v) for s, v in pairs]), signals)
+
+    return Rows(
+        np.concatenate([segment.felt for segment in found]).T.ravel(),
+        root,
+        (maps * loaded[:, None, None]).transpose(1, 0, 2).reshape(-1, 6),
+        each(segment.grasp for segment in found),
+        np.tile(path - path[loaded != 0.0].mean(), signals),
+        each(WAYS.get(segment.kind, 0.0) for segment in found),
+        each(float(segment.at_rest) for segment in found),
+        np.repeat(np.arange(signals), len(path)),
+    )
+
+
+def in_each(row: Rows, grasps: Sequence[float], components: Sequence[int]) -> Array:
+    """(n, grasps x components): columns of `components` of the wrench, its own in each grasp."""
+    columns = [row.wrench[:, components] * (row.grasp == grasp)[:, None] for grasp in grasps]
+    return np.concatenate(columns, axis=1)
+
+
+def _covariance(weighing: Weighing, maps: Array, hand: Hand) -> Array:
+    """(n, n) of all rows without the load: white noise, biases, the arm's inertia, drift, and what
+    sticks."""
+    found = weighing.segments
+    bins, signals = maps.shape[:2]
+    variance = np.concatenate([segment.variance for segment in found])
+    bias = _bias(found)
+    t = np.concatenate([segment.t for segment in found])
+    apart = np.abs(t[:, None] - t)
+    out = np.zeros((signals * bins, signals * bins))
+    for i, scale in enumerate(weighing.scale.tolist()):
+        block = scale**2 * (bias + _drift(apart)) + weighing.noise.flicker[i] * _flicker(apart)
+        block += np.diag(variance[:, i] + (tuning.FLOOR * scale) ** 2)
+        out[i * bins : (i + 1) * bins, i * bins : (i + 1) * bins] = block
+    at_rest = np.concatenate([np.full(len(s.t), s.at_rest) for s in found])
+    for b in np.flatnonzero(at_rest):
+        # What sticks looks like a force at the TCP.
+        stuck = maps[b][:, :3] * hand.force_repeatability
+        out[b::bins, b::bins] += stuck @ stuck.T
+    return out
+
+
+def _bias(found: Sequence[Segment]) -> Array:
+    """(bins, bins) N²: of one signal in units of its scale, all that is no noise: a common bias, one
+    of each kind along the path, what the arm's own motion makes, and what a rest was left with."""
+    path = np.concatenate([segment.path for segment in found])
+    kinds = np.concatenate([[segment.kind] * len(segment.t) for segment in found])
+    own = np.concatenate([np.full(len(s.t), i) for i, s in enumerate(found)])
+    at_rest = np.concatenate([np.full(len(s.t), float(s.at_rest)) for s in found])
+    acceleration = np.concatenate([segment.acceleration for segment in found])
+    speed2 = np.concatenate([segment.speed2 for segment in found])
+    middle, half = (path.max() + path.min()) / 2, max(float(np.ptp(path)) / 2, 1e-9)
+    powers = np.power.outer((path - middle) / half, np.arange(tuning.DEGREE + 1))
+    near = np.maximum(0.0, 1.0 - np.abs(path[:, None] - path) * tuning.BINS / (2.0 * half))
+    moving = tuning.CENTRIFUGAL**2 * np.outer(speed2, speed2)
+    moving += tuning.VISCOUS**2 * np.sqrt(np.outer(speed2, speed2))
+    of_kind = tuning.KIND_BIAS**2 * (powers @ powers.T) + tuning.BIN_BIAS**2 * near + moving
+    out = tuning.FORCE_BIAS**2 + of_kind * (kinds[:, None] == kinds)
+    out += tuning.APPARENT_MASS**2 * np.outer(acceleration, acceleration)
+    out += tuning.REST_FRICTION**2 * np.outer(at_rest, at_rest) * (own[:, None] == own)
+    return out
+
+
+def _drift(apart: Array) -> Array:
+    """(n, n) N²: covariance of an Ornstein-Uhlenbeck process at times `apart`, s."""
+    return tuning.DRIFT**2 * np.exp(-apart / tuning.DRIFT_TIME)
+
+
+def _flicker(apart: Array) -> Array:
+    """(n, n): covariance of 1/f noise of density 1/f, at times `apart`, s: a sum of processes with
+    time constants evenly in their logarithm (Riley, as in `estimation.noise`, section 3.3)."""
+    times = tuning.FLICKER_TIMES
+    step = float(np.log(times[1] / times[0]))
+    out = np.zeros_like(apart)
+    for time in times:
+        out += step * np.exp(-apart / time)
+    return out

@@ -1,0 +1,109 @@
+"""What an arm feels a wrench with: its joint torques, or, where a trace does not say how they come
+about, the wrench itself.
+
+A wrench W at the TCP shows in the joint torques as J^T W. Seven of them tell a load's three unknown
+numbers better than the wrench (J^T)^+ tau that was made of them: each has its own noise, and a
+sensor's gain is its own.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from palpate.estimation import tuning
+from palpate.geometry.pose import Array, Pose
+from palpate.trace.recording import Chain
+from palpate.trace.samples import Samples, Trace
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Feeling:
+    """What a trace's signals say of the wrench at the TCP.
+
+    Attributes:
+        signals: (n, m) N m of m joints; or the wrench, N and N m.
+        scale: (m,) of each: what a newton at the TCP makes of it, roughly.
+        chain: None where the signals are the wrench. turn: (3, 3) base axes in world axes.
+    """
+
+    signals: Array
+    scale: Array
+    chain: Chain | None
+    turn: Array
+
+    def maps(self, q: Array) -> Array:
+        """(k, m, 6): the signals of unit wrenches (world axes about the TCP) at joint angles `q`
+        (k, 7)."""
+        if self.chain is None:
+            return np.broadcast_to(np.eye(6), (len(q), 6, 6))
+        _, _, jacobian = _kinematics(self.chain, q)
+        turned = np.concatenate([self.turn @ jacobian[:, :3], self.turn @ jacobian[:, 3:]], axis=1)
+        return turned.transpose(0, 2, 1)
+
+
+def feeling(trace: Trace) -> Feeling:
+    """The joints of a trace where its arm's chain is known and explains its wrench, else the
+    wrench."""
+    chain, samples = trace.hand.chain, trace.samples
+    if chain is not None and len(samples):
+        felt = Feeling(
+            samples.tau_ext,
+            np.full(len(chain.axes), tuning.TORQUE_LEVER),
+            chain,
+            _turn(chain, samples),
+        )
+        if _explains(felt, samples):
+            return felt
+    scale = np.array([1.0] * 3 + [tuning.TORQUE_LEVER] * 3)
+    return Feeling(samples.wrench, scale, None, np.eye(3))
+
+
+def _explains(felt: Feeling, samples: Samples) -> bool:
+    """Whether the joint torques of some rows make their wrench: signs and frames are as meant."""
+    rows = np.linspace(0, len(samples) - 1, min(tuning.CHAIN_ROWS, len(samples))).astype(int)
+    maps = felt.maps(samples.q[rows])
+    made: Array = np.linalg.pinv(maps) @ felt.signals[rows][:, :, None]
+    apart = np.linalg.norm((made[:, :, 0] - samples.wrench[rows])[:, :3], axis=1)
+    return bool(np.median(apart) < tuning.CHAIN_FORCE)
+
+
+def _turn(chain: Chain, samples: Samples) -> Array:
+    """(3, 3) the base's axes in the world: what turns the computed tool into the measured one."""
+    row = slice(0, 1)
+    _, tool, _ = _kinematics(chain, samples.q[row])
+    measured = Pose.of(samples.pose_world_tcp[0, :3], samples.pose_world_tcp[0, 3:])
+    return measured.rotation @ tool[0].T
+
+
+def _kinematics(chain: Chain, q: Array) -> tuple[Array, Array, Array]:
+    """TCP (k, 3), tool (k, 3, 3) and Jacobian (k, 6, m) about the TCP, in the base's axes.
+
+    A product of exponentials (Lynch and Park, Modern Robotics, 2017, chapters 4 and 5): every hinge
+    turns what comes after it about the axis that those before it have turned.
+    """
+    count = len(q)
+    rotation = np.broadcast_to(np.eye(3), (count, 3, 3))
+    shift = np.zeros((count, 3))
+    axes: list[Array] = []
+    anchors: list[Array] = []
+    for axis, anchor, angle in zip(chain.axes, chain.anchors, q.T, strict=True):
+        axes.append(rotation @ np.array(axis))
+        anchors.append(rotation @ np.array(anchor) + shift)
+        turn = _about(np.array(axis), angle)
+        rotation = rotation @ turn
+        shift = anchors[-1] - rotation @ np.array(anchor)
+    tcp = rotation @ np.array(chain.tcp) + shift
+    columns: list[Array] = []
+    for axis, anchor in zip(axes, anchors, strict=True):
+        columns.append(np.concatenate([np.cross(axis, tcp - anchor), axis], axis=1))
+    return tcp, rotation @ np.array(chain.tool), np.stack(columns, axis=2)
+
+
+def _about(axis: Array, angle: Array) -> Array:
+    """(k, 3, 3) rotations by `angle` (k,) about a unit `axis` (3,), by Rodrigues' formula."""
+    x, y, z = axis
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    sine, cosine = np.sin(angle)[:, None, None], np.cos(angle)[:, None, None]
+    return np.eye(3) + sine * cross + (1.0 - cosine) * (cross @ cross)

@@ -1,0 +1,116 @@
+"""The load on the hand, from signals that are never zero.
+
+A signal (a joint's torque; `estimation.feeling`), averaged over bin b of a rest or a pass along the
+path of a lift, is modelled as
+
+    y_b = L_b (1 + a_b / g) (J_b^T W + gain errors) + c_kind(x_b) + i a_b + d(t_b) + e + n_b
+
+    W       the wrench of the load, which is sought: (0, 0, F, M_x, M_y, 0) of what hangs free;
+            L_b is 1 with the load in the hand and 0 without
+    a, g    vertical acceleration and gravity; i is what the arm's own inertia makes of it
+    c       bias of each kind of segment, a cubic along the path x and a bit of its own in each bin
+    d       drift and 1/f noise over time t
+    e       what sticks in the joints at a rest; n white noise
+
+Everything but W has a normal prior, so that W follows by generalised least squares from
+the covariance of all the rest (e.g. Bishop, Pattern Recognition and Machine Learning, section 3.3).
+White and 1/f noise are known from the scatter of blocks (`estimation.noise`), never from what the
+model leaves. A gain error is one number a signal, the same in all weighings; its column is the load
+itself, so that joints which bear little of it come to the aid of those that bear much.
+
+The model is one of several, nested in each other: forces to the side, a force that grows with the
+height (a spring), one that changes its sign with the direction (something rubs), one that is there
+at rests alone, and a load that is another at every weighing. Each is tested (`Load.tests`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from palpate.estimation import tuning
+from palpate.estimation.agreement import FitTest
+from palpate.estimation.load.equations import (
+    FORCE_Z,
+    SIDEWAYS,
+    TORQUE_X,
+    TORQUE_Y,
+    Model,
+    Rows,
+    equations,
+    in_each,
+)
+from palpate.estimation.load.others import tests_of
+from palpate.estimation.load.segments import Weighing
+from palpate.geometry.pose import Array
+from palpate.trace.recording import Hand
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Load:
+    """One and the same load, in n grasps.
+
+    Attributes:
+        grasps: s, when.
+        value: (1 + 2n,) F in N, then M_x and M_y about the TCP in each grasp in N m, world axes.
+        covariance: (1 + 2n, 1 + 2n) of it, with all that the grasps have in common.
+        tests: of what else might act on it.
+    """
+
+    grasps: tuple[float, ...]
+    value: Array
+    covariance: Array
+    tests: tuple[FitTest, ...]
+
+    @property
+    def force(self) -> float:
+        """N."""
+        return float(self.value[0])
+
+    @property
+    def force_std(self) -> float:
+        """N."""
+        return float(np.sqrt(self.covariance[0, 0]))
+
+
+def fit_load(weighings: Sequence[Weighing], gravity: float, hand: Hand) -> Load:
+    """What hung on the hand in all `weighings`, at g = `gravity` m/s².
+
+    Raises:
+        ValueError: there is a weighing without a loaded segment.
+    """
+    if not all(weighing.grasps for weighing in weighings):
+        raise ValueError("no recording with the load on the hand")
+    rows = [equations(weighing, gravity, hand) for weighing in weighings]
+    grasps = tuple(time for weighing in weighings for time in weighing.grasps)
+    count = 1 + 2 * len(grasps)
+    # What gains and tilts do is in proportion to the load, which is not known at first.
+    model = _model(rows, grasps, np.zeros(count), hand)
+    mean, covariance = model.solve()
+    for _ in range(tuning.LOAD_ITERATIONS):
+        model = _model(rows, grasps, mean[:count], hand)
+        mean, covariance = model.solve()
+    tests = tests_of(rows, grasps, model, float(mean[0]))
+    return Load(grasps, mean[:count], covariance[:count, :count], tests)
+
+
+def _model(rows: Sequence[Rows], grasps: Sequence[float], about: Array, hand: Hand) -> Model:
+    """F, the moments in each grasp, forces to the side in each, gains. `about` is where F and the
+    moments are."""
+    gain = hand.torque_gain / np.sqrt(3.0)  # uniform: GUM (JCGM 100:2008) 4.3.7
+    tilt = tuning.TILT * abs(float(about[0])) + tuning.FLOOR
+    signals, count = int(rows[0].signal.max()) + 1, 1 + 2 * len(grasps)
+    aside = (tilt, tilt, tilt * tuning.TORQUE_LEVER)
+    prior = [np.full(count, tuning.LOAD_PRIOR), *[aside] * len(grasps), np.full(signals, gain)]
+    designs: list[Array] = []
+    for row in rows:
+        vertical = np.column_stack(
+            [row.wrench[:, FORCE_Z], in_each(row, grasps, (TORQUE_X, TORQUE_Y))]
+        )
+        borne = (vertical @ about)[:, None] * (row.signal[:, None] == np.arange(signals))
+        design = np.column_stack([vertical, in_each(row, grasps, SIDEWAYS), borne])
+        designs.append(row.white(design))
+    y = np.concatenate([row.white(row.felt) for row in rows])
+    return Model(np.concatenate(designs), y, np.concatenate(prior))

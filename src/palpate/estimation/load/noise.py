@@ -1,0 +1,138 @@
+"""How noisy signals are, from the signals alone: where nothing happens, or where what happens is
+smooth.
+
+Means over neighbouring blocks differ by the noise; second differences of them do not know a trend.
+A sixth of their mean square is the Hadamard variance; that of white noise falls with the length of
+the block, that of 1/f noise does not (W. J. Riley, Handbook of Frequency Stability Analysis, NIST SP
+1065, 2008, section 5.2.10).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.estimation import tuning
+from palpate.geometry.pose import Array
+
+Rows = NDArray[np.intp] | slice
+
+TINY = 1e-300
+"""Lest perfect signals divide by zero."""
+RANK = 1e-9
+"""Singular values below this part of the largest say nothing."""
+
+FLICKER_HADAMARD = 0.5 * float(np.log(256.0 / 27.0))
+"""Hadamard variance of noise of one-sided density h²/f, over h² (Riley, as above)."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Noise:
+    """Of m signals, in their squared units.
+
+    Attributes:
+        white: (m,) variance that the mean of n rows has, times n.
+        flicker: (m,) h², level at 1 Hz of a density h²/f, as far as it stands out.
+    """
+
+    white: Array
+    flicker: Array
+
+
+def block_noise(signals: Array, t: Array, cause: Array, windows: Sequence[Rows]) -> Noise:
+    """Of signals (n, m) with time stamps `t` (n,), from rows of `windows`, less what is smooth
+    there and what follows a known `cause` (n,), the arm's acceleration."""
+    stretches: list[_Stretch] = []
+    for rows in windows:
+        for stretch in _unbroken(t[rows]):
+            part = np.arange(len(t))[rows][stretch]
+            if len(part) > tuning.DEGREE + 2:
+                stretches.append(_stretch(signals[part], t[part], cause[part]))
+    short = _differences(stretches, tuning.SHORT_BLOCK)
+    if short is None:
+        count = int(signals.shape[1])
+        return Noise(np.full(count, tuning.UNKNOWN_NOISE), np.zeros(count))
+    long, white = _differences(stretches, tuning.LONG_BLOCK), short.white
+    if long is None:
+        return Noise(white, np.zeros_like(white))
+    # Most signals together say whether something slower than white noise stands out.
+    excess = float(np.median(long.white / np.maximum(white, TINY))) - 1.0
+    unsure = float(np.sqrt(2.0 * tuning.OVERLAP / (long.count * len(white))))
+    slow = max(0.0, excess - tuning.STANDS_OUT * unsure) / (
+        FLICKER_HADAMARD * (long.rows - short.rows)
+    )
+    return Noise(white, slow * white)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Stretch:
+    """Rows without a gap.
+
+    Attributes:
+        period: s. basis: (n, p) orthonormal, what was taken out. left: (n, m) what is left of the
+            signals.
+    """
+
+    period: float
+    basis: Array
+    left: Array
+
+
+def _stretch(signals: Array, t: Array, cause: Array) -> _Stretch:
+    x = 2.0 * (t - t[0]) / max(float(t[-1] - t[0]), TINY) - 1.0
+    smooth = np.column_stack([np.vander(x, tuning.DEGREE + 1), cause])
+    basis, sizes, _ = np.linalg.svd(smooth, full_matrices=False)
+    basis = basis[:, sizes > RANK * sizes[0]]
+    return _Stretch(float(np.median(np.diff(t))), basis, signals - basis @ (basis.T @ signals))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Differences:
+    """Second differences of means over blocks of `rows`, `count` of them.
+
+    Attributes:
+        white: (m,) variance of a row, if all of it were white.
+    """
+
+    white: Array
+    rows: int
+    count: int
+
+
+def _differences(stretches: Sequence[_Stretch], block: float) -> _Differences | None:
+    """Over blocks of `block` s; None where no stretch is long enough."""
+    if not stretches:
+        return None
+    period = float(np.median([stretch.period for stretch in stretches]))
+    size = max(1, round(block / max(period, TINY)))
+    total, weight, count = np.zeros(stretches[0].left.shape[1]), 0.0, 0
+    for stretch in stretches:
+        second = _second(stretch.left, size)
+        total = total + (second**2).sum(axis=0)
+        # White noise of unit variance has 6 / size in each, less what the basis took out of it.
+        weight += 6.0 * len(second) / size - float((_second(stretch.basis, size) ** 2).sum())
+        count += len(second)
+    if weight * size < 1.0:
+        return None
+    return _Differences(total / weight, size, count)
+
+
+def _second(signals: Array, size: int) -> Array:
+    """(k, m) second differences of means over blocks of `size` rows."""
+    count = len(signals) // size
+    blocks = signals[: count * size].reshape(count, size, signals.shape[1])
+    return np.diff(blocks.mean(axis=1), n=2, axis=0)
+
+
+def _unbroken(t: Array) -> list[slice]:
+    """Stretches without a gap."""
+    if len(t) < 2:
+        return []
+    usual = float(np.median(np.diff(t)))
+    gaps = np.flatnonzero(np.diff(t) > tuning.GAP * usual)
+    edges = [0, *(gaps + 1).tolist(), len(t)]
+    return [slice(first, last) for first, last in pairwise(edges)]

@@ -1,0 +1,178 @@
+"""What hangs on the hand: joints, noise, and what else may act on it.
+
+The joints are those of a real arm's kinematics; loads, springs and noise are made from the physics.
+"""
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from palpate.estimation.load.equations import FORCE_Z
+from palpate.estimation.load.feeling import feeling
+from palpate.estimation.load.fit import fit_load
+from palpate.estimation.load.noise import block_noise
+from palpate.estimation.load.segments import weighings
+from palpate.geometry.pose import Pose
+from palpate.parameter import Parameter
+from palpate.quantities.mass import estimate_mass
+from palpate.robots.nominal import NominalArm
+from palpate.robots.registry import load_description
+from palpate.trace.samples import STANDARD_GRAVITY
+
+ARM = load_description("fr3")
+MASS, BOTTLE = 0.35, Parameter("bottle", "mass")
+WEIGHT = MASS * STANDARD_GRAVITY
+TURNED = Pose.of((0.0, 0.0, 0.0), (np.cos(0.2), 0.0, 0.0, np.sin(0.2)))
+"""The base in the world."""
+
+
+def jointed(trace, seed=0, white=0.03, gain=(0.0,) * 7, extra=None):
+    """The same recording felt by an arm's joints: their angles lie along the path, their torques are
+    J^T of the wrench (and of `extra`, a function of the samples), each with its own noise and gain."""
+    samples, rng = trace.samples, np.random.default_rng(seed)
+    height = samples.pose_world_tcp[:, 2] - samples.pose_world_tcp[:, 2].min()
+    # A line in joint space stands for the lift; the wrench is what is looked at.
+    q = ARM.home + np.outer(height, [0.0, -1.2, 0.0, -0.4, 0.0, 0.9, 0.0])
+    chain = NominalArm(ARM, TURNED, np.array([0.0, 0.0, -STANDARD_GRAVITY])).kinematics(q)
+    wrench = samples.wrench if extra is None else samples.wrench + extra(samples)
+    torque = np.einsum("nij,ni->nj", chain.jacobian, wrench)
+    torque = torque * (1.0 + np.array(gain)) + white * rng.standard_normal(torque.shape)
+    orientation = np.tile(chain.pose_world_tcp[0, 3:], (len(q), 1))
+    pose = np.column_stack([samples.pose_world_tcp[:, :3], orientation])
+    felt = replace(samples, q=q, tau_ext=torque, wrench=wrench, pose_world_tcp=pose)
+    return replace(trace, samples=felt, hand=ARM.nominal)
+
+
+@pytest.fixture
+def lifted(weighing, noises):
+    """A bottle lifted, held and put back, felt by joints."""
+
+    def made(seed=0, **more):
+        return jointed(weighing(MASS, noises["none"], seed), seed, **more)
+
+    return made
+
+
+def test_joints_tell_of_the_wrench_in_world_axes(lifted):
+    trace = lifted(white=0.0)
+    felt = feeling(trace)
+    assert felt.signals.shape[1] == 7
+    maps = felt.maps(trace.samples.q[:5])
+    for row, signals, wrench in zip(maps, felt.signals, trace.wrench, strict=False):
+        assert np.linalg.pinv(row) @ signals == pytest.approx(wrench, abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    "chain", [None, replace(ARM.nominal.chain, axes=ARM.nominal.chain.axes[::-1])]
+)
+def test_joints_that_do_not_explain_the_wrench_are_not_believed(lifted, chain):
+    trace = lifted()
+    felt = feeling(replace(trace, hand=replace(trace.hand, chain=chain)))
+    assert felt.signals is trace.samples.wrench
+    assert felt.maps(trace.samples.q[:2]).shape == (2, 6, 6)
+
+
+def test_a_load_is_weighed_by_joints(lifted):
+    found = [estimate_mass(lifted(seed), BOTTLE, None) for seed in range(20)]
+    errors = np.array([(one.value[0] - MASS) / one.std[0] for one in found])
+    assert np.abs(errors).max() < 3.5
+    assert all(one.identified for one in found)
+    assert max(one.std[0] for one in found) < 0.01 * MASS
+
+
+def test_gains_are_carried_through_the_jacobian(lifted):
+    rng = np.random.default_rng(3)
+    scores, stated = [], []
+    for seed in range(20):
+        gain = ARM.nominal.torque_gain * rng.uniform(-1.0, 1.0, 7)
+        found = estimate_mass(lifted(seed, gain=gain, white=1e-4), BOTTLE, None)
+        assert found.identified, found.contradiction
+        scores.append((found.value[0] - MASS) / found.std[0])
+        stated.append(found.std[0])
+    assert 0.5 < np.std(scores) < 1.3
+    # One joint's gain error is 0.6 % of what it bears; several bear a load.
+    assert 0.002 * MASS < np.mean(stated) < 0.01 * MASS
+
+
+def upward(force):
+    """A vertical force (n,) as a wrench."""
+    return np.outer(force, np.eye(6)[FORCE_Z])
+
+
+def held(samples):
+    return (samples.width < 0.06).astype(float)
+
+
+def height(samples):
+    return samples.pose_world_tcp[:, 2] - 0.2
+
+
+DECEPTIONS = {
+    "along the lift": lambda s: upward(30.0 * height(s) * held(s)),
+    "sideways": lambda s: np.outer(0.6 * held(s), np.eye(6)[1]),
+    "up against down": lambda s: upward(0.3 * held(s) * np.sign(s.twist[:, 2])),
+    "jump": lambda s: upward(1.5 * (s.t > 0.5 * s.t[-1])),
+}
+
+
+@pytest.mark.parametrize("kind", DECEPTIONS)
+def test_what_else_acts_on_a_load_contradicts_it(lifted, kind):
+    found = estimate_mass(lifted(extra=DECEPTIONS[kind]), BOTTLE, None)
+    assert found.verdict == "contradicted"
+    if kind != "jump":
+        assert kind in {test.name for test in found.tests if not test.passed}
+
+
+def test_a_spring_is_named_with_its_stiffness(lifted):
+    found = estimate_mass(lifted(extra=DECEPTIONS["along the lift"]), BOTTLE, None)
+    slope = next(test for test in found.tests if test.name == "along the lift")
+    assert re.match("The force grows with the height, by (29|30|31) N/m", slope.finding)
+
+
+def test_every_weighing_counts_and_one_that_disagrees_is_seen(bench, noises):
+    def twice(second):
+        b = bench(noises["lab"], 1)
+        above, grasp = (0.5, 0.1, 0.32), (0.5, 0.1, 0.2)
+        b.go("bottle_pose + z_offset", above)
+        for mass in (MASS, second):
+            b.go("bottle_pose", grasp)
+            b.close("bottle", mass)
+            b.go("bottle_pose + z_offset", above)
+            b.convert("Force2Mass", "bottle", "mass", b.measure())
+            b.go("bottle_pose", grasp)
+            b.open()
+            b.go("bottle_pose + z_offset", above)
+        return b.trace()
+
+    again = twice(MASS)
+    load = fit_load(weighings(again, again.recordings[0]), STANDARD_GRAVITY, again.hand)
+    assert len(load.grasps) == 2
+    assert estimate_mass(again, BOTTLE, None).identified
+    found = estimate_mass(twice(MASS + 0.05), BOTTLE, None)
+    assert "The weighings disagree: 3.42, 3.92 N." in found.contradiction
+
+
+def test_white_noise_and_slower_noise_are_told_apart():
+    rng, t = np.random.default_rng(0), np.arange(0.0, 30.0, 0.005)
+    slope = np.column_stack([t, t**2, np.sin(t / 20)])
+    white = 0.04 * rng.standard_normal((len(t), 3))
+    windows = [slice(k, k + 400) for k in range(0, len(t), 400)]
+    calm = block_noise(slope + white, t, np.zeros(len(t)), windows)
+    assert np.sqrt(calm.white) == pytest.approx(0.04, rel=0.1)
+    assert np.sqrt(calm.flicker).max() < 0.005
+
+    spectrum = np.fft.rfft(rng.standard_normal((len(t), 3)), axis=0)
+    frequency = np.maximum(np.fft.rfftfreq(len(t), 0.005), 1 / 30)[:, None]
+    # White noise of unit variance has the one-sided density 2 dt.
+    pink = 0.02 * np.fft.irfft(spectrum / np.sqrt(frequency * 0.01), len(t), axis=0)
+    slow = block_noise(slope + white + pink, t, np.zeros(len(t)), windows)
+    assert np.sqrt(slow.flicker) == pytest.approx(0.02, rel=0.3)
+
+
+def test_noise_of_gaps_and_of_nothing():
+    t = np.concatenate([np.arange(0.0, 2.0, 0.005), np.arange(5.0, 7.0, 0.005)])
+    steps = np.where(t < 3.0, 0.0, 50.0)[:, None] + np.zeros((1, 2))
+    assert block_noise(steps, t, np.zeros(len(t)), [slice(0, len(t))]).white.max() < 1e-12
+    assert block_noise(steps, t, np.zeros(len(t)), []).white.min() > 0.0
