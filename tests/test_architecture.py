@@ -138,6 +138,17 @@ def test_the_command_line_stands_on_the_front_door(name: str) -> None:
     assert rooms_seen <= allowed
 
 
+@pytest.mark.parametrize(
+    "of", ["estimation", "quantities", "vocabulary", "planning", "trace", "scene"]
+)
+def test_nobody_who_judges_measurements_knows_of_simulated_robots(of: str) -> None:
+    """What a world hides cannot leak into what is not imported."""
+    for name in modules():
+        if is_part(name, f"palpate.{of}"):
+            hidden = {m for m in imported(name) if is_part(m, "palpate.robots.simulated")}
+            assert not hidden, f"{name} must not import {sorted(hidden)}"
+
+
 def test_no_folder_is_crowded() -> None:
     folders = Counter(file.parent for file in SOURCE.rglob("*.py") if file.name != "__init__.py")
     assert not {folder: count for folder, count in folders.items() if count > MOST_MODULES}

@@ -7,10 +7,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from palpate.cells.simulated import SEEN_TOLERANCE, simulated_cell
+from palpate.cells.simulated import SEEN_TOLERANCE, SimulatedCell, simulated_cell
 from palpate.errors import InputError
+from palpate.geometry.pose import Array
 from palpate.parameter import Parameter
+from palpate.robots.nominal import NominalArm, wrenches
+from palpate.robots.robot import Robot
 from palpate.scene.load import parse_scene
+from palpate.trace.samples import Samples
 
 CELL = """<mujoco>{option}<worldbody>
   <site name="robot_base"/>
@@ -123,3 +127,78 @@ def test_on_the_moon_things_are_lighter() -> None:
     assert robot.gravity == pytest.approx(1.62)
     robot.advance(0.2)
     assert np.abs(robot.state.wrench).max() < 1e-6
+
+
+BASE = '<site name="robot_base" pos="{x} 0 0" euler="0 0 {yaw}"/>'
+HIDDEN = """
+model:
+  joint_offset: 2e-3
+  link_length: 5e-4
+  base_position: 1e-3
+  base_tilt: 1e-3
+  gravity: 0.02
+  hand_mass: 0.05
+  joint_compliance: 1e-4
+  tip_offset: 1e-3
+  finger_width: 1e-3
+pose: {repeatability: 1e-3, encoder_ripple: {size: 1e-4}}
+"""
+
+
+def elsewhere(folder: Path, name: str, *, gravity: float, x: float, hidden: str) -> SimulatedCell:
+    """A cell whose world differs from the scene in what nobody is told."""
+    (folder / f"{name}.yaml").write_text(hidden)
+    base = BASE.format(x=x, yaw=0.01 * x)
+    world = text(table="-0.02", mass='mass="0.3"', option=f'<option gravity="0 0 {gravity}"/>')
+    (folder / f"{name}.xml").write_text(world.replace('<site name="robot_base"/>', base))
+    scene = parse_scene(text())
+    return simulated_cell(scene, folder / f"{name}.xml", noise=str(folder / f"{name}.yaml"))
+
+
+def moved(robot: Robot) -> Samples:
+    robot.move_joints(robot.state.q + 0.1)
+    robot.advance(0.6)
+    return robot.drain()
+
+
+def felt_by(nominal: NominalArm, samples: Samples) -> Array:
+    """The wrenches (n, 6) that the nominal arm makes of the joint torques."""
+    jacobians = nominal.kinematics(samples.q).jacobian
+    return wrenches(jacobians, samples.tau_ext[:, :, None])[:, :, 0]
+
+
+def test_what_a_world_hides_nobody_is_told(tmp_path: Path) -> None:
+    scene = parse_scene(text())
+    worlds = [
+        elsewhere(tmp_path, "plain", gravity=-9.81, x=0.0, hidden="extends: none"),
+        elsewhere(tmp_path, "other", gravity=-9.79, x=0.004, hidden=HIDDEN),
+    ]
+    robots = [cell.robot() for cell in worlds]
+    truths = [robot.world.true_tcp().position for robot in robots]
+    assert np.linalg.norm(truths[0] - truths[1]) > 1e-3, "they do differ"
+    down = np.array([0.0, 0.0, -scene.gravity])
+    nominal = NominalArm(scene.arm, scene.pose_world_base, down)
+    for robot in robots:
+        assert robot.hand == scene.arm.nominal
+        assert robot.gravity == scene.gravity
+        assert robot.limits is scene.arm.limits
+        samples = moved(robot)
+        place = nominal.poses(samples.q)[:, :3]
+        assert samples.pose_world_tcp[:, :3] == pytest.approx(place, abs=5e-3)
+        assert samples.wrench == pytest.approx(felt_by(nominal, samples), abs=0.05)
+        resting = robot.state
+        assert resting.target_world_tcp.distance_to(resting.pose_world_tcp) < 5e-3
+
+
+def test_an_estimator_hears_of_the_datasheet_alone(tmp_path: Path) -> None:
+    told = "datasheet: {torque_gain_max: 0.03, tip_offset: 0.0095, tip_offset_std: 1e-3}\n"
+    hidden = "model: {tip_offset: {fixed: 2e-4}}\ntorque: {gain_max: 0.2, white: 5}"
+    cell = elsewhere(tmp_path, "told", gravity=-9.81, x=0.0, hidden=told + hidden)
+    hand = cell.robot().hand
+    assert (hand.torque_gain, hand.tip_offset, hand.tip_offset_std) == (0.03, 0.0095, 1e-3)
+    assert hand.force_repeatability == cell.world.arm.nominal.force_repeatability, "not said"
+
+
+def test_an_arm_that_stands_elsewhere_is_another_workplace(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="the arm stands at"):
+        elsewhere(tmp_path, "far", gravity=-9.81, x=0.2, hidden="extends: none")

@@ -21,6 +21,7 @@ from palpate.robots.simulated.gripper import DRIVE, add_drive, round_fingers
 from palpate.robots.simulated.guard import Guard
 from palpate.robots.simulated.impedance import Actuators, add_actuators
 from palpate.robots.simulated.noise.true_arm import Truth
+from palpate.robots.simulated.softness import keep_softness
 from palpate.robots.simulated.stiction import declared
 from palpate.robots.simulated.timing import BLOCK, PERIOD, SUBSTEPS, TIMESTEP
 
@@ -258,6 +259,7 @@ def _compile(
         frame = spec.worldbody.add_frame(pos=base.position, quat=base.quaternion)
         spec.attach(robot, frame=frame, prefix=PREFIX)
         add_actuators(spec, arm)
+        keep_softness(spec, arm)
         return spec.compile()
     except ValueError as error:
         raise InputError(

@@ -1,0 +1,48 @@
+"""A scene's own softness, where the fingers meet it.
+
+The pads have priority over what they touch: MuJoCo then takes friction, solref and solimp of the
+contact from them, and a mat would be as hard as the pads. So what says itself how hard it is gets
+explicit pairs with the fingers, in which it keeps that; the friction stays the pads'.
+"""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+
+from palpate.robots.description import RobotDescription
+from palpate.robots.model import PREFIX
+
+HARDNESS = ((0.02, 1.0), (0.9, 0.95, 0.001, 0.5, 2.0))
+"""MuJoCo's defaults of solref and solimp: a geom that has them says nothing (XMLreference, geom)."""
+
+
+def keep_softness(world: mujoco.MjSpec, arm: RobotDescription) -> None:
+    """Add a pair for each shape of the scene that says how hard it is and each of the fingers' that
+    would override it. The arm is in `world` already."""
+    fingers = [world.joint(PREFIX + name).parent for name in arm.hand.fingers]
+    soft = [geom for geom in world.geoms if not geom.name.startswith(PREFIX) and _says(geom)]
+    for i, geom in enumerate(soft):
+        geom.name = geom.name or f"{PREFIX}soft{i}"
+        for pad in [geom for finger in fingers for geom in finger.geoms]:
+            if pad.priority > geom.priority and _meet(pad, geom):
+                _pair(world, pad, geom)
+
+
+def _says(geom: mujoco.MjsGeom) -> bool:
+    solref, solimp = HARDNESS
+    return not (np.allclose(geom.solref, solref) and np.allclose(geom.solimp, solimp))
+
+
+def _meet(one: mujoco.MjsGeom, other: mujoco.MjsGeom) -> bool:
+    """Whether MuJoCo lets them collide: a pair would, whatever their bits."""
+    return bool(one.contype & other.conaffinity or other.contype & one.conaffinity)
+
+
+def _pair(world: mujoco.MjSpec, pad: mujoco.MjsGeom, geom: mujoco.MjsGeom) -> None:
+    """What MuJoCo would make of the two, but for the softness."""
+    slide, turn, roll = np.asarray(pad.friction, dtype=float)
+    pair = world.add_pair(geomname1=pad.name, geomname2=geom.name)
+    pair.condim, pair.margin = pad.condim, pad.margin + geom.margin
+    pair.friction = (slide, slide, turn, roll, roll)
+    pair.solref, pair.solimp = geom.solref, geom.solimp
