@@ -27,7 +27,7 @@ def test_a_number_says_its_unit_its_reason_and_how_sensitive_it_is(name, text):
     assert sensitive.endswith("."), name
 
 
-@pytest.mark.parametrize("file", sorted((ROOMS / "estimation").glob("*.py")), ids=lambda f: f.stem)
+@pytest.mark.parametrize("file", sorted((ROOMS / "estimation").rglob("*.py")), ids=lambda f: f.stem)
 def test_no_number_is_tuned_elsewhere(file):
     """Constants of the estimators stand in the table, but for the interval's half width."""
     for line in ast.parse(file.read_text("utf-8")).body:

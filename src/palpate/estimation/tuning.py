@@ -268,10 +268,10 @@ STIFF = 2e-5
 """m/N: below this a contact is stiff, and the correction for its penetration small. A steel or
 stone table gives way by 1 to 10 µm/N. Sensitive: no."""
 
-RIGID = 5e-5
+RIGID = 6e-5
 """m/N: what gives way more than this is no rigid surface. A light table does by up to 40 µm/N: a
 board of 18 mm chipboard, 0.6 m wide and 1.2 m long, borne at its ends, 48 E I / L³ with E of 3 GPa.
-Sensitive: no."""
+Hard pads and the joints behind the encoders add some 20. Sensitive: no."""
 
 SOFT = 0.0015
 """m above the rigid surface from which an earlier rise of the force is something soft.
@@ -292,6 +292,51 @@ hardly."""
 YIELDING = 0.5
 """part (1 sigma) of the correction for penetration where the surface is not stiff. Sensitive:
 height std ×0.6–1.9, only there."""
+
+AT_REST = 0.1
+"""s before a descent in which the arm rests, which tells how its friction turns round as it sets
+out. Sensitive: stiffness hardly."""
+
+STIFFER = 0.2
+"""part of a surface's compliance so far, below which it has been pressed through: an even spring
+keeps all of it, one that hardens with the square of the depth 0.44, a table none. Sensitive: no."""
+
+ALIKE = 3.0
+"""rows of a descent per independent one: the torque sensors' signal wanders, and the model leaves
+the arm's swing out. Sensitive: stiffness std ×0.8–1.3."""
+
+WILD = 6.0
+"""standard deviations of the noise off its running median from which a sample is left out.
+Sensitive: no."""
+
+RESTING_SPEED = 0.002
+"""m/s below which the joints' friction begins to let go. Sensitive: stiffness hardly."""
+
+DISSIPATING_MASS = 1.0
+"""kg, whose critical damping on the surface is the 1 sigma of what it dissipates. Sensitive:
+stiffness hardly."""
+
+STIFFEST = 1e9
+"""N/m (1 sigma) of a surface: nothing is known of it. Sensitive: no."""
+
+WEAKEST = 1.0
+"""N/m: a surface that 8 N press 8 m down is none; it keeps a compliance finite. Sensitive: no."""
+
+SEARCHES = (25, 25, 25, 25)
+"""places of the first contact that are tried in each of several rounds, the next one about the best
+of the last: to a thousandth of a millimetre within 20 mm. Sensitive: no."""
+
+RESOLVED = 1.0 / 3.0
+"""part of a compliance that its standard deviation may be for a stiffness to have an upper end.
+Sensitive: no."""
+
+MISFIT_ROWS = 20
+"""rows, 0.1 s, over whose means a spring is compared with the force. Sensitive: no."""
+
+SPRING_MISFIT = 1.5
+"""times what chance would leave of the force's means, root mean square, that a spring may leave:
+springs under a simulated arm leave up to 0.8, a force that rises with the square of the depth 4.
+Sensitive: no."""
 
 APART = 0.05
 """m: three touches so far from one another show how a surface leans; 0.1 mm between two touches is

@@ -10,9 +10,10 @@ import numpy as np
 from palpate.errors import InputError
 from palpate.estimation import tuning
 from palpate.estimation.agreement import FitTest, chi_squared
-from palpate.estimation.contact import Touch, probes, touched
+from palpate.estimation.contact.descent import probes
+from palpate.estimation.contact.plane import Plane, fit_plane
+from palpate.estimation.contact.touch import Touch, touched
 from palpate.estimation.estimate import Estimate, Part, not_identified, not_measured
-from palpate.estimation.plane import Plane, fit_plane
 from palpate.geometry.pose import Array
 from palpate.mjcf.body import Body, BodyDescription
 from palpate.mjcf.document import UNKNOWN, Element, has_unknown, label, tokens
@@ -243,15 +244,7 @@ def _tests(found: Sequence[Touch], plane: Plane) -> Iterator[FitTest]:
         f"{1e3 * softest.penetration:.1f} mm below where it met it, and how far something rigid is "
         "below that is not known.",
     )
-    for touch in found:
-        if touch.tells_sides:
-            yield FitTest(
-                "both fingers",
-                abs(touch.lever),
-                touch.opening / 4,
-                f"One finger alone stands on something: the force acts {1e3 * abs(touch.lever):.0f} "
-                "mm beside the middle of the hand, on a thing or a slope under that finger.",
-            )
+    yield from filter(None, (touch.sides() for touch in found))
     if plane.freedom:
         yield chi_squared(
             "touch against touch",

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from palpate.estimation.contact import tip_height
+from palpate.estimation.contact.descent import tip_height
 from palpate.estimation.estimate import Estimate, rounded
 from palpate.geometry.pose import Array
 from palpate.parameter import Parameter

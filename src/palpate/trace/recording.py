@@ -100,6 +100,8 @@ class Hand:
         pose_repeatability: m.
         force_resolution: N. force_accuracy: N, of a force that is referred to nothing.
         tip_offset_std: m, how well `tip_offset` is known.
+        tip_compliance: m/N, of pads and joints beyond the encoders, under a force along the tool;
+            tip_compliance_std: how well that is known.
         chain: what the joints do to the TCP; None where that was not written down.
         joints, fingers: their names, as logged; a trace from before arms could be chosen names none,
             and is an FR3's.
@@ -114,4 +116,6 @@ class Hand:
     force_resolution: float = 0.05
     force_accuracy: float = 0.8
     tip_offset_std: float = 2e-4
+    tip_compliance: float = 0.0
+    tip_compliance_std: float = 1e-6
     chain: Chain | None = None

@@ -23,7 +23,6 @@ _NOT_FELT = {
     "temperature": "temperature hot warm cold",
     "volume": "volume capacity",
     "density": "density",
-    "stiffness": "stiffness stiff softness",
     "hardness": "hardness hard",
     "elasticity": "elasticity elastic",
     "restitution": "restitution bounciness bouncy",
@@ -49,7 +48,7 @@ UNMEASURABLE = _by_word(_NOT_FELT)
 """Properties people ask for that no touch of this arm can tell, by the words they use."""
 
 ADJECTIVES = word_set(
-    "heavy high tall slippery hot warm cold stiff hard elastic bouncy viscous full empty rough "
+    "heavy high tall slippery hot warm cold stiff soft hard elastic bouncy viscous full empty rough "
     "wet expensive old strong transparent sharp"
 )
 """Words that ask for a quantity only after "how"."""

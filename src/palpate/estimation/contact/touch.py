@@ -12,9 +12,6 @@ carried back along that slope to the force at which the stretch began.
               height |                  `-.___________ held   slope: compliance
                      +-------------------------------> force
                                         knee        full
-
-A contact is where the force rises *and stays*: forces are running medians, so that a sample, or
-four, say nothing.
 """
 
 from __future__ import annotations
@@ -22,17 +19,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
 
 from palpate.estimation import tuning
-from palpate.estimation.windows import Mask
+from palpate.estimation.agreement import FitTest
+from palpate.estimation.contact.descent import Descent, descent_before, steady
 from palpate.geometry.pose import Array
-from palpate.parameter import Parameter
-from palpate.trace.recording import Hand, LeafRun, Recording
-from palpate.trace.samples import POSE, Samples, Trace
-
-GUARDED = "MoveUntilContact"
-"""The primitive whose leaf is a guarded descent."""
+from palpate.trace.recording import Hand, Recording
+from palpate.trace.samples import Trace
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -45,6 +38,7 @@ class Touch:
         held: m, tip height at the force `full`, N.
         compliance: m/N, of the last stretch of the loading curve.
         knee: N, the force at which that stretch began; 0 where it began in free air.
+        bottomed: m, tip height at which something soft had been pressed through; None for none.
         first: m, tip height at which the force began to rise, with its standard deviation.
         lever: m along the closing direction from the middle of the fingers to where the force acts,
             with its standard deviation.
@@ -57,6 +51,7 @@ class Touch:
     full: float
     compliance: float
     knee: float
+    bottomed: float | None
     first: float
     first_std: float
     lever: float
@@ -107,75 +102,20 @@ class Touch:
         thickness = self.first - self.height
         return thickness if thickness > tuning.SOFT and not self.gives_way else 0.0
 
-    @property
-    def tells_sides(self) -> bool:
-        """Whether one finger alone on something is told from both: the force then acts nearer to it
-        than to the middle, by more than twice what the moment may be off."""
-        return 2.0 * self.lever_std < self.opening / 4
+    def sides(self) -> FitTest | None:
+        """Whether both fingers stand on what was touched; None where the moment does not tell.
 
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Descent:
-    """Samples from the beginning of a guarded descent to the end of the recording after it.
-
-    Attributes:
-        samples: of the whole motion. leaf: the descent itself.
-        z: (n,) m, tip height.
-        force: (n,) N, pressing down, less what was felt in free air; smooth: its running median.
-        noise: N, of a row's force in free air.
-        onset: the last row before the contact. pressed: rows of the recording.
-    """
-
-    samples: Samples
-    leaf: LeafRun
-    z: Array
-    force: Array
-    smooth: Array
-    noise: float
-    onset: int
-    pressed: Mask
-
-    @property
-    def full(self) -> float:
-        """N, while the pose was recorded."""
-        return float(np.mean(self.smooth[self.pressed]))
-
-    @property
-    def held(self) -> float:
-        """m, tip height meanwhile."""
-        return float(np.median(self.z[self.pressed]))
-
-    def crossing(self, force: float) -> int:
-        """The first row of the contact at which the force has risen to `force` N."""
-        after = np.flatnonzero(self.smooth[self.onset :] >= force)
-        return self.onset + int(after[0]) if len(after) else len(self.z) - 1
-
-
-def tip_height(samples: Samples, hand: Hand) -> Array:
-    """(n,) world z of the lower fingertip, m.
-
-    Seen from the side the hand is a T: from the TCP the tips lie `tip_offset` along the tool axis
-    z, and half the opening to either side along the closing direction y. When the hand leans over
-    in that direction, one tip is lower than the other by the opening times the sine of the lean,
-    and that one touches first. Rotation matrix from a quaternion wxyz: R[2,2] = 1 - 2 (x² + y²),
-    R[2,1] = 2 (y z + w x).
-    """
-    w, x, y, z = samples.pose_world_tcp[:, 3:].T
-    tool_z = 1.0 - 2.0 * (x**2 + y**2)
-    closing_z = 2.0 * (y * z + w * x)
-    middle = samples.pose_world_tcp[:, 2] + hand.tip_offset * tool_z
-    return middle - samples.width / 2 * np.abs(closing_z)
-
-
-def probes(trace: Trace, parameter: Parameter) -> list[Recording]:
-    """The recordings of the pose in contact with a surface."""
-    found: list[Recording] = []
-    for recording in trace.recordings:
-        context = recording.context
-        on_it = context.activity == "contact" and context.support == parameter.object
-        if recording.buffer == POSE and on_it:
-            found.append(recording)
-    return found
+        One finger alone bears the force nearer to itself than to the middle of the two.
+        """
+        nearer = self.opening / 4
+        if 2.0 * self.lever_std >= nearer:
+            return None
+        beside = abs(self.lever)
+        finding = (
+            f"One finger alone stands on something: the force acts {1e3 * beside:.0f} mm beside the "
+            "middle of the hand, on a thing or a slope under that finger."
+        )
+        return FitTest("both fingers", beside, nearer, finding)
 
 
 def touched(trace: Trace, recording: Recording) -> Touch | None:
@@ -201,81 +141,13 @@ def touched(trace: Trace, recording: Recording) -> Touch | None:
         full,
         compliance=max(sunk, 0.0) / rise,
         knee=_knee(descent, late, first),
+        bottomed=_bottomed(descent, late, first),
         first=first,
         first_std=first_std,
         lever=lever,
         lever_std=lever_std,
         opening=float(np.median(samples.width[descent.pressed])),
     )
-
-
-def descent_before(trace: Trace, recording: Recording) -> Descent | None:
-    """The guarded descent that a recorded pose belongs to; None where it ended with nothing under
-    the fingers.
-
-    Raises:
-        ValueError: the recording holds no samples, or no guarded descent comes before it.
-    """
-    leaves = trace.leaf_runs(GUARDED)
-    before = [leaf for leaf in leaves if leaf.end <= recording.start + 1e-6]
-    if not before:
-        raise ValueError(
-            "no guarded descent (MoveUntilContact) comes before the recording of the pose"
-        )
-    leaf = before[-1]
-    samples = trace.samples.between(leaf.start, recording.end)
-    pressed = (samples.t >= recording.start) & (samples.t <= recording.end)
-    if not pressed.any():
-        raise ValueError("the recording of the pose holds no samples")
-    z = tip_height(samples, trace.hand)
-    down = -samples.wrench[:, 2]
-    smooth = _running_median(down)
-    # Twice: where the contact begins decides how far the free air reaches.
-    onset, noise, zero = len(z) // 3, 0.0, 0.0
-    for _ in range(2):
-        zero, noise = _free_air(samples, down, onset)
-        onset = _onset(smooth - zero, noise, samples.t <= leaf.end)
-    felt = float(np.mean(smooth[pressed])) - zero
-    if felt < tuning.CONTACT_NOISE * max(noise, trace.hand.force_repeatability):
-        return None
-    return Descent(samples, leaf, z, down - zero, smooth - zero, noise, onset, pressed)
-
-
-def _running_median(values: Array) -> Array:
-    """(n,) of `SUSTAINED` rows about each, the first and the last one repeated beyond the ends."""
-    padded = np.pad(values, tuning.SUSTAINED // 2, mode="edge")
-    return np.median(sliding_window_view(padded, tuning.SUSTAINED), axis=-1)
-
-
-def _free_air(samples: Samples, down: Array, onset: int) -> tuple[float, float]:
-    """N: what is felt in the later half of the way to the contact, and the noise of a row.
-
-    The noise is the median absolute deviation, which a few wild samples do not reach; of a normal
-    distribution its standard deviation is 1.4826 times that.
-    """
-    told = -np.gradient(samples.target_world_tcp[:, 2], samples.t)[:onset]
-    descending = told > tuning.DESCENDING * float(told.max(initial=1e-6))
-    steady = descending & _steady(samples)[:onset]
-    moving = np.flatnonzero(steady if steady.any() else descending)
-    free = down[moving[len(moving) // 2 :]] if len(moving) else down[:1]
-    zero = float(np.median(free))
-    return zero, 1.4826 * float(np.median(np.abs(free - zero)))
-
-
-def _onset(smooth: Array, noise: float, rows: Mask) -> int:
-    """The last of some rows at which nothing is felt."""
-    nothing = max(tuning.SOFT_FORCE, tuning.CONTACT_NOISE * noise / np.sqrt(tuning.SUSTAINED))
-    quiet = np.flatnonzero(rows & (smooth < nothing))
-    return int(quiet[-1]) if len(quiet) else 0
-
-
-def _steady(samples: Samples) -> Mask:
-    """Rows long enough after the last change of the commanded speed for the arm to have stopped
-    swinging: its own inertia is felt before."""
-    told = np.gradient(samples.target_world_tcp[:, 2], samples.t)
-    changes = np.abs(np.gradient(told, samples.t)) > tuning.SPEED_CHANGE
-    last = np.maximum.accumulate(np.where(changes, samples.t, -np.inf))
-    return samples.t - last > tuning.SWING
 
 
 def _first_contact(descent: Descent, late: int) -> tuple[float, float]:
@@ -289,7 +161,7 @@ def _first_contact(descent: Descent, late: int) -> tuple[float, float]:
     row = float(np.abs(z[min(onset + 1, len(z) - 1)] - z[onset]))
     halfway = (met + float(z[late])) / 2
     rows = np.arange(onset + 1, late + 1)
-    rows = rows[(z[rows] >= halfway) & _steady(descent.samples)[rows]]
+    rows = rows[(z[rows] >= halfway) & steady(descent.samples)[rows]]
     if len(rows) < tuning.CURVE_ROWS:
         return met, max(row, tuning.UNSEEN)
     force = descent.smooth[rows]
@@ -313,13 +185,24 @@ def _knee(descent: Descent, late: int, first: float) -> float:
     return max(float(descent.smooth[descent.onset + last]), 0.0)
 
 
+def _bottomed(descent: Descent, late: int, first: float) -> float | None:
+    """m: the tip's height at which the surface became far stiffer than it had been."""
+    late_z, late_force = float(descent.z[late]), float(descent.smooth[late])
+    before = (first - late_z) / late_force
+    after = (late_z - descent.held) / (descent.full - late_force)
+    if first - late_z < tuning.SOFT or after > tuning.STIFFER * before:
+        return None
+    return late_z + tuning.STIFF_SHARE * (first - late_z)
+
+
 def _lever(descent: Descent, hand: Hand) -> tuple[float, float]:
     """m: where the held force acts along the closing direction, from the middle of the fingertips,
     and its standard deviation.
 
     At a lever p from there the force F turns the hand about the tips by p x F; about the TCP the
-    tips' own lever r adds r x F. A joint's residual friction, `force_repeatability` at the TCP, is
-    about `TORQUE_LEVER` times that as a moment.
+    tips' own lever r adds r x F. As the arm is stopped, the joints' friction lets go of somewhat
+    between nothing and all of what the moment changed by when it set out (a uniform distribution);
+    besides, a moment repeats to `TORQUE_LEVER` times the repeatability of a force.
     """
     samples, pressed = descent.samples, descent.pressed
     free = slice(max(descent.onset - tuning.FREE_ROWS, 0), descent.onset + 1)
@@ -330,5 +213,7 @@ def _lever(descent: Descent, hand: Hand) -> tuple[float, float]:
     force = change[:3]
     moment = change[3:] - np.cross(hand.tip_offset * tool, force)
     place = np.cross(force, moment) / float(force @ force)
-    doubt = tuning.TORQUE_LEVER * hand.force_repeatability
+    about = np.cross(tool, closing)
+    friction = float(descent.set_out[3:] @ about) / np.sqrt(12.0)
+    doubt = float(np.hypot(tuning.TORQUE_LEVER * hand.force_repeatability, friction))
     return float(place @ closing), doubt / descent.full

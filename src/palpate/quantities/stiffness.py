@@ -1,0 +1,127 @@
+"""Stiffness of a surface that gives way: a mat, a cloth, a cushion."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import ClassVar
+
+import numpy as np
+
+from palpate.estimation import tuning
+from palpate.estimation.agreement import FitTest, chi_squared
+from palpate.estimation.contact.descent import descent_before, probes
+from palpate.estimation.contact.spring import Spring, fit_spring
+from palpate.estimation.contact.touch import Touch, touched
+from palpate.estimation.estimate import Z95, Estimate, Part, not_identified
+from palpate.mjcf.body import Body
+from palpate.parameter import Parameter
+from palpate.quantities.evidence import Evidence
+from palpate.quantities.quantity import Quantity
+from palpate.trace.samples import POSE, Trace
+
+UNIT = "N/m"
+
+
+class Stiffness(Quantity):
+    """Force over depth of what both fingertips press on. MuJoCo has no number for it; the twin has
+    it in `<custom>`."""
+
+    id = "stiffness"
+    unit = UNIT
+    subject = "surface"
+    words: ClassVar = {
+        "en": ("stiffness", "stiff", "softness", "soft", "springiness", "firmness", "compliance")
+    }
+    evidence = (
+        Evidence(
+            POSE,
+            "MoveUntilContact -z over a free spot, MeasureGripperPose",
+            activity=("contact",),
+            distinct="place",
+        ),
+    )
+    derived = True
+    estimators: ClassVar = {"spring": "palpate.quantities.stiffness:estimate_stiffness"}
+
+
+def estimate_stiffness(trace: Trace, parameter: Parameter, body: Body | None) -> Estimate:
+    """Stiffness of a surface from every guarded descent on it, and `first contact` (world z, m).
+
+    What is estimated is the compliance; its interval, turned over, is the stiffness's.
+
+    Raises:
+        ValueError: a recording holds no samples, or no guarded descent comes before it.
+    """
+    recordings = tuple(probes(trace, parameter))
+    touches: list[Touch] = []
+    found: list[Spring] = []
+    for recording in recordings:
+        descent, touch = descent_before(trace, recording), touched(trace, recording)
+        if descent is not None and touch is not None:
+            touches.append(touch)
+            found.append(fit_spring(descent, touch, trace.hand))
+    if not found:
+        nothing = f"No descent pressed on {parameter.object}."
+        return not_identified(parameter, UNIT, nothing, recordings)
+    common = trace.hand.tip_compliance_std
+    own = [float(np.sqrt(spring.compliance_std**2 - common**2)) for spring in found]
+    weights = np.array(own) ** -2.0
+    compliances = np.array([spring.compliance for spring in found])
+    mean = float(np.average(compliances, weights=weights))
+    std = float(np.hypot(weights.sum() ** -0.5, common))
+    most = max(spring.at_most for spring in found)
+    if most < tuning.RIGID or mean < std / tuning.RESOLVED:
+        stiffer = 1.0 / max(most, Z95 * std)
+        resolved = (
+            f"{parameter.object} is stiffer than {_rounded(stiffer)} N/m, as stiff as a table is: how "
+            "stiff, pressing with the fingertips does not tell."
+        )
+        return not_identified(parameter, UNIT, resolved, recordings)
+    misfit = float(np.sum(weights * (compliances - mean) ** 2))
+    ends = (1.0 / (mean + Z95 * std), 1.0 / (mean - Z95 * std))
+    return Estimate(
+        parameter,
+        UNIT,
+        np.array([1.0 / mean]),
+        np.array([std / mean**2]),
+        np.array([ends]),
+        _method(len(found)),
+        recordings,
+        parts={"first contact": Part(_height(found), _height_std(trace), "m")},
+        tests=tuple(_tests(found, touches, misfit)),
+    )
+
+
+def _height(found: Sequence[Spring]) -> float:
+    return float(np.mean([spring.first for spring in found]))
+
+
+def _height_std(trace: Trace) -> float:
+    return float(np.hypot(trace.hand.tip_offset_std, trace.hand.pose_repeatability))
+
+
+def _tests(found: Sequence[Spring], touches: Sequence[Touch], misfit: float) -> Iterator[FitTest]:
+    """Whether the surface is one even spring under both fingers."""
+    yield FitTest(
+        "one spring",
+        max(spring.misfit for spring in found),
+        tuning.SPRING_MISFIT,
+        "The force does not rise in proportion to the depth: it is not one even spring.",
+    )
+    yield from filter(None, (touch.sides() for touch in touches))
+    if len(found) > 1:
+        finding = "It is not equally stiff at all the places that were touched."
+        yield chi_squared("touch against touch", misfit, len(found) - 1, finding)
+
+
+def _method(touches: int) -> str:
+    times = "" if touches == 1 else f", {touches} times"
+    return (
+        f"Slope of the force over the fingertips' depth as both pressed on it{times}, with the arm's "
+        "inertia and friction and what the surface dissipates taken out."
+    )
+
+
+def _rounded(value: float) -> str:
+    """Two digits."""
+    return f"{float(f'{value:.2g}'):.0f}"

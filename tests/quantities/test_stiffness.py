@@ -1,0 +1,116 @@
+"""Stiffness: mats, cloths and cushions pressed by the fingertips, in recordings and on an arm."""
+
+import numpy as np
+import pytest
+from recordings import HAND
+
+import palpate as pp
+from palpate.parameter import Parameter
+from palpate.quantities.stiffness import estimate_stiffness
+
+STIFFNESS = Parameter("mat", "stiffness")
+TOP = 0.28
+
+
+def spring(stiffness):
+    return lambda z: max(0.0, TOP - z) * stiffness
+
+
+def pressed(bench, noise, press, seed=0, places=((0.5, 0.0),)):
+    """A descent on each of some places."""
+    b = bench(noise, seed)
+    for x, y in places:
+        b.go("mat_approach", (x, y, 0.32))
+        b.descend(press, "mat")
+    return estimate_stiffness(b.trace(), STIFFNESS, None)
+
+
+@pytest.mark.parametrize(
+    ("world", "tolerance"), [("none", 0.01), ("lab", 0.03), ("datasheet", 0.05)]
+)
+@pytest.mark.parametrize("stiffness", [60, 300, 1000, 3000, 10000])
+def test_a_spring_of_any_strength(bench, noises, world, tolerance, stiffness):
+    errors = []
+    for seed in range(4):
+        found = pressed(bench, noises[world], spring(stiffness), seed)
+        assert found.verdict == "identified"
+        low, high = found.ci95[0]
+        assert low < stiffness < high
+        errors.append(found.value[0] / stiffness - 1.0)
+    assert np.sqrt(np.mean(np.square(errors))) < tolerance
+
+
+def test_the_first_contact_comes_with_it(bench, noises):
+    contact = pressed(bench, noises["lab"], spring(1000)).parts["first contact"]
+    assert contact.value == pytest.approx(TOP, abs=3e-4)
+    assert contact.std >= HAND.tip_offset_std
+
+
+@pytest.mark.parametrize("world", ["none", "lab", "datasheet"])
+def test_a_table_is_stiffer_than_can_be_told(bench, noises, world):
+    found = pressed(bench, noises[world], spring(1e6))
+    assert found.verdict == "not identified"
+    assert "stiffer than" in found.method
+
+
+def test_a_cloth_is_judged_by_itself_and_not_by_the_table_below(bench, noises):
+    def cloth(z):
+        return max(0.0, TOP - z) * 500 + max(0.0, TOP - 0.008 - z) * 1e5
+
+    found = pressed(bench, noises["lab"], cloth)
+    assert found.value[0] == pytest.approx(500, rel=0.05)
+    assert found.verdict == "identified"
+
+
+def test_what_hardens_is_no_even_spring(bench, noises):
+    found = pressed(bench, noises["lab"], lambda z: 3e4 * max(0.0, TOP - z) ** 2)
+    assert found.verdict == "contradicted"
+    assert "proportion" in found.contradiction
+
+
+def test_touches_count_together(bench, noises):
+    places = ((0.45, 0.0), (0.5, 0.0), (0.55, 0.0))
+    once = pressed(bench, noises["lab"], spring(600))
+    found = pressed(bench, noises["lab"], spring(600), places=places)
+    assert found.value[0] == pytest.approx(600, rel=0.03)
+    assert found.std[0] < 0.7 * once.std[0]
+    assert len(found.evidence) == 3
+
+
+def test_places_that_are_not_alike_contradict_each_other(bench, noises):
+    b = bench(noises["lab"])
+    for x, stiffness in ((0.45, 400), (0.55, 900)):
+        b.go("mat_approach", (x, 0.0, 0.32))
+        b.descend(spring(stiffness), "mat")
+    found = estimate_stiffness(b.trace(), STIFFNESS, None)
+    assert found.verdict == "contradicted"
+    assert "equally stiff" in found.contradiction
+
+
+def test_without_a_touch_there_is_none(bench, noises):
+    b = bench(noises["lab"])
+    b.go("mat_approach", (0.5, 0.0, 0.32))
+    assert estimate_stiffness(b.trace(), STIFFNESS, None).verdict == "not identified"
+
+
+SCENE = """<mujoco><worldbody>
+  <site name="robot_base"/>
+  <body name="mat" pos="0.5 0 0.1"><geom type="box" size=".15 .15 .01" friction="0.6"{low}/>{cover}</body>
+</worldbody></mujoco>"""
+COVER = """<body gravcomp="1" pos="0 0 0.006"><joint type="slide" axis="0 0 1" stiffness="800" damping="20"/>
+  <geom type="box" size=".15 .15 .004" mass="0.5"/></body>"""
+
+
+def test_how_soft_is_the_mat(tmp_path):
+    """From the sentence to `<custom>`, on an arm whose hidden mat rests on a spring."""
+    world = tmp_path / "world.xml"
+    world.write_text(SCENE.format(low=' pos="0 0 -0.012"', cover=COVER))
+    scene = pp.load(SCENE.format(low="", cover=""))
+    plan = scene.plan("how soft is the mat?")
+    assert plan.parameters == (STIFFNESS,)
+    assert plan.findings == ()
+    run = plan.run(world=world, seed=1)
+    found = run["mat.stiffness"]
+    assert found.verdict == "identified"
+    assert found.value[0] == pytest.approx(800, rel=0.03)
+    assert "palpate_mat_stiffness" in run.twin.xml
