@@ -312,6 +312,10 @@ Sensitive: no."""
 RESTING_SPEED = 0.002
 """m/s below which the joints' friction begins to let go. Sensitive: stiffness hardly."""
 
+ARM_MASS = (6.0, 3.0)
+"""kg, mean and 1 sigma: apparent vertical mass at the TCP, wide enough for any seven-axis arm.
+Sensitive: stiffness hardly."""
+
 DISSIPATING_MASS = 1.0
 """kg, whose critical damping on the surface is the 1 sigma of what it dissipates. Sensitive:
 stiffness hardly."""

@@ -143,7 +143,7 @@ def _curve(descent: Descent, touch: Touch, hand: Hand) -> _Curve:
     acceleration = np.convolve(np.gradient(speed, samples.t), window, mode="same")
     contact = np.arange(len(samples)) > descent.onset
     resting = contact * np.clip(1.0 - np.abs(speed) / tuning.RESTING_SPEED, 0.0, 1.0)
-    apparent, spread = tuning.APPARENT_MASS
+    apparent, spread = tuning.ARM_MASS
     stick = float(np.hypot(hand.force_repeatability, descent.set_out[2]))
     dissipated = 2.0 * (tuning.DISSIPATING_MASS / max(touch.secant, tuning.UNSEEN)) ** 0.5
     return _Curve(
