@@ -5,9 +5,11 @@ from pathlib import Path
 import pytest
 from loopback import Fails, Loopback, Reply, Request, Says
 
+from palpate import pipeline
 from palpate.errors import InputError, Unavailable
 from palpate.planning.model import session as session_module
 from palpate.planning.model.session import Budget, ModelSettings
+from palpate.runs.run import Run
 from palpate.scenarios.catalogue import scenario
 from palpate.studies.ablation import CONFIGURATIONS, PAPER, ablation, without
 from palpate.studies.attempt import Conditions
@@ -24,6 +26,26 @@ GOOD = (scenario(NAME).folder / "plans" / "paper.json").read_text()
 def _environment(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("OPENAI_API_KEY", "sk-secret-0123456789")
     monkeypatch.setattr(session_module, "BACKOFF", (0.01,))
+
+
+@pytest.fixture(scope="module")
+def executions() -> dict[object, Run]:
+    """Runs by what they follow from."""
+    return {}
+
+
+@pytest.fixture(autouse=True)
+def _executed_once(monkeypatch: pytest.MonkeyPatch, executions: dict[object, Run]) -> None:
+    """The same plan with the same seed and noise gives the same trace: it is executed once."""
+    measure = pipeline.measure
+
+    def measured(made: Run) -> Run:
+        key = repr(made.plan.tree), made.settings.scene, made.settings.noise, made.settings.seed
+        if key not in executions:
+            executions[key] = measure(made)
+        return executions[key]
+
+    monkeypatch.setattr(pipeline, "measure", measured)
 
 
 def settings(server: Loopback, rounds: int = 0, **changes) -> Conditions:

@@ -115,10 +115,12 @@ class Shout(Primitive):
 @pytest.fixture
 def words(monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[..., Vocabulary]]:
     """Makes a vocabulary of palpate's primitives and others; the catalogue has their quantity."""
-    catalogue.cache_clear()
+    for remembered in (catalogue, bench):
+        remembered.cache_clear()
     monkeypatch.setattr(catalogue_module, "extensions", lambda group: [module(Hollowness)])
     yield lambda *classes: load_vocabulary([module(*classes)])
-    catalogue.cache_clear()
+    for remembered in (catalogue, bench):
+        remembered.cache_clear()
 
 
 def module(*things: type) -> ModuleType:
