@@ -186,3 +186,25 @@ def test_the_hand_that_is_held_back_slides_nothing(bench, noises):
     found = estimate_friction(replace(trace, samples=jerky), PARAMETER, None)
     assert found.verdict == "contradicted"
     assert "sticks and slips" in found.contradiction
+
+
+def chattering(trace, parts):
+    """With the force of so many of its drags swinging by 1 N at 15 Hz."""
+    samples, wrench = trace.samples, trace.samples.wrench.copy()
+    slides = [
+        recording for recording in trace.recordings if recording.context.activity == "sliding"
+    ]
+    for slide in slides[:parts]:
+        rows = (samples.t > slide.start) & (samples.t < slide.end)
+        wrench[rows, 0] += np.sin(2.0 * np.pi * 15.0 * samples.t[rows])
+    return replace(trace, samples=replace(samples, wrench=wrench))
+
+
+def test_drags_that_chatter_are_left_out_and_nothing_else_is_not_enough(bench, noises):
+    trace = drag(bench, noises["lab"])
+    some = estimate_friction(chattering(trace, 2), PARAMETER, None)
+    assert is_right(some)
+    assert "2 drags" in some.method
+    every = estimate_friction(chattering(trace, 4), PARAMETER, None)
+    assert every.verdict == "contradicted"
+    assert "chatters" in every.contradiction

@@ -7,7 +7,7 @@ object sticks, breaks away, and slides; `sliding` fits what the drags have in co
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -29,6 +29,7 @@ class Drag:
         acceleration: m/s², along the drag.
         turned: (n, 7) which way each joint was turned last: -1 to 1, between them as it turns round.
         cruising: the motion is commanded at its full speed. moving: the hand follows it.
+        quiet: N², what `noise` is of the force in this direction while the object hangs at rest.
     """
 
     t: Array
@@ -40,6 +41,7 @@ class Drag:
     turned: Array
     cruising: Mask
     moving: Mask
+    quiet: float
 
     @property
     def period(self) -> float:
@@ -105,18 +107,29 @@ class Drag:
         """N², of the tangential force in a row of steady sliding: half of that from row to row."""
         return float(np.diff(self.tangential[self.steady]).var()) / 2.0
 
-    def noise_density(self) -> float:
-        """N², variance that the mean of n steady rows has, times n: from the scatter of short means
-        about a line through each block, so that nothing slower counts."""
-        force = self.tangential[self.steady]
-        size = max(1, round(tuning.SMOOTH / self.period))
-        count = max(4, round(tuning.BLOCK / self.period / size))
-        pooled, freedom = 0.0, 0
+    @cached_property
+    def noise(self) -> float:
+        """N², variance that the mean of n steady rows has, times n."""
+        return _density([self.tangential[self.steady]], self.period)
+
+    @property
+    def roughness(self) -> float:
+        """How much noisier steady sliding is than hanging at rest: what chatters sticks in between."""
+        return self.noise / (self.quiet + tuning.SMOOTH_NOISE)
+
+
+def _density(forces: Iterable[Array], period: float) -> float:
+    """N², variance that the mean of n rows has, times n: from the scatter of short means about a
+    line through each block, so that nothing slower counts."""
+    size = max(1, round(tuning.SMOOTH / period))
+    count = max(4, round(tuning.BLOCK / period / size))
+    pooled, freedom = 0.0, 0
+    for force in forces:
         for start in range(0, len(force) - size * count + 1, size * count):
             means = force[start : start + size * count].reshape(count, size).mean(axis=1)
             pooled += size * float(np.sum(_detrended(means) ** 2))
             freedom += count - 2
-        return pooled / freedom if freedom else tuning.UNKNOWN_NOISE
+    return pooled / freedom if freedom else tuning.UNKNOWN_NOISE
 
 
 def _detrended(y: Array) -> Array:
@@ -126,9 +139,11 @@ def _detrended(y: Array) -> Array:
 
 
 def steady_drags(trace: Trace, name: str) -> list[Drag]:
-    """All drags of the object `name` in which it slid steadily for long enough."""
+    """Drags of the object `name` in which it slid steadily for long enough; those in which it
+    chatters only where it does in all."""
     drags = _drags(trace, load_of(trace, name))
-    return [drag for drag in drags if drag.steady.sum() >= tuning.STEADY_ROWS]
+    found = [drag for drag in drags if drag.steady.sum() >= tuning.STEADY_ROWS]
+    return [drag for drag in found if drag.roughness < tuning.ROUGH] or found
 
 
 def _drags(trace: Trace, load: Load) -> Iterator[Drag]:
@@ -137,17 +152,16 @@ def _drags(trace: Trace, load: Load) -> Iterator[Drag]:
     if not load.grasps:
         return
     floor = min(_height_at(samples, time) for time in load.grasps)
-    free = _hanging_free(samples, load, floor)
-    if free is None:
+    if not _at_rest(samples, load, floor).any():
         return
-    turned = _turned(samples)
+    turned, hanging = _turned(samples), _at_rest(samples, load, floor)
     step = np.gradient(samples.target_world_tcp[:, :3], samples.t, axis=0)
     horizontal = np.linalg.norm(step[:, :2], axis=1)
     level = np.abs(step[:, 2]) < tuning.DRAG_SLOPE * horizontal
     low = samples.pose_world_tcp[:, 2] < floor + tuning.DOWN
     for rows in runs(load.loaded & low & (horizontal > tuning.DRAG_SPEED) & level):
         if rows.stop - rows.start > tuning.DRAG_ROWS:
-            yield _drag(samples, rows, step[:, :2], free, turned)
+            yield _drag(samples, rows, step[:, :2], hanging, turned)
 
 
 def _turned(samples: Samples) -> Array:
@@ -166,27 +180,25 @@ def _height_at(samples: Samples, time: float) -> float:
     return float(samples.pose_world_tcp[row_at(samples, time), 2])
 
 
-def _hanging_free(samples: Samples, load: Load, floor: float) -> Array | None:
-    """(3,) N: the force with the object hanging free: what is sensed with nothing tangential and no
-    support."""
+def _at_rest(samples: Samples, load: Load, floor: float) -> Mask:
+    """Rows in which the object hangs free: what is sensed with nothing tangential and no support."""
     high = samples.pose_world_tcp[:, 2] > floor + tuning.HANGING
-    hanging = at_rest(samples) & load.loaded & high
-    if not hanging.any():
-        return None
-    return samples.wrench[hanging, :3].mean(axis=0)
+    return at_rest(samples) & load.loaded & high
 
 
-def _drag(samples: Samples, rows: slice, step: Array, free: Array, turned: Array) -> Drag:
-    """The drag in `rows`; `step` is the commanded horizontal velocity, `free` the force without
-    support."""
+def _drag(samples: Samples, rows: slice, step: Array, hanging: Mask, turned: Array) -> Drag:
+    """The drag in `rows`; `step` is the commanded horizontal velocity, `hanging` where the force is
+    that without support."""
     velocity = step[rows]
     way = velocity.sum(axis=0) / np.linalg.norm(velocity.sum(axis=0))
-    force = samples.wrench[rows, :3] - free
+    free = samples.wrench[hanging, :3]
+    force = samples.wrench[rows, :3] - free.mean(axis=0)
     commanded = velocity @ way
     # Backward differences: central ones would lend the last row before the slip the jump that
     # follows it.
     gained = np.diff(samples.twist[:, :2] @ way, prepend=0.0)[rows]
-    acceleration = gained / float(np.median(np.diff(samples.t)))
+    period = float(np.median(np.diff(samples.t)))
+    acceleration = gained / period
     return Drag(
         samples.t[rows],
         way,
@@ -197,4 +209,5 @@ def _drag(samples: Samples, rows: slice, step: Array, free: Array, turned: Array
         turned[rows],
         commanded > tuning.CRUISE * float(np.median(commanded)),
         samples.twist[rows, :2] @ way > tuning.FOLLOWING * commanded,
+        _density([samples.wrench[part, :2] @ way for part in runs(hanging)], period),
     )

@@ -166,13 +166,12 @@ def _blocks(drags: Sequence[Drag], designs: Sequence[Array]) -> tuple[Array, Arr
     forces: list[float] = []
     noises: list[float] = []
     for drag, design in zip(drags, designs, strict=True):
-        density = drag.noise_density()
         steady = np.flatnonzero(drag.steady)
         size = max(1, round(tuning.BLOCK / drag.period))
         for block in np.array_split(steady, max(1, len(steady) // size)):
             rows.append(design[block].mean(axis=0))
             forces.append(float(drag.tangential[block].mean()))
-            noises.append(density / len(block) + tuning.SLIDING_NOISE**2)
+            noises.append(drag.noise / len(block) + tuning.SLIDING_NOISE**2)
     return np.array(rows), np.array(forces), np.array(noises)
 
 

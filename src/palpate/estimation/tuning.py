@@ -449,6 +449,13 @@ STICKING = 0.1
 """part of the rows of steady sliding in which the hand may lag behind its command; an object that
 sticks and slips holds it back most of the time. Sensitive: no."""
 
+ROUGH = 10.0
+"""times the noise at rest from which a drag's is chatter: conforming ones stay below 5. Sensitive:
+no."""
+
+SMOOTH_NOISE = 5e-3
+"""N², of a row: noise that sliding makes where the sensors make none. Sensitive: no."""
+
 LIKELY_FRICTION = 2.0
 """coefficient beyond which nothing dry slides on anything. Sensitive: no."""
 

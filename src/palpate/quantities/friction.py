@@ -178,6 +178,12 @@ def _tests(drags: Sequence[Drag], found: Sliding) -> tuple[FitTest, ...]:
             "The object sticks and slips: no force is that of steady sliding.",
         ),
         FitTest(
+            "smooth sliding",
+            max(drag.roughness for drag in drags),
+            tuning.ROUGH,
+            "The object chatters: the sliding force is that of sticking in between.",
+        ),
+        FitTest(
             "a likely coefficient",
             value - tuning.SIGNIFICANT * unsure,
             tuning.LIKELY_FRICTION,
