@@ -162,6 +162,19 @@ def test_the_arm_goes_home_and_to_the_pose_and_settles(perform, scene) -> None:
     assert np.abs(rest.twist).max() < 3e-3
 
 
+def test_a_slide_presses_hardest_halfway(perform, reached) -> None:
+    """So that what pulls with the place, or is constant, is told from friction."""
+    side = ("MovePose", "cup_pose + 3*y_offset")
+    done = perform(*reached, "CloseGripper", LIFT, AT, side)
+    assert done.execution.status == "complete"
+    slide = done.execution.trace.leaf_runs("MovePose")[-1]
+    samples = done.execution.trace.samples.between(slide.start, slide.end)
+    way = samples.target_world_tcp[:, 1] - samples.target_world_tcp[0, 1]
+    part, pressing = way / way[-1], -samples.wrench[:, 2]
+    first, halfway, last = (pressing[np.abs(part - at) < 0.05].mean() for at in (0.1, 0.5, 0.9))
+    assert halfway > max(first, last) + 4.0
+
+
 def test_a_probe_stops_at_its_threshold_on_the_surface(perform) -> None:
     done = perform("OpenGripper", TO_TABLE, ("MoveUntilContact", "-z"))
     assert done.execution.status == "complete"

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from palpate.estimation import tuning
 from palpate.estimation.windows import Load, Mask, at_rest, load_of, row_at, runs
@@ -186,6 +187,12 @@ def _at_rest(samples: Samples, load: Load, floor: float) -> Mask:
     return at_rest(samples) & load.loaded & high
 
 
+def _stretches(t: Array, rows: Mask) -> list[NDArray[np.intp]]:
+    """Rows that follow each other, but for short gaps: at rest, noisy encoders seem to move."""
+    found = np.flatnonzero(rows)
+    return np.split(found, np.flatnonzero(np.diff(t[found]) > tuning.PAUSE) + 1)
+
+
 def _drag(samples: Samples, rows: slice, step: Array, hanging: Mask, turned: Array) -> Drag:
     """The drag in `rows`; `step` is the commanded horizontal velocity, `hanging` where the force is
     that without support."""
@@ -209,5 +216,7 @@ def _drag(samples: Samples, rows: slice, step: Array, hanging: Mask, turned: Arr
         turned[rows],
         commanded > tuning.CRUISE * float(np.median(commanded)),
         samples.twist[rows, :2] @ way > tuning.FOLLOWING * commanded,
-        _density([samples.wrench[part, :2] @ way for part in runs(hanging)], period),
+        _density(
+            [samples.wrench[part, :2] @ way for part in _stretches(samples.t, hanging)], period
+        ),
     )

@@ -450,11 +450,11 @@ STICKING = 0.1
 sticks and slips holds it back most of the time. Sensitive: no."""
 
 ROUGH = 10.0
-"""times the noise at rest from which a drag's is chatter: conforming ones stay below 5. Sensitive:
-no."""
+"""times the noise that is expected of a drag, from which it is chatter. Sensitive: no."""
 
-SMOOTH_NOISE = 5e-3
-"""N², of a row: noise that sliding makes where the sensors make none. Sensitive: no."""
+SMOOTH_NOISE = 0.03
+"""N², of a row: noise that moving adds to that at rest, of ripples in gears and encoders: 0.04 N in
+means of 0.1 s. Sensitive: no."""
 
 LIKELY_FRICTION = 2.0
 """coefficient beyond which nothing dry slides on anything. Sensitive: no."""

@@ -51,10 +51,10 @@ PRESSES = 1.0
 POSITION_TOLERANCE = 0.010
 """m: an impedance-controlled arm with 1.5 kg on it sags by several millimetres."""
 ANGLE_TOLERANCE = np.radians(3.0)
-PRESS_DEPTHS = (0.005, 0.001)
-"""m: how far the equilibrium is lowered while sliding, at its beginning and its end: a normal force
-that the torque sensors resolve, and that varies, so that what the arm's own friction adds to the
-sliding force can be told apart."""
+PRESSED = ((0.0, 0.001), (0.5, 0.005), (1.0, 0.001))
+"""Part of a slide, and how far the equilibrium is lowered there, m: a normal force that the torque
+sensors resolve, and that rises and falls again, so that neither what the arm's own friction adds to
+the sliding force nor what pulls with the way, like a spring, passes for friction."""
 ROUGHEST = 1.0
 """friction between an object and its support, the largest plausible: rubber on dry concrete."""
 UNDER_WAY = 90.0
@@ -116,7 +116,8 @@ def _sliding(blackboard: Blackboard) -> Reflex:
     """At what the arm stops itself as it drags what it holds: at more than the roughest support
     holds back of what presses on it, it has met something else."""
     arm, contact = blackboard.scene.arm, blackboard.robot.limits.reflexes.contact
-    pressed = arm.stiffness.translation * max(PRESS_DEPTHS) + _weight(blackboard)
+    deepest = max(depth for _, depth in PRESSED)
+    pressed = arm.stiffness.translation * deepest + _weight(blackboard)
     return replace(contact, sideways=ROUGHEST * pressed + MET)
 
 
@@ -271,16 +272,18 @@ class MovePose(Primitive):
         return self._arrived(blackboard, target)
 
     def _slide(self, blackboard: Blackboard, target: Pose) -> Steps:
-        blackboard.robot.set_reflex(_sliding(blackboard))
-        first, last = (np.array([0.0, 0.0, -depth]) for depth in PRESS_DEPTHS)
-        for waypoint in (
-            blackboard.robot.state.target_world_tcp.translated(first),
-            target.translated(last),
-            target,
-        ):
-            blackboard.robot.move_pose(waypoint, CONTACT_SPEED)
+        robot = blackboard.robot
+        robot.set_reflex(_sliding(blackboard))
+        start = robot.state.target_world_tcp
+        for share, depth in PRESSED:
+            way = share * (target.position - start.position)
+            here = Pose(start.position + way - [0.0, 0.0, depth], target.quaternion)
+            robot.move_pose(here, CONTACT_SPEED)
             yield from finish(blackboard)
-            yield from settle(blackboard)
+            yield from settle(blackboard, BRIEF)
+        robot.move_pose(target, CONTACT_SPEED)
+        yield from finish(blackboard)
+        yield from settle(blackboard)
         return "slid"
 
     def _light_enough(self, blackboard: Blackboard) -> None:

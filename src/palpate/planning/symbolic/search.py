@@ -208,8 +208,9 @@ class Backchainer:
             yield from self._beside(above, spot)
 
     def _slid(self, above: str, spot: str) -> Iterator[list[str]]:
-        """Places to which an object can be slid far enough to be felt."""
-        for axis in ("x_offset", "y_offset"):
+        """Places to which an object can be slid far enough to be felt; first along the direction in
+        which the fingers close, across which it may tip in their grip."""
+        for axis in ("y_offset", "x_offset"):
             length = float(np.linalg.norm(self.scene.symbols.offset(axis, spot)))
             factor = max(1, math.ceil(SLIDE / max(length, 1e-3)))
             yield [above, spot, *(f"{spot} {sign} {factor}*{axis}" for sign in "+-")]
