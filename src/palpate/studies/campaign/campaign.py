@@ -12,6 +12,7 @@ from typing import Any
 from palpate import __version__
 from palpate.errors import InputError, unknown_name
 from palpate.studies.campaign import hidden, inputs, nasty, plans, runtime, signals
+from palpate.studies.campaign.bases import bases
 from palpate.studies.campaign.ledger import Case, Drawn, Ledger, Row
 from palpate.studies.campaign.page import TITLES, counts, page
 
@@ -95,6 +96,8 @@ def _conducted(kind: str, order: Order, say: Callable[[str], None]) -> dict[str,
 
 def _plans(order: Order, count: int, say: Callable[[str], None]) -> dict[str, list[Row]]:
     folder, workers = order.folder, order.workers
+    if workers > 1:
+        bases()  # worked out once: the workers are forks of this process, and have them, too
     rows = plans.check_plans(folder, count, order.seed, workers, say)
     found = {"plans": rows}
     if order.execute:
