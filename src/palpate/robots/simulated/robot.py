@@ -8,7 +8,6 @@ world's actuators (`impedance`), so that Python runs once per tick and not once 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -324,7 +323,8 @@ class MujocoRobot:
         steps = world.step(control, self._guard)
         steps_target = target[: len(steps.q)]
         samples = self._readout.read(steps, self._gains, world.t, steps_target)
-        self._logged.append(replace(samples, width=samples.width + self._wider))
+        samples.width[:] += self._wider
+        self._logged.append(samples)
         self._target = target[len(steps.q) - 1]
         self._feel_fingers(steps)
         self._cached = None

@@ -123,6 +123,7 @@ class World:
         )
         now, speed, inputs, commanded = data.qpos, data.qvel, data.ctrl, data.qfrc_actuator[self._v]
         dq, weight, done = data.qvel[self._v], data.qfrc_gravcomp[self._v], n
+        touched = data.qfrc_constraint[self._v]
         drives = self.actuators.drives
         for block, rows in enumerate(control.reshape(n, BLOCK, -1)):
             for stiction in self._stiction:
@@ -136,7 +137,7 @@ class World:
                 if not guard.yielding and guard.feels(commanded, weight, dq):
                     self.actuators.set(guard.reaction.gains)
             qpos[block], qvel[block] = now, speed
-            contact[block] = data.qfrc_constraint[self._v]
+            contact[block] = touched
             if guard.fired:
                 done = block + 1
                 break

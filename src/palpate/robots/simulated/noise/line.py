@@ -24,6 +24,7 @@ class Line:
 
     def __init__(self, torque: Torque, acquisition: Acquisition, streams: Streams) -> None:
         self._torque, self._white = torque, streams("torque.white")
+        self._mean = torque.white / math.sqrt(BLOCK)
         self._outliers = acquisition.outliers
         self._odd = streams("acquisition.outliers")
         self._repeated, self._again = acquisition.repeated, streams("acquisition.repeated")
@@ -43,13 +44,12 @@ class Line:
         """What the last run leaves to the next; nothing at first."""
 
     def carry(self, reading: Array) -> tuple[Array, NDArray[np.bool_] | None]:
-        """The block means (n, 7), N m, of what arrives of the readings (n, 7), and which blocks
-        arrived at all, None for all of them."""
+        """The block means (n, 7), N m, of what arrives of the readings (n, 7), which it may change,
+        and which blocks arrived at all, None for all of them."""
         if not self._single:
-            noise = self._white.standard_normal(reading.shape)
-            noise *= self._torque.white / math.sqrt(BLOCK)
-            noise += reading
-            return self._within(noise), None
+            if self._mean.any():
+                reading += self._mean * self._white.standard_normal(reading.shape)
+            return self._within(reading), None
         samples = np.repeat(reading, BLOCK, axis=0)
         samples += self._torque.white * self._white.standard_normal(samples.shape)
         samples = self._delay(self._filter(samples))
