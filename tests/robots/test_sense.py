@@ -119,9 +119,12 @@ def test_a_fault_is_found_in_time_and_called_by_its_name(name: str) -> None:
     assert re.match(name, reason), reason
 
 
-@pytest.mark.parametrize("noise", ["none", "lab", "datasheet"])
-def test_a_sound_robot_is_believed(noise: str) -> None:
-    watched = moving(arm(noise), 1.5)
+@pytest.mark.parametrize(
+    ("noise", "seed"),
+    [("none", 0), ("lab", 0), ("datasheet", 0), *(("hardware", s) for s in range(6))],
+)
+def test_a_sound_robot_is_believed(noise: str, seed: int) -> None:
+    watched = moving(arm(noise, seed), 1.5)
     watched.move_joints(ARM.home)
     watched.close_gripper()
     states = list(ticked(watched, 2.0))

@@ -30,7 +30,8 @@ class Readout:
     Attributes:
         q, dq: (7,) rad, rad/s. tau, tau_ext: (7,) N m. wrench, contact, twist: (6,).
         pose_world_tcp: (7,) of the newest encoder reading, not a block's mean.
-        stamp: s, robot time of the newest sample that arrived.
+        stamp: s, robot time of the newest sample that arrived. told: (7,) rad, joint angles, and
+            the TCP's pose, as of it.
         jacobian: (6, 7). gravity_torque: (7,) N m, nominal. commanded: (7,) N m, the last block's.
         speed: (7,) rad/s at the very end; `dq` is the last block's mean.
         deviation: (7,) N m, what the torque sensors now show beyond the truth.
@@ -57,6 +58,7 @@ class Readout:
         self._last = np.concatenate([reported[0], here.pose_world_tcp[0], here.gravity_torque[0]])
         self._stray = np.zeros(7)
         self.stamp = 0.0
+        self.told = (self.q, self.pose_world_tcp)
         self.speed = np.zeros(7)
         self.dq, self.tau_ext, self._external = np.zeros(7), np.zeros(7), np.zeros(7)
         self.wrench, self.contact, self.twist = np.zeros(6), np.zeros(6), np.zeros(6)
@@ -134,6 +136,8 @@ class Readout:
             )
             self.tau, self.tau_ext = torque[-1], samples.tau_ext[-1]
             self.wrench, self.contact = both[-1, :, 0], both[-1, :, 1]
+        if arrived is None or arrived[-1]:
+            self.told = (self.q, self.pose_world_tcp)
         return samples
 
     def _reported(self, steps: Steps) -> Array:

@@ -138,14 +138,15 @@ class MujocoRobot:
         """As of the last `advance`."""
         if self._cached is None:
             readout, gripper, t = self._readout, self._gripper, self._world.t
+            q, pose = readout.told
             self._cached = RobotState(
                 t=t * self._stamps.rate,
                 stamp=readout.stamp,
-                q=readout.q,
+                q=q,
                 dq=readout.dq,
                 tau=readout.tau,
                 tau_ext=readout.tau_ext,
-                pose_world_tcp=readout.pose_world_tcp,
+                pose_world_tcp=pose,
                 target_world_tcp=Pose(self._target[:3], self._target[3:]),
                 twist=readout.twist,
                 wrench=readout.wrench,

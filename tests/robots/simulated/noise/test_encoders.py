@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from tests.helpers.noises import JACOBIAN, model
+from noises import JACOBIAN, model
 
 from palpate.robots.simulated.noise.encoders import Encoders
 from palpate.robots.simulated.noise.rests import Rests

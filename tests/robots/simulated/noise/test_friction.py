@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from tests.helpers.noises import model, moving
+from noises import model, moving
 
 from palpate.robots.simulated.noise.friction import JointFriction
 from palpate.robots.simulated.noise.values import Streams

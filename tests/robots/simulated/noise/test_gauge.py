@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from tests.helpers.noises import ARM, model
+from noises import ARM, model
 
 from palpate.robots.simulated.noise.gauge import Gauges
 from palpate.robots.simulated.noise.values import Streams

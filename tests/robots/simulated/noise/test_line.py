@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from tests.helpers.noises import model
+from noises import model
 
 from palpate.robots.simulated.noise.line import Line
 from palpate.robots.simulated.noise.values import Streams

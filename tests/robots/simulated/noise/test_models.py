@@ -11,8 +11,8 @@ import pytest
 import yaml
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from noises import ARM
 from pydantic import BaseModel
-from tests.helpers.noises import ARM
 
 from palpate.errors import InputError
 from palpate.geometry.pose import Pose

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from tests.helpers.noises import JACOBIAN, model, moving
+from noises import JACOBIAN, model, moving
 
 from palpate.robots.nominal import wrench
 from palpate.robots.simulated.noise.rests import Rests

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from tests.helpers.noises import HOME, JACOBIAN, model, moving, read, sensors
+from noises import HOME, JACOBIAN, model, moving, read, sensors
 
 from palpate.robots.nominal import wrench
 from palpate.robots.simulated.noise.models import noise_models

@@ -7,7 +7,7 @@ from typing import Any
 import mujoco
 import numpy as np
 import pytest
-from tests.helpers.noises import ARM, HOME, model
+from noises import ARM, HOME, model
 
 from palpate.geometry.pose import Pose
 from palpate.robots.description import pads_end

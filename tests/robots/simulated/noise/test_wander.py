@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from tests.helpers.noises import model, spectrum
+from noises import model, spectrum
 
 from palpate.robots.simulated.noise.values import Streams
 from palpate.robots.simulated.noise.wander import Relaxation, Wander
