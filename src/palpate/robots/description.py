@@ -19,6 +19,7 @@ from palpate.robots.model import TCP, chain, compiled, prepared, require_arm, to
 from palpate.robots.reflex import Reflex, Reflexes
 from palpate.robots.sheet import (
     FILE,
+    Accuracy,
     Pace,
     ParallelHand,
     Reach,
@@ -75,7 +76,9 @@ class RobotDescription:
         mjcf: the arm's file. joints: its hinges, from the base on.
         base: the body that is put where the arm stands. links: bodies from it to the flange.
         home: (7,) rad, tool down.
-        hand: the hand's names, drive and shape. nominal: what estimators need of it.
+        hand: the hand's names, drive and shape. nominal: what estimators need of it, as the arm's
+            owner is told.
+        accuracy: what the maker states.
         reach: where the arm works well. postures: where the inverse kinematics looks.
         stiffness, pace: defaults of the controller and of commanded motions.
         sensors: how its joint torque signals deviate.
@@ -91,6 +94,7 @@ class RobotDescription:
     limits: Limits
     hand: ParallelHand
     nominal: Hand
+    accuracy: Accuracy
     reach: Reach
     stiffness: Stiffness
     pace: Pace
@@ -158,6 +162,7 @@ def read_description(folder: Path, name: str, known: Mapping[str, Path]) -> Robo
             tip_offset_std=accuracy.tip_offset_std,
             chain=chain(model, sheet),
         ),
+        accuracy=accuracy,
         reach=sheet.reach,
         stiffness=sheet.stiffness,
         pace=sheet.pace,

@@ -16,6 +16,7 @@ from pydantic import BaseModel
 
 from palpate.errors import InputError
 from palpate.geometry.pose import Pose
+from palpate.robots.datasheet import informed
 from palpate.robots.registry import load_description
 from palpate.robots.simulated.noise import models
 from palpate.robots.simulated.noise.model import NoiseModel
@@ -210,6 +211,14 @@ def test_every_figure_has_a_source_or_says_that_there_is_none(name: str) -> None
         before = text[: text.index(line)].splitlines()
         explained = "#" in line or any(row.lstrip().startswith("#") for row in before[-3:])
         assert explained, line
+
+
+def test_what_its_owner_is_told_changes_no_world() -> None:
+    hardware = noise_models().load("hardware")
+    told = informed(ARM, hardware.datasheet)
+    assert told.nominal.tip_offset_std > 2 * ARM.nominal.tip_offset_std
+    again = noise_models().load("hardware", told).model.tip_offset
+    assert again.size == pytest.approx(hardware.model.tip_offset.size)
 
 
 def test_keys_replace_those_of_the_model_that_is_extended(tmp_path: Path) -> None:

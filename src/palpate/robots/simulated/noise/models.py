@@ -163,18 +163,18 @@ def _scale(content: Content, arm: RobotDescription) -> None:
 
 def _stated(arm: RobotDescription) -> dict[str, Any]:
     """The figures of a description that noise models have too."""
-    sensors, told = arm.sensors, arm.nominal
+    sensors, stated = arm.sensors, arm.accuracy
     return {
         "torque.white": sensors.torque_noise,
         "torque.drift.size": sensors.drift,
-        "torque.gain_max": told.torque_gain,
+        "torque.gain_max": stated.torque_gain,
         "torque.range": arm.limits.tau_max,
         "friction.coulomb": sensors.friction,
-        "sticking.force": told.force_repeatability,
+        "sticking.force": stated.force_repeatability,
         "model.link_mass": sensors.link_mass,
         "model.link_com": sensors.link_com,
-        "model.tip_offset": told.tip_offset_std,
-        "pose.repeatability": told.pose_repeatability,
+        "model.tip_offset": stated.tip_offset_std,
+        "pose.repeatability": stated.pose_repeatability,
     }
 
 
