@@ -99,6 +99,10 @@ def test_chance_rarely_exceeds_the_limit_of_a_sum_of_squares():
     drawn = np.random.default_rng(0).chisquare(3, 200_000)
     assert 0 < np.mean(drawn > test.limit) < 3e-4
     assert test.passed
+    # Of a variance that was itself estimated, less is said.
+    noise = np.random.default_rng(1).chisquare(8, 200_000) / 8
+    unsure = chi_squared("residuals", 12.0, 3, "They scatter.", noise_freedom=8)
+    assert 0 < np.mean(drawn / noise > unsure.limit) < 3e-4
 
 
 def test_it_is_a_value(weighed):

@@ -8,9 +8,13 @@ arm's stated accuracies), never from the misfit itself: a model that is wrong wo
 from __future__ import annotations
 
 from dataclasses import dataclass
-from statistics import NormalDist
+
+from scipy.special import fdtri
 
 from palpate.estimation import tuning
+
+KNOWN = 1_000_000_000
+"""Degrees of freedom of a variance that is known."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,12 +38,14 @@ class FitTest:
         return self.statistic <= self.limit
 
 
-def chi_squared(name: str, statistic: float, freedom: int, finding: str) -> FitTest:
+def chi_squared(
+    name: str, statistic: float, freedom: int, finding: str, noise_freedom: float = KNOWN
+) -> FitTest:
     """A sum of `freedom` squares, each of unit variance where the model holds; chance exceeds it
     with probability `tuning.FALSE_ALARM`.
 
-    The limit is Wilson and Hilferty's k (1 - 2/9k + z sqrt(2/9k))^3, good to 1 % (The distribution
-    of chi-square, PNAS 17, 1931).
+    That variance was itself estimated, with `noise_freedom` degrees of freedom: the sum over
+    `freedom` then is of an F distribution.
     """
-    z, ninth = NormalDist().inv_cdf(1.0 - tuning.FALSE_ALARM), 2.0 / (9.0 * freedom)
-    return FitTest(name, statistic, freedom * (1.0 - ninth + z * ninth**0.5) ** 3, finding)
+    limit = freedom * float(fdtri(freedom, noise_freedom, 1.0 - tuning.FALSE_ALARM))
+    return FitTest(name, statistic, limit, finding)

@@ -76,28 +76,44 @@ PAUSE = 0.5
 """s between two stretches of one pass, at most: a motion changes its speed near things. Sensitive:
 no."""
 
+SPEED_SHORT = 0.02
+"""s over which the speed is averaged before an acceleration is taken for what the arm's inertia
+felt. Sensitive: mass 0.3 σ."""
+
 SPEED_SMOOTH = 0.05
-"""s over which the speed is averaged before its change is taken: encoders are noisy. Sensitive:
-mass 0.6 σ, std ×0.9–1.1."""
+"""s over which the speed is averaged before it is asked whether the arm goes steadily: encoders are
+noisy. Sensitive: mass 0.5 σ, std ×0.9–1.5."""
 
 SHORT_BLOCK = 0.05
 """s: means over such blocks show the white noise; long enough for a filter of the signals to have
-forgotten. Sensitive: mass 0.2 σ, std ×0.9–1.3."""
+forgotten. Sensitive: mass 0.2 σ, std ×0.9–1.2."""
 
-LONG_BLOCK = 0.4
-"""s: means over such blocks show what is slower; three of them fit into the shortest pass.
-Sensitive: hardly."""
+LONG_BLOCK = 0.25
+"""s: means over such blocks show what is slower; some of them fit into the shortest pass.
+Sensitive: mass 0.3 σ, std ×0.8–1.5."""
+
+SMOOTH_DEGREE = 2
+"""degree of the polynomial in time that is no noise of a stretch. Sensitive: mass 0.1 σ, std
+×0.9–1.2."""
+
+FLICKER_SPAN = 4.0
+"""s for which white noise is averaged in a pass, to compare it with what is slower. Sensitive:
+no."""
+
+FLICKER_FREEDOM = 8.0
+"""degrees of freedom of noise that is extrapolated from blocks of `LONG_BLOCK` to a run of some ten
+seconds: its level is known to half. Sensitive: no."""
 
 GAP = 3.0
 """sampling periods from which samples are missing. Sensitive: no."""
 
 STANDS_OUT = 2.0
 """standard deviations by which long blocks scatter more than white noise lets them, before that is
-taken for 1/f noise. Sensitive: mass 0.2 σ, std ×1.0–1.5."""
+taken for 1/f noise. Sensitive: mass 0.2 σ, std ×0.8–1.2."""
 
 OVERLAP = 2.0
-"""second differences of neighbouring blocks per independent one. Sensitive: as `STANDS_OUT`, half
-as much."""
+"""second differences of neighbouring blocks per independent one. Sensitive: mass 0.1 σ, std
+×0.9–1.1."""
 
 CHAIN_ROWS = 20
 """rows on which it is tried whether an arm's kinematics explain its wrench. Sensitive: no."""
@@ -107,8 +123,8 @@ CHAIN_FORCE = 0.5
 no."""
 
 STEADY = 0.05
-"""m/s², vertical, up to which a row belongs to a pass: what the arm's own inertia does as it
-changes its speed is far more than a load. Sensitive: mass 0.4 σ, std ×0.8–1.1."""
+"""m/s², up to which a row belongs to a pass: what the arm's own inertia does as it changes its
+speed is far more than a load. Sensitive: mass 0.7 σ, std ×0.8–1.5."""
 
 SAME_MOTION = 0.25
 """m/s², root mean square along the path: passes whose accelerations differ by more are not
@@ -161,6 +177,14 @@ a long run. Sensitive: hardly."""
 APPARENT_MASS = 10.0
 """kg (1 sigma): apparent vertical mass at the TCP, wide enough for any seven-axis arm. Sensitive:
 mass 0.1 σ."""
+
+INERTIA_DEGREE = 1
+"""degree of the polynomial along the path that the arm's apparent mass follows. Sensitive:
+hardly."""
+
+UNSTEADY = 0.15
+"""kg (1 sigma), times the acceleration: what is not known of a force while the speed changes, bin
+by bin; some per cent of the arm's apparent mass. Sensitive: no, where passes are steady."""
 
 VISCOUS = 1.0
 """N s/m (1 sigma): what the speed makes of a force; friction of 0.07 N m s/rad at a lever of half a

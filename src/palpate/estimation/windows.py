@@ -83,15 +83,16 @@ def at_rest(samples: Samples) -> Mask:
     return (t - last_change > tuning.SETTLE) & (next_change - t > tuning.START) & slow
 
 
-def vertical_acceleration(samples: Samples) -> Array:
-    """(n,) m/s² of the TCP, from its speed averaged over a while: encoders are noisy."""
+def acceleration(samples: Samples, over: float) -> Array:
+    """(n, 3) m/s² of the TCP, world axes, from its velocity averaged over `over` s: encoders are
+    noisy."""
     t = samples.t
     if len(t) < 2:
-        return np.zeros(len(t))
-    rows = max(1, round(tuning.SPEED_SMOOTH / max(float(np.median(np.diff(t))), 1e-9)))
+        return np.zeros((len(t), 3))
+    rows = max(1, round(over / max(float(np.median(np.diff(t))), 1e-9)))
     kernel = np.ones(rows) / rows
-    speed = np.convolve(samples.twist[:, 2], kernel, mode="same")
-    return np.gradient(speed, t)
+    smooth = [np.convolve(speed, kernel, mode="same") for speed in samples.twist[:, :3].T]
+    return np.gradient(np.column_stack(smooth), t, axis=0)
 
 
 def commanded(samples: Samples) -> Mask:

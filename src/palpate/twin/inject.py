@@ -6,7 +6,7 @@ What is written where, each quantity says (`palpate.scene.fill`); every estimate
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from pathlib import Path
 
 from palpate.errors import InputError
@@ -43,14 +43,23 @@ def inject(
     return _injected(description, catalogue(), values, records)
 
 
-def complete(scene: Scene, estimates: Sequence[Estimate]) -> tuple[str, tuple[str, ...]]:
+def complete(
+    scene: Scene, estimates: Sequence[Estimate], asked: Collection[Parameter] = ()
+) -> tuple[str, tuple[str, ...]]:
     """The twin's text, and remarks: what could not be written, and which `?` nobody measured and
-    now hold a prior."""
+    now hold a prior. What an estimate says in passing of a quantity that was `asked` for is
+    not written in the place of its own estimate."""
     values: dict[Parameter, tuple[float, ...]] = {}
     for estimate in estimates:
         values[estimate.parameter] = tuple(estimate.value.tolist())
     fitting: dict[Parameter, tuple[float, ...]] = {}
     notes: list[str] = []
+    for parameter, value in _found_besides(scene, estimates):
+        if parameter not in values and parameter not in asked:
+            values[parameter] = (value,)
+            notes.append(
+                f"{parameter} was not asked for; the twin holds {value:.4g}, found besides"
+            )
     description = _without_poses(scene)
     marked = _marked(description, scene.catalogue)
     for parameter, value in values.items():
@@ -66,6 +75,18 @@ def complete(scene: Scene, estimates: Sequence[Estimate]) -> tuple[str, tuple[st
         notes.append(f"{parameter} was not measured; the twin holds the assumed value {assumed}")
     records = [estimate for estimate in estimates if estimate.parameter in fitting]
     return _injected(description, scene.catalogue, filled, records), tuple(notes)
+
+
+def _found_besides(
+    scene: Scene, estimates: Sequence[Estimate]
+) -> Iterator[tuple[Parameter, float]]:
+    """Missing quantities of which another's estimate says a value in passing: the mass of an object
+    whose centre of mass was asked for."""
+    for estimate in estimates:
+        body = scene.bodies.get(estimate.parameter.object)
+        for name, part in estimate.parts.items():
+            if body is not None and name in body.missing:
+                yield Parameter(body.name, name), part.value
 
 
 def unfilled(text: str, folder: Path | None = None) -> list[Parameter]:

@@ -73,7 +73,7 @@ class Twin:
 def build_twin(scene: Scene, estimates: Sequence[Estimate], trace: Trace, replay: Replay) -> Twin:
     """Inject what was measured, then check that the result behaves as recorded."""
     written = _written(estimates)
-    text, remarks = complete(scene, written)
+    text, remarks = complete(scene, written, {estimate.parameter for estimate in estimates})
     notes = (*_remarks(estimates), *remarks)
     diff = _diff(scene, text)
     try:

@@ -31,7 +31,7 @@ class Rows:
         wrench: (n, 6) what the components of the load's wrench make of them.
         grasp: (n,) s, of loaded rows. height: (n,) m about its mean, of loaded rows.
         way: (n,) 1 up, -1 down, 0 at rest. rest: (n,) 1 at rest.
-        signal: (n,) which signal a row is of.
+        signal: (n,) which signal a row is of. freedom: degrees of freedom of the noise.
     """
 
     felt: Array
@@ -42,6 +42,7 @@ class Rows:
     way: Array
     rest: Array
     signal: NDArray[np.intp]
+    freedom: float
 
     def white(self, columns: Array) -> Array:
         """(n, p) in rows of unit variance."""
@@ -52,11 +53,12 @@ class Rows:
 @dataclass(frozen=True, slots=True, eq=False)
 class Model:
     """A linear model in rows of unit variance: `y` (n,) = `design` (n, p) times coefficients with
-    prior deviations `prior` (p,)."""
+    prior deviations `prior` (p,); the unit is known with `freedom` degrees of freedom."""
 
     design: Array
     y: Array
     prior: Array
+    freedom: float
 
     def solve(self) -> tuple[Array, Array]:
         """Posterior mean (p,) and covariance (p, p)."""
@@ -67,11 +69,8 @@ class Model:
     def extended(self, columns: Array, prior: float) -> Model:
         """With further coefficients, in front."""
         more = np.full(columns.shape[1], prior)
-        return Model(
-            np.concatenate([columns, self.design], axis=1),
-            self.y,
-            np.concatenate([more, self.prior]),
-        )
+        wider = np.concatenate([columns, self.design], axis=1)
+        return Model(wider, self.y, np.concatenate([more, self.prior]), self.freedom)
 
 
 def equations(weighing: Weighing, gravity: float, hand: Hand) -> Rows:
@@ -99,6 +98,7 @@ def equations(weighing: Weighing, gravity: float, hand: Hand) -> Rows:
         each(WAYS.get(segment.kind, 0.0) for segment in found),
         each(float(segment.at_rest) for segment in found),
         np.repeat(np.arange(signals), len(path)),
+        weighing.noise.freedom,
     )
 
 
@@ -146,7 +146,9 @@ def _bias(found: Sequence[Segment]) -> Array:
     moving += tuning.VISCOUS**2 * np.sqrt(np.outer(speed2, speed2))
     of_kind = tuning.KIND_BIAS**2 * (powers @ powers.T) + tuning.BIN_BIAS**2 * near + moving
     out = tuning.FORCE_BIAS**2 + of_kind * (kinds[:, None] == kinds)
-    out += tuning.APPARENT_MASS**2 * np.outer(acceleration, acceleration)
+    inertia = acceleration[:, None] * powers[:, : tuning.INERTIA_DEGREE + 1]
+    out += tuning.APPARENT_MASS**2 * (inertia @ inertia.T)
+    out += np.diag((tuning.UNSTEADY * acceleration) ** 2)
     out += tuning.REST_FRICTION**2 * np.outer(at_rest, at_rest) * (own[:, None] == own)
     return out
 

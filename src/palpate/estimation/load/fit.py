@@ -56,12 +56,14 @@ class Load:
         grasps: s, when.
         value: (1 + 2n,) F in N, then M_x and M_y about the TCP in each grasp in N m, world axes.
         covariance: (1 + 2n, 1 + 2n) of it, with all that the grasps have in common.
+        freedom: degrees of freedom of the noise in that.
         tests: of what else might act on it.
     """
 
     grasps: tuple[float, ...]
     value: Array
     covariance: Array
+    freedom: float
     tests: tuple[FitTest, ...]
 
     @property
@@ -93,7 +95,7 @@ def fit_load(weighings: Sequence[Weighing], gravity: float, hand: Hand) -> Load:
         model = _model(rows, grasps, mean[:count], hand)
         mean, covariance = model.solve()
     tests = tests_of(rows, grasps, model, float(mean[0]))
-    return Load(grasps, mean[:count], covariance[:count, :count], tests)
+    return Load(grasps, mean[:count], covariance[:count, :count], model.freedom, tests)
 
 
 def _model(rows: Sequence[Rows], grasps: Sequence[float], about: Array, hand: Hand) -> Model:
@@ -113,4 +115,5 @@ def _model(rows: Sequence[Rows], grasps: Sequence[float], about: Array, hand: Ha
         design = np.column_stack([vertical, in_each(row, grasps, SIDEWAYS), borne])
         designs.append(row.white(design))
     y = np.concatenate([row.white(row.felt) for row in rows])
-    return Model(np.concatenate(designs), y, np.concatenate(prior))
+    freedom = min(row.freedom for row in rows)
+    return Model(np.concatenate(designs), y, np.concatenate(prior), freedom)

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.estimation import tuning
+from palpate.estimation.agreement import KNOWN
 from palpate.geometry.pose import Array
 
 Rows = NDArray[np.intp] | slice
@@ -37,10 +38,12 @@ class Noise:
     Attributes:
         white: (m,) variance that the mean of n rows has, times n.
         flicker: (m,) h², level at 1 Hz of a density h²/f, as far as it stands out.
+        freedom: degrees of freedom of it all over seconds.
     """
 
     white: Array
     flicker: Array
+    freedom: float
 
 
 def block_noise(signals: Array, t: Array, cause: Array, windows: Sequence[Rows]) -> Noise:
@@ -50,22 +53,25 @@ def block_noise(signals: Array, t: Array, cause: Array, windows: Sequence[Rows])
     for rows in windows:
         for stretch in _unbroken(t[rows]):
             part = np.arange(len(t))[rows][stretch]
-            if len(part) > tuning.DEGREE + 2:
+            if len(part) > tuning.SMOOTH_DEGREE + 2:
                 stretches.append(_stretch(signals[part], t[part], cause[part]))
     short = _differences(stretches, tuning.SHORT_BLOCK)
     if short is None:
         count = int(signals.shape[1])
-        return Noise(np.full(count, tuning.UNKNOWN_NOISE), np.zeros(count))
+        return Noise(np.full(count, tuning.UNKNOWN_NOISE), np.zeros(count), KNOWN)
     long, white = _differences(stretches, tuning.LONG_BLOCK), short.white
+    sure = max(short.count / tuning.OVERLAP, tuning.FLICKER_FREEDOM)
     if long is None:
-        return Noise(white, np.zeros_like(white))
+        return Noise(white, np.zeros_like(white), sure)
     # Most signals together say whether something slower than white noise stands out.
     excess = float(np.median(long.white / np.maximum(white, TINY))) - 1.0
     unsure = float(np.sqrt(2.0 * tuning.OVERLAP / (long.count * len(white))))
-    slow = max(0.0, excess - tuning.STANDS_OUT * unsure) / (
-        FLICKER_HADAMARD * (long.rows - short.rows)
-    )
-    return Noise(white, slow * white)
+    beyond = max(0.0, excess - tuning.STANDS_OUT * unsure)
+    slow = beyond / (FLICKER_HADAMARD * (long.rows - short.rows))
+    # What is slow is extrapolated, over some octaves: its level is known less well.
+    share = slow / (slow + short.period / tuning.FLICKER_SPAN)
+    freedom = 1.0 / (share**2 / tuning.FLICKER_FREEDOM + (1.0 - share) ** 2 / sure)
+    return Noise(white, slow * white, freedom)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -84,7 +90,7 @@ class _Stretch:
 
 def _stretch(signals: Array, t: Array, cause: Array) -> _Stretch:
     x = 2.0 * (t - t[0]) / max(float(t[-1] - t[0]), TINY) - 1.0
-    smooth = np.column_stack([np.vander(x, tuning.DEGREE + 1), cause])
+    smooth = np.column_stack([np.vander(x, tuning.SMOOTH_DEGREE + 1), cause])
     basis, sizes, _ = np.linalg.svd(smooth, full_matrices=False)
     basis = basis[:, sizes > RANK * sizes[0]]
     return _Stretch(float(np.median(np.diff(t))), basis, signals - basis @ (basis.T @ signals))
@@ -92,7 +98,7 @@ def _stretch(signals: Array, t: Array, cause: Array) -> _Stretch:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Differences:
-    """Second differences of means over blocks of `rows`, `count` of them.
+    """Second differences of means over blocks of `rows` at a `period` in s, `count` of them.
 
     Attributes:
         white: (m,) variance of a row, if all of it were white.
@@ -100,6 +106,7 @@ class _Differences:
 
     white: Array
     rows: int
+    period: float
     count: int
 
 
@@ -118,7 +125,7 @@ def _differences(stretches: Sequence[_Stretch], block: float) -> _Differences | 
         count += len(second)
     if weight * size < 1.0:
         return None
-    return _Differences(total / weight, size, count)
+    return _Differences(total / weight, size, period, count)
 
 
 def _second(signals: Array, size: int) -> Array:

@@ -4,6 +4,7 @@ each with a test of whether it is needed."""
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -46,7 +47,7 @@ def _one(
         return None
     statistic = float(mean[0] ** 2 / (covariance[0, 0] + small**2))
     name, worded = said
-    return chi_squared(name, statistic, 1, worded(float(mean[0])))
+    return chi_squared(name, statistic, 1, worded(float(mean[0])), model.freedom)
 
 
 def _sideways(rows: Sequence[Rows], grasps: Sequence[float], model: Model) -> FitTest:
@@ -56,7 +57,7 @@ def _sideways(rows: Sequence[Rows], grasps: Sequence[float], model: Model) -> Fi
     allowed = model.prior[own]
     prior = model.prior.copy()
     prior[own] = tuning.LOAD_PRIOR
-    mean, covariance = Model(model.design, model.y, prior).solve()
+    mean, covariance = replace(model, prior=prior).solve()
     force = mean[own]
     statistic = float(force @ np.linalg.solve(covariance[own, own] + np.diag(allowed**2), force))
     most = float(np.linalg.norm(force.reshape(-1, len(SIDEWAYS))[:, :2], axis=1).max())
@@ -64,7 +65,7 @@ def _sideways(rows: Sequence[Rows], grasps: Sequence[float], model: Model) -> Fi
         f"It is pushed or pulled sideways with {most:.2g} N, as nothing is that hangs free: "
         "something besides the hand holds it."
     )
-    return chi_squared("sideways", statistic, count, finding)
+    return chi_squared("sideways", statistic, count, finding, model.freedom)
 
 
 def _weighings(
@@ -78,7 +79,7 @@ def _weighings(
     statistic = float(more @ np.linalg.solve(spread, more))
     forces = ", ".join(f"{mean[count] + part:.3g}" for part in [0.0, *more.tolist()])
     finding = f"The weighings disagree: {forces} N."
-    return chi_squared("weighing against weighing", statistic, count, finding)
+    return chi_squared("weighing against weighing", statistic, count, finding, model.freedom)
 
 
 def _pulled(slope: float) -> str:

@@ -22,6 +22,7 @@ from palpate.estimation.windows import (
     Load,
     Mask,
     Path,
+    acceleration,
     at_rest,
     commanded,
     lift_path,
@@ -29,7 +30,6 @@ from palpate.estimation.windows import (
     mean_pose,
     near,
     runs,
-    vertical_acceleration,
 )
 from palpate.geometry.pose import Array
 from palpate.trace.recording import Recording
@@ -126,13 +126,13 @@ def weighing(trace: Trace, recording: Recording) -> Weighing:
     rests = list(_rests(trace, recording, load, path))
     quiet = [cut for cut in rests if not told[cut.rows].any()]
     passes = _passes(trace, load, path, steady) if path is not None else []
-    felt, acceleration = feeling(trace), vertical_acceleration(samples)
-    calm = [cut.rows for cut in (*quiet, *passes)] or list(runs(at_rest(samples)))
+    felt, rising = feeling(trace), acceleration(samples, tuning.SPEED_SHORT)[:, 2]
+    calm = (at_rest(samples) | (steady & _moves(samples))) & (load.loaded | load.empty)
     signals = _Signals(
         samples,
         felt,
-        block_noise(felt.signals, samples.t, acceleration, calm),
-        acceleration,
+        block_noise(felt.signals, samples.t, rising, list(runs(calm))),
+        rising,
         (samples.twist[:, :3] ** 2).sum(axis=1),
         path.progress(samples) if path is not None else np.zeros(len(samples)),
         load.grasps,
@@ -223,27 +223,36 @@ def _arrival(samples: Samples, row: int, path: Path | None) -> str:
 
 def _steady(samples: Samples) -> Mask:
     """Rows where the arm does not change its speed."""
-    return np.abs(vertical_acceleration(samples)) < tuning.STEADY
+    change = acceleration(samples, tuning.SPEED_SMOOTH)
+    return np.linalg.norm(change, axis=1) < tuning.STEADY
+
+
+def _moves(samples: Samples) -> Mask:
+    return np.linalg.norm(samples.twist[:, :3], axis=1) > tuning.PASS_SPEED
 
 
 def _passes(trace: Trace, load: Load, path: Path, steady: Mask) -> list[_Cut]:
     """Motions along the path that cover enough of it, up and down; where the arm goes steadily, if
-    that is enough of it both with the load and without."""
-    speed = np.gradient(path.progress(trace.samples), trace.samples.t)
-    found = list(_motions(trace.samples, load, path, speed, steady))
-    if {cut.loaded for cut in found} == {True, False}:
-        return found
-    return list(_motions(trace.samples, load, path, speed, np.ones_like(steady)))
+    that is enough of this way both with the load and without."""
+    samples, anyhow = trace.samples, np.ones_like(steady)
+    speed = np.gradient(path.progress(samples), samples.t)
+    ways = {"up": speed > tuning.PASS_SPEED, "down": speed < -tuning.PASS_SPEED}
+    found: list[_Cut] = []
+    for kind, moving in ways.items():
+        calm = list(_motions(samples, load, path, kind, moving & steady))
+        if {cut.loaded for cut in calm} == {True, False}:
+            found += calm
+        else:
+            found += _motions(samples, load, path, kind, moving & anyhow)
+    return found
 
 
-def _motions(samples: Samples, load: Load, path: Path, speed: Array, which: Mask) -> Iterator[_Cut]:
+def _motions(samples: Samples, load: Load, path: Path, kind: str, which: Mask) -> Iterator[_Cut]:
     progress, inside = path.progress(samples), path.inside(samples) & which
-    ways = (("up", speed > tuning.PASS_SPEED), ("down", speed < -tuning.PASS_SPEED))
-    for kind, moving in ways:
-        for loaded, mask in _loaded_and_empty(load):
-            for rows in _joined(inside & moving & mask, samples.t):
-                if np.ptp(progress[rows]) > tuning.COVERED * path.length:
-                    yield _Cut(kind, loaded, rows)
+    for loaded, mask in _loaded_and_empty(load):
+        for rows in _joined(inside & mask, samples.t):
+            if np.ptp(progress[rows]) > tuning.COVERED * path.length:
+                yield _Cut(kind, loaded, rows)
 
 
 def _joined(moving: Mask, t: Array) -> Iterator[NDArray[np.intp]]:

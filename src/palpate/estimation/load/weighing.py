@@ -7,9 +7,10 @@ from dataclasses import dataclass
 from statistics import NormalDist
 
 import numpy as np
+from scipy.special import stdtrit
 
 from palpate.estimation.agreement import FitTest
-from palpate.estimation.estimate import Part, Verdict, interval95
+from palpate.estimation.estimate import Part, Verdict
 from palpate.estimation.load.equations import FORCE_Z
 from palpate.estimation.load.fit import fit_load
 from palpate.estimation.load.segments import Segment, Weighing, referenced, weighings
@@ -56,7 +57,8 @@ def weigh(trace: Trace, recording: Recording) -> Weight:
     found = weighings(trace, recording)
     load = fit_load(found, trace.gravity, trace.hand)
     mass, std = load.force / trace.gravity, load.force_std / trace.gravity
-    low, high = interval95(mass, std)[0].tolist()
+    half = std * float(stdtrit(load.freedom, 0.975))
+    low, high = mass - half, mass + half
     if low > 0.0:
         return Weight(mass, std, (low, high), "identified", found, load.tests)
     mass, std = positive(mass, std)
