@@ -270,6 +270,20 @@ SWING = 0.3
 """s after a change of the commanded speed in which the arm still swings on its springs. Sensitive:
 no."""
 
+SWINGING = 0.1
+"""weight of a row at which it does. Sensitive: hardly."""
+
+FREE_SLOPE = 5.0
+"""N/m (1 sigma): how the force in free air changes along the way down, by friction and gravity that
+change with the place. Sensitive: hardly."""
+
+FREE_SLOPE_STD = 1.0
+"""N/m (1 sigma): how well the change of the force on the way down is known to go on. Sensitive:
+stiffness below 200 N/m, std ×0.7–1.6."""
+
+CANDIDATES = 50
+"""places of the first contact that are tried before the best of them is refined. Sensitive: no."""
+
 FREE_ROWS = 60
 """rows, 0.3 s, of free air before the contact, to which the moment of the contact is referred.
 Sensitive: no."""
@@ -358,13 +372,13 @@ RESOLVED = 1.0 / 3.0
 """part of a compliance that its standard deviation may be for a stiffness to have an upper end.
 Sensitive: no."""
 
-MISFIT_ROWS = 20
-"""rows, 0.1 s, over whose means a spring is compared with the force. Sensitive: no."""
-
-SPRING_MISFIT = 1.5
-"""times what chance would leave of the force's means, root mean square, that a spring may leave:
-springs under a simulated arm leave up to 0.8, a force that rises with the square of the depth 4.
+BLOCK_ROWS = 20
+"""rows, 0.1 s, of a descent over whose means white noise is small beside what else there is.
 Sensitive: no."""
+
+SPRING_MISFIT = 1.0
+"""times what chance and the joints' friction would leave of the force's means, root mean square, that
+a spring may leave. Sensitive: no."""
 
 APART = 0.05
 """m: three touches so far from one another show how a surface leans; 0.1 mm between two touches is

@@ -71,7 +71,7 @@ def estimate_stiffness(trace: Trace, parameter: Parameter, body: Body | None) ->
     std = float(np.hypot(weights.sum() ** -0.5, common))
     most = max(spring.at_most for spring in found)
     if most < tuning.RIGID or mean < std / tuning.RESOLVED:
-        stiffer = 1.0 / max(most, Z95 * std)
+        stiffer = 1.0 / (most if most < tuning.RIGID else max(mean, 0.0) + Z95 * std)
         resolved = (
             f"{parameter.object} is stiffer than {_rounded(stiffer)} N/m, as stiff as a table is: how "
             "stiff, pressing with the fingertips does not tell."

@@ -26,7 +26,8 @@ class Datasheet(Section):
         force_accuracy: N, of a force that is referred to nothing.
         pose_repeatability: m. torque_gain_max: relative, half width.
         tip_offset: m, from the TCP to the pads' end along the tool. tip_offset_std: m, how well
-            that is known.
+            that is known. tip_compliance: m/N, of pads and joints beyond the encoders, under a force
+            along the tool. tip_compliance_std: m/N, how well that is known.
     """
 
     force_resolution: Stated | None = None
@@ -36,6 +37,8 @@ class Datasheet(Section):
     torque_gain_max: Stated | None = None
     tip_offset: Stated | None = None
     tip_offset_std: Stated | None = None
+    tip_compliance: Stated | None = None
+    tip_compliance_std: Stated | None = None
 
 
 def informed(arm: RobotDescription, sheet: Datasheet) -> RobotDescription:

@@ -34,6 +34,9 @@ class Descent:
         noise: N, of a row's force in free air.
         onset: the last row before the contact. pressed: rows of the recording.
         set_out: (6,) N, N m, by how much the wrench changed as the arm set out: the joints' friction.
+        wander: (6,) N, N m, standard deviation of the wrench on the way through free air, in means
+            over some rows: friction and drift that change with the place. Of the pressing force,
+            what its even change leaves. slope: N/m, that change.
     """
 
     samples: Samples
@@ -45,6 +48,8 @@ class Descent:
     onset: int
     pressed: Mask
     set_out: Array
+    wander: Array
+    slope: float
 
     @property
     def full(self) -> float:
@@ -110,20 +115,23 @@ def descent_before(trace: Trace, recording: Recording) -> Descent | None:
     z = tip_height(samples, trace.hand)
     down = -samples.wrench[:, 2]
     smooth = _running_median(down)
-    # Twice: where the contact begins decides how far the free air reaches.
-    onset, noise, zero = len(z) // 3, 0.0, 0.0
-    free = np.arange(1)
-    for _ in range(2):
-        free = _free_air(samples, onset)
-        zero, noise = _centre(down[free])
-        onset = _onset(smooth - zero, noise, samples.t <= leaf.end)
-    felt = float(np.mean(smooth[pressed])) - zero
+    met = _free_air(samples, z, smooth, trace.hand)
+    free_air = met.free_air(z)
+    on_the_way = samples.t <= leaf.end
+    calm = on_the_way & steady(samples) & (z > met.height)
+    free = calm if calm.any() else on_the_way & (z >= met.height)
+    noise = _spread((down - free_air)[free])
+    onset = _onset(smooth - free_air, _spread((smooth - free_air)[free]), on_the_way)
+    felt = float(np.mean((smooth - free_air)[pressed]))
     if felt < tuning.CONTACT_NOISE * max(noise, trace.hand.force_repeatability):
         return None
     resting = trace.samples.between(leaf.start - tuning.AT_REST, leaf.start).wrench
     moving: Array = np.median(samples.wrench[free], axis=0)
     set_out = moving - np.median(resting, axis=0) if len(resting) else np.zeros(6)
-    return Descent(samples, leaf, z, down - zero, smooth - zero, noise, onset, pressed, set_out)
+    wander = block_means(samples.wrench[free]).std(axis=0)
+    wander[2] = _spread(block_means((down - free_air)[free]))
+    force = (down - free_air, smooth - free_air)
+    return Descent(samples, leaf, z, *force, noise, onset, pressed, set_out, wander, met.slope)
 
 
 def steady(samples: Samples) -> Mask:
@@ -135,30 +143,97 @@ def steady(samples: Samples) -> Mask:
     return samples.t - last > tuning.SWING
 
 
+def block_means(rows: Array) -> Array:
+    """Means of `BLOCK_ROWS` rows each, as many as there are, along the first axis; of what is shorter
+    zeros."""
+    count = len(rows) // tuning.BLOCK_ROWS
+    if not count:
+        return np.zeros((1, *rows.shape[1:]))
+    whole = rows[: count * tuning.BLOCK_ROWS]
+    return np.mean(whole.reshape(count, tuning.BLOCK_ROWS, *rows.shape[1:]), axis=1)
+
+
 def _running_median(values: Array) -> Array:
     """(n,) of `SUSTAINED` rows about each, the first and the last one repeated beyond the ends."""
     padded = np.pad(values, tuning.SUSTAINED // 2, mode="edge")
     return np.median(sliding_window_view(padded, tuning.SUSTAINED), axis=-1)
 
 
-def _free_air(samples: Samples, onset: int) -> NDArray[np.intp]:
-    """Rows of the later half of the way to the contact."""
-    told = -np.gradient(samples.target_world_tcp[:, 2], samples.t)[:onset]
-    descending = told > tuning.DESCENDING * float(told.max(initial=1e-6))
-    smoothly = descending & steady(samples)[:onset]
-    moving = np.flatnonzero(smoothly if smoothly.any() else descending)
-    return moving[len(moving) // 2 :] if len(moving) else np.arange(1)
+@dataclass(frozen=True, slots=True, eq=False)
+class _ChangePoint:
+    """f = a + b (z - z1) + k max(z0 - z, 0): a and b are free air, which changes with the place, k
+    and z0 (`height`) what is met. `squares`: what it leaves, weighted."""
+
+    begin: float
+    level: float
+    slope: float
+    stiffness: float
+    height: float
+    squares: float
+
+    def free_air(self, z: Array) -> Array:
+        """(n,) N."""
+        return self.level + self.slope * (z - self.begin)
 
 
-def _centre(values: Array) -> tuple[float, float]:
-    """Of some values, and their spread: medians, which a few wild samples do not reach. The standard
-    deviation of a normal distribution is 1.4826 times its median absolute deviation."""
-    middle = float(np.median(values))
-    return middle, 1.4826 * float(np.median(np.abs(values - middle)))
+def _free_air(samples: Samples, z: Array, smooth: Array, hand: Hand) -> _ChangePoint:
+    """Where something was met, and what free air feels like.
+
+    What bears the full force is met first, unless something soft above it bears more than the
+    force in free air may be wrong by.
+    """
+    start = int(np.argmax(steady(samples)))
+    rows = np.arange(start, len(z))
+    weight = np.where(steady(samples), 1.0, tuning.SWINGING)
+    stopped = _change_point(z, smooth, weight, rows)
+    bearing = smooth - stopped.free_air(z)
+    late = np.flatnonzero(bearing[rows] >= tuning.LATE_FORCE * bearing[-1])
+    before = rows[: int(late[0]) + 1] if len(late) else rows
+    soft = _change_point(z, smooth, weight, before)
+    bears = soft.stiffness * (soft.height - stopped.height)
+    calm = (weight == 1.0) & (z > soft.height)
+    known = np.count_nonzero(calm) >= tuning.FREE_ROWS
+    wander = _spread((smooth - soft.free_air(z))[calm]) if known else np.inf
+    if bears < max(2.0 * hand.force_accuracy, tuning.CONTACT_NOISE * wander):
+        return stopped
+    return soft
 
 
-def _onset(smooth: Array, noise: float, rows: Mask) -> int:
-    """The last of some rows at which nothing is felt."""
-    nothing = max(tuning.SOFT_FORCE, tuning.CONTACT_NOISE * noise / np.sqrt(tuning.SUSTAINED))
+def _change_point(z: Array, force: Array, weight: Array, rows: NDArray[np.intp]) -> _ChangePoint:
+    """By weighted least squares among some rows. At each z0, the height of a row, it is a linear
+    problem; the best of a few is refined."""
+    height, share, begin = z[rows] - z[rows[0]], weight[rows], float(z[rows[0]])
+    wanted = force[rows] * share
+    believed = np.diag([0.0, tuning.FREE_SLOPE**-2.0, 0.0]) * tuning.SOFT_FORCE**2
+
+    def at(row: int) -> _ChangePoint:
+        columns = (np.ones(len(rows)), height, np.maximum(height[row] - height, 0.0))
+        design = np.column_stack(columns) * share[:, None]
+        normal = design.T @ design + believed + tuning.FLOOR**2 * np.eye(3)
+        found = np.linalg.solve(normal, design.T @ wanted).astype(np.float64)
+        left = wanted - design @ found
+        squares = float(left @ left + found @ believed @ found)
+        level, slope, stiffness = found.tolist()
+        met = begin + float(height[row])
+        # What is met presses back.
+        misfit = squares if stiffness > 0.0 else np.inf
+        return _ChangePoint(begin, level, slope, stiffness, met, misfit)
+
+    step = max(len(rows) // tuning.CANDIDATES, 1)
+    coarse = {row: at(row) for row in range(0, len(rows), step)}
+    best = min(coarse, key=lambda row: coarse[row].squares)
+    near = range(max(best - step, 0), min(best + step, len(rows)))
+    return min((at(row) for row in near), key=lambda found: found.squares)
+
+
+def _spread(values: Array) -> float:
+    """Standard deviation by the median absolute deviation, which a few wild samples do not reach; of
+    a normal distribution it is 1.4826 times that."""
+    return 1.4826 * float(np.median(np.abs(values - np.median(values))))
+
+
+def _onset(smooth: Array, wander: float, rows: Mask) -> int:
+    """The last of some rows at which nothing is felt, as far as free air alone wanders, N."""
+    nothing = max(tuning.SOFT_FORCE, tuning.CONTACT_NOISE * wander)
     quiet = np.flatnonzero(rows & (smooth < nothing))
     return int(quiet[-1]) if len(quiet) else 0

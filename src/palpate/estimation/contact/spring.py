@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from palpate.estimation import tuning
-from palpate.estimation.contact.descent import Descent
+from palpate.estimation.contact.descent import Descent, block_means
 from palpate.estimation.contact.touch import Touch
 from palpate.estimation.windows import Mask
 from palpate.geometry.pose import Array
@@ -105,8 +105,10 @@ class _Curve:
 def fit_spring(descent: Descent, touch: Touch, hand: Hand) -> Spring:
     """The spring that a descent pressed on, above whatever stiff it may have met below.
 
-    The standard deviation holds the fit's, the gain of the joints' sensors, the stretch of a row,
-    within which the first contact is not seen, and what is not known of the pads.
+    The standard deviation holds the fit's; the gain of the joints' sensors; how the force changes
+    and wanders in free air; the joints' friction, which lets go of between nothing and all of what
+    it showed as the arm set out (a uniform distribution); the stretch of a row, within which the
+    first contact is not seen; and what is not known of the pads.
     """
     curve = _curve(descent, touch, hand)
     first = _first(descent, touch, curve)
@@ -117,27 +119,31 @@ def fit_spring(descent: Descent, touch: Touch, hand: Hand) -> Spring:
     total = 1.0 / stiffness
     row = float(np.abs(np.diff(descent.z))[: descent.onset + 1].max(initial=0.0))
     unseen = row / np.sqrt(12.0) / descent.full
-    std = np.linalg.norm([relative * total, gain * total, unseen, hand.tip_compliance_std])
+    # What free air does on the way down to the contact, it may do otherwise on the way through.
+    slope = np.hypot(tuning.FREE_SLOPE_STD, descent.slope / 2) / stiffness
+    friction = float(np.hypot(descent.wander[2], descent.set_out[2] / np.sqrt(12.0)))
+    shares = total * np.array([relative, gain, slope, friction / descent.full])
+    std = np.linalg.norm([*shares, unseen, hand.tip_compliance_std])
     left = curve.force - curve.design(first) @ found
     return Spring(
         total - hand.tip_compliance,
         float(std),
         touch.secant + 2.0 * touch.first_std / touch.full - hand.tip_compliance,
         first,
-        _misfit(left, curve.noise),
+        _misfit(left, curve.noise, float(np.hypot(friction, hand.force_resolution))),
     )
 
 
-def _misfit(left: Array, noise: float) -> float:
-    """Root mean square of means over `MISFIT_ROWS`, over what chance makes of them."""
-    blocks = left[: len(left) // tuning.MISFIT_ROWS * tuning.MISFIT_ROWS]
-    means: Array = blocks.reshape(-1, tuning.MISFIT_ROWS).mean(axis=1)
-    chance = noise * np.sqrt(tuning.ALIKE / tuning.MISFIT_ROWS)
-    return float(np.sqrt(np.mean(means**2)) / chance)
+def _misfit(left: Array, noise: float, friction: float) -> float:
+    """Root mean square of means over some rows, over what chance and the joints' friction make of
+    them."""
+    chance = np.hypot(noise * np.sqrt(tuning.ALIKE / tuning.BLOCK_ROWS), friction)
+    return float(np.sqrt(np.mean(block_means(left) ** 2)) / chance)
 
 
 def _curve(descent: Descent, touch: Touch, hand: Hand) -> _Curve:
-    samples, rows = descent.samples, _rows(descent, touch)
+    noise = float(np.hypot(descent.noise, hand.force_resolution))
+    samples, rows = descent.samples, _rows(descent, touch, noise)
     speed = samples.twist[:, 2]
     window = np.full(tuning.CURVE_ROWS, 1.0 / tuning.CURVE_ROWS)
     acceleration = np.convolve(np.gradient(speed, samples.t), window, mode="same")
@@ -152,18 +158,18 @@ def _curve(descent: Descent, touch: Touch, hand: Hand) -> _Curve:
         speed[rows],
         acceleration[rows],
         resting[rows],
-        noise=float(np.hypot(descent.noise, hand.force_resolution)),
+        noise=noise,
         prior=np.array([tuning.FORCE_BIAS, tuning.STIFFEST, spread, dissipated, stick]),
         believed=np.array([0.0, 0.0, apparent, 0.0, 0.0]),
     )
 
 
-def _rows(descent: Descent, touch: Touch) -> Mask:
+def _rows(descent: Descent, touch: Touch, noise: float) -> Mask:
     """From when the arm has set out to the end, without wild samples; and without what is stiff
     below something soft."""
     samples = descent.samples
     rows = samples.t > descent.leaf.start + tuning.SWING
-    rows &= np.abs(descent.force - descent.smooth) < tuning.WILD * max(descent.noise, tuning.FLOOR)
+    rows &= np.abs(descent.force - descent.smooth) < tuning.WILD * noise
     if touch.bottomed is None:
         return rows
     return rows & (descent.z > touch.bottomed)

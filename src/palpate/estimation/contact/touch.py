@@ -202,7 +202,8 @@ def _lever(descent: Descent, hand: Hand) -> tuple[float, float]:
     At a lever p from there the force F turns the hand about the tips by p x F; about the TCP the
     tips' own lever r adds r x F. As the arm is stopped, the joints' friction lets go of somewhat
     between nothing and all of what the moment changed by when it set out (a uniform distribution);
-    besides, a moment repeats to `TORQUE_LEVER` times the repeatability of a force.
+    friction that changes with the place showed on the way down; and a moment repeats to
+    `TORQUE_LEVER` times the repeatability of a force.
     """
     samples, pressed = descent.samples, descent.pressed
     free = slice(max(descent.onset - tuning.FREE_ROWS, 0), descent.onset + 1)
@@ -215,5 +216,8 @@ def _lever(descent: Descent, hand: Hand) -> tuple[float, float]:
     place = np.cross(force, moment) / float(force @ force)
     about = np.cross(tool, closing)
     friction = float(descent.set_out[3:] @ about) / np.sqrt(12.0)
-    doubt = float(np.hypot(tuning.TORQUE_LEVER * hand.force_repeatability, friction))
+    wander = float(np.linalg.norm(descent.wander[3:] * about))
+    doubt = float(
+        np.linalg.norm([tuning.TORQUE_LEVER * hand.force_repeatability, friction, wander])
+    )
     return float(place @ closing), doubt / descent.full

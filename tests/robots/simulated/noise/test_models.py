@@ -37,6 +37,8 @@ datasheet:
   torque_gain_max: 0.01
   tip_offset: 0.009
   tip_offset_std: 2.0e-4
+  tip_compliance: 1.0e-5
+  tip_compliance_std: 5.0e-6
 torque:
   white: [0.10, 0.10, 0.10, 0.10, 0.05, 0.05, 0.05]
   flicker: {level: [0.01, 0.01, 0.01, 0.01, 0.005, 0.005, 0.005], band: [0.003, 50]}
