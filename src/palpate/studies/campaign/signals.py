@@ -112,7 +112,13 @@ def _start(out: Path) -> subprocess.Popen[str]:
         stderr=subprocess.PIPE,
         text=True,
         env=os.environ | {"MUJOCO_GL": "disabled"},
+        preexec_fn=_hear,
     )
+
+
+def _hear() -> None:
+    """A campaign under `nohup` hears no SIGHUP, and would hand that down."""
+    signal.signal(signal.SIGHUP, signal.SIG_DFL)
 
 
 def _ended_within(process: subprocess.Popen[str], seconds: float) -> bool:
