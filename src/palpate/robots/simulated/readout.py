@@ -34,7 +34,7 @@ class Readout:
             the TCP's pose, as of it.
         jacobian: (6, 7). gravity_torque: (7,) N m, nominal. commanded: (7,) N m, the last block's.
         speed: (7,) rad/s at the very end; `dq` is the last block's mean.
-        deviation: (7,) N m, what the torque sensors now show beyond the truth.
+        deviation: (7,) N m, what the torque sensors now show beyond the truth, but for noise.
         load: N that hangs on the hand: the slow part of the vertical force.
         astray: (7,) rad, reported less true joint angles now.
     """
@@ -100,8 +100,8 @@ class Readout:
         jacobian = here.jacobian
         true = self._link_torque(steps, gained, gains, jacobian[-1])
         motion = Motion(mean[:, :7], dq, jacobian[-1], mean[:, 7:10])
-        torque, arrived = self._sensors.measure(true, motion)
-        self.deviation = torque[-1] - true[-1]
+        torque, arrived, shown = self._sensors.measure(true, motion)
+        self.deviation = shown - true[-1]
         tau_ext = torque - mean[:, 14:]
         external = self._observe(tau_ext - here.inertia_torque)
         both = wrenches(jacobian, np.stack([tau_ext, external], axis=2))

@@ -91,6 +91,13 @@ def test_samples_are_dropped_at_their_rate_and_gaps_have_their_length() -> None:
     assert np.median(gaps) in (3, 4)
 
 
+def test_what_is_missing_looks_like_the_last_that_arrived() -> None:
+    found = line({"dropped": {"rate": 2.0, "length": 0.02}})
+    samples, arrived = carried(found, still(value=30.0))
+    assert not arrived.all()
+    assert samples == pytest.approx(still(value=30.0))
+
+
 def test_short_gaps_only_make_a_mean_of_fewer_samples() -> None:
     found = line({"dropped": {"rate": 50.0, "length": 0.002}}, white=0.1)
     samples, arrived = carried(found, still())

@@ -42,10 +42,12 @@ class Line:
         self._bounded = bool(np.isfinite(torque.range).all() or np.isfinite(torque.range).any())
         self._filtered = self._late = self._last = np.empty((0, JOINTS))
         """What the last run leaves to the next; nothing at first."""
+        self._held = np.zeros(JOINTS)
 
     def carry(self, reading: Array) -> tuple[Array, NDArray[np.bool_] | None]:
         """The block means (n, 7), N m, of what arrives of the readings (n, 7), which it may change,
-        and which blocks arrived at all, None for all of them."""
+        and which blocks arrived at all, None for all of them; the last one stands for those that
+        did not."""
         if not self._single:
             if self._mean.any():
                 reading += self._mean * self._white.standard_normal(reading.shape)
@@ -61,8 +63,11 @@ class Line:
             return blocks.mean(axis=1), None
         arrived = self._gaps.arrived(len(samples)).reshape(-1, BLOCK)
         count = arrived.sum(axis=1)
-        total = (blocks * arrived[:, :, None]).sum(axis=1)
-        return total / np.maximum(count, 1)[:, None], count > 0
+        mean = (blocks * arrived[:, :, None]).sum(axis=1) / np.maximum(count, 1)[:, None]
+        for row in np.flatnonzero(count == 0):
+            mean[row] = mean[row - 1] if row else self._held
+        self._held = mean[-1]
+        return mean, count > 0
 
     def _within(self, samples: Array) -> Array:
         if not self._bounded:

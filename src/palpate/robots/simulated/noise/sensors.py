@@ -21,10 +21,17 @@ from palpate.robots.simulated.timing import PERIOD
 
 
 class Measured(NamedTuple):
-    """Of n log periods: the torques (n, 7), N m, and which of them arrived, None for all."""
+    """Of n log periods.
+
+    Attributes:
+        torque: (n, 7) N m. arrived: (n,) which of them did, None for all.
+        shown: (7,) N m that the sensors show in the end, before white noise, and before anything
+            happens to the samples: what the arm's own reflex sees besides the noise of each look.
+    """
 
     torque: Array
     arrived: NDArray[np.bool_] | None
+    shown: Array
 
 
 class Sensors:
@@ -73,7 +80,8 @@ class Sensors:
         reading = self._gauges.read(torque, motion.q)
         self._wander.add(reading)
         reading -= self._zero
-        return Measured(*self._line.carry(reading))
+        shown = reading[-1].copy()
+        return Measured(*self._line.carry(reading), shown)
 
     def looks(self, count: int) -> Array:
         """(count, 7) N m: the noise of single samples, for those who look at every one."""
