@@ -31,8 +31,11 @@ SPARE = 0.004
 GROUND = 0.005
 """m: that the fingertips stay above the support."""
 
-DEPTH = 0.035
-"""m: how far below the object's top the TCP is, at most; the palm is above that."""
+HEADROOM = 0.005
+"""m: between the palm and the top of what is grasped."""
+
+SHALLOW = 0.02
+"""m: how far below the top the TCP is where the hand has no room deeper down."""
 
 SLANT = 0.3
 """How far from parallel to the pads a grasped side may be (tangent); a steeper one slides out."""
@@ -94,9 +97,11 @@ def _around(arm: RobotDescription, cloud: Array, obstacles: Sequence[Obstacle]) 
 
 
 def _heights(arm: RobotDescription, bottom: float, top: float) -> list[float]:
-    """Heights of the TCP to try: near the top of tall objects, the middle of flat ones."""
+    """Heights of the TCP to try: below the palm for tall objects, the middle of flat ones."""
     lowest = bottom + arm.tip + GROUND
-    heights = [max(top - min(depth, (top - bottom) / 2), lowest) for depth in (DEPTH, 0.02, 0.045)]
+    middle = (top - bottom) / 2
+    depths = (arm.hand.palm - HEADROOM, SHALLOW)
+    heights = [max(top - min(depth, middle), lowest) for depth in depths]
     return list(dict.fromkeys(heights))
 
 
