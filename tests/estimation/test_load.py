@@ -154,6 +154,30 @@ def test_every_weighing_counts_and_one_that_disagrees_is_seen(bench, noises):
     assert "The weighings disagree: 3.42, 3.92 N." in found.contradiction
 
 
+def test_a_weighing_that_contradicts_itself_has_no_say_in_the_value(bench, noises):
+    b = bench(noises["none"], 1)
+    for y in (0.1, 0.3):
+        above, grasp = (0.5, y, 0.32), (0.5, y, 0.2)
+        b.go("bottle_pose + z_offset", above)
+        b.go("bottle_pose", grasp)
+        b.close("bottle", MASS)
+        b.go("bottle_pose + z_offset", above)
+        b.convert("Force2Mass", "bottle", "mass", b.measure())
+        b.go("bottle_pose", grasp)
+        b.open()
+        b.go("bottle_pose + z_offset", above)
+
+    def caught(samples):
+        # At the second place it hangs on to something: half of it is borne, and it is pulled.
+        held_there = held(samples) * (samples.pose_world_tcp[:, 1] > 0.2)
+        return np.outer(held_there, [0.0, 2.0, -WEIGHT / 2, 0.0, 0.0, 0.0])
+
+    found = estimate_mass(jointed(b.trace(), extra=caught), BOTTLE, None)
+    assert found.verdict == "contradicted"
+    assert "sideways with 2" in found.contradiction
+    assert abs(found.value[0] - MASS) < 3 * found.std[0]
+
+
 def test_white_noise_and_slower_noise_are_told_apart():
     rng, t = np.random.default_rng(0), np.arange(0.0, 30.0, 0.005)
     slope = np.column_stack([t, t**2, np.sin(t / 20)])

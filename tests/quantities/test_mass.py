@@ -98,6 +98,7 @@ def test_without_any_reference_the_datasheet_bounds_the_bias(bench, noises):
     assert found.std[0] > 0.03
     assert found.ci95[0][0] <= MASS <= found.ci95[0][1]
     assert "no unloaded" in found.method
+    assert found.verdict == "prior-dominated"
 
 
 def test_a_mass_is_never_negative(weighing, noises):

@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 
 from palpate.estimation.agreement import FitTest
-from palpate.estimation.estimate import Estimate, not_identified
+from palpate.estimation.estimate import Estimate, Part, not_identified
 from palpate.parameter import Parameter
 from palpate.scene.load import parse_scene
 from palpate.scene.scene import Scene
@@ -73,6 +73,17 @@ def test_what_is_contradicted_stays_open_and_says_why() -> None:
     twin = build(scene(), replace(MASS, tests=(pulled,)))
     assert twin.xml == SCENE.format(pos="0.5 0 0.05")
     assert twin.notes == ("cup.mass is not in the twin: Something pulls on it.",)
+
+
+def test_a_mass_that_was_found_besides_is_written_and_said() -> None:
+    balanced = replace(
+        estimate(Parameter("cup", "com"), 0.001, 0.0, 0.0), parts={"mass": Part(0.341, 0.001, "kg")}
+    )
+    twin = build(scene(), balanced)
+    assert parse_scene(twin.xml).body("cup").known["mass"] == pytest.approx((0.341,))
+    assert twin.notes == ("cup.mass was not asked for; the twin holds 0.341, found besides",)
+    asked = not_identified(Parameter("cup", "mass"), "kg", "It slipped.")
+    assert "0.341" not in build(scene(), balanced, asked).diff.split("<custom>")[0]
 
 
 def test_what_is_prior_dominated_is_marked() -> None:

@@ -99,7 +99,7 @@ def estimate_mass(trace: Trace, parameter: Parameter, body: Body | None) -> Esti
     weight = weigh(trace, recording)
     parts = {"single-shot": single_shot(trace, recording), **alone(trace, weight.weighings)}
     method = _method(weight.segments)
-    if weight.verdict == "prior-dominated":
+    if weight.ci95[0] == 0.0:
         method += LIGHT
     return Estimate(
         parameter,

@@ -26,7 +26,7 @@ at rests alone, and a load that is another at every weighing. Each is tested (`L
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -67,6 +67,11 @@ class Load:
     tests: tuple[FitTest, ...]
 
     @property
+    def agrees(self) -> bool:
+        """Whether all tests passed."""
+        return all(test.passed for test in self.tests)
+
+    @property
     def force(self) -> float:
         """N."""
         return float(self.value[0])
@@ -80,11 +85,27 @@ class Load:
 def fit_load(weighings: Sequence[Weighing], gravity: float, hand: Hand) -> Load:
     """What hung on the hand in all `weighings`, at g = `gravity` m/s².
 
+    Where they do not agree, those that contradict themselves have no say in the value, and the
+    tests tell of them.
+
     Raises:
         ValueError: there is a weighing without a loaded segment.
     """
     if not all(weighing.grasps for weighing in weighings):
         raise ValueError("no recording with the load on the hand")
+    together = _fit(weighings, gravity, hand)
+    if together.agrees or len(weighings) == 1:
+        return together
+    alone = {id(weighing): _fit([weighing], gravity, hand) for weighing in weighings}
+    sound = [weighing for weighing in weighings if alone[id(weighing)].agrees]
+    if not sound or len(sound) == len(weighings):
+        return together
+    tests = [test for load in alone.values() for test in load.tests if not test.passed]
+    rest = _fit(sound, gravity, hand)
+    return replace(rest, tests=(*rest.tests, *tests))
+
+
+def _fit(weighings: Sequence[Weighing], gravity: float, hand: Hand) -> Load:
     rows = [equations(weighing, gravity, hand) for weighing in weighings]
     grasps = tuple(time for weighing in weighings for time in weighing.grasps)
     count = 1 + 2 * len(grasps)

@@ -25,7 +25,7 @@ class Weight:
     Attributes:
         mass, std, ci95: kg.
         verdict: `prior-dominated` where the object is so light that it is positive says as much
-            about its mass as the forces.
+            about its mass as the forces, or where nothing was recorded of the empty hand.
         weighings: what it rests on. tests: of what else might have acted on it.
     """
 
@@ -60,7 +60,10 @@ def weigh(trace: Trace, recording: Recording) -> Weight:
     half = std * float(stdtrit(load.freedom, 0.975))
     low, high = mass - half, mass + half
     if low > 0.0:
-        return Weight(mass, std, (low, high), "identified", found, load.tests)
+        # Without anything to compare with, the arm's own bias is what was believed before.
+        compared = any(referenced(weighing.segments) for weighing in found)
+        verdict = "identified" if compared else "prior-dominated"
+        return Weight(mass, std, (low, high), verdict, found, load.tests)
     mass, std = positive(mass, std)
     bounds = (0.0, max(high, 2.0 * mass))
     return Weight(mass, std, bounds, "prior-dominated", found, load.tests)
