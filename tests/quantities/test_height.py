@@ -151,6 +151,26 @@ def test_one_finger_on_something_is_seen_by_its_moment(bench, noises, world, sid
     assert "One finger" in found.contradiction
 
 
+def test_friction_that_changes_with_the_place_is_no_finger_and_no_contact(bench, noises):
+    """An arm whose joints bear several tenths of a newton metre more here than there."""
+    rough = replace(noises["lab"], slope=15.0, friction=0.8)
+    for seed in range(6):
+        found = probe(bench, rough, rigid, seed)
+        assert found.verdict == "identified"
+        assert found.value[0] == pytest.approx(TABLE, abs=2e-4)
+        assert "soft onset" not in found.parts
+
+
+@pytest.mark.parametrize("start", [0.03, 0.06, 0.12])
+def test_a_cushion_is_met_where_it_begins_however_near_the_probe_starts(bench, noises, start):
+    b = bench(noises["lab"])
+    b.go("table_approach", (0.5, 0.0, TABLE + HAND.tip_offset + start))
+    recording = b.descend(lambda z: max(0.0, TABLE - z) * 200, "table")
+    found = estimated(b, recording)
+    assert found.verdict == "contradicted"
+    assert found.value[0] == pytest.approx(TABLE, abs=2.5e-3)
+
+
 def test_the_length_of_the_tips_is_as_uncertain_as_stated(bench, noises):
     b = bench(noises["none"])
     b.go("table_approach", (0.5, 0.0, 0.32))
