@@ -1,5 +1,7 @@
 """Centre of mass from grasps at several offsets."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -31,13 +33,14 @@ def scene():
     return parse_scene(SCENE)
 
 
-def lift_at(bench, noise, offsets, seed=0):
+def lift_at(bench, noise, offsets, seed=0, moves=(0.0, 0.0, 0.0)):
+    """`moves`: how far along the handle the centre of mass is at each grasp from where it was, m."""
     b = bench(noise, seed)
-    for offset in offsets:
+    for offset, moved in zip(offsets, moves, strict=False):
         x, y = np.array([0.45, 0.1]) + TURN @ [offset, 0.0]
         b.go(f"a{offset}", (x, y, 0.15))
         b.go(f"g{offset}", (x, y, 0.03))
-        b.close("hammer", MASS, TURN @ (COM - [offset, 0.0]))
+        b.close("hammer", MASS, TURN @ (COM + [moved - offset, 0.0]))
         b.go(f"a{offset}", (x, y, 0.15))
         b.measure()
         b.go(f"g{offset}", (x, y, 0.03))
@@ -82,6 +85,31 @@ def test_mass_is_taken_where_the_torque_is_least(bench, noises, scene):
     )
     expected = MASS * 9.81 * np.hypot(*(COM - [0.05, 0.0]))
     assert found.parts["least torque"].value == pytest.approx(expected, rel=0.05)
+
+
+@pytest.mark.parametrize("world", ["lab", "datasheet"])
+def test_what_moves_inside_is_contradicted(bench, noises, scene, world):
+    trace = lift_at(bench, noises[world], [0.0, 0.05, -0.05], moves=(0.0, 0.02, -0.03))
+    found = estimate_com(trace, PARAMETER, scene.body("hammer"))
+    assert found.verdict == "contradicted"
+    assert "something in the object moves" in found.contradiction
+
+
+def test_where_the_scene_has_it_goes_straight_in_and_is_said(bench, noises, scene):
+    trace = lift_at(bench, noises["none"], [0.0, 0.05, -0.05], moves=(0.01, 0.01, 0.01))
+    found = estimate_com(trace, PARAMETER, scene.body("hammer"))
+    assert found.value[0] == pytest.approx(COM[0] + 0.01, abs=5e-4)
+    assert "from where the scene has the object" in found.method
+
+
+def test_an_arm_that_is_not_measured_knows_less_where_it_holds(bench, noises, scene):
+    trace = lift_at(bench, noises["lab"], [0.0, 0.05, -0.05])
+    rough = replace(trace, hand=replace(trace.hand, tip_offset_std=2e-3))
+    known, unknown = (
+        estimate_com(each, PARAMETER, scene.body("hammer")).std[:2] for each in (trace, rough)
+    )
+    assert (unknown > 2e-3).all()
+    assert (known < unknown).all()
 
 
 def test_never_lifted_is_not_identified(bench, noises, scene):

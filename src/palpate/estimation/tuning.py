@@ -238,6 +238,13 @@ Sensitive: com std ×0.9–1.1."""
 AT_GRASP = 0.05
 """s before and after the hand closed, over which its pose is averaged. Sensitive: no."""
 
+PLACE_ACCURACY = 5e-4
+"""m (1 sigma): how far a scene whose poses were measured may have an object from where it is.
+Sensitive: com std ×0.9–1.2."""
+
+SEEN = 0.05
+"""part of a coordinate that gravity must show at some grasp for it to be seen. Sensitive: no."""
+
 COM_PRIOR = 0.25
 """part of the object's extent that is the 1 sigma of a coordinate of the centre of mass before
 measuring. Sensitive: com std ×0.5–2.0."""

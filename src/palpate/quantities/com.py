@@ -9,7 +9,7 @@ from typing import ClassVar
 import numpy as np
 
 from palpate.estimation import tuning
-from palpate.estimation.agreement import FitTest
+from palpate.estimation.agreement import FitTest, chi_squared
 from palpate.estimation.estimate import Estimate, Part, not_identified
 from palpate.estimation.load.fit import Load, fit_load
 from palpate.estimation.load.segments import weighings
@@ -23,7 +23,7 @@ from palpate.mjcf.roles import Elements
 from palpate.parameter import Parameter
 from palpate.quantities.evidence import Evidence
 from palpate.quantities.quantity import Prior, Quantity, Status, Values
-from palpate.trace.recording import Recording
+from palpate.trace.recording import Hand, Recording
 from palpate.trace.samples import FORCES, Trace
 
 UNIT = "m"
@@ -135,7 +135,7 @@ def estimate_com(trace: Trace, parameter: Parameter, body: Body | None) -> Estim
         )
     load = fit_load(weighings(trace, held[0]), trace.gravity, trace.hand)
     grasps = _grasps(trace, held, load, body)
-    centre, covariance = _solve(grasps, body)
+    centre, covariance, agree = _solve(grasps, body)
     weight, std = load.force / trace.gravity, load.force_std / trace.gravity
     torques = [float(np.hypot(*moment)) for moment in load.value[1:].reshape(-1, 2)]
     parts = {
@@ -143,7 +143,8 @@ def estimate_com(trace: Trace, parameter: Parameter, body: Body | None) -> Estim
         "least torque": Part(min(torques), 0.0, "N·m"),
     }
     found = centre, np.sqrt(np.diag(covariance))
-    return _estimate(parameter, body, grasps.recordings, found, parts, load.tests)
+    tests = (*load.tests, agree)
+    return _estimate(parameter, body, grasps.recordings, found, parts, tests)
 
 
 def _held_still(trace: Trace, name: str) -> list[Recording]:
@@ -175,8 +176,16 @@ def _grasps(trace: Trace, held: Sequence[Recording], load: Load, body: Body) -> 
         recordings.append(recording)
         rows.append(pose_world_body.rotation[:2])
         right.append(pose_world_tcp.position[:2] + offset - pose_world_body.position[:2])
-    own = tuning.GRASP_ACCURACY**2 * np.eye(2 * len(rows))
-    return _Grasps(recordings, np.vstack(rows), np.concatenate(right), _offsets(load) + own)
+    covariance = _offsets(load) + _places(len(rows), trace.hand)
+    return _Grasps(recordings, np.vstack(rows), np.concatenate(right), covariance)
+
+
+def _places(grasps: int, hand: Hand) -> Array:
+    """(2n, 2n) m²: covariance of where the object is in the hand: what each grasp shifts, and by how
+    much the scene and the arm disagree on where it stands, which is the same in all of them."""
+    together = np.kron(np.ones((grasps, grasps)), np.eye(2))
+    own = tuning.GRASP_ACCURACY**2 * np.eye(2 * grasps)
+    return own + (tuning.PLACE_ACCURACY**2 + hand.tip_offset_std**2) * together
 
 
 def _offsets(load: Load) -> Array:
@@ -202,9 +211,10 @@ def _pose_tcp_body(trace: Trace, recording: Recording, body: Body) -> Pose:
     return mean_pose(at_grasp).inverse() @ body.pose_world
 
 
-def _solve(grasps: _Grasps, body: Body) -> tuple[Array, Array]:
-    """The centre of mass (3,) m and its covariance: generalised least squares around a prior at the
-    geometric centre, with the covariance inflated where the grasps disagree (Birge ratio)."""
+def _solve(grasps: _Grasps, body: Body) -> tuple[Array, Array, FitTest]:
+    """The centre of mass (3,) m, its covariance, and whether the grasps agree on it: generalised
+    least squares around a prior at the geometric centre, with the covariance inflated where they do
+    not (Birge ratio)."""
     weight = np.linalg.inv(grasps.covariance)
     spread = tuning.COM_PRIOR * np.maximum(body.size, 1e-3)
     prior: Array = np.diag(spread**-2.0).astype(np.float64)
@@ -212,9 +222,21 @@ def _solve(grasps: _Grasps, body: Body) -> tuple[Array, Array]:
     covariance: Array = np.linalg.inv(information).astype(np.float64)
     centre = covariance @ (grasps.rows.T @ weight @ grasps.right + prior @ body.centre)
     left = grasps.right - grasps.rows @ centre
-    misfit = float(np.sqrt(left @ weight @ left / len(left)))
-    inflated: Array = covariance * max(1.0, misfit) ** 2
-    return centre, inflated
+    misfit = float(left @ weight @ left)
+    freedom = max(1, len(left) - int(np.linalg.matrix_rank(grasps.rows, tol=tuning.SEEN)))
+    inflated: Array = covariance * max(1.0, misfit / freedom)
+    return centre, inflated, _agreement(left, misfit, freedom)
+
+
+def _agreement(left: Array, misfit: float, freedom: int) -> FitTest:
+    apart = 1e3 * float(np.abs(left).max())
+    return chi_squared(
+        "grasps agree",
+        misfit,
+        freedom,
+        f"The grasps disagree on where the centre of mass is by {apart:.1f} mm: something in the object "
+        "moves, something else pulls on it, or it is not where the scene has it.",
+    )
 
 
 def _estimate(
@@ -243,7 +265,8 @@ def _estimate(
 def _method(grasps: int, blind: Sequence[bool]) -> str:
     method = (
         f"Horizontal moment over weight of the object held still at {grasps} "
-        f"grasp{'s' * (grasps > 1)}, each against the empty hand"
+        f"grasp{'s' * (grasps > 1)}, each against the empty hand, and from where the scene has the "
+        "object, whose error along the fingers no grasp shows"
     )
     axes = " and ".join(axis for axis, unseen in zip("xyz", blind, strict=True) if unseen)
     if axes:
