@@ -40,7 +40,8 @@ def lift_at(bench, noise, offsets, seed=0, moves=(0.0, 0.0, 0.0)):
         x, y = np.array([0.45, 0.1]) + TURN @ [offset, 0.0]
         b.go(f"a{offset}", (x, y, 0.15))
         b.go(f"g{offset}", (x, y, 0.03))
-        b.close("hammer", MASS, TURN @ (COM + [moved - offset, 0.0]))
+        from_hand = COM + np.array([moved - offset, 0.0])
+        b.close("hammer", MASS, TURN @ from_hand)
         b.go(f"a{offset}", (x, y, 0.15))
         b.measure()
         b.go(f"g{offset}", (x, y, 0.03))

@@ -28,6 +28,7 @@ class Drag:
         t: s. way: (2,) its direction, world. place: (n, 2) m, of the hand, world.
         tangential: N, along the drag, the arm's inertia taken off. normal: N.
         acceleration: m/s², along the drag.
+        q: (n, 7) rad. torque: (n, 7) N m, beyond the arm's own.
         turned: (n, 7) which way each joint was turned last: -1 to 1, between them as it turns round.
         cruising: the motion is commanded at its full speed. moving: the hand follows it.
         quiet: N², what `noise` is of the force in this direction while the object hangs at rest.
@@ -39,6 +40,8 @@ class Drag:
     tangential: Array
     normal: Array
     acceleration: Array
+    q: Array
+    torque: Array
     turned: Array
     cruising: Mask
     moving: Mask
@@ -213,6 +216,8 @@ def _drag(samples: Samples, rows: slice, step: Array, hanging: Mask, turned: Arr
         force[:, :2] @ way - tuning.HORIZONTAL_MASS * acceleration,
         -force[:, 2],
         acceleration,
+        samples.q[rows],
+        samples.tau_ext[rows],
         turned[rows],
         commanded > tuning.CRUISE * float(np.median(commanded)),
         samples.twist[rows, :2] @ way > tuning.FOLLOWING * commanded,

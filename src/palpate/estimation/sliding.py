@@ -24,10 +24,13 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from palpate.estimation import tuning
 from palpate.estimation.drag import Drag
+from palpate.estimation.load.feeling import Feeling
 from palpate.geometry.pose import Array
+from palpate.trace.recording import Hand
 
 MU, TILT_X, TILT_Y = 0, 1, 2
 """Coefficients that the normal force is multiplied by."""
@@ -95,11 +98,12 @@ class _Line:
     sides: dict[int, float]
 
 
-def fit_sliding(drags: Sequence[Drag], repeatability: float) -> Sliding:
-    """The friction of steady sliding; `repeatability` (N) is how far a force may be off that the arm
-    feels, half of it within one drag."""
+def fit_sliding(drags: Sequence[Drag], felt: Feeling, hand: Hand) -> Sliding:
+    """The friction of steady sliding, as an arm feels it. What its joints' gains and friction do is
+    not fitted, but in the covariance."""
     designs, prior = _designs(drags)
-    design, force, noise = _blocks(drags, designs)
+    force, noise = _readings(drags)
+    design = _blocks(drags, designs)
     weighted = design.T / noise
     posterior = np.linalg.inv(weighted @ design + np.diag(prior**-2.0))
     found: Array = posterior @ (weighted @ force)
@@ -107,15 +111,19 @@ def fit_sliding(drags: Sequence[Drag], repeatability: float) -> Sliding:
 
     excess = max(0.0, float(np.mean(squares - noise)))
     gain = posterior @ weighted
+    joints = _blocks(drags, [_joints(drag, felt, hand, float(found[MU])) for drag in drags])
+    spread = tuning.CORRELATED_BLOCKS * excess * np.eye(len(force)) + joints @ joints.T
+    # Within one drag, half of what an approach may be off.
+    allowed = noise + (hand.force_repeatability / 2) ** 2
     asides = tuple(_without_mu(part) for part in designs)
     steady = [aside[drag.steady] for aside, drag in zip(asides, drags, strict=True)]
     return Sliding(
         found,
-        (posterior + tuning.CORRELATED_BLOCKS * excess * gain @ gain.T).astype(np.float64),
+        (posterior + gain @ spread @ gain.T).astype(np.float64),
         asides,
         np.vstack(steady).mean(axis=0),
         float(np.sqrt(excess)),
-        float((squares / (noise + (repeatability / 2) ** 2)).sum()) / tuning.CORRELATED_BLOCKS,
+        float((squares / allowed).sum()) / tuning.CORRELATED_BLOCKS,
         max(1, round(len(force) / tuning.CORRELATED_BLOCKS)),
     )
 
@@ -159,20 +167,45 @@ def _along(drag: Drag, line: _Line, side: float, middle: Array) -> Array:
     return np.column_stack([*columns, side * (x / tuning.HALF_WAY) ** 2])
 
 
-def _blocks(drags: Sequence[Drag], designs: Sequence[Array]) -> tuple[Array, Array, Array]:
-    """Means over blocks of steady sliding: the design (m, p), the force (m,) N, and the variance of
-    its noise (m,) N²."""
-    rows: list[Array] = []
-    forces: list[float] = []
+def _joints(drag: Drag, felt: Feeling, hand: Hand, mu: float) -> Array:
+    """(n, k) N: what the arm's joints may leave in f_t - mu N, one column for each unknown at its
+    standard deviation: gains, which a uniform distribution bounds (GUM, JCGM 100:2008, 4.3.7), and
+    friction, which turns round with the joint."""
+    if felt.chain is None:
+        # Not known joint by joint: both forces carry the gain of the joints that sensed them.
+        return (tuning.GAIN_RATIO * hand.torque_gain * mu * drag.normal)[:, None]
+    # The wrench is (J^T)^+ tau: what of a joint's torque shows in f_t - mu N.
+    middle: Array = drag.q.mean(axis=0, keepdims=True)
+    wrenches: Array = np.linalg.pinv(felt.maps(middle)).astype(np.float64)
+    lever: Array = drag.way @ wrenches[0, :2] + mu * wrenches[0, 2]
+    gains = hand.torque_gain / np.sqrt(3.0) * drag.torque
+    return np.column_stack([lever * gains, tuning.JOINT_TORQUE * lever * drag.turned])
+
+
+def _readings(drags: Sequence[Drag]) -> tuple[Array, Array]:
+    """(m,) N: the tangential force in each block, and the variance of its noise, N²."""
+    forces = _blocks(drags, [drag.tangential[:, None] for drag in drags])[:, 0]
     noises: list[float] = []
-    for drag, design in zip(drags, designs, strict=True):
-        steady = np.flatnonzero(drag.steady)
-        size = max(1, round(tuning.BLOCK / drag.period))
-        for block in np.array_split(steady, max(1, len(steady) // size)):
-            rows.append(design[block].mean(axis=0))
-            forces.append(float(drag.tangential[block].mean()))
+    for drag in drags:
+        for block in _cut(drag):
             noises.append(drag.noise / len(block) + tuning.SLIDING_NOISE**2)
-    return np.array(rows), np.array(forces), np.array(noises)
+    return forces, np.array(noises)
+
+
+def _blocks(drags: Sequence[Drag], columns: Sequence[Array]) -> Array:
+    """(m, p) means over blocks of steady sliding, of columns (n, p) for each drag."""
+    means: list[Array] = []
+    for drag, values in zip(drags, columns, strict=True):
+        for block in _cut(drag):
+            means.append(values[block].mean(axis=0))
+    return np.array(means)
+
+
+def _cut(drag: Drag) -> list[NDArray[np.intp]]:
+    """Rows of each block of steady sliding."""
+    steady = np.flatnonzero(drag.steady)
+    size = max(1, round(tuning.BLOCK / drag.period))
+    return np.array_split(steady, max(1, len(steady) // size))
 
 
 def _without_mu(design: Array) -> Array:

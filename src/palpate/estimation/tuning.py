@@ -476,6 +476,10 @@ PRESLIDING = 2e-3
 """rad over which the friction in a joint turns round: the usual order for harmonic drives.
 Sensitive: `static` hardly, std ×0.9–1.1."""
 
+JOINT_TORQUE = 0.06
+"""N m (1 sigma) of the friction behind a joint's sensor: a few hundredths to a tenth. Sensitive:
+friction std ×0.9–1.3."""
+
 JOINT_FRICTION = 0.2
 """N (1 sigma) at the hand of one joint's friction. Sensitive: `static` 0.1 σ, std ×0.9–1.3."""
 

@@ -11,6 +11,7 @@ from palpate.estimation import tuning
 from palpate.estimation.agreement import FitTest, chi_squared
 from palpate.estimation.drag import Drag, steady_drags
 from palpate.estimation.estimate import Estimate, Part, not_identified
+from palpate.estimation.load.feeling import feeling
 from palpate.estimation.sliding import Sliding, fit_sliding, static_friction
 from palpate.geometry.pose import Array
 from palpate.mjcf.body import Body, BodyDescription
@@ -117,10 +118,8 @@ def estimate_friction(trace: Trace, parameter: Parameter, body: Body | None) -> 
             "No recording shows the held object sliding steadily along its support.",
             evidence,
         )
-    found = fit_sliding(drags, trace.hand.force_repeatability)
-    value, unsure = found.friction
-    # Both forces carry the gain of the joints that sensed them.
-    std = float(np.hypot(unsure, tuning.GAIN_RATIO * trace.hand.torque_gain * value))
+    found = fit_sliding(drags, feeling(trace), trace.hand)
+    value, std = found.friction
     normal = _normal_forces(drags)
     method = _method(len(drags), float(normal.min()), float(normal.max()))
     tests = _tests(drags, found)
