@@ -144,7 +144,8 @@ class Plan(InnerPlan):
             world: MJCF of the hidden simulated world (a file, its text, or a scene); None simulates
                 the plan's scene with its unknowns drawn from priors.
             robot: URL of a real robot.
-            noise: sensor world of the simulated robot. seed: of everything random in it.
+            noise: how the simulated robot differs from its model, a name or a FILE.yaml. seed: of
+                everything random in it.
             on_failure: `stop`, `skip` or `replan`: what to do when an action fails.
             rehearse: execute in simulation first; None means before a real robot moves.
             confirm: shown the run before a real robot moves; whether it may.

@@ -255,3 +255,30 @@ def test_remeasure_measures_what_is_known(palpate: Palpate, scene: SceneMaker) -
     answer = palpate("plan", "-r", "the mass of the mug", "--scene", file, "--remeasure", "--json")
     assert answer.status == 0
     assert json.loads(answer.out)["parameters"] == [{"object": "mug", "quantity": "mass"}]
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("torque: {whit: 1}", ["loud.yaml", "torque.whit", "white"]),
+        ("torque: {white: [1, 2]}", ["loud.yaml", "7 numbers"]),
+        ("extends: laboratory", ["laboratory", "hardware", "lab"]),
+        (None, ["loud.yaml"]),
+    ],
+)
+def test_unusable_noise_model(
+    palpate: Palpate, scene: SceneMaker, tmp_path: Path, text: str | None, words: list[str]
+) -> None:
+    if text is not None:
+        (tmp_path / "loud.yaml").write_text(text)
+    noise = str(tmp_path / "loud.yaml")
+    answer = palpate("run", "--scene", scene(cube()), "--noise", noise, "--out", "out")
+    refused(answer, 2, *words)
+    assert nothing_written(tmp_path)
+
+
+def test_a_noise_that_is_not_there_lists_those_that_are(
+    palpate: Palpate, scene: SceneMaker
+) -> None:
+    answer = palpate("run", "--scene", scene(cube()), "--noise", "loud")
+    refused(answer, 2, "unknown noise 'loud'", "datasheet, hardware, lab, none")

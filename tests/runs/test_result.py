@@ -63,6 +63,13 @@ def result(run: Run, folder: Path | None = None) -> dict[str, Any]:
     return json.loads(json.dumps(result_json(run, folder), allow_nan=False))
 
 
+def test_a_noise_model_goes_by_its_own_name(tmp_path: Path) -> None:
+    (tmp_path / "loud.yaml").write_text("name: loud one")
+    asked = replace(COMPLETE.settings, noise=str(tmp_path / "loud.yaml"))
+    found = result_json(replace(COMPLETE, settings=asked), None)
+    assert found["provenance"]["noise"] == "loud one"
+
+
 def test_a_complete_run(tmp_path: Path) -> None:
     found = result(COMPLETE, tmp_path / "run")
     assert found["status"] == "complete"

@@ -92,6 +92,7 @@ class MujocoRobot:
         self._nominal = NominalArm(arm, pose_world_base, assumed)
         self._sensors = Sensors(model, arm.limits.tau_max, streams)
         self._encoders = Encoders(model, self._sensors.rests, streams)
+        self._world.feels = bool(self._encoders.soft)
         self._stamps = Stamps(model.acquisition, streams)
         self._wider = truth.width()
         self._gripper = Gripper(arm.hand)

@@ -50,7 +50,7 @@ class Steps:
 
     Attributes:
         q, dq: (n, 7) at the end of each block. torque: (n, 7) mean commanded joint torques, N m.
-        contact: (n, 7) N m that contacts exert at the joints at the end of each block.
+        contact: (n, 7) mean N m that contacts exert at the joints, where the world `feels`.
         fingers, finger_speed: (n, 2) at the end of each block, m, m/s.
     """
 
@@ -72,6 +72,7 @@ class World:
         actuators: the controller's.
         rest_control: (nu,) what rows of controls start from, valid for actuators that nobody
             commands.
+        feels: whether what contacts exert is recorded.
         watch: shown the data after every single physics step, where somebody wants to see it.
     """
 
@@ -105,6 +106,7 @@ class World:
         self._stiction = declared(self.model)
         self.frames: list[tuple[float, Array]] = [(0.0, self._data.qpos.copy())]
         self.t = 0.0
+        self.feels = False
         self.watch: Callable[[mujoco.MjData], None] | None = None
 
     def step(self, control: Array, guard: Guard) -> Steps:
@@ -119,7 +121,7 @@ class World:
             np.empty((n, model.nq)),
             np.empty((n, model.nv)),
             np.empty((n, BLOCK, 7)),
-            np.empty((n, 7)),
+            np.zeros((n, 7)),
         )
         now, speed, inputs, commanded = data.qpos, data.qvel, data.ctrl, data.qfrc_actuator[self._v]
         dq, weight, done = data.qvel[self._v], data.qfrc_gravcomp[self._v], n
@@ -134,10 +136,11 @@ class World:
                     inputs[drives] = guard.reaction.torque(dq)
                 self._substeps()
                 torque[block, i] = commanded
+                if self.feels:
+                    contact[block] += touched
                 if not guard.yielding and guard.feels(commanded, weight, dq):
                     self.actuators.set(guard.reaction.gains)
             qpos[block], qvel[block] = now, speed
-            contact[block] = touched
             if guard.fired:
                 done = block + 1
                 break
@@ -154,7 +157,7 @@ class World:
             qpos[:, self._q],
             qvel[:, self._v],
             mean,
-            contact[:n],
+            contact[:n] / BLOCK,
             qpos[:, self._finger_q],
             qvel[:, self._finger_v],
         )

@@ -64,10 +64,12 @@ def test_angles_come_in_steps() -> None:
 def test_the_arm_goes_on_while_its_pads_give_way() -> None:
     found = encoders(model={"pad_compliance": {"fixed": 1e-4}})
     down = np.array([0.0, 0.0, -1.0])
-    more = found.pressed(JACOBIAN, np.array([10.0, -10.0]), down)
-    assert (JACOBIAN @ more[0])[:3] == pytest.approx(1e-3 * down, abs=1e-7)
-    assert (JACOBIAN @ more[0])[3:] == pytest.approx(np.zeros(3), abs=1e-7)
-    assert not more[1].any(), "pulling does not"
+    more = found.pressed(JACOBIAN, np.full(100, 10.0), down)
+    assert (JACOBIAN @ more[-1])[:3] == pytest.approx(1e-3 * down, abs=1e-7)
+    assert (JACOBIAN @ more[-1])[3:] == pytest.approx(np.zeros(3), abs=1e-7)
+    assert np.linalg.norm(more[3]) == pytest.approx(0.632 * np.linalg.norm(more[-1]), rel=0.01)
+    pulled = found.pressed(JACOBIAN, np.full(100, -10.0), down)
+    assert np.abs(pulled[-1]).max() < 1e-8, "pulling does not"
 
 
 def test_links_warm_up_and_cool_down() -> None:

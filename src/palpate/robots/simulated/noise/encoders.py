@@ -14,6 +14,11 @@ from palpate.robots.simulated.noise.values import JOINTS, Streams
 from palpate.robots.simulated.noise.wander import Relaxation
 from palpate.robots.simulated.timing import BLOCK, PERIOD
 
+PAD_TIME = 0.02
+"""s in which pads give way, sqrt(m c) for an arm's 8 kg on 5e-5 m/N: what is hard in the world rings
+under an impact, and pads would not."""
+YIELDS = -math.expm1(-PERIOD / PAD_TIME)
+
 
 class Encoders:
     """Reported against true joint angles, and the reported against the true place of the TCP.
@@ -28,6 +33,7 @@ class Encoders:
         self._rests = rests
         self._compliance = model.joint_compliance.draw(streams("model.joint_compliance"))
         self.soft = model.pad_compliance.number(streams("model.pad_compliance"))
+        self._pressed = 0.0
         self._ripple = math.sqrt(2.0) * pose.encoder_ripple.size
         self._cycles = pose.encoder_ripple.cycles
         self._phase = streams("pose.encoder_ripple").uniform(-np.pi, np.pi, JOINTS)
@@ -60,11 +66,14 @@ class Encoders:
         return q + self._compliance * torque + self._ripple * np.sin(self._cycles * q + self._phase)
 
     def pressed(self, jacobian: Array, force: Array, axis: Array) -> Array:
-        """(n, 7) rad more that the arm went on while its pads gave way under `force` (n,), N, along
-        the unit `axis` (3,) in which they press."""
+        """(n, 7) rad more that the arm went on while its pads gave way under `force` (n,), N, of n
+        log periods, which is changed, along the unit `axis` (3,) in which they press."""
+        for i, pressing in enumerate(np.maximum(force, 0.0).tolist()):
+            self._pressed += (pressing - self._pressed) * YIELDS
+            force[i] = self._pressed
         forward = np.concatenate([axis, np.zeros(3)])
         along = jacobian.T @ np.linalg.solve(jacobian @ jacobian.T + RIDGE, forward)
-        return self.soft * np.maximum(force, 0.0)[:, None] * along
+        return self.soft * force[:, None] * along
 
     def noise(self, periods: int) -> Array | None:
         """(periods, 7) rad of the means of blocks; None without any."""
