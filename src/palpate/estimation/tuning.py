@@ -100,9 +100,9 @@ FLICKER_SPAN = 4.0
 """s for which white noise is averaged in a pass, to compare it with what is slower. Sensitive:
 no."""
 
-FLICKER_FREEDOM = 8.0
+FLICKER_FREEDOM = 6.0
 """degrees of freedom of noise that is extrapolated from blocks of `LONG_BLOCK` to a run of some ten
-seconds: its level is known to half. Sensitive: no."""
+seconds: its level is known to a factor of two or so. Sensitive: no."""
 
 GAP = 3.0
 """sampling periods from which samples are missing. Sensitive: no."""
