@@ -242,6 +242,10 @@ PLACE_ACCURACY = 5e-4
 """m (1 sigma): how far a scene whose poses were measured may have an object from where it is.
 Sensitive: com std ×0.9–1.2."""
 
+ARM_WEIGHT = 100.0
+"""N m per m: moment that the arm's own weight, which is known where the arm says it is, seems to
+make at the hand where it is beside that. Sensitive: no."""
+
 SEEN = 0.05
 """part of a coordinate that gravity must show at some grasp for it to be seen. Sensitive: no."""
 

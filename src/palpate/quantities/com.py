@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
+from scipy.special import stdtrit
 
 from palpate.estimation import tuning
 from palpate.estimation.agreement import FitTest, chi_squared
@@ -112,13 +113,17 @@ class _Grasps:
 
     Attributes:
         recordings: one a grasp.
-        rows: (2n, 3) and right: (2n,), m. covariance: (2n, 2n) m² of them.
+        rows: (2n, 3) and right: (2n,), m. covariance: (2n, 2n) m² of them. loose: m, by how much each
+            may be off besides, as the arm is not where it says: its own weight is then felt.
+        freedom: degrees of freedom of the noise.
     """
 
     recordings: Sequence[Recording]
     rows: Array
     right: Array
     covariance: Array
+    loose: float
+    freedom: float
 
 
 def estimate_com(trace: Trace, parameter: Parameter, body: Body | None) -> Estimate:
@@ -144,7 +149,7 @@ def estimate_com(trace: Trace, parameter: Parameter, body: Body | None) -> Estim
     }
     found = centre, np.sqrt(np.diag(covariance))
     tests = (*load.tests, agree)
-    return _estimate(parameter, body, grasps.recordings, found, parts, tests)
+    return _estimate(parameter, body, grasps, found, parts, tests)
 
 
 def _held_still(trace: Trace, name: str) -> list[Recording]:
@@ -177,7 +182,10 @@ def _grasps(trace: Trace, held: Sequence[Recording], load: Load, body: Body) -> 
         rows.append(pose_world_body.rotation[:2])
         right.append(pose_world_tcp.position[:2] + offset - pose_world_body.position[:2])
     covariance = _offsets(load) + _places(len(rows), trace.hand)
-    return _Grasps(recordings, np.vstack(rows), np.concatenate(right), covariance)
+    loose = tuning.ARM_WEIGHT * trace.hand.pose_repeatability / load.force
+    return _Grasps(
+        recordings, np.vstack(rows), np.concatenate(right), covariance, loose, load.freedom
+    )
 
 
 def _places(grasps: int, hand: Hand) -> Array:
@@ -222,43 +230,49 @@ def _solve(grasps: _Grasps, body: Body) -> tuple[Array, Array, FitTest]:
     covariance: Array = np.linalg.inv(information).astype(np.float64)
     centre = covariance @ (grasps.rows.T @ weight @ grasps.right + prior @ body.centre)
     left = grasps.right - grasps.rows @ centre
-    misfit = float(left @ weight @ left)
     freedom = max(1, len(left) - int(np.linalg.matrix_rank(grasps.rows, tol=tuning.SEEN)))
-    inflated: Array = covariance * max(1.0, misfit / freedom)
-    return centre, inflated, _agreement(left, misfit, freedom)
+    inflated: Array = covariance * max(1.0, float(left @ weight @ left) / freedom)
+    return centre, inflated, _agreement(grasps, left, freedom)
 
 
-def _agreement(left: Array, misfit: float, freedom: int) -> FitTest:
+def _agreement(grasps: _Grasps, left: Array, freedom: int) -> FitTest:
+    """Whether what is `left` (2n,) m of the equations is no more than an arm may leave that keeps to
+    its datasheet."""
+    allowed = grasps.covariance + grasps.loose**2 * np.eye(len(left))
     apart = 1e3 * float(np.abs(left).max())
     return chi_squared(
         "grasps agree",
-        misfit,
+        float(left @ np.linalg.solve(allowed, left)),
         freedom,
         f"The grasps disagree on where the centre of mass is by {apart:.1f} mm: something in the object "
         "moves, something else pulls on it, or it is not where the scene has it.",
+        grasps.freedom,
     )
 
 
 def _estimate(
     parameter: Parameter,
     body: Body,
-    recordings: Sequence[Recording],
+    grasps: _Grasps,
     found: tuple[Array, Array],
     parts: Mapping[str, Part],
     tests: tuple[FitTest, ...],
 ) -> Estimate:
     centre, std = found
     blind = std > tuning.BLIND * tuning.COM_PRIOR * body.size
-    return Estimate.normal(
+    value = np.where(blind, body.centre, centre)
+    half = std * float(stdtrit(grasps.freedom, 0.975))
+    return Estimate(
         parameter,
         UNIT,
-        np.where(blind, body.centre, centre),
+        value,
         std,
-        _method(len(recordings), blind.tolist()),
-        tuple(recordings),
+        np.column_stack([value - half, value + half]),
+        _method(len(grasps.recordings), blind.tolist()),
+        tuple(grasps.recordings),
         "prior-dominated" if bool(blind.all()) else "identified",
         parts,
-        tests=tests,
+        tests,
     )
 
 
