@@ -318,9 +318,8 @@ class MujocoRobot:
         control[:] = world.rest_control
         self._correction.follow()
         target = self._command(control)
-        world.set_fingers(
-            control, self._gripper.setpoints(world.t + TIMESTEP * np.arange(n, dtype=float))
-        )
+        times = world.t + TIMESTEP * np.arange(n, dtype=float)
+        world.set_fingers(control, self._gripper.setpoints(times) - self._wider / 2)
         self._begin_guard(n)
         steps = world.step(control, self._guard)
         steps_target = target[: len(steps.q)]
