@@ -91,6 +91,8 @@ def interrupted(
         stderr=subprocess.PIPE,
         text=True,
         cwd=desk,
+        # under nohup, which palpate respects, it would inherit that SIGHUP is ignored
+        preexec_fn=lambda: signal.signal(signal.SIGHUP, signal.SIG_DFL),
         env={**os.environ, "MUJOCO_GL": "disable", "PYTHONPATH": path},
     )
     assert process.stderr is not None

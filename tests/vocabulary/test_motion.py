@@ -158,7 +158,7 @@ def test_the_arm_goes_home_and_to_the_pose_and_settles(perform, scene) -> None:
     samples = done.execution.trace.samples
     home = done.execution.trace.leaf_runs("MoveJoints")[0].end
     assert samples.between(home - 0.01, home).q[-1] == pytest.approx(np.array(HOME), abs=2e-3)
-    rest = samples.between(samples.t[-1] - 0.3, samples.t[-1])
+    rest = samples.between(samples.t[-1] - 0.2, samples.t[-1])
     assert np.abs(rest.twist).max() < 3e-3
 
 

@@ -46,6 +46,8 @@ CONTACT_SPEED = 0.02
 DOWN = np.array([0.0, 0.0, -1.0])
 SET_DOWN = 10.0
 """N that a held object presses on its support, its weight aside, before it counts as set down."""
+LOWERINGS = 3
+"""How often an object that its support does not bear yet is lowered further."""
 PRESSES = 1.0
 """N besides what is just felt: what is left of it once the arm rests must be felt, too."""
 POSITION_TOLERANCE = 0.010
@@ -256,7 +258,6 @@ class MovePose(Primitive):
             if not span.guarded:
                 yield from _go_on(blackboard, span, left)
             elif (yield from feel_on(blackboard, span, left, sets_down, self.pose)):
-                yield from settle(blackboard, BRIEF)
                 return self._set_down(blackboard, target)
             dwell = BRIEF if span.guarded else DWELL
         yield from settle(blackboard, dwell - WHILE_FELT if lifted else dwell)
@@ -295,11 +296,17 @@ class MovePose(Primitive):
             )
 
     def _lower(self, blackboard: Blackboard) -> Steps:
-        """On until the support bears what is held: the arm sags, and fingers that press slip."""
+        """On until the support bears what is held: the arm sags, and fingers that press slip. What
+        a touch gave it to bear goes again as the arm comes to rest."""
+        for _ in range(LOWERINGS):
+            yield from settle(blackboard)
+            if blackboard.load.too_much((yield from feel(blackboard))) is None:
+                return "borne"
+            yield from self._press(blackboard)
+        return "lowered"
+
+    def _press(self, blackboard: Blackboard) -> Steps:
         load, robot = blackboard.load, blackboard.robot
-        wrench = yield from feel(blackboard)
-        if load.too_much(wrench) is None:
-            return "borne"
         feeling = Feeling(robot)
         robot.move_axis(DOWN, GUARDED_SPEED, POSE_ERROR)
         if not (yield from guarded(blackboard, lambda: _bears(load, feeling.now()))):
@@ -307,8 +314,7 @@ class MovePose(Primitive):
                 f"nothing bears '{blackboard.state.holding}' at '{self.pose}' or "
                 f"{1e3 * POSE_ERROR:.0f} mm below: it stays in the fingers"
             )
-        yield from settle(blackboard, BRIEF)
-        return "lowered"
+        return "pressed"
 
     def _set_down(self, blackboard: Blackboard, target: Pose) -> str:
         early = blackboard.robot.state.pose_world_tcp.distance_to(target)

@@ -198,8 +198,8 @@ def test_wider_thresholds_let_it_press_on() -> None:
 
 def test_what_is_held_stays_in_the_fingers_and_does_not_sink() -> None:
     cup = """<body name="cup" pos="0.45 0 0.2"><freejoint/>
-      <geom type="box" size="0.02 0.02 0.04" mass="0.8" friction="0.8"/></body>
-      <geom type="box" pos="0.45 0 0.08" size="0.03 0.03 0.08"/>"""
+      <geom type="box" size="0.02 0.02 0.035" mass="0.8" friction="0.8"/></body>
+      <geom type="box" pos="0.45 0 0.0825" size="0.03 0.03 0.0825"/>"""
     arm = among(POST, more=cup)
     go(arm, (0.45, 0.0, 0.3))
     go(arm, (0.45, 0.0, 0.2))
