@@ -98,7 +98,7 @@ def test_a_trial_ends_when_there_is_too_little_memory() -> None:
 
 
 def test_a_trial_ends_when_its_processor_time_is_up(tmp_path: Path) -> None:
-    corners = np.random.default_rng(0).standard_normal((60_000, 3, 3))
+    corners = np.random.default_rng(0).standard_normal((150_000, 3, 3))
     faces = np.zeros(len(corners), dtype=[("normal", "<f4", 3), ("at", "<f4", (3, 3)), ("", "<u2")])
     faces["at"] = corners / np.linalg.norm(corners, axis=2, keepdims=True)
     content = bytes(80) + np.uint32(len(faces)).tobytes() + faces.tobytes()

@@ -18,8 +18,8 @@ TOLERANCE = {"height": 0.0005, "friction": 0.02, "com": 0.003}
 """At `--noise lab`: m, -, m (horizontally: no torque tells the height of a centre of mass)."""
 MASS = 0.02
 """Relative."""
-LIGHT = 0.002
-"""kg, of the 16 g box."""
+LIGHT = 0.004
+"""kg, of things of less than 200 g: two standard deviations that a weighing states."""
 STATIC = 0.03
 MOVED = 0.005
 """m that an object may be from where it stood."""

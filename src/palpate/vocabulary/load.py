@@ -79,12 +79,13 @@ class Load:
         """N that the fingers bear at `wrench` (6,); negative where they press."""
         return float(wrench[2] - self.empty[2])
 
-    def too_much(self, wrench: Array) -> str | None:
-        """Why the fingers must not open at `wrench` (6,): they would drop what they bear."""
+    def too_much(self, wrench: Array, spare: float = 0.0) -> str | None:
+        """Why the fingers must not open at `wrench` (6,): they would drop what they bear. With
+        `spare`, N, they may not even if a little less is felt later."""
         if self.hanging is None:
             bears = self.borne(wrench)
-            return None if bears <= UNFELT else f"the fingers still bear {bears:.1f} N"
-        if self.relieved(wrench) >= max(UNFELT, (1.0 - BORNE) * self.weight):
+            return None if bears <= UNFELT - spare else f"the fingers still bear {bears:.1f} N"
+        if self.relieved(wrench) >= max(UNFELT, (1.0 - BORNE) * self.weight) + spare:
             return None
         return (
             f"the fingers are relieved of {self.relieved(wrench):.1f} N since it hung on them, and "

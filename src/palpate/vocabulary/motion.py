@@ -48,6 +48,8 @@ SET_DOWN = 10.0
 """N that a held object presses on its support, its weight aside, before it counts as set down."""
 LOWERINGS = 3
 """How often an object that its support does not bear yet is lowered further."""
+WAVERS = 0.4
+"""N by which what is felt at rest changes from one moment to the next."""
 PRESSES = 1.0
 """N besides what is just felt: what is left of it once the arm rests must be felt, too."""
 POSITION_TOLERANCE = 0.010
@@ -300,7 +302,7 @@ class MovePose(Primitive):
         a touch gave it to bear goes again as the arm comes to rest."""
         for _ in range(LOWERINGS):
             yield from settle(blackboard)
-            if blackboard.load.too_much((yield from feel(blackboard))) is None:
+            if blackboard.load.too_much((yield from feel(blackboard)), WAVERS) is None:
                 return "borne"
             yield from self._press(blackboard)
         return "lowered"
