@@ -1,0 +1,27 @@
+"""Where a centre of mass lies: the numbers."""
+
+GRASP_ACCURACY = 7e-4
+"""m (1 sigma): how far a grasp may shift the object from where it is believed to be in the hand.
+Sensitive: com std ×0.9–1.1."""
+
+AT_GRASP = 0.05
+"""s before and after the hand closed, over which its pose is averaged. Sensitive: no."""
+
+PLACE_ACCURACY = 5e-4
+"""m (1 sigma): how far a scene whose poses were measured may have an object from where it is.
+Sensitive: com std ×0.9–1.2."""
+
+ARM_WEIGHT = 100.0
+"""N m per m: moment that the arm's own weight, which is known where the arm says it is, seems to
+make at the hand where it is beside that. Sensitive: no."""
+
+SEEN = 0.05
+"""part of a coordinate that gravity must show at some grasp for it to be seen. Sensitive: no."""
+
+COM_PRIOR = 0.25
+"""part of the object's extent that is the 1 sigma of a coordinate of the centre of mass before
+measuring. Sensitive: com std ×0.5–2.0."""
+
+BLIND = 0.5
+"""part of that 1 sigma that must be left for a coordinate to count as not measured. Sensitive:
+no."""

@@ -1,0 +1,134 @@
+"""Height and stiffness, from what a guarded descent met: the numbers."""
+
+SUSTAINED = 9
+"""rows, 45 ms, whose running median is a force: up to four wild samples in a row are no contact.
+Sensitive: hardly."""
+
+CONTACT_NOISE = 4.0
+"""standard deviations of the noise that a force must exceed to be contact. Sensitive: hardly."""
+
+SOFT_FORCE = 0.15
+"""N: a lower force is none; the repeatability of a force that the datasheet states. Sensitive:
+hardly."""
+
+SPEED_CHANGE = 0.05
+"""m/s² of the commanded motion from which it changes its speed; a steady descent has none.
+Sensitive: no."""
+
+SWING = 0.3
+"""s after a change of the commanded speed in which the arm still swings on its springs. Sensitive:
+no."""
+
+SWINGING = 0.1
+"""weight of a row at which it does. Sensitive: hardly."""
+
+FREE_SLOPE = 5.0
+"""N/m (1 sigma): how the force in free air changes along the way down, by friction and gravity that
+change with the place. Sensitive: hardly."""
+
+FREE_SLOPE_STD = 1.0
+"""N/m (1 sigma): how well the change of the force on the way down is known to go on. Sensitive:
+stiffness below 200 N/m, std ×0.7–1.6."""
+
+CANDIDATES = 50
+"""places of the first contact that are tried before the best of them is refined. Sensitive: no."""
+
+FREE_ROWS = 60
+"""rows, 0.3 s, of free air before the contact, to which the moment of the contact is referred.
+Sensitive: no."""
+
+LATE_FORCE = 0.6
+"""part of the pressing force from which the last stretch of the loading curve reaches to all of
+it: reached before the arm is told to stop, whose swing would disturb it. Sensitive: hardly."""
+
+STIFF_SHARE = 0.1
+"""part of the way through something soft that still belongs to the stiff stretch below it.
+Sensitive: hardly."""
+
+CURVE_ROWS = 5
+"""rows at least that make a line. Sensitive: no."""
+
+UNSEEN = 2e-5
+"""m (1 sigma): penetration of a rigid surface that no loading curve shows. Sensitive: no."""
+
+STIFF = 2e-5
+"""m/N: below this a contact is stiff, and the correction for its penetration small. A steel or
+stone table gives way by 1 to 10 µm/N. Sensitive: no."""
+
+RIGID = 6e-5
+"""m/N: what gives way more than this is no rigid surface. A light table does by up to 40 µm/N: a
+board of 18 mm chipboard, 0.6 m wide and 1.2 m long, borne at its ends, 48 E I / L³ with E of 3 GPa.
+Hard pads and the joints behind the encoders add some 20. Sensitive: no."""
+
+SOFT = 0.0015
+"""m above the rigid surface from which an earlier rise of the force is something soft.
+Sensitive: no."""
+
+SOFT_ACCURACY = 2e-3
+"""m (1 sigma): what is soft has no sharp beginning. Sensitive: `soft onset` std ×0.5–2.0."""
+
+SOLID = 0.05
+"""part (1 sigma) of the thickness of what is soft that stays however hard it is pressed: relative
+density of flexible foams, 0.02 to 0.1 (Gibson & Ashby, Cellular Solids). Sensitive: height std
+×0.6–1.9, only where something soft was pressed through."""
+
+CORRECTION = 0.25
+"""part (1 sigma) of the correction for penetration: contacts are not quite linear. Sensitive:
+hardly."""
+
+YIELDING = 0.5
+"""part (1 sigma) of the correction for penetration where the surface is not stiff. Sensitive:
+height std ×0.6–1.9, only there."""
+
+AT_REST = 0.1
+"""s before a descent in which the arm rests, which tells how its friction turns round as it sets
+out. Sensitive: stiffness hardly."""
+
+STIFFER = 0.2
+"""part of a surface's compliance so far, below which it has been pressed through: an even spring
+keeps all of it, one that hardens with the square of the depth 0.44, a table none. Sensitive: no."""
+
+ALIKE = 3.0
+"""rows of a descent per independent one: the torque sensors' signal wanders, and the model leaves
+the arm's swing out. Sensitive: stiffness std ×0.8–1.3."""
+
+WILD = 6.0
+"""standard deviations of the noise off its running median from which a sample is left out.
+Sensitive: no."""
+
+RESTING_SPEED = 0.002
+"""m/s below which the joints' friction begins to let go. Sensitive: stiffness hardly."""
+
+ARM_MASS = (6.0, 3.0)
+"""kg, mean and 1 sigma: apparent vertical mass at the TCP, wide enough for any seven-axis arm.
+Sensitive: stiffness hardly."""
+
+DISSIPATING_MASS = 1.0
+"""kg, whose critical damping on the surface is the 1 sigma of what it dissipates. Sensitive:
+stiffness hardly."""
+
+STIFFEST = 1e9
+"""N/m (1 sigma) of a surface: nothing is known of it. Sensitive: no."""
+
+WEAKEST = 1.0
+"""N/m: a surface that 8 N press 8 m down is none; it keeps a compliance finite. Sensitive: no."""
+
+SEARCHES = (25, 25, 25, 25)
+"""places of the first contact that are tried in each of several rounds, the next one about the best
+of the last: to a thousandth of a millimetre within 20 mm. Sensitive: no."""
+
+RESOLVED = 1.0 / 3.0
+"""part of a compliance that its standard deviation may be for a stiffness to have an upper end.
+Sensitive: no."""
+
+BLOCK_ROWS = 20
+"""rows, 0.1 s, of a descent over whose means white noise is small beside what else there is.
+Sensitive: no."""
+
+SPRING_MISFIT = 1.0
+"""times what chance and the joints' friction would leave of the force's means, root mean square, that
+a spring may leave. Sensitive: no."""
+
+APART = 0.05
+"""m: three touches so far from one another show how a surface leans; 0.1 mm between two touches is
+2 mrad. Sensitive: no."""

@@ -1,0 +1,115 @@
+"""Drags along a support: the numbers."""
+
+BLOCK = 0.1
+"""s: samples of a drag are averaged over blocks of this length before their scatter is taken, so
+correlation counts. Sensitive: friction 0.07 σ, std ×1.0–1.1."""
+
+DRAG_SPEED = 0.002
+"""m/s, commanded and horizontal, from which a row belongs to a drag. Sensitive: no."""
+
+DRAG_SLOPE = 0.3
+"""vertical over horizontal commanded speed up to which a motion is a drag. Sensitive: friction 0.7
+σ, std ×0.6–1.0."""
+
+DRAG_ROWS = 20
+"""rows that a drag must exceed, so that it has a beginning and a later half. Sensitive: no."""
+
+STEADY_ROWS = 10
+"""rows of steady sliding from which a drag counts. Sensitive: no."""
+
+CRUISE = 0.95
+"""part of the usual commanded speed from which the motion is at its full speed. Sensitive:
+friction 1.5 σ, std ×1.0–2.0."""
+
+LATE = 0.5
+"""part of a drag after which its quotient of forces is the usual one. Sensitive: friction 1.7 σ,
+std ×0.9–1.0."""
+
+SLIDING = 0.85
+"""part of the usual quotient of forces from which the object may be sliding: before, it turns in
+the fingers' grip. Sensitive: friction 0.8 σ, std ×1.0–1.9; `static` 2.6 σ."""
+
+FOLLOWING = 0.7
+"""part of the commanded speed at which the hand follows; slower, the object may have stuck
+again. Sensitive: no."""
+
+PEAK_WITHIN = 0.3
+"""s after that in which the breakaway lies. Sensitive: friction 1.7 σ, std ×0.9–1.7."""
+
+SMOOTH = 0.02
+"""s: forces are averaged over this before the breakaway is looked for. Sensitive: friction 2.1 σ,
+std ×0.9–1.8; `static` 1.0 σ."""
+
+TRANSIENT = 0.25
+"""s after breakaway in which the spring between arm and object still swings. Sensitive: friction
+2.7 σ, std ×0.8–1.3."""
+
+DOWN = 0.006
+"""m above the grasp that the hand may be while the object is on its support. Sensitive: no."""
+
+HANGING = 0.02
+"""m above the grasp from which the object hangs free. Sensitive: no."""
+
+HORIZONTAL_MASS = 5.0
+"""kg, of a 7-axis arm at its TCP, horizontally: what its acceleration at breakaway takes of the
+force. Sensitive: friction 0.6 σ; `static` 1.5 σ."""
+
+NORMAL_MIN = 0.5
+"""N: below this the quotient of forces says nothing. Sensitive: no."""
+
+FRICTION_PRIOR = 10.0
+"""1 sigma of a coefficient: nothing is known of it. Sensitive: no."""
+
+PULL = 20.0
+"""N/m (1 sigma): what pulls with the place, a cable or a leash; a normal force that rises and
+falls shows it. Sensitive: friction 0.1 σ."""
+
+CURVE = 0.05
+"""N (1 sigma) at `HALF_WAY`: curvature of the arm's bias along a slide. Sensitive: friction 0.2 σ,
+std ×0.9–1.1."""
+
+HALF_WAY = 0.03
+"""m: half of the shortest slide that a plan makes for a friction. Sensitive: friction 0.3 σ, std
+×0.9–1.1."""
+
+SAME_LINE = 0.95
+"""cosine between the ways of two drags on one line. Sensitive: no."""
+
+PRESLIDING = 2e-3
+"""rad over which the friction in a joint turns round: the usual order for harmonic drives.
+Sensitive: `static` hardly, std ×0.9–1.1."""
+
+JOINT_TORQUE = 0.06
+"""N m (1 sigma) of the friction behind a joint's sensor: a few hundredths to a tenth. Sensitive:
+friction std ×0.9–1.3."""
+
+JOINT_FRICTION = 0.2
+"""N (1 sigma) at the hand of one joint's friction. Sensitive: `static` 0.1 σ, std ×0.9–1.3."""
+
+CORRELATED_BLOCKS = 3.0
+"""blocks: what the model of a drag leaves out is the same in about so many neighbouring ones.
+Sensitive: friction std ×0.8–1.3."""
+
+SLIDING_NOISE = 1e-3
+"""N: noise of a block that is always assumed. Sensitive: no."""
+
+HORIZONTAL_SPREAD = 2.0
+"""kg (1 sigma) of `HORIZONTAL_MASS`, with the hand turning as it lets go. Sensitive: `static` 0.3
+σ, std ×0.6–1.8."""
+
+STICKING = 0.1
+"""part of the rows of steady sliding in which the hand may lag behind its command; an object that
+sticks and slips holds it back most of the time. Sensitive: no."""
+
+ROUGH = 10.0
+"""times the noise that is expected of a drag, from which it is chatter. Sensitive: no."""
+
+SMOOTH_NOISE = 0.03
+"""N², of a row: noise that moving adds to that at rest, of ripples in gears and encoders: 0.04 N in
+means of 0.1 s. Sensitive: no."""
+
+LIKELY_FRICTION = 2.0
+"""coefficient beyond which nothing dry slides on anything. Sensitive: no."""
+
+SIGNIFICANT = 2.0
+"""standard deviations from zero from which a friction is identified. Sensitive: no."""

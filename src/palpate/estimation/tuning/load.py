@@ -1,0 +1,82 @@
+"""The load from the contrast of rests and passes: the numbers."""
+
+CHAIN_ROWS = 20
+"""rows on which it is tried whether an arm's kinematics explain its wrench. Sensitive: no."""
+
+CHAIN_FORCE = 0.5
+"""N, median over those rows: where they differ by more, the wrench itself is taken. Sensitive:
+no."""
+
+CENTRIFUGAL = 8.0
+"""N s²/m² (1 sigma): what the square of the speed makes of a force; equal motions compare best.
+Sensitive: hardly."""
+
+DEGREE = 3
+"""degree of the polynomial along the path that the bias of one direction of travel follows.
+Sensitive: mass 0.2 σ."""
+
+DRIFT = 0.033
+"""N (1 sigma): how far the sensors' zero wanders; 0.01 N m in a joint. No published figure: some
+0.2 permille of the range of a large joint's strain gauges. Sensitive: mass 0.3 σ, std ×1.0–1.1."""
+
+DRIFT_TIME = 300.0
+"""s in which it forgets where it was. No published figure. Sensitive: mass 0.15 σ."""
+
+FLICKER_TIMES = tuple(0.3 * 4.0**i for i in range(6))
+"""s: time constants of the processes whose sum is 1/f noise; from what blocks see to the length of
+a long run. Sensitive: hardly."""
+
+APPARENT_MASS = 10.0
+"""kg (1 sigma): apparent vertical mass at the TCP, wide enough for any seven-axis arm. Sensitive:
+mass 0.1 σ."""
+
+INERTIA_DEGREE = 1
+"""degree of the polynomial along the path that the arm's apparent mass follows. Sensitive:
+hardly."""
+
+UNSTEADY = 0.15
+"""kg (1 sigma), times the acceleration: what is not known of a force while the speed changes, bin
+by bin; some per cent of the arm's apparent mass. Sensitive: no, where passes are steady."""
+
+VISCOUS = 1.0
+"""N s/m (1 sigma): what the speed makes of a force; friction of 0.07 N m s/rad at a lever of half a
+metre is a third of it. Sensitive: hardly."""
+
+BIN_BIAS = 0.03
+"""N (1 sigma): what the polynomial leaves of the bias at one place of the path (gear waves).
+Sensitive: mass 0.08 σ."""
+
+REST_FRICTION = 0.1
+"""N (1 sigma): friction that is another at every rest, though the arm came the same way. Sensitive:
+mass 0.08 σ."""
+
+PULL_SMALL = 0.05
+"""N/m (1 sigma): a force that grows with the height so little is no contradiction. Sensitive:
+no."""
+
+PULL_SHARE = 0.03
+"""1/m (1 sigma), part of the load: likewise; levers of joints are not known better along a lift,
+and loads in a perfect world read up to 5 % a metre off. Sensitive: no."""
+
+SIDE_SMALL = 0.02
+"""N (1 sigma): a force to the side so small is no contradiction: less than half of what such arms
+resolve. Sensitive: no."""
+
+RUB_SHARE = 0.002
+"""part of the load (1 sigma), likewise: friction in a joint grows with what it bears by about so
+much. Sensitive: no."""
+
+RUB_SMALL = 0.005
+"""N (1 sigma): a load that differs so little between directions, between rest and pass and between
+weighings is no contradiction: a tenth of the force that such arms resolve. Sensitive: no."""
+
+TELLING = 0.1
+"""part of `LOAD_PRIOR`: a term known no better than that cannot be told from the load. Sensitive:
+no."""
+
+LOAD_ITERATIONS = 3
+"""solutions after the first: what gains and tilts do is in proportion to the load. Sensitive:
+no."""
+
+LOAD_PRIOR = 1e3
+"""N (1 sigma) of the load: nothing is known of it. Sensitive: no."""
