@@ -185,12 +185,23 @@ def test_own_models_say_what_the_description_says() -> None:
         "friction.coulomb",
         "model.tip_offset",
         "torque.drift.size",
+        "torque.gain_max",
         "torque.white",
     ]
     assert datasheet.torque.gain_max.size == pytest.approx(np.full(7, told.torque_gain))
     assert datasheet.sticking.force.size == pytest.approx(np.full(3, told.force_repeatability))
     assert datasheet.pose.repeatability.size == pytest.approx(np.full(3, told.pose_repeatability))
     assert datasheet.model.link_mass.size == pytest.approx(np.full(7, sensors.link_mass))
+
+
+@pytest.mark.parametrize("arm", ["fr3", "iiwa14"])
+@pytest.mark.parametrize("name", ["lab", "datasheet", "hardware"])
+def test_an_owner_is_told_the_gains_that_are_drawn(name: str, arm: str) -> None:
+    described = load_description(arm)
+    found = noise_models().load(name, described)
+    told = informed(described, found.datasheet).nominal.torque_gain
+    assert found.torque.gain_max.size == pytest.approx(np.full(7, told))
+    assert (told < described.nominal.torque_gain) == (name == "lab")
 
 
 def test_other_arms_have_their_own_figures() -> None:

@@ -165,6 +165,7 @@ def _stated(arm: RobotDescription) -> dict[str, Any]:
     """The figures of a description that noise models have too."""
     sensors, stated = arm.sensors, arm.accuracy
     return {
+        "datasheet.torque_gain_max": stated.torque_gain,
         "torque.white": sensors.torque_noise,
         "torque.drift.size": sensors.drift,
         "torque.gain_max": stated.torque_gain,
