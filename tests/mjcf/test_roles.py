@@ -86,7 +86,10 @@ def test_defaults_classes_state_values_too() -> None:
 
 def test_visual_geoms_do_not_count_for_friction() -> None:
     body = scene(
-        cup('mass="1"/><geom type="sphere" size="0.01" contype="0" conaffinity="0" friction="0.9"')
+        cup(
+            'mass="1"/><geom type="sphere" size="0.01" mass="0" contype="0" '
+            'conaffinity="0" friction="0.9"'
+        )
     )
     assert body.objects["cup"].missing == {"friction"}
 

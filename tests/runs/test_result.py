@@ -90,6 +90,7 @@ def test_a_complete_run(tmp_path: Path) -> None:
     }
     assert found["twin"] == {
         "notes": ["a note"],
+        "unwritten": [],
         "validation": {
             "settled": True,
             "drift_m": 1e-5,

@@ -305,13 +305,13 @@ def test_completing_a_scene_answers_every_mark_and_says_what_was_assumed(tmp_pat
     path = tmp_path / "scene.xml"
     path.write_text(SCENE.replace('type="cylinder"', 'type="cylinder" mass="?"'))
     scene = load_scene(path)
-    text, notes = complete(scene, [estimate("bottle", "mass", 0.254)])
-    assert notes == ("table.height was not measured; the twin holds the assumed value 0.18",)
-    assert unfilled(text) == []
-    mujoco.MjModel.from_xml_string(text)
-    text, notes = complete(scene, [estimate("table", "height", 0.181)])
-    assert [n.split(" was")[0] for n in notes] == ["bottle.mass"]
-    assert "palpate_bottle" not in text, "an assumption is not recorded as an estimate"
+    made = complete(scene, [estimate("bottle", "mass", 0.254)])
+    assert made.notes == ("table.height was not measured; the twin holds the assumed value 0.18",)
+    assert unfilled(made.text) == []
+    mujoco.MjModel.from_xml_string(made.text)
+    made = complete(scene, [estimate("table", "height", 0.181)])
+    assert [n.split(" was")[0] for n in made.notes] == ["bottle.mass"]
+    assert "palpate_bottle" not in made.text, "an assumption is not recorded as an estimate"
 
 
 def test_an_assumed_inertia_goes_with_the_measured_mass_and_centre() -> None:
@@ -320,21 +320,80 @@ def test_an_assumed_inertia_goes_with_the_measured_mass_and_centre() -> None:
         '<inertial pos="?" mass="?" diaginertia="?"/>'
         '<geom type="box" size=".1 .02 .03" friction="1"/></body></worldbody></mujoco>'
     )
-    twin, notes = complete(
+    made = complete(
         parse_scene(text), [estimate("a", "mass", 0.6), estimate("a", "com", 0.04, 0.0, 0.0)]
     )
-    assert [n.split(" was")[0] for n in notes] == ["a.inertia"]
+    assert [n.split(" was")[0] for n in made.notes] == ["a.inertia"]
     about_middle = 0.6 / 12 * (0.2**2 + 0.06**2)
-    assert max(body(twin, "a").inertia) == pytest.approx(about_middle + 0.6 * 0.04**2, rel=1e-5)
+    assert max(body(made.text, "a").inertia) == pytest.approx(
+        about_middle + 0.6 * 0.04**2, rel=1e-5
+    )
 
 
 def test_a_value_that_makes_no_sense_stays_out_with_a_note() -> None:
-    text, notes = complete(
+    made = complete(
         parse_scene(SCENE), [estimate("bottle", "mass", -0.002), estimate("table", "height", 0.18)]
     )
-    assert [n for n in notes if n.startswith("bottle.mass is not in the twin")]
-    assert body(text, "bottle").mass[0] > 0
-    assert "palpate_bottle" not in text
+    assert [n for n in made.notes if n.startswith("bottle.mass is not in the twin")]
+    assert made.unwritten == (Parameter("bottle.mass"),)
+    assert body(made.text, "bottle").mass[0] > 0
+    assert "palpate_bottle" not in made.text
+
+
+ODD = """<mujoco>{before}<worldbody>
+  <body name="table" pos="0.5 0 0.2"><geom type="box" size="0.3 0.4 0.02"/></body>
+  <body name="mug" pos="0.5 0 0.27"><freejoint/>{mug}</body>
+</worldbody></mujoco>"""
+WALL = '<geom type="box" size=".03 .03 .05"'
+HANDLE = '<geom type="box" pos=".04 0 0" size=".01 .01 .02"'
+
+
+@pytest.mark.parametrize(
+    ("mug", "before"),
+    [
+        (f'{WALL}/>{HANDLE} mass="?"/>', ""),
+        (f'{WALL}/>{HANDLE} mass="0.02"/>', ""),
+        (f'{WALL} density="?"/>{HANDLE} density="300"/>', ""),
+        (f'{WALL} mass="?" group="3"/>{HANDLE} group="1"/>', '<compiler inertiagrouprange="3 4"/>'),
+        (
+            f'<inertial pos="0 0 0" mass="?" diaginertia="1 1 1"/>{WALL}/>'
+            f'<body>{HANDLE} mass="0.03"/></body>',
+            "",
+        ),
+        (
+            f'{WALL}/><body><inertial pos="0 0 0" mass="0.01" diaginertia="1e-5 1e-5 1e-5"/>{HANDLE}/></body>',
+            "",
+        ),
+        (
+            f'<inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>{WALL} mass="?"/>',
+            '<compiler inertiafromgeom="true"/>',
+        ),
+    ],
+)
+def test_what_is_written_is_what_mujoco_reads(mug: str, before: str) -> None:
+    scene = parse_scene(ODD.format(before=before, mug=mug))
+    assert "mass" in scene.body("mug").missing
+    made = complete(scene, [estimate("mug", "mass", 0.18)])
+    assert made.unwritten == ()
+    model = mujoco.MjModel.from_xml_string(made.text)
+    assert model.body_subtreemass[model.body("mug").id] == pytest.approx(0.18, rel=1e-5)
+
+
+def test_what_something_else_in_the_file_decides_is_not_in_the_twin() -> None:
+    before = '<compiler settotalmass="2"/>'
+    scene = parse_scene(ODD.format(before=before, mug=f"{WALL}/>"))
+    made = complete(scene, [estimate("mug", "mass", 0.18)])
+    assert made.unwritten == (Parameter("mug.mass"),)
+    assert "something else in the file decides it" in made.notes[0]
+    with pytest.raises(InputError, match="cannot be stated in this file"):
+        inject(scene.text, {Parameter("mug.mass"): (0.18,)})
+
+
+def test_parts_that_outweigh_the_whole_are_told() -> None:
+    scene = parse_scene(ODD.format(before="", mug=f'{WALL}/>{HANDLE} mass="0.3"/>'))
+    made = complete(scene, [estimate("mug", "mass", 0.18)])
+    assert made.unwritten == (Parameter("mug.mass"),)
+    assert "the parts of which the file states it weigh 0.3 kg" in made.notes[0]
 
 
 def test_unknown_things_are_refused() -> None:

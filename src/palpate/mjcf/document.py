@@ -169,6 +169,14 @@ def parse_document(text: str, folder: Path | None = None, where: str = "the scen
     return _Reader(folder).document(text, where)
 
 
+def compiler_settings(root: Element) -> dict[str, str]:
+    """What a model tells MuJoCo's compiler; later elements overrule earlier ones."""
+    found: dict[str, str] = {}
+    for compiler in root.iterfind("compiler"):
+        found.update({str(name): str(value) for name, value in compiler.items()})
+    return found
+
+
 @dataclass(slots=True)
 class _Reader:
     """What reading one scene has taken so far: of its files, and of those that they name."""
@@ -215,7 +223,7 @@ class _Reader:
     def _check_assets(self, root: Element, where: str, found: list[Path]) -> list[Element]:
         """Look for every file that is named; the roots of the attached models."""
         attached: list[Element] = []
-        settings = {k: v for compiler in root.iterfind("compiler") for k, v in compiler.items()}
+        settings = compiler_settings(root)
         for element in elements(root):
             for attribute in _FILE_ATTRIBUTES:
                 name = element.get(attribute)

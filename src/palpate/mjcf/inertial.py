@@ -16,8 +16,15 @@ from palpate.errors import InputError
 from palpate.geometry.inertia import components, rotation, tensor_of
 from palpate.geometry.pose import Array
 from palpate.mjcf.body import BodyDescription
-from palpate.mjcf.document import UNKNOWN, Element, has_unknown, tokens
+from palpate.mjcf.document import UNKNOWN, Element, compiler_settings, has_unknown, tokens
 from palpate.mjcf.edits import Change, Edit, Insert, number, unknown_only
+from palpate.mjcf.roles import inertial_of
+
+GROUPS = "0 5"
+"""MuJoCo's `inertiagrouprange`: geoms of all groups make an object's inertia."""
+
+USUAL_DENSITY = 1000.0
+"""kg/m³, of a geom that states none, by MuJoCo."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,24 +43,28 @@ class Statement:
 
 
 def unweighed_geoms(body: BodyDescription) -> tuple[Element, ...]:
-    """Geoms that carry a missing mass: those marked `?`; else, when no geom states a mass or
-    density above zero, all that do not state zero."""
+    """Geoms that carry a missing mass: those of which nothing states a mass or a density, though
+    others of the object may, and those marked `?`."""
     if body.elements.inertial is not None:
         return ()
-    marked: list[Element] = []
-    unstated: list[Element] = []
-    weighs_something = False
-    for geom in body.elements.geoms:
+    found: list[Element] = []
+    for geom in _weighing(body):
         stated = _stated_weights(body, geom)
-        if not stated:
-            unstated.append(geom)
-        elif UNKNOWN in stated:
-            marked.append(geom)
-        elif _heaviest(stated) > 0:
-            weighs_something = True
-    if marked:
-        return tuple(marked)
-    return () if weighs_something else tuple(unstated)
+        if not stated or UNKNOWN in stated:
+            found.append(geom)
+    return tuple(found)
+
+
+def _weighing(body: BodyDescription) -> Iterator[Element]:
+    """The geoms that MuJoCo takes an object's mass from: those in the groups of the compiler's
+    `inertiagrouprange`, but for parts that have an `<inertial>` of their own."""
+    root = body.elements.element.getroottree().getroot()
+    low, high = compiler_settings(root).get("inertiagrouprange", GROUPS).split()
+    for geom in body.elements.geoms:
+        part = next(geom.iterancestors("body"))
+        group = body.defaults.attribute(geom, "group") or "0"
+        if int(low) <= int(group) <= int(high) and inertial_of(part) is None:
+            yield geom
 
 
 def _stated_weights(body: BodyDescription, geom: Element) -> list[str]:
@@ -61,16 +72,6 @@ def _stated_weights(body: BodyDescription, geom: Element) -> list[str]:
     mass = body.defaults.attribute(geom, "mass")
     density = body.defaults.attribute(geom, "density")
     return tokens(mass) + tokens(density)
-
-
-def _heaviest(stated: list[str]) -> float:
-    heaviest = 0.0
-    for text in stated:
-        try:
-            heaviest = max(heaviest, float(text))
-        except ValueError:
-            continue
-    return heaviest
 
 
 def mass_is_open(body: BodyDescription) -> bool:
@@ -94,12 +95,28 @@ def lacks(inertial: Element, attribute: str) -> bool:
 
 
 def mass_of(body: BodyDescription) -> float:
-    """The object's mass as the file states it (or a stand-in), kg."""
-    inertial = body.elements.inertial
-    if inertial is not None and inertial.get("mass") not in (None, UNKNOWN):
-        return float(inertial.get("mass") or 0)
+    """The object's mass with all its parts, kg, as MuJoCo has it (with stand-ins where it is
+    open)."""
     model = body.shapes.model
     return float(model.body_subtreemass[model.body(body.name).id])
+
+
+def mass_beside(body: BodyDescription) -> float:
+    """What the object weighs besides that part of its mass that is open, kg."""
+    inertial = body.elements.inertial
+    if inertial is not None:
+        model = body.shapes.model
+        return mass_of(body) - float(model.body_mass[model.body(body.name).id])
+    unweighed = unweighed_geoms(body)
+    standing_in = sum(_stand_in(body, geom) for geom in unweighed)
+    return max(mass_of(body) - standing_in, 0.0) if unweighed else 0.0
+
+
+def _stand_in(body: BodyDescription, geom: Element) -> float:
+    """kg that a geom of open mass weighs in the compiled scene."""
+    if UNKNOWN in tokens(geom.get("mass")):
+        return 1.0
+    return USUAL_DENSITY * body.shapes.volume(geom)
 
 
 def com_of(body: BodyDescription) -> tuple[float, ...]:
@@ -173,34 +190,49 @@ class _Together:
 
 
 def _mass(body: BodyDescription, mass: float, std: float | None) -> Iterator[Edit]:
-    if mass <= 0:
+    own = mass - mass_beside(body)
+    if own <= 0:
         raise InputError(
-            f"a mass of {mass:.6g} kg for '{body.name}' cannot be written; it must be above zero"
+            f"a mass of {mass:.6g} kg for '{body.name}' cannot be written; {_least(body)}"
         )
     if body.elements.inertial is not None:
-        yield Edit(body.elements.inertial, "mass", {0: number(mass, std)})
+        yield Edit(body.elements.inertial, "mass", {0: number(own, std)})
         return
-    geoms = unweighed_geoms(body) or body.elements.geoms
-    volumes = np.array([max(body.shapes.volume(geom), 1e-12) for geom in geoms])
-    own = max(mass - _mass_beside(body, geoms), 1e-6)
-    for geom, volume in zip(geoms, volumes, strict=True):
-        share = own * float(volume / volumes.sum())
+    weights = _weights(body)
+    total = sum(weights.values())
+    for geom, weight in weights.items():
+        share = own * weight / total
         if UNKNOWN in tokens(geom.get("density")):
-            yield Edit(geom, "density", {0: number(share / float(volume))})
+            yield Edit(geom, "density", {0: number(share / _volume(body, geom))})
         else:
-            digits = std if len(geoms) == 1 else None
+            digits = std if len(weights) == 1 else None
             yield Edit(geom, "mass", {0: number(share, digits)})
 
 
-def _mass_beside(body: BodyDescription, geoms: Sequence[Element]) -> float:
-    """Mass of the object's other geoms, kg."""
-    total = 0.0
-    for geom in body.elements.geoms:
-        if geom not in geoms:
-            mass = body.defaults.attribute(geom, "mass")
-            density = body.defaults.attribute(geom, "density") or "1000"
-            total += float(mass) if mass else float(density) * body.shapes.volume(geom)
-    return total
+def _least(body: BodyDescription) -> str:
+    beside = mass_beside(body)
+    if beside == 0.0:
+        return "it must be above zero"
+    return f"the parts of which the file states it weigh {beside:.6g} kg"
+
+
+def _weights(body: BodyDescription) -> dict[Element, float]:
+    """The geoms on which a mass is written, with their shares in it: by volume where it is open,
+    else as the file has them."""
+    unweighed = unweighed_geoms(body)
+    if unweighed:
+        return {geom: _volume(body, geom) for geom in unweighed}
+    stated: dict[Element, float] = {}
+    for geom in _weighing(body):
+        mass = body.defaults.attribute(geom, "mass")
+        density = body.defaults.attribute(geom, "density")
+        stated[geom] = float(mass) if mass else float(density or 0) * _volume(body, geom)
+    return {geom: weight for geom, weight in stated.items() if weight > 0.0}
+
+
+def _volume(body: BodyDescription, geom: Element) -> float:
+    """m³, of a flat thing a very small one."""
+    return max(body.shapes.volume(geom), 1e-12)
 
 
 def _inertial(body: BodyDescription, mine: _Together, known: _Together) -> Iterator[Change]:

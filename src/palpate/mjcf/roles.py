@@ -12,7 +12,15 @@ from typing import Literal
 
 from palpate.errors import InputError
 from palpate.mjcf.defaults import Defaults
-from palpate.mjcf.document import Document, Element, children, elements, has_unknown, label
+from palpate.mjcf.document import (
+    Document,
+    Element,
+    children,
+    compiler_settings,
+    elements,
+    has_unknown,
+    label,
+)
 
 Role = Literal["object", "surface"]
 
@@ -197,8 +205,16 @@ def _add_object(body: Element, found: Roles) -> None:
     if not geoms:
         raise InputError(f"object {label(body)} has no geom, so it has no shape to touch")
     colliding = _colliding(geoms, found.defaults)
-    inertial = body.find("inertial")
+    inertial = inertial_of(body)
     _register(Elements(name, "object", body, geoms, colliding, inertial, found.defaults), found)
+
+
+def inertial_of(body: Element) -> Element | None:
+    """A body's `<inertial>`, where MuJoCo looks at it."""
+    settings = compiler_settings(body.getroottree().getroot())
+    if settings.get("inertiafromgeom") == "true":
+        return None
+    return body.find("inertial")
 
 
 def _add_surface(element: Element, geoms: tuple[Element, ...], found: Roles) -> None:

@@ -13,8 +13,15 @@ from palpate.estimation.estimate import Estimate, not_identified, not_measured
 from palpate.estimation.load.segments import Segment, referenced
 from palpate.estimation.load.weighing import alone, single_shot, weigh
 from palpate.mjcf.body import Body, BodyDescription
+from palpate.mjcf.document import Element
 from palpate.mjcf.edits import Slot
-from palpate.mjcf.inertial import Statement, mass_is_open, mass_of
+from palpate.mjcf.inertial import (
+    Statement,
+    mass_beside,
+    mass_is_open,
+    mass_of,
+    unweighed_geoms,
+)
 from palpate.mjcf.roles import Elements
 from palpate.parameter import Parameter
 from palpate.quantities.evidence import Evidence
@@ -67,21 +74,31 @@ class Mass(Quantity):
             yield Slot(elements.inertial, "mass", "1")
 
     def prior(self, body: BodyDescription, believed: Values) -> Prior:
-        """Of its volume."""
-        volume = sum(body.shapes.volume(geom) for geom in body.elements.colliding)
+        """Of its volume, and what the file states of some of its parts."""
+        weighed = mass_beside(body)
+        volume = sum(body.shapes.volume(geom) for geom in _unweighed(body))
         mass = float(np.clip(volume * PRIOR_DENSITY, *PRIOR_MASS))
-        return Prior((mass,), (0.5 * mass,))
+        return Prior((weighed + mass,), (0.5 * mass,))
 
     def draw(self, body: Body, prior: Prior, random: np.random.Generator) -> tuple[float, ...]:
-        """Within `PRIOR_FACTOR` of the prior, evenly on a logarithmic scale."""
+        """Within `PRIOR_FACTOR` of the prior, evenly on a logarithmic scale, besides what the file
+        states."""
         factor = PRIOR_FACTOR ** random.uniform(-1, 1)
-        return (float(np.clip(prior.mean[0] * factor, *PRIOR_MASS)),)
+        unknown = 2.0 * prior.std[0]
+        stated = prior.mean[0] - unknown
+        return (stated + float(np.clip(unknown * factor, *PRIOR_MASS)),)
 
     def write(
         self, body: BodyDescription, value: tuple[float, ...], std: float | None
     ) -> Iterator[Statement]:
         """Into `<inertial>` where there is one, else on the geoms that lack a mass."""
         yield Statement(mass=value[0], std=std)
+
+
+def _unweighed(body: BodyDescription) -> Sequence[Element]:
+    """The colliding geoms whose mass is open; all of them where none of those is."""
+    geoms = unweighed_geoms(body)
+    return [geom for geom in body.elements.colliding if geom in geoms] or body.elements.colliding
 
 
 def estimate_mass(trace: Trace, parameter: Parameter, body: Body | None) -> Estimate:

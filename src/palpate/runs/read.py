@@ -166,7 +166,9 @@ def _twin(
     if document is None:
         return None
     xml = read_text(file)
-    return read_twin(xml, scene, estimates, document["notes"], _validation(document["validation"]))
+    unwritten = [Parameter(name) for name in document.get("unwritten", ())]
+    marks = _validation(document["validation"])
+    return read_twin(xml, scene, estimates, document["notes"], marks, unwritten)
 
 
 def _validation(marks: dict[str, Any] | None) -> Validation | None:

@@ -129,6 +129,7 @@ def _twin_json(run: Run) -> dict[str, Any] | None:
         return None
     return {
         "notes": list(run.twin.notes),
+        "unwritten": [str(parameter) for parameter in run.twin.unwritten],
         "validation": _validation_json(run.twin.validation),
     }
 

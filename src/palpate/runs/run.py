@@ -115,8 +115,8 @@ class Run:
 
     @property
     def status(self) -> Status:
-        """`complete` when every promised parameter is identified, or nothing is missing; `running`
-        while there is more to do."""
+        """`complete` when every promised parameter is identified and stands in the twin that was
+        made, or nothing is missing; `running` while there is more to do."""
         if self.interrupted is not None:
             return "aborted"
         if self.stage is not None:
@@ -126,6 +126,8 @@ class Run:
         if self.execution.status == "stopped":
             return "aborted"
         found = {estimate.parameter for estimate in self.estimates if estimate.identified}
+        if self.twin is not None:
+            found -= set(self.twin.unwritten)
         if found >= set(self.plan.parameters):
             return "complete"
         return "failed"

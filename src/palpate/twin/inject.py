@@ -7,6 +7,7 @@ What is written where, each quantity says (`palpate.scene.fill`); every estimate
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 from palpate.errors import InputError
@@ -23,6 +24,7 @@ from palpate.scene.describe import Description, describe
 from palpate.scene.fill import changes
 from palpate.scene.poses import Poses
 from palpate.scene.scene import Scene
+from palpate.twin.reading import misread
 from palpate.twin.records import as_text, recorded
 from palpate.twin.rewrite import rewritten
 
@@ -40,19 +42,36 @@ def inject(
         InputError: not a usable scene, or a value that has no place in it.
     """
     description = describe(parse_document(text, folder), Poses(), catalogue())
-    return _injected(description, catalogue(), values, records)
+    written = _injected(description, catalogue(), values, records)
+    std = _deviations(records)
+    for parameter, reason in misread(description, written, values, std, catalogue()):
+        raise InputError(f"{parameter} cannot be stated in this file: {reason}")
+    return written
+
+
+@dataclass(frozen=True, slots=True)
+class Completed:
+    """The text of a twin.
+
+    Attributes:
+        notes: remarks: what could not be written, and which `?` nobody measured and now hold a
+            prior.
+        unwritten: what was measured of objects and surfaces and is not in it.
+    """
+
+    text: str
+    notes: tuple[str, ...]
+    unwritten: tuple[Parameter, ...]
 
 
 def complete(
     scene: Scene, estimates: Sequence[Estimate], asked: Collection[Parameter] = ()
-) -> tuple[str, tuple[str, ...]]:
-    """The twin's text, and remarks: what could not be written, and which `?` nobody measured and
-    now hold a prior. What an estimate says in passing of a quantity that was `asked` for is
-    not written in the place of its own estimate."""
+) -> Completed:
+    """The scene's text with the estimates in it, as MuJoCo reads them back. What an estimate says in
+    passing of a quantity that was `asked` for is not written in the place of its own estimate."""
     values: dict[Parameter, tuple[float, ...]] = {}
     for estimate in estimates:
         values[estimate.parameter] = tuple(estimate.value.tolist())
-    fitting: dict[Parameter, tuple[float, ...]] = {}
     notes: list[str] = []
     for parameter, value in _found_besides(scene, estimates):
         if parameter not in values and parameter not in asked:
@@ -62,19 +81,55 @@ def complete(
             )
     description = _without_poses(scene)
     marked = _marked(description, scene.catalogue)
-    for parameter, value in values.items():
-        reason = _unfit(scene, parameter, values, marked)
-        if reason:
-            notes.append(f"{parameter} is not in the twin: {reason}")
-        else:
-            fitting[parameter] = value
+    reasons: dict[Parameter, str] = {}
+    for parameter in values:
+        if reason := _unfit(scene, parameter, values, marked):
+            reasons[parameter] = reason
+    fitting = {parameter: value for parameter, value in values.items() if parameter not in reasons}
+    text, filled = _filled(scene, description, marked, fitting, estimates)
+    wrong = dict(_misread(scene, text, fitting, estimates))
+    if wrong:
+        reasons |= wrong
+        fitting = {
+            parameter: value for parameter, value in fitting.items() if parameter not in wrong
+        }
+        text, filled = _filled(scene, description, marked, fitting, estimates)
+    for parameter, reason in reasons.items():
+        notes.append(f"{parameter} is not in the twin: {reason}")
+    for parameter in marked:
+        if parameter not in fitting:
+            assumed = as_text(filled[parameter])
+            notes.append(
+                f"{parameter} was not measured; the twin holds the assumed value {assumed}"
+            )
+    unwritten = tuple(parameter for parameter in reasons if parameter.object in scene.bodies)
+    return Completed(text, tuple(notes), unwritten)
+
+
+def _filled(
+    scene: Scene,
+    description: Description,
+    marked: Sequence[Parameter],
+    fitting: Values,
+    estimates: Sequence[Estimate],
+) -> tuple[str, Values]:
+    """The text with `fitting` in it and beliefs for the rest of what is `marked`; all of these."""
     unmeasured = {p: scene.priors[p] for p in marked if p not in fitting}
     filled = scene.resolved.completed(unmeasured, fitting)
-    for parameter in unmeasured:
-        assumed = as_text(filled[parameter])
-        notes.append(f"{parameter} was not measured; the twin holds the assumed value {assumed}")
     records = [estimate for estimate in estimates if estimate.parameter in fitting]
-    return _injected(description, scene.catalogue, filled, records), tuple(notes)
+    return _injected(description, scene.catalogue, filled, records), filled
+
+
+def _misread(
+    scene: Scene, text: str, values: Values, estimates: Sequence[Estimate]
+) -> Iterator[tuple[Parameter, str]]:
+    """What MuJoCo does not read back of `values`; nothing of a file that it does not accept."""
+    before, std = scene.resolved.description, _deviations(estimates)
+    try:
+        yield from misread(before, text, values, std, scene.catalogue)
+    except InputError as error:
+        for parameter in values:
+            yield parameter, str(error)
 
 
 def _found_besides(
@@ -138,11 +193,7 @@ def _injected(
     description: Description, quantities: Catalogue, values: Values, records: Sequence[Estimate]
 ) -> str:
     document = description.document
-    std: dict[Parameter, float] = {}
-    for record in records:
-        if record.has_value:
-            std[record.parameter] = float(min(record.std))
-    edits = list(changes(description.bodies, quantities, values, {}, std))
+    edits = list(changes(description.bodies, quantities, values, {}, _deviations(records)))
     edits += _leftovers(description, quantities, values, edits)
     if any(_target(edit) not in document.index for edit in edits):
         assert document.folder is not None
@@ -150,6 +201,11 @@ def _injected(
         inlined = describe(parse_document(text, document.folder), Poses(), quantities)
         return _injected(inlined, quantities, values, records)
     return recorded(rewritten(document, edits), records)
+
+
+def _deviations(records: Sequence[Estimate]) -> dict[Parameter, float]:
+    """The smallest standard deviation of each, which decides how many digits are written."""
+    return {record.parameter: float(min(record.std)) for record in records if record.has_value}
 
 
 def _target(edit: Change) -> Element:

@@ -13,6 +13,7 @@ from palpate.display import table
 from palpate.errors import InputError, PalpateError
 from palpate.estimation.estimate import Estimate
 from palpate.geometry.pose import Pose
+from palpate.parameter import Parameter
 from palpate.scene.load import scene_from_text
 from palpate.scene.scene import Scene
 from palpate.trace.samples import Trace
@@ -32,6 +33,7 @@ class Twin:
         notes: remarks, e.g. which unknowns nobody asked for and hence hold a prior.
         validation: None when the twin could not be simulated; `notes` then says why.
         scene: the twin read back, with the poses that came with the user's scene; None likewise.
+        unwritten: what was measured of objects and surfaces and is not in it; `notes` say why.
     """
 
     xml: str
@@ -39,6 +41,7 @@ class Twin:
     notes: tuple[str, ...]
     validation: Validation | None
     scene: Scene | None = None
+    unwritten: tuple[Parameter, ...] = ()
 
     @cached_property
     def mjmodel(self) -> MjModel:
@@ -73,15 +76,16 @@ class Twin:
 def build_twin(scene: Scene, estimates: Sequence[Estimate], trace: Trace, replay: Replay) -> Twin:
     """Inject what was measured, then check that the result behaves as recorded."""
     written = _written(estimates)
-    text, remarks = complete(scene, written, {estimate.parameter for estimate in estimates})
-    notes = (*_remarks(estimates), *remarks)
-    diff = _diff(scene, text)
+    made = complete(scene, written, {estimate.parameter for estimate in estimates})
+    notes = (*_remarks(estimates), *made.notes)
+    diff = _diff(scene, made.text)
     try:
-        twin = scene_from_text(text, scene, _measured_places(scene, written))
+        twin = scene_from_text(made.text, scene, _measured_places(scene, written))
         marks = validate(twin, scene, trace, replay)
     except PalpateError as error:
-        return Twin(text, diff, (*notes, f"the twin was not simulated: {error}"), None)
-    return Twin(text, diff, notes, marks, twin)
+        notes = (*notes, f"the twin was not simulated: {error}")
+        return Twin(made.text, diff, notes, None, unwritten=made.unwritten)
+    return Twin(made.text, diff, notes, marks, twin, made.unwritten)
 
 
 def read_twin(
@@ -90,6 +94,7 @@ def read_twin(
     estimates: Sequence[Estimate],
     notes: Sequence[str],
     validation: Validation | None,
+    unwritten: Sequence[Parameter] = (),
 ) -> Twin:
     """The twin of `scene` that was built before, with the marks it got then.
 
@@ -97,10 +102,10 @@ def read_twin(
         InputError: the MJCF does not belong to the scene.
     """
     if validation is None or not scene.bodies:
-        return Twin(xml, _diff(scene, xml), tuple(notes), validation)
+        return Twin(xml, _diff(scene, xml), tuple(notes), validation, None, tuple(unwritten))
     written = _written(estimates)
     twin = scene_from_text(xml, scene, _measured_places(scene, written))
-    return Twin(xml, _diff(scene, xml), tuple(notes), validation, twin)
+    return Twin(xml, _diff(scene, xml), tuple(notes), validation, twin, tuple(unwritten))
 
 
 def _written(estimates: Sequence[Estimate]) -> list[Estimate]:

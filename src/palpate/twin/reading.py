@@ -1,0 +1,73 @@
+"""What MuJoCo makes of a finished twin: every value that was written is read back from it.
+
+Much in a file can overrule a number that stands in it: `settotalmass`, a mesh's own way to be
+weighed, a second geom, a defaults class. A twin says what was measured, or does not say it at all.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.mjcf.body import BodyDescription
+from palpate.mjcf.document import parse_document
+from palpate.parameter import Parameter
+from palpate.quantities.catalogue import Catalogue
+from palpate.quantities.quantity import Quantity, Values
+from palpate.scene.describe import Description, describe
+from palpate.scene.poses import Poses
+
+Mask = NDArray[np.bool_]
+
+ROUNDED = 1e-5
+"""Relative: single precision of meshes, and seven digits of shares that make one value."""
+DIGITS = 0.1
+"""Standard deviations: a value is written to a tenth of its own."""
+
+
+def misread(
+    before: Description,
+    text: str,
+    values: Values,
+    std: Mapping[Parameter, float],
+    quantities: Catalogue,
+) -> Iterator[tuple[Parameter, str]]:
+    """Those of `values` that the compiled file does not give back, and what it says instead;
+    `before` is what they were written into.
+
+    Raises:
+        InputError: MuJoCo does not accept the file.
+    """
+    after = describe(parse_document(text, before.document.folder), Poses(), quantities)
+    for parameter, value in values.items():
+        quantity = quantities[parameter.quantity]
+        body = after.bodies.get(parameter.object)
+        status = "missing" if body is None else quantity.status(body)
+        if body is None or status == "missing":
+            yield parameter, "what is written leaves it open"
+        elif status == "known":
+            read = np.array(quantity.known(body))
+            apart = np.abs(read - value)[_open(quantity, before.bodies[parameter.object], values)]
+            size = float(np.abs(value).max())
+            if apart.max() > ROUNDED * size + DIGITS * std.get(parameter, 0.0):
+                yield parameter, _worded(quantity, value, read.tolist())
+
+
+def _open(quantity: Quantity, body: BodyDescription, values: Values) -> Mask:
+    """(n,) the components that are written: those that the file does not state, or all of them."""
+    if quantity.status(body) != "missing":
+        return np.ones(quantity.size, dtype=np.bool_)
+    return np.array(quantity.prior(body, values).std) > 0.0
+
+
+def _worded(quantity: Quantity, value: Sequence[float], read: Sequence[float]) -> str:
+    return (
+        f"with {_numbers(value)} {quantity.unit} written, MuJoCo reads {_numbers(read)} "
+        f"{quantity.unit}; something else in the file decides it"
+    )
+
+
+def _numbers(values: Sequence[float]) -> str:
+    return " ".join(f"{value:.6g}" for value in values)
