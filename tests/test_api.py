@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import subprocess
 import sys
 from dataclasses import replace
@@ -38,6 +39,33 @@ def folder(done: pp.Run, tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("runs") / "mug"
     assert done.save(path).folder == path
     return path
+
+
+def test_the_estimates_of_a_stored_trace_are_made_anew(done: pp.Run, folder: Path) -> None:
+    before = {file: file.read_bytes() for file in folder.rglob("*") if file.is_file()}
+    again = pp.open(folder).estimate()
+    assert again["mug.mass"].value == done["mug.mass"].value
+    assert again["mug.mass"].shared == done["mug.mass"].shared
+    assert again.twin is None
+    single = done.estimate({"mass": "single-shot"})["mug.mass"]
+    assert single.value == done["mug.mass"].parts["single-shot"].value
+    assert {file: file.read_bytes() for file in folder.rglob("*") if file.is_file()} == before
+
+
+def test_no_estimates_are_made_anew_without_a_trace_or_of_another_version(
+    done: pp.Run, folder: Path, tmp_path: Path
+) -> None:
+    with pytest.raises(pp.InputError, match="contrast, single-shot"):
+        done.estimate({"mass": "guess"})
+    copy = tmp_path / "copy"
+    shutil.copytree(folder, copy)
+    (copy / "trace.mcap").unlink()
+    with pytest.raises(pp.InputError, match="has no trace"):
+        pp.open(copy).estimate()
+    request = (copy / "request.json").read_text()
+    (copy / "request.json").write_text(request.replace(pp.__version__, "0.0.7"))
+    with pytest.raises(pp.InputError, match=r"recorded by palpate 0\.0\.7"):
+        pp.open(copy).estimate()
 
 
 def test_a_run_measures_what_was_asked_in_memory(done: pp.Run) -> None:

@@ -10,7 +10,7 @@ never import upwards and there is no second scene.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypedDict, Unpack
@@ -201,6 +201,18 @@ class Run(InnerRun):
             InputError: the folder exists or cannot be made.
         """
         return _run_of(pipeline.save(self, Path(folder)))
+
+    def estimate(self, estimators: Mapping[str, str] | None = None) -> Run:
+        """This run with its estimates made anew from its trace: nothing moves, its folder stays as
+        it is, and there is no twin of them.
+
+        Args:
+            estimators: names by quantity, `{"mass": "single-shot"}`; else the defaults.
+
+        Raises:
+            InputError: it has no trace, another version recorded it, or there is no such estimator.
+        """
+        return _run_of(pipeline.reestimate(self, estimators))
 
     def _repr_html_(self) -> str:
         rows: list[tuple[str, ...]] = []

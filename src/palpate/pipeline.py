@@ -6,7 +6,7 @@ request + scene + pictures ─► parameters ─► plan ─► (check) ─► t
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator, Iterator
+from collections.abc import Callable, Generator, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import replace
 from functools import partial
@@ -246,6 +246,16 @@ def estimate(made: Run, cell: Cell | None, progress: Progress = quiet) -> Run:
     for grown in _estimated(cell, progress, made):
         made = grown
     return made
+
+
+def reestimate(made: Run, choice: Mapping[str, str] | None = None) -> Run:
+    """The run with its estimates made anew from its trace, in memory and without a twin: nothing
+    moves, and its folder stays as it is. `choice` names estimators by quantity.
+
+    Raises:
+        InputError: it has no trace, another version recorded it, or there is no such estimator.
+    """
+    return stages.estimates_anew(made, choice or {})
 
 
 def build_twin(made: Run, progress: Progress = quiet) -> Run:

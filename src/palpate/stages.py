@@ -5,6 +5,7 @@ asked of them.
 from __future__ import annotations
 
 import logging
+from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
@@ -24,6 +25,7 @@ from palpate.planning.planner import Observant, Planner, PlannerSettings
 from palpate.planning.registry import planners
 from palpate.planning.symbolic.planner import requested
 from palpate.quantities.estimators import estimate_all, failed
+from palpate.runs.read import require_own_version
 from palpate.runs.run import Ending, Run
 from palpate.scene.from_picture import DetectedScene, SceneBuilder
 from palpate.scene.load import parse_scene
@@ -150,6 +152,22 @@ def estimate_of(made: Run, parameter: Parameter) -> Estimate:
         return estimate_all([parameter], made.trace, made.scene.bodies)[0]
     except PalpateError as error:
         return failed(parameter, f"There is no estimator: {error}.")
+
+
+def estimates_anew(made: Run, choice: Mapping[str, str]) -> Run:
+    """The run with all estimates made anew, with the estimators that `choice` names by quantity.
+
+    Raises:
+        InputError: it has no trace, another version recorded it, or there is no such estimator.
+    """
+    if made.folder is not None:
+        require_own_version(made.folder)
+    trace = made.trace
+    if trace is None:
+        where = "this run" if made.folder is None else f"'{made.folder}'"
+        raise InputError(f"{where} has no trace to make estimates of: nothing was executed")
+    found = estimate_all(made.plan.parameters, trace, made.scene.bodies, choice)
+    return replace(made, recorded=trace, estimates=found, twin=None)
 
 
 def truths(made: Run, cell: Cell) -> dict[Parameter, tuple[float, ...]]:

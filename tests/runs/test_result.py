@@ -12,7 +12,7 @@ import pytest
 
 from palpate import __version__
 from palpate.estimation.agreement import FitTest
-from palpate.estimation.estimate import Estimate, Part, not_identified
+from palpate.estimation.estimate import Estimate, Part, Shared, not_identified
 from palpate.execution.rehearsal import Rehearsal
 from palpate.parameter import Parameter
 from palpate.planning.check.check import Finding
@@ -152,6 +152,8 @@ def test_a_scalar_is_a_number_and_a_vector_a_list() -> None:
         "contradiction": None,
         "tests": [],
         "components": {"single-shot": {"value": 0.262, "std": 0.02}},
+        "shared": [],
+        "freedom": None,
     }
     com = parameter_json(
         Estimate(COM, "m", (0.1, 0.0, 0.2), (0.01,) * 3, ((0.0, 0.2),) * 3, "", ())
@@ -182,6 +184,17 @@ def test_an_estimate_is_read_back_with_its_tests() -> None:
         again = estimate_from(document)
         assert repr(again) == repr(estimate)
         assert again.contradiction == estimate.contradiction
+
+
+def test_what_it_shares_with_other_runs_is_written_and_read_back() -> None:
+    gain = Shared("gain of joint 4", "arm", (-0.0005,))
+    estimate = replace(WEIGHED, shared=(gain,), freedom=7.5)
+    document = result(replace(COMPLETE, estimates=(estimate,)))["parameters"][0]
+    assert document["shared"] == [{"cause": "gain of joint 4", "of": "arm", "effect": [-0.0005]}]
+    again = estimate_from(document)
+    assert (again.shared, again.freedom) == ((gain,), 7.5)
+    assert again.shared_std == pytest.approx([0.0005])
+    assert estimate_from(parameter_json(WEIGHED)).freedom == math.inf
 
 
 @pytest.mark.parametrize("parameter", [MASS, COM])

@@ -16,6 +16,7 @@ from palpate.cli.options import (
     Arm,
     AsJson,
     Cautious,
+    EstimatorNames,
     GivenScene,
     ModelOptions,
     MotionOptions,
@@ -25,6 +26,7 @@ from palpate.cli.options import (
     Planner,
     Poses,
     Remeasure,
+    RunFolder,
     SceneOptions,
     Seed,
     Without,
@@ -208,7 +210,7 @@ def execute(
 
 @command(app)
 def report(
-    folder: Annotated[Path, typer.Argument(metavar="RUN", help="A run folder.")],
+    folder: RunFolder,
     *,
     as_json: AsJson = False,
 ) -> None:
@@ -220,6 +222,20 @@ def report(
         with live_view() as (_, say):
             done = finish(folder, say)
         raise typer.Exit(show_ended(done, as_json))
+
+
+@command(app)
+def estimate(
+    folder: RunFolder, *, estimator: EstimatorNames = None, as_json: AsJson = False
+) -> None:
+    """Make the estimates of a stored trace anew: nothing moves, and the run folder stays as it is."""
+    import palpate as pp
+    from palpate.cli.options import by_quantity
+    from palpate.cli.show import show_run
+
+    found = pp.open(folder).estimate(by_quantity("estimator", estimator or ()))
+    show_run(found, as_json)
+    raise typer.Exit(0 if all(one.identified for one in found.estimates) else 1)
 
 
 @command(app)

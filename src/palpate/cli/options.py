@@ -6,11 +6,14 @@ of them (see `palpate.cli.command`).
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+
+from palpate.errors import InputError
 
 if TYPE_CHECKING:
     from palpate.planning.model.session import ModelSettings
@@ -77,6 +80,15 @@ Remeasure = Annotated[
 ]
 PlanFile = Annotated[
     Path, typer.Argument(metavar="PLAN", help="A plan, a chat's answer, or a run folder.")
+]
+RunFolder = Annotated[Path, typer.Argument(metavar="RUN", help="A run folder.")]
+EstimatorNames = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--estimator",
+        metavar="QUANTITY=NAME",
+        help="Which estimator of a quantity, e.g. mass=single-shot; may be repeated.",
+    ),
 ]
 BaseUrl = Annotated[str | None, typer.Option("--base-url", help="Address of the model's server.")]
 Native = Annotated[bool, typer.Option("--native", help="Ask for the provider's structured output.")]
@@ -179,3 +191,18 @@ class ModelOptions:
             tokens=self.budget_tokens,
             dollars=self.budget_dollars,
         )
+
+
+def by_quantity(option: str, entries: Sequence[str]) -> dict[str, str]:
+    """What `QUANTITY=WORD` entries of an option say, by quantity.
+
+    Raises:
+        InputError: an entry that is none.
+    """
+    found: dict[str, str] = {}
+    for entry in entries:
+        quantity, equals, word = (part.strip() for part in entry.partition("="))
+        if not (quantity and equals and word):
+            raise InputError(f"--{option} takes QUANTITY=NAME, not '{entry}'")
+        found[quantity] = word
+    return found

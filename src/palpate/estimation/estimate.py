@@ -34,6 +34,23 @@ class Part:
     unit: str | None = None
 
 
+@dataclass(frozen=True, slots=True)
+class Shared:
+    """What a cause does to an estimate that does the like to other estimates too: averaging over
+    them does not make it smaller.
+
+    Attributes:
+        cause: e.g. `gain of joint 4`; one and the same where `of` and this are.
+        of: `arm`, the same in all runs of one arm, or `scene`, in all runs with one description.
+        effect: (n,) what one standard deviation of it does to each component, with its sign, in
+            the estimate's unit.
+    """
+
+    cause: str
+    of: Literal["arm", "scene"]
+    effect: tuple[float, ...]
+
+
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Estimate:
     """A measured quantity. Most estimators make it with `normal`; the arrays are read-only.
@@ -51,6 +68,8 @@ class Estimate:
             `not identified`, which has no value. Only what is identified counts as measured.
         parts: further values by name, e.g. `static` and `dynamic`; `components` in `result.json`.
         tests: the tests of fit that were made, passed or not.
+        shared: what of `std` it has in common with other runs, cause by cause.
+        freedom: degrees of freedom of the noise in the rest of it, with which `ci95` was made.
     """
 
     parameter: Parameter
@@ -63,6 +82,8 @@ class Estimate:
     verdict: Verdict = "identified"
     parts: Mapping[str, Part] = field(default_factory=dict[str, Part])
     tests: tuple[FitTest, ...] = ()
+    shared: tuple[Shared, ...] = ()
+    freedom: float = math.inf
 
     @classmethod
     def normal(
@@ -110,6 +131,13 @@ class Estimate:
         return self.verdict == "identified"
 
     @property
+    def shared_std(self) -> Array:
+        """(n,) the part of `std` that other runs share."""
+        effects = [one.effect for one in self.shared]
+        squares = np.square(np.array(effects).reshape(-1, len(self.value)))
+        return np.minimum(np.sqrt(squares.sum(axis=0)), self.std)
+
+    @property
     def contradiction(self) -> str:
         """What disagrees, in words: the findings of the tests that failed; else nothing."""
         return " ".join(test.finding for test in self.tests if not test.passed)
@@ -129,7 +157,7 @@ class Estimate:
 
     def _plain(self) -> tuple[object, ...]:
         about = (self.parameter, self.unit, self.method, self.evidence)
-        return *about, self.verdict, self.parts, self.tests
+        return *about, self.verdict, self.parts, self.tests, self.shared, self.freedom
 
     def __repr__(self) -> str:
         if not self.has_value:

@@ -28,6 +28,7 @@ from numpy.typing import NDArray
 
 from palpate.estimation import tuning
 from palpate.estimation.drag import Drag
+from palpate.estimation.estimate import Shared
 from palpate.estimation.load.feeling import Feeling
 from palpate.geometry.pose import Array
 from palpate.trace.recording import Hand
@@ -46,6 +47,7 @@ class Sliding:
         middle: (p,) mean of them over all rows of steady sliding.
         misfit: N, root mean square of what the model leaves beyond the noise.
         disagreement, freedom: of a chi-squared test of what it leaves.
+        shared: what of mu_d's error all measurements with that arm have in common.
     """
 
     coefficients: Array
@@ -55,6 +57,7 @@ class Sliding:
     misfit: float
     disagreement: float
     freedom: int
+    shared: tuple[Shared, ...]
 
     @property
     def friction(self) -> tuple[float, float]:
@@ -125,7 +128,18 @@ def fit_sliding(drags: Sequence[Drag], felt: Feeling, hand: Hand) -> Sliding:
         float(np.sqrt(excess)),
         float((squares / allowed).sum()) / tuning.CORRELATED_BLOCKS,
         max(1, round(len(force) / tuning.CORRELATED_BLOCKS)),
+        _shared(gain[MU] @ joints),
     )
+
+
+def _shared(effects: Array) -> tuple[Shared, ...]:
+    """What one standard deviation of each column of `_joints` does to mu_d."""
+    if len(effects) == 1:
+        return (Shared("gain of the joints", "arm", tuple(effects.tolist())),)
+    count = len(effects) // 2
+    causes = [f"{what} of joint {i + 1}" for what in ("gain", "friction") for i in range(count)]
+    found = zip(causes, effects.tolist(), strict=True)
+    return tuple(Shared(cause, "arm", (effect,)) for cause, effect in found)
 
 
 def _designs(drags: Sequence[Drag]) -> tuple[list[Array], Array]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from typing import ClassVar
 
 import numpy as np
@@ -135,9 +136,10 @@ def estimate_friction(trace: Trace, parameter: Parameter, body: Body | None) -> 
     static = static_friction(drags, found)
     if static is not None:
         parts["static"] = Part(*static)
-    return Estimate.normal(
+    made = Estimate.normal(
         parameter, UNIT, value, std, method, evidence, parts=parts, least=0.0, tests=tests
     )
+    return replace(made, shared=found.shared)
 
 
 def _tests(drags: Sequence[Drag], found: Sliding) -> tuple[FitTest, ...]:

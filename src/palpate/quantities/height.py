@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from typing import ClassVar
 
 import numpy as np
@@ -13,7 +14,7 @@ from palpate.estimation.agreement import FitTest, chi_squared
 from palpate.estimation.contact.descent import probes
 from palpate.estimation.contact.plane import Plane, fit_plane
 from palpate.estimation.contact.touch import Touch, touched
-from palpate.estimation.estimate import Estimate, Part, not_identified, not_measured
+from palpate.estimation.estimate import Estimate, Part, Shared, not_identified, not_measured
 from palpate.geometry.pose import Array
 from palpate.mjcf.body import Body, BodyDescription
 from palpate.mjcf.document import UNKNOWN, Element, has_unknown, label, tokens
@@ -204,7 +205,7 @@ def estimate_height(trace: Trace, parameter: Parameter, body: Body | None) -> Es
     spots = np.array([touch.spot for touch in found])
     stds = [_std(touch, trace.hand) for touch in found]
     plane = fit_plane(spots, [touch.height for touch in found], stds)
-    return Estimate.normal(
+    made = Estimate.normal(
         parameter,
         UNIT,
         plane.height,
@@ -214,6 +215,8 @@ def estimate_height(trace: Trace, parameter: Parameter, body: Body | None) -> Es
         parts=_parts(found, plane),
         tests=tuple(_tests(found, plane)),
     )
+    tip = Shared("length of the fingertips", "arm", (trace.hand.tip_offset_std,))
+    return replace(made, shared=(tip,))
 
 
 def _std(touch: Touch, hand: Hand) -> float:

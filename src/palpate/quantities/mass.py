@@ -129,6 +129,8 @@ def estimate_mass(trace: Trace, parameter: Parameter, body: Body | None) -> Esti
         weight.verdict,
         parts,
         weight.tests,
+        weight.shared,
+        weight.freedom,
     )
 
 

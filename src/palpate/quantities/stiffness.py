@@ -12,7 +12,7 @@ from palpate.estimation.agreement import FitTest, chi_squared
 from palpate.estimation.contact.descent import descent_before, probes
 from palpate.estimation.contact.spring import Spring, fit_spring
 from palpate.estimation.contact.touch import Touch, touched
-from palpate.estimation.estimate import Z95, Estimate, Part, not_identified
+from palpate.estimation.estimate import Z95, Estimate, Part, Shared, not_identified
 from palpate.mjcf.body import Body
 from palpate.parameter import Parameter
 from palpate.quantities.evidence import Evidence
@@ -89,6 +89,7 @@ def estimate_stiffness(trace: Trace, parameter: Parameter, body: Body | None) ->
         recordings,
         parts={"first contact": Part(_height(found), _height_std(trace), "m")},
         tests=tuple(_tests(found, touches, misfit)),
+        shared=(Shared("what the fingertips give way", "arm", (common / mean**2,)),),
     )
 
 

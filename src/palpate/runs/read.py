@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from palpate import __version__
 from palpate.errors import InputError
 from palpate.estimation.agreement import FitTest
-from palpate.estimation.estimate import Estimate, Part
+from palpate.estimation.estimate import Estimate, Part, Shared
 from palpate.execution.rehearsal import Rehearsal
 from palpate.geometry.pose import Array
 from palpate.mjcf.document import read_text
@@ -54,6 +55,20 @@ def read_run(folder: Path, settings: Settings) -> Run:
         raise InputError(
             f"'{folder}' is not a run's folder: result.json: {type(error).__name__}: {error}"
         ) from None
+
+
+def require_own_version(folder: Path) -> None:
+    """Look at who recorded the run in `folder`.
+
+    Raises:
+        InputError: another version did, which may have meant something else by what it wrote.
+    """
+    recorded = read_json(folder / "request.json").get("palpate")
+    if recorded != __version__:
+        raise InputError(
+            f"'{folder}' was recorded by palpate {recorded or 'of an unknown version'}, and this is "
+            f"{__version__}: its trace is made estimates of by the version that recorded it alone"
+        )
 
 
 class Found(NamedTuple):
@@ -146,7 +161,18 @@ def estimate_from(row: Mapping[str, Any]) -> Estimate:
         verdict=row["verdict"],
         parts=parts,
         tests=tuple(_fit_test(test) for test in row.get("tests", ())),
+        shared=tuple(_shared(one) for one in row.get("shared", ())),
+        freedom=_limitless(row.get("freedom")),
     )
+
+
+def _shared(document: Mapping[str, Any]) -> Shared:
+    return Shared(document["cause"], document["of"], tuple(document["effect"]))
+
+
+def _limitless(number: float | None) -> float:
+    """Null stands for infinity."""
+    return math.inf if number is None else number
 
 
 def _fit_test(document: Mapping[str, Any]) -> FitTest:

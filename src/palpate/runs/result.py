@@ -95,6 +95,8 @@ def parameter_json(estimate: Estimate) -> dict[str, Any]:
         "components": {
             name: {"value": part.value, "std": part.std} for name, part in estimate.parts.items()
         },
+        "shared": [asdict(one) | {"effect": list(one.effect)} for one in estimate.shared],
+        "freedom": estimate.freedom if math.isfinite(estimate.freedom) else None,
     }
 
 

@@ -58,6 +58,7 @@ class Load:
         covariance: (1 + 2n, 1 + 2n) of it, with all that the grasps have in common.
         freedom: degrees of freedom of the noise in that.
         tests: of what else might act on it.
+        gains: (1 + 2n, signals) what one standard deviation of each signal's gain does to `value`.
     """
 
     grasps: tuple[float, ...]
@@ -65,6 +66,7 @@ class Load:
     covariance: Array
     freedom: float
     tests: tuple[FitTest, ...]
+    gains: Array
 
     @property
     def agrees(self) -> bool:
@@ -116,7 +118,9 @@ def _fit(weighings: Sequence[Weighing], gravity: float, hand: Hand) -> Load:
         model = _model(rows, grasps, mean[:count], hand)
         mean, covariance = model.solve()
     tests = tests_of(rows, grasps, model, float(mean[0]))
-    return Load(grasps, mean[:count], covariance[:count, :count], model.freedom, tests)
+    # With prior deviations P of the coefficients x, the error is -covariance P^-2 x.
+    gains = -(covariance / model.prior)[:count, -(int(rows[0].signal.max()) + 1) :]
+    return Load(grasps, mean[:count], covariance[:count, :count], model.freedom, tests, gains)
 
 
 def _model(rows: Sequence[Rows], grasps: Sequence[float], about: Array, hand: Hand) -> Model:

@@ -10,10 +10,11 @@ import numpy as np
 from scipy.special import stdtrit
 
 from palpate.estimation.agreement import FitTest
-from palpate.estimation.estimate import Part, Verdict
+from palpate.estimation.estimate import Part, Shared, Verdict
 from palpate.estimation.load.equations import FORCE_Z
 from palpate.estimation.load.fit import fit_load
 from palpate.estimation.load.segments import Segment, Weighing, referenced, weighings
+from palpate.geometry.pose import Array
 from palpate.trace.recording import Recording
 from palpate.trace.samples import Trace
 
@@ -27,6 +28,7 @@ class Weight:
         verdict: `prior-dominated` where the object is so light that it is positive says as much
             about its mass as the forces, or where nothing was recorded of the empty hand.
         weighings: what it rests on. tests: of what else might have acted on it.
+        shared: what it has in common with other weighings on that arm. freedom: of the noise.
     """
 
     mass: float
@@ -35,6 +37,8 @@ class Weight:
     verdict: Verdict
     weighings: Sequence[Weighing]
     tests: tuple[FitTest, ...]
+    shared: tuple[Shared, ...]
+    freedom: float
 
     @property
     def part(self) -> Part:
@@ -59,14 +63,24 @@ def weigh(trace: Trace, recording: Recording) -> Weight:
     mass, std = load.force / trace.gravity, load.force_std / trace.gravity
     half = std * float(stdtrit(load.freedom, 0.975))
     low, high = mass - half, mass + half
+    common = shared_gains(load.gains[:1] / trace.gravity), load.freedom
     if low > 0.0:
         # Without anything to compare with, the arm's own bias is what was believed before.
         compared = any(referenced(weighing.segments) for weighing in found)
         verdict = "identified" if compared else "prior-dominated"
-        return Weight(mass, std, (low, high), verdict, found, load.tests)
+        return Weight(mass, std, (low, high), verdict, found, load.tests, *common)
     mass, std = positive(mass, std)
     bounds = (0.0, max(high, 2.0 * mass))
-    return Weight(mass, std, bounds, "prior-dominated", found, load.tests)
+    return Weight(mass, std, bounds, "prior-dominated", found, load.tests, *common)
+
+
+def shared_gains(effects: Array) -> tuple[Shared, ...]:
+    """What one standard deviation of the gain of each joint's sensor does, (n, joints), as causes
+    that all measurements of an arm share."""
+    found: list[Shared] = []
+    for i, effect in enumerate(effects.T.tolist()):
+        found.append(Shared(f"gain of joint {i + 1}", "arm", tuple(effect)))
+    return tuple(found)
 
 
 def single_shot(trace: Trace, recording: Recording) -> Part:
