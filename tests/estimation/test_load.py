@@ -96,6 +96,15 @@ def test_gains_are_carried_through_the_jacobian(lifted):
     assert 0.002 * MASS < np.mean(stated) < 0.01 * MASS
 
 
+def test_gains_that_are_known_for_certain_add_nothing(lifted):
+    trace = lifted()
+    certain = replace(trace, hand=replace(trace.hand, torque_gain=0.0))
+    told, unsure = (estimate_mass(one, BOTTLE, None) for one in (certain, trace))
+    assert told.identified
+    assert abs(told.value[0] - MASS) < 3.5 * told.std[0]
+    assert told.std[0] < unsure.std[0]
+
+
 def upward(force):
     """A vertical force (n,) as a wrench."""
     return np.outer(force, np.eye(6)[FORCE_Z])

@@ -83,8 +83,9 @@ def test_the_model_has_every_primitive_with_types_and_descriptions():
     model = ElementTree.fromstring(tree_nodes_model(vocabulary()).encode()).find("TreeNodesModel")
     actions = {a.get("ID"): a for a in model}
     assert list(actions) == list(vocabulary().primitives)
-    (pose,) = actions["MovePose"].findall("input_port")
+    pose, speed = actions["MovePose"].findall("input_port")
     assert (pose.get("name"), pose.get("type")) == ("pose", "std::string")
+    assert (speed.get("name"), speed.get("type")) == ("speed", "double")
     assert "pose expression" in pose.text
     (written,) = actions["MeasureForces"].findall("output_port")
     assert (written.get("name"), written.get("default")) == ("gripper_forces", "{gripper_forces}")

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import pytest
 
@@ -124,8 +125,10 @@ def _node(step: object) -> Node:
     return Node(kind, tuple(arguments.items()))
 
 
-def _split(step: tuple[str, str] | str) -> tuple[str, dict[str, str]]:
+def _split(step: tuple[str, Any] | str) -> tuple[str, dict[str, Any]]:
     kind, *value = (step,) if isinstance(step, str) else step
+    if value and isinstance(value[0], dict):
+        return kind, value[0]
     field = {"MovePose": "pose", "MoveJoints": "joints", "MoveUntilContact": "axis"}.get(kind)
     return kind, {field: value[0]} if field else {}
 

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from performing import cell
 
+from palpate.errors import InputError
 from palpate.geometry.pose import Pose
 from palpate.robots.registry import load_description
 from palpate.vocabulary.admissible.support import clear_of_support
@@ -160,6 +161,17 @@ def test_the_arm_goes_home_and_to_the_pose_and_settles(perform, scene) -> None:
     assert samples.between(home - 0.01, home).q[-1] == pytest.approx(np.array(HOME), abs=2e-3)
     rest = samples.between(samples.t[-1] - 0.2, samples.t[-1])
     assert np.abs(rest.twist).max() < 3e-3
+
+
+def test_a_way_can_be_gone_slowly_but_not_so_that_joints_stick(perform, reached, make) -> None:
+    done = perform(*reached, ("MovePose", {"pose": "cup_pose + z_offset", "speed": 0.03}))
+    assert done.execution.status == "complete"
+    slow = done.execution.trace.leaf_runs("MovePose")[-1]
+    assert slow.label == "MovePose(cup_pose + z_offset, 0.03)"
+    samples = done.execution.trace.samples.between(slow.start, slow.end)
+    assert samples.twist[:, 2].max() == pytest.approx(0.03, rel=0.1)
+    with pytest.raises(InputError, match="speed"):
+        make("MovePose", pose="cup_pose", speed=0.001)
 
 
 def test_a_slide_presses_hardest_halfway(perform, reached) -> None:

@@ -63,6 +63,8 @@ ROUGHEST = 1.0
 """friction between an object and its support, the largest plausible: rubber on dry concrete."""
 UNDER_WAY = 90.0
 """s that one motion may take: half a metre at the least speed of a cautious arm."""
+LEAST_SPEED = 0.01
+"""m/s that a plan may ask for: more slowly some joints of an arm stick and slip."""
 
 
 def feel_on(
@@ -193,6 +195,16 @@ class MovePose(Primitive):
             ),
         ),
     ]
+    speed: Annotated[
+        float | None,
+        Field(
+            ge=LEAST_SPEED,
+            le=1.0,
+            description=(
+                "m/s, at most; left out, as fast as is safe. Forces measured on a slow way are less noisy"
+            ),
+        ),
+    ] = None
 
     def target(self, state: SymbolicState) -> Pose:
         """The TCP pose in the world that the expression stands for."""
@@ -251,8 +263,8 @@ class MovePose(Primitive):
         dwell = DWELL
         way = list(spans(state, robot.state.target_world_tcp, target))
         left = sum(span.start.distance_to(span.end) for span in way)
-        pace = blackboard.scene.arm.pace
-        robot.move_pose(target, pace.speed, stretches(way, blackboard.scene))
+        fastest = self._at_most(blackboard.scene.arm.pace.speed)
+        robot.move_pose(target, fastest, stretches(way, blackboard.scene))
         for span in way:
             left -= span.start.distance_to(span.end)
             left = left if span is not way[-1] else 0.0
@@ -274,17 +286,21 @@ class MovePose(Primitive):
             self._light_enough(blackboard)
         return self._arrived(blackboard, target)
 
+    def _at_most(self, speed: float) -> float:
+        """m/s: `speed`, unless the plan asks for less."""
+        return speed if self.speed is None else min(speed, self.speed)
+
     def _slide(self, blackboard: Blackboard, target: Pose) -> Steps:
         robot = blackboard.robot
         robot.set_reflex(_sliding(blackboard))
-        start = robot.state.target_world_tcp
+        start, fastest = robot.state.target_world_tcp, self._at_most(CONTACT_SPEED)
         for share, depth in PRESSED:
             way = share * (target.position - start.position)
             here = Pose(start.position + way - [0.0, 0.0, depth], target.quaternion)
-            robot.move_pose(here, CONTACT_SPEED)
+            robot.move_pose(here, fastest)
             yield from finish(blackboard)
             yield from settle(blackboard, BRIEF)
-        robot.move_pose(target, CONTACT_SPEED)
+        robot.move_pose(target, fastest)
         yield from finish(blackboard)
         yield from settle(blackboard)
         return "slid"

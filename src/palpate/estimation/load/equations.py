@@ -62,8 +62,10 @@ class Model:
 
     def solve(self) -> tuple[Array, Array]:
         """Posterior mean (p,) and covariance (p, p)."""
-        information = self.design.T @ self.design + np.diag(self.prior**-2)
-        covariance: Array = np.linalg.inv(information).astype(np.float64)
+        # In units of the prior, where what is known for certain has none.
+        scaled = self.design * self.prior
+        information = scaled.T @ scaled + np.eye(len(self.prior))
+        covariance: Array = np.linalg.inv(information) * np.outer(self.prior, self.prior)
         return covariance @ (self.design.T @ self.y), covariance
 
     def extended(self, columns: Array, prior: float) -> Model:
@@ -160,7 +162,7 @@ def _drift(apart: Array) -> Array:
 
 def _flicker(apart: Array) -> Array:
     """(n, n): covariance of 1/f noise of density 1/f, at times `apart`, s: a sum of processes with
-    time constants evenly in their logarithm (Riley, as in `estimation.noise`, section 3.3)."""
+    time constants evenly in their logarithm (Riley, as in `estimation.load.noise`, section 3.3)."""
     times = tuning.FLICKER_TIMES
     step = float(np.log(times[1] / times[0]))
     out = np.zeros_like(apart)

@@ -1,6 +1,6 @@
 """The load on the hand, from signals that are never zero.
 
-A signal (a joint's torque; `estimation.feeling`), averaged over bin b of a rest or a pass along the
+A signal (a joint's torque; `estimation.load.feeling`), averaged over bin b of a rest or a pass along the
 path of a lift, is modelled as
 
     y_b = L_b (1 + a_b / g) (J_b^T W + gain errors) + c_kind(x_b) + i a_b + d(t_b) + e + n_b
@@ -14,7 +14,7 @@ path of a lift, is modelled as
 
 Everything but W has a normal prior, so that W follows by generalised least squares from
 the covariance of all the rest (e.g. Bishop, Pattern Recognition and Machine Learning, section 3.3).
-White and 1/f noise are known from the scatter of blocks (`estimation.noise`), never from what the
+White and 1/f noise are known from the scatter of blocks (`estimation.load.noise`), never from what the
 model leaves. A gain error is one number a signal, the same in all weighings; its column is the load
 itself, so that joints which bear little of it come to the aid of those that bear much.
 

@@ -21,6 +21,7 @@ from palpate.estimation.agreement import KNOWN
 from palpate.geometry.pose import Array
 
 Rows = NDArray[np.intp] | slice
+"""Rows of a trace's samples."""
 
 TINY = 1e-300
 """Lest perfect signals divide by zero."""

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from palpate.estimation import tuning
 from palpate.estimation.load.feeling import Feeling, feeling
-from palpate.estimation.load.noise import Noise, block_noise
+from palpate.estimation.load.noise import Noise, Rows, block_noise
 from palpate.estimation.windows import (
     Load,
     Mask,
@@ -35,9 +35,6 @@ from palpate.geometry.pose import Array
 from palpate.trace.recording import Recording
 from palpate.trace.samples import FORCES, Samples, Trace
 
-Rows = NDArray[np.intp] | slice
-"""Rows of a trace's samples."""
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Segment:
@@ -49,7 +46,7 @@ class Segment:
         start, end: s. t: (k,) mean time, s.
         path: (k,) m along the path. acceleration: (k,) vertical, m/s². speed2: (k,) m²/s², squared
             speed.
-        maps: (k, m, 6) what unit wrenches make of the m signals (`estimation.feeling`).
+        maps: (k, m, 6) what unit wrenches make of the m signals (`estimation.load.feeling`).
         felt, variance: (k, m) the signals' means, and what white noise leaves of it in them.
     """
 
@@ -86,7 +83,7 @@ class Weighing:
 
     Attributes:
         segments: rests and passes with the load and without.
-        noise: of the signals. scale: (m,) of the signals, see `estimation.feeling`.
+        noise: of the signals. scale: (m,) of the signals, see `estimation.load.feeling`.
     """
 
     segments: Sequence[Segment]
