@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 app = typer.Typer(
     no_args_is_help=True,
-    help="Run a study: accuracy, variety, efficiency, ablation, repeatability, faults.",
+    help="Run a study: accuracy, variety, efficiency, ablation, repeatability, faults, deceptions.",
 )
 
 CORES = os.cpu_count() or 1
@@ -254,6 +254,42 @@ def faults(
         show_endings(endings, as_json)
         return
     show_campaign(conduct(campaign.kind, campaign.order(workers), _say), as_json)
+
+
+@command(app)
+def deceptions(
+    names: Annotated[list[str] | None, typer.Argument(metavar="[WORLD]...")] = None,
+    *,
+    out: Annotated[Path, typer.Option("--out", help="Folder of the rows and the page.")],
+    noise: Annotated[
+        list[str],
+        typer.Option(
+            "--noise",
+            metavar="NAME|FILE.yaml",
+            help="none | lab | datasheet | hardware | FILE.yaml | one of the study's own; may be repeated.",
+        ),
+    ] = ["lab"],  # noqa: B006 - typer's default of an option that may be repeated
+    seed: Annotated[int, typer.Option("--seed", help="The first one.", min=0)] = 0,
+    seeds: Seeds = 1,
+    traces: Annotated[
+        Path | None,
+        typer.Option("--traces", help="Folder of traces: estimated anew where they lie there."),
+    ] = None,
+    workers: Workers = CORES,
+    as_json: AsJson = False,
+) -> None:
+    """Worlds that deceive (tethers, magnets, mats, moving masses, jumps), innocent ones, and what
+    cannot be told: what is answered, and whether it is right.
+
+    An identified value must be within 4 of its standard deviations; a deceptive world may be
+    contradicted or not identified just as well, an innocent one may not. Rows are appended to the
+    folder --out, where a page shows them; run again to go on.
+    """
+    from palpate.cli.tables import show_deceptions
+    from palpate.studies.deceptions import study, world
+
+    chosen = study.cases(names or world.deceptions(), noise, range(seed, seed + seeds))
+    show_deceptions(study.deceive(chosen, out, workers, traces, _say), as_json)
 
 
 def _say(line: str) -> None:

@@ -17,6 +17,8 @@ from palpate.studies import faults, trials
 from palpate.studies.accuracy import SeedRun, Summary, summarise
 from palpate.studies.campaign import ledger
 from palpate.studies.campaign.page import counts
+from palpate.studies.deceptions.coverage import coverage
+from palpate.studies.deceptions.page import by_world, worst
 from palpate.studies.efficiency import Comparison, PublishedEffort
 from palpate.studies.faults import Ending
 from palpate.studies.trials import Rate, Record, Row
@@ -157,6 +159,29 @@ def show_campaign(rows: Mapping[str, Sequence[ledger.Row]], as_json: bool) -> No
         table.add_row(kind, *map(str, counts(found).values()), ended)
         bad += [Text(_beyond(row), "dim") for row in found if row.beyond or row.crash]
     out.print(table, *bad, sep="\n")
+
+
+def show_deceptions(rows: Sequence[ledger.Row], as_json: bool) -> None:
+    """What was answered in every world, and how honest the intervals are."""
+    found = coverage(rows)
+    if as_json:
+        print_json({"coverage": [asdict(row) for row in found], "rows": [asdict(r) for r in rows]})
+        return
+    worlds = plain_table("world", "kind", "answers", "worst std")
+    for name, group in by_world(rows).items():
+        answers = Counter(row.outcome for row in group).most_common()
+        off = worst(group)
+        shown = "–" if off is None else f"{off:.1f}"
+        listed = ", ".join(f"{outcome} {count}" for outcome, count in answers)
+        worlds.add_row(name, str(group[0].figures["kind"]), listed, shown)
+    intervals = figure_table(
+        "identified", "values", "in 95 %", "in 50 %", "stated / actual", "worst"
+    )
+    for row in found:
+        parts = f"{row.covered95:.1%}", f"{row.covered50:.1%}", f"{row.stated:.2f}"
+        intervals.add_row(row.quantity, str(row.values), *parts, f"{row.worst:.1f}")
+    bad = [Text(_beyond(row), "dim") for row in rows if row.beyond or row.crash]
+    SafeConsole(highlight=False, width=WIDTH).print(worlds, intervals, *bad, sep="\n")
 
 
 def show_case(row: ledger.Row, as_json: bool) -> None:
