@@ -73,8 +73,8 @@ def test_it_is_grasped_with_the_friction_of_the_pads() -> None:
         assert model.pair_dim[i] == 4
 
 
-def test_what_does_not_meet_the_fingers_gets_no_pair() -> None:
-    assert on(block(f'{SOFT} contype="2" conaffinity="2"')).world.model.npair == 0
+def test_what_cannot_be_touched_gets_no_pair() -> None:
+    assert on(block(f'{SOFT} contype="0" conaffinity="0"')).world.model.npair == 0
 
 
 def test_a_geom_that_states_the_defaults_says_nothing() -> None:

@@ -33,18 +33,20 @@ DRIVES = tuple(f"{PREFIX}drive{i}" for i in range(1, 8))
 
 
 def add_actuators(world: mujoco.MjSpec, arm: RobotDescription) -> None:
-    """Add the controller's actuators to a world that the robot is attached to."""
-    world.worldbody.add_site(name=ORIGIN, group=4)
+    """Add the controller's actuators to a world that the robot is attached to. They inherit what the
+    arm's own defaults say, and nothing of the scene's."""
+    own = world.find_default(PREFIX + "main")
+    world.worldbody.add_site(own, name=ORIGIN, group=4)
     site, tcp = mujoco.mjtTrn.mjTRN_SITE, PREFIX + arm.tcp
     for i, name in enumerate(AXES):
-        axis = world.add_actuator(name=name, trntype=site, target=tcp, refsite=ORIGIN)
+        axis = world.add_actuator(own, name=name, trntype=site, target=tcp, refsite=ORIGIN)
         axis.gear = np.eye(6)[i]
         axis.set_to_position(kp=1.0, kv=1.0)
-    turn = world.add_actuator(name=ORIENTATION, trntype=site, target=tcp, refsite=ORIGIN)
+    turn = world.add_actuator(own, name=ORIENTATION, trntype=site, target=tcp, refsite=ORIGIN)
     turn.set_to_orientation(kp=1.0, kv=1.0, ctrlspec=mujoco.mjtCtrlChart.mjCHART_QUAT)
     for name, joint in zip(DRIVES, arm.joints, strict=True):
         drive = world.add_actuator(
-            name=name, trntype=mujoco.mjtTrn.mjTRN_JOINT, target=PREFIX + joint
+            own, name=name, trntype=mujoco.mjtTrn.mjTRN_JOINT, target=PREFIX + joint
         )
         drive.set_to_position(kp=1.0, kv=1.0)
     for joint in arm.joints:

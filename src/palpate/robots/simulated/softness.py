@@ -12,6 +12,7 @@ import numpy as np
 
 from palpate.robots.description import RobotDescription
 from palpate.robots.model import PREFIX
+from palpate.robots.simulated.touchable import is_robots
 
 HARDNESS = ((0.02, 1.0), (0.9, 0.95, 0.001, 0.5, 2.0))
 """MuJoCo's defaults of solref and solimp: a geom that has them says nothing (XMLreference, geom)."""
@@ -21,7 +22,7 @@ def keep_softness(world: mujoco.MjSpec, arm: RobotDescription) -> None:
     """Add a pair for each shape of the scene that says how hard it is and each of the fingers' that
     would override it. The arm is in `world` already."""
     fingers = [world.joint(PREFIX + name).parent for name in arm.hand.fingers]
-    soft = [geom for geom in world.geoms if not geom.name.startswith(PREFIX) and _says(geom)]
+    soft = [geom for geom in world.geoms if not is_robots(geom) and _says(geom)]
     for i, geom in enumerate(soft):
         geom.name = geom.name or f"{PREFIX}soft{i}"
         for pad in [geom for finger in fingers for geom in finger.geoms]:
@@ -42,7 +43,9 @@ def _meet(one: mujoco.MjsGeom, other: mujoco.MjsGeom) -> bool:
 def _pair(world: mujoco.MjSpec, pad: mujoco.MjsGeom, geom: mujoco.MjsGeom) -> None:
     """What MuJoCo would make of the two, but for the softness."""
     slide, turn, roll = np.asarray(pad.friction, dtype=float)
-    pair = world.add_pair(geomname1=pad.name, geomname2=geom.name)
+    pair = world.add_pair(
+        world.find_default(PREFIX + "main"), geomname1=pad.name, geomname2=geom.name
+    )
     pair.condim, pair.margin = pad.condim, pad.margin + geom.margin
     pair.friction = (slide, slide, turn, roll, roll)
     pair.solref, pair.solimp = geom.solref, geom.solimp

@@ -24,6 +24,7 @@ from palpate.robots.simulated.noise.true_arm import Truth
 from palpate.robots.simulated.softness import keep_softness
 from palpate.robots.simulated.stiction import declared
 from palpate.robots.simulated.timing import BLOCK, PERIOD, SUBSTEPS, TIMESTEP
+from palpate.robots.simulated.touchable import let_touch
 
 FRAME_PERIOD = 1.0 / 30.0
 """s between camera frames."""
@@ -253,8 +254,9 @@ def _compile(
     round_fingers(robot, arm.hand)
     spec.option.timestep = TIMESTEP / SUBSTEPS
     spec.option.gravity = truth.gravity(spec.option.gravity)
-    for name in ("integrator", "cone", "impratio"):
+    for name in ("integrator", "cone", "impratio", "solver"):
         setattr(spec.option, name, getattr(robot.option, name))
+    _solve_well(spec, robot)
     robot.option.gravity, robot.option.timestep = spec.option.gravity, spec.option.timestep
     for key in list(spec.keys):  # states of a world without this robot
         spec.delete(key)
@@ -263,12 +265,23 @@ def _compile(
         frame = spec.worldbody.add_frame(pos=base.position, quat=base.quaternion)
         spec.attach(robot, frame=frame, prefix=PREFIX)
         add_actuators(spec, arm)
+        let_touch(spec)
         keep_softness(spec, arm)
         return spec.compile()
     except ValueError as error:
         raise InputError(
             f"the simulated world does not compile with the robot in it: {error}"
         ) from error
+
+
+def _solve_well(world: mujoco.MjSpec, robot: mujoco.MjSpec) -> None:
+    """How precisely contacts are solved is no physics: a scene that was tuned for speed is solved as
+    well as the arm needs it."""
+    option, least = world.option, robot.option
+    for name in ("iterations", "ls_iterations", "ccd_iterations"):
+        setattr(option, name, max(getattr(option, name), getattr(least, name)))
+    for name in ("tolerance", "ls_tolerance", "ccd_tolerance"):
+        setattr(option, name, min(getattr(option, name), getattr(least, name)))
 
 
 def _require_physics(spec: mujoco.MjSpec) -> None:

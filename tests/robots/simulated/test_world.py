@@ -1,0 +1,81 @@
+"""What a scene's file says of its own things does not reach the robot, and the robot meets them all."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+import pytest
+
+from palpate.errors import InputError
+from palpate.geometry.pose import Pose
+from palpate.robots.model import PREFIX
+from palpate.robots.registry import load_description
+from palpate.robots.simulated.robot import MujocoRobot
+
+ARM = load_description()
+GREEDY = """<default>
+  <general ctrlrange="-1 1" ctrllimited="true" forcerange="0 1"/><motor ctrlrange="-1 1" gear="3"/>
+  <position ctrlrange="-1 1" kp="7"/><joint damping="5" armature="1" frictionloss="2"/>
+  <geom friction="0.1" contype="2" margin="0.01" condim="1" density="5"/><site size="1"/>
+  <tendon stiffness="100"/><equality solref="1 1"/>
+</default>"""
+
+
+def robot(inside: str = "", before: str = "") -> MujocoRobot:
+    spec = mujoco.MjSpec.from_string(f"<mujoco>{before}<worldbody>{inside}</worldbody></mujoco>")
+    return MujocoRobot(spec, Pose.of([0, 0, 0]), ARM)
+
+
+def test_a_scenes_defaults_do_not_reach_the_robot() -> None:
+    plain, greedy = robot().world.model, robot(before=GREEDY).world.model
+    for name in dir(plain):
+        if name.startswith(("actuator_", "jnt_", "dof_", "tendon_", "eq_", "geom_", "body_")):
+            one, other = getattr(plain, name), getattr(greedy, name)
+            assert np.array_equal(one, other, equal_nan=one.dtype.kind == "f"), name
+
+
+@pytest.mark.parametrize(("contype", "conaffinity"), [(1, 2), (2, 0), (4, 4), (0, 8)])
+def test_the_hand_meets_whatever_can_be_touched(contype: int, conaffinity: int) -> None:
+    bits = f'contype="{contype}" conaffinity="{conaffinity}"'
+    here = robot().state.pose_world_tcp.position
+    top = here[2] - ARM.tip - 0.001
+    found = robot(f'<geom type="box" size=".1 .1 .02" pos="{here[0]} 0 {top - 0.02}" {bits}/>')
+    found.close_gripper()
+    found.advance(1.0)
+    pose = found.state.target_world_tcp
+    found.move_pose(Pose(pose.position - [0, 0, 0.004], pose.quaternion), 0.02)
+    found.advance(1.0)
+    assert found.state.wrench[2] < -5.0
+
+
+def test_what_meets_what_in_the_scene_stays() -> None:
+    bits = ((1, 2), (2, 4), (8, 0), (0, 0), (1, 1))
+    inside = "".join(
+        f'<body pos="0 {i} 3"><freejoint/><geom size=".1" contype="{c}" conaffinity="{a}"/></body>'
+        for i, (c, a) in enumerate(bits)
+    )
+    model = robot(inside).world.model
+    own = [i for i in range(model.ngeom) if not _robots(model, i)]
+    for i, one in zip(own, bits, strict=True):
+        for j, other in zip(own, bits, strict=True):
+            met = model.geom_contype[i] & model.geom_conaffinity[j]
+            assert bool(met) == bool(one[0] & other[1])
+    assert model.geom_contype[own[3]] == model.geom_conaffinity[own[3]] == 0
+
+
+def test_a_scene_that_leaves_no_bit_is_bad_input() -> None:
+    with pytest.raises(InputError, match="every bit of contype"):
+        robot(
+            '<geom size=".1" pos="2 0 0" contype="2147483646" conaffinity="0"/>'
+            '<geom size=".1" pos="2 1 0"/>'
+        )
+
+
+def test_a_scene_tuned_for_speed_is_solved_well() -> None:
+    option = robot(before='<option solver="CG" iterations="1" ls_iterations="4"/>').world.model.opt
+    assert option.solver == mujoco.mjtSolver.mjSOL_NEWTON
+    assert (option.iterations, option.ls_iterations) == (100, 50)
+
+
+def _robots(model: mujoco.MjModel, geom: int) -> bool:
+    return model.body(model.geom_bodyid[geom]).name.startswith(PREFIX)
