@@ -26,7 +26,8 @@ from palpate.planning.check.check import Finding
 from palpate.planning.model.session import ModelSettings
 from palpate.planning.plan import Plan as InnerPlan
 from palpate.planning.planner import Planner
-from palpate.robots.registry import DEFAULT, load_description
+from palpate.robots.owner.registered import own_arm
+from palpate.robots.registry import DEFAULT
 from palpate.runs.run import Run as InnerRun
 from palpate.scene.load import load_scene, parse_scene
 from palpate.scene.poses import read_poses
@@ -44,7 +45,8 @@ class Scene(InnerScene):
     """An incomplete simulation description, as `load` reads it.
 
     Attributes:
-        poses_file: the `poses.yaml` that came with it. arm_name, cautious: as `load` was told.
+        poses_file: the `poses.yaml` that came with it. arm_name, cautious, robot_config: as `load`
+            was told.
 
     Else as `palpate.scene.scene.Scene`.
     """
@@ -52,6 +54,7 @@ class Scene(InnerScene):
     poses_file: Path | None = None
     arm_name: str = DEFAULT
     cautious: bool = False
+    robot_config: Path | None = None
 
     def plan(
         self,
@@ -99,6 +102,7 @@ class Scene(InnerScene):
             poses=self.poses_file,
             arm=self.arm_name,
             cautious=self.cautious,
+            robot_config=self.robot_config,
         )
         return mine.checked(at_hand=True)
 
@@ -244,6 +248,7 @@ def run(
     poses: str | Path | None = None,
     arm: str | Path = DEFAULT,
     cautious: bool = False,
+    robot_config: str | Path | None = None,
     planner: str | Planner = "symbolic",
     images: Sequence[str | Path] = (),
     remeasure: bool = False,
@@ -255,7 +260,7 @@ def run(
     Args:
         scene: MJCF as `load` takes it, or a scene; None lets a model look at a picture instead.
         request: what you want to simulate, in your words; None asks for all that is missing.
-        poses: as `load`. arm: as `load`. cautious: as `load`.
+        poses: as `load`. arm: as `load`. cautious: as `load`. robot_config: as `load`.
         planner: as `Scene.plan`. images: as `Scene.plan`. remeasure: as `Scene.plan`.
         model_settings: as `Scene.plan`.
         options: as `Plan.run`: `seed`, `noise`, `world`, `robot`, `cell`, `out`, `progress`, …
@@ -274,12 +279,14 @@ def run(
         planner=_name(planner),
         arm=str(arm),
         cautious=cautious,
+        robot_config=_path(robot_config),
         remeasure=remeasure,
         model_settings=model_settings or ModelSettings(),
     )
     # How it is to run is looked at before anybody plans: a model's answer costs money.
     planned = replace(asked, **_stated(options)).checked(at_hand=scene is not None)
-    found = load(scene, poses, arm, cautious) if isinstance(scene, str | Path) else scene
+    is_source = isinstance(scene, str | Path)
+    found = load(scene, poses, arm, cautious, robot_config) if is_source else scene
     if found is not None:
         planned = found.settings(planned)
     options.get("progress", quiet)("planning")
@@ -291,6 +298,7 @@ def load(
     poses: str | Path | None = None,
     arm: str | Path = DEFAULT,
     cautious: bool = False,
+    robot_config: str | Path | None = None,
 ) -> Scene:
     """Read an incomplete MJCF.
 
@@ -299,18 +307,25 @@ def load(
         poses: `poses.yaml`: where objects and named places are.
         arm: the arm that is to touch it: a name, or the folder of a description.
         cautious: the arm is to move slowly everywhere, for what no scene shows.
+        robot_config: `robot.yaml`: what was measured of this very arm.
 
     Raises:
         InputError: malformed XML, missing files, names that do not match.
     """
-    file = _path(poses)
-    description = load_description(str(arm), cautious)
+    file, config = _path(poses), _path(robot_config)
+    description = own_arm(str(arm), cautious, config)
     if _is_text(source):
         entries = read_poses(file) if file is not None else None
         found = parse_scene(str(source), poses=entries, arm=description)
     else:
         found = load_scene(Path(source), file, arm=description)
-    return Scene(**_contents(found), poses_file=file, arm_name=str(arm), cautious=cautious)
+    return Scene(
+        **_contents(found),
+        poses_file=file,
+        arm_name=str(arm),
+        cautious=cautious,
+        robot_config=config,
+    )
 
 
 def open(folder: str | Path) -> Run:

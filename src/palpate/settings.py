@@ -31,6 +31,7 @@ class Settings:
             priors.
         robot: URL of a real robot; None is the embedded one.
         arm: the arm's description, by name or folder. cautious: it moves slowly everywhere.
+        robot_config: robot.yaml, what was measured of this very arm.
         planner: `symbolic`, `exhaustive`, `replay:FILE` or `PROVIDER:MODEL`.
         noise: noise model of the embedded robot, by name or file. seed: of everything random in it.
         out: run folder to make; must not exist.
@@ -48,6 +49,7 @@ class Settings:
     robot: str | None = None
     arm: str = DEFAULT
     cautious: bool = False
+    robot_config: Path | None = None
     planner: str = "symbolic"
     noise: str = "lab"
     seed: int = 0
@@ -64,6 +66,7 @@ class Settings:
         Raises:
             InputError: nothing asked, or a value out of range; the message names the argument.
         """
+        from palpate.robots.owner.registered import own_arm
         from palpate.robots.simulated.noise.models import noise_models
 
         replayed = self.planner.startswith("replay:")
@@ -74,6 +77,7 @@ class Settings:
         if self.request is not None:
             _check_request(self.request)
         noise_models().check(self.noise)
+        own_arm(self.arm, self.cautious, self.robot_config)
         if self.on_failure not in get_args(OnFailure):
             raise unknown_name("policy for failures", self.on_failure, get_args(OnFailure))
         if self.world is not None and self.robot is not None:
@@ -87,19 +91,20 @@ class Settings:
         return self
 
     def described_arm(self) -> RobotDescription:
-        """The arm as its owner knows it: its description and, of the embedded one, what the noise
-        model's datasheet says.
+        """The arm as its owner knows it: its description, of the embedded one what the noise model's
+        datasheet says, and what was measured of it.
 
         Raises:
-            InputError: no such arm or noise model.
+            InputError: no such arm or noise model, or its robot.yaml cannot be used.
         """
-        from palpate.robots.datasheet import informed
+        from palpate.robots.owner.registered import own_arm
         from palpate.robots.simulated.noise.models import noise_models
 
-        arm = load_description(self.arm, self.cautious)
-        if self.robot is not None:
-            return arm
-        return informed(arm, noise_models().load(self.noise, arm).datasheet)
+        told = None
+        if self.robot is None:
+            arm = load_description(self.arm, self.cautious)
+            told = noise_models().load(self.noise, arm).datasheet
+        return own_arm(self.arm, self.cautious, self.robot_config, told)
 
 
 def _check_request(request: str) -> None:
@@ -129,8 +134,9 @@ def request_json(settings: Settings) -> dict[str, Any]:
         "robot": settings.robot,
         "arm": settings.arm,
         "cautious": settings.cautious,
+        "robot_config": shown(settings.robot_config),
         "planner": settings.planner,
-        "noise": _noise_json(settings.noise),
+        "noise": noise_told(settings.noise),
         "seed": settings.seed,
         "remeasure": settings.remeasure,
         "on_failure": settings.on_failure,
@@ -140,8 +146,8 @@ def request_json(settings: Settings) -> dict[str, Any]:
     }
 
 
-def _noise_json(noise: str) -> str:
-    """A name, or where its file is."""
+def noise_told(noise: str) -> str:
+    """How a noise model is named in files: its name, or where its file is."""
     from palpate.robots.simulated.noise.models import means_file
 
     return str(Path(noise).absolute()) if means_file(noise) else noise
@@ -176,6 +182,7 @@ def settings_from(document: Mapping[str, Any]) -> Settings:
             scene=path("scene"),
             poses=path("poses"),
             world=path("world"),
+            robot_config=path("robot_config"),
             images=tuple(Path(image) for image in document.get("images", ())),
             model_settings=_model_settings_from(document.get("asking", {})),
         )

@@ -25,13 +25,14 @@ from palpate.planning.planner import Observant, Planner, PlannerSettings
 from palpate.planning.registry import planners
 from palpate.planning.symbolic.planner import requested
 from palpate.quantities.estimators import estimate_all, failed
+from palpate.robots.owner.registered import require_same
 from palpate.runs.read import require_own_version
 from palpate.runs.run import Ending, Run
 from palpate.scene.from_picture import DetectedScene, SceneBuilder
 from palpate.scene.load import parse_scene
 from palpate.scene.poses import Poses, read_poses
 from palpate.scene.scene import Scene
-from palpate.settings import Settings
+from palpate.settings import Settings, noise_told
 
 if TYPE_CHECKING:
     from mujoco import MjSpec
@@ -69,8 +70,11 @@ def cell_for(settings: Settings, scene: Scene | None, seen: bool = False) -> Cel
     """The cell that the settings name; `seen`: the scene was made of a picture.
 
     Raises:
-        InputError: world and scene do not match. Unavailable: no driver for the robot.
+        InputError: world and scene do not match, or what was measured is another arm's. Unavailable:
+            no driver for the robot.
     """
+    simulated = (noise_told(settings.noise), settings.seed) if settings.robot is None else None
+    require_same(settings.described_arm(), simulated)
     if settings.robot is not None:
         return drivers().connect(settings.robot, scene)
     tolerance = SEEN_TOLERANCE if seen else SIZE_TOLERANCE
@@ -216,9 +220,10 @@ def replay(scene: Scene, plan: Plan, world: MjSpec) -> Trace:
     Raises:
         Interrupted: a signal came meanwhile.
     """
+    from palpate.robots.owner.calibrated import as_measured
     from palpate.robots.simulated.robot import MujocoRobot
 
-    robot = MujocoRobot(world, scene.pose_world_base, scene.arm)
+    robot = MujocoRobot(world, scene.pose_world_base, as_measured(scene.arm))
     with interrupts() as signals, signals.raised():
         return perform(plan, scene, robot).trace
 

@@ -51,6 +51,7 @@ class SimulatedCell:
         description: for the report.
         noise: noise model of the robot, by name or file. seed: of everything random in it.
         scene: D, all that the robot's owner knows of the workplace; None: the world itself.
+        visit: the same robot on another day, see `MujocoRobot`.
     """
 
     world: Scene
@@ -61,6 +62,7 @@ class SimulatedCell:
     noise: str = "lab"
     seed: int = 0
     scene: Scene | None = None
+    visit: int = 0
     _robot: MujocoRobot | None = field(default=None, init=False, repr=False)
 
     @property
@@ -88,6 +90,7 @@ class SimulatedCell:
             seed=self.seed,
             stands=self.world.pose_world_base,
             gravity=known.gravity * down,
+            visit=self.visit,
         )
         return self._robot
 

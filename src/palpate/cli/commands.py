@@ -26,6 +26,7 @@ from palpate.cli.options import (
     Planner,
     Poses,
     Remeasure,
+    RobotConfig,
     RunFolder,
     SceneOptions,
     Seed,
@@ -78,6 +79,7 @@ def demo(
     planner: Annotated[str | None, typer.Option("--planner")] = None,
     arm: Arm = DEFAULT_ARM,
     cautious: Cautious = False,
+    robot_config: RobotConfig = None,
     out: Out = None,
     as_json: AsJson = False,
     model: ModelOptions,
@@ -92,6 +94,7 @@ def demo(
         seed=seed,
         arm=arm,
         cautious=cautious,
+        robot_config=robot_config,
         out=out,
         model_settings=model.settings(),
     )

@@ -42,6 +42,10 @@ Cautious = Annotated[
     bool,
     typer.Option("--cautious", help="Move slowly everywhere: nothing unseen is hit hard."),
 ]
+RobotConfig = Annotated[
+    Path | None,
+    typer.Option("--robot-config", help="robot.yaml: what was measured of this very arm."),
+]
 World = Annotated[
     Path | None, typer.Option("--world", help="MJCF of the hidden world of the embedded robot.")
 ]
@@ -150,6 +154,7 @@ class MotionOptions:
     """Which arm moves, simulated or real, and how."""
 
     cautious: Cautious = False
+    robot_config: RobotConfig = None
     world: World = None
     robot: RobotUrl = None
     noise: NoiseLevel = "lab"

@@ -29,6 +29,7 @@ from numpy.typing import NDArray
 from palpate.estimation import tuning
 from palpate.estimation.drag import Drag
 from palpate.estimation.estimate import Shared
+from palpate.estimation.gains import gain_root
 from palpate.estimation.load.feeling import Feeling
 from palpate.geometry.pose import Array
 from palpate.trace.recording import Hand
@@ -183,8 +184,7 @@ def _along(drag: Drag, line: _Line, side: float, middle: Array) -> Array:
 
 def _joints(drag: Drag, felt: Feeling, hand: Hand, mu: float) -> Array:
     """(n, k) N: what the arm's joints may leave in f_t - mu N, one column for each unknown at its
-    standard deviation: gains, which a uniform distribution bounds (GUM, JCGM 100:2008, 4.3.7), and
-    friction, which turns round with the joint."""
+    standard deviation: gains, and friction, which turns round with the joint."""
     if felt.chain is None:
         # Not known joint by joint: both forces carry the gain of the joints that sensed them.
         return (tuning.GAIN_RATIO * hand.torque_gain * mu * drag.normal)[:, None]
@@ -192,8 +192,8 @@ def _joints(drag: Drag, felt: Feeling, hand: Hand, mu: float) -> Array:
     middle: Array = drag.q.mean(axis=0, keepdims=True)
     wrenches: Array = np.linalg.pinv(felt.maps(middle)).astype(np.float64)
     lever: Array = drag.way @ wrenches[0, :2] + mu * wrenches[0, 2]
-    gains = hand.torque_gain / np.sqrt(3.0) * drag.torque
-    return np.column_stack([lever * gains, tuning.JOINT_TORQUE * lever * drag.turned])
+    gains = (lever * drag.torque) @ gain_root(hand, len(lever))
+    return np.column_stack([gains, tuning.JOINT_TORQUE * lever * drag.turned])
 
 
 def _readings(drags: Sequence[Drag]) -> tuple[Array, Array]:

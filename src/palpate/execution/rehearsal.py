@@ -10,6 +10,7 @@ import numpy as np
 from palpate.execution.runner import Execution, run
 from palpate.interrupt import interrupts
 from palpate.planning.plan import Plan
+from palpate.robots.owner.calibrated import as_measured
 from palpate.robots.simulated.robot import MujocoRobot
 from palpate.scene.scene import Scene
 
@@ -39,7 +40,7 @@ def rehearse(plan: Plan, scene: Scene) -> Rehearsal:
     Raises:
         Interrupted: a signal came meanwhile.
     """
-    robot = MujocoRobot(scene.spec(), scene.pose_world_base, scene.arm)
+    robot = MujocoRobot(scene.spec(), scene.pose_world_base, as_measured(scene.arm))
     try:
         with interrupts() as signals, signals.raised():
             return _predicted(run(plan, scene, robot))

@@ -36,6 +36,11 @@ def plain_yaml(text: str, where: str) -> Any:
         raise InputError(f"{where}: not YAML: {error}") from None
 
 
+def yaml_text(content: Any) -> str:
+    """Plain values as YAML, in the order in which they are given; lists of numbers on one line."""
+    return yaml.safe_dump(content, sort_keys=False, allow_unicode=True, width=10_000)
+
+
 def _require_plain(text: str) -> None:
     depth = 0
     for token in yaml.scan(text, Loader=yaml.SafeLoader):

@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from itertools import product
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import mujoco
 import numpy as np
@@ -23,6 +24,7 @@ from palpate.robots.sheet import (
     Pace,
     ParallelHand,
     Reach,
+    ReflexSheet,
     Sensors,
     Sheet,
     Stiffness,
@@ -30,6 +32,9 @@ from palpate.robots.sheet import (
 )
 from palpate.trace.recording import Hand
 from palpate.trace.samples import STANDARD_GRAVITY
+
+if TYPE_CHECKING:
+    from palpate.robots.owner.config import EndEffector, RobotConfig
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -82,6 +87,9 @@ class RobotDescription:
         reach: where the arm works well. postures: where the inverse kinematics looks.
         stiffness, pace: defaults of the controller and of commanded motions.
         sensors: how its joint torque signals deviate.
+        end_effector: what the last joint carries, where somebody weighed it.
+        config: what was measured of this very arm; it is in the other attributes already. told: the
+            arm without it. None where nothing was.
     """
 
     name: str
@@ -100,6 +108,9 @@ class RobotDescription:
     pace: Pace
     sensors: Sensors
     postures: tuple[Array, ...]
+    end_effector: EndEffector | None = None
+    config: RobotConfig | None = None
+    told: RobotDescription | None = None
 
     @property
     def tip(self) -> float:
@@ -115,6 +126,12 @@ class RobotDescription:
         """The site at the TCP."""
         return self.hand.tcp if isinstance(self.hand.tcp, str) else TCP
 
+    @property
+    def gravity(self) -> float | None:
+        """m/s^2 where it stands, where somebody measured that."""
+        measured = self.config.gravity if self.config is not None else None
+        return measured.value if measured is not None else None
+
     def cautious(self) -> RobotDescription:
         """The same arm, slow enough everywhere for things that no scene shows."""
         slower = dict(self.pace.cautious)
@@ -125,6 +142,8 @@ class RobotDescription:
         spec = prepared(self)
         if gravity is not None:
             spec.option.gravity = gravity
+        if self.end_effector is not None:
+            _weigh_hand(spec, self, self.end_effector)
         return spec
 
 
@@ -196,13 +215,33 @@ def _limits(where: Path, sheet: Sheet, model: mujoco.MjModel) -> Limits:
         workspace_min=sheet.workspace.min,
         workspace_max=sheet.workspace.max,
         stale_after=safety.stale,
-        reflexes=_reflexes(sheet),
+        reflexes=reflexes(sheet.reflex, sheet.payload),
     )
 
 
-def _reflexes(sheet: Sheet) -> Reflexes:
-    """What hangs on the hand weighs up to the payload; in free air nothing does."""
-    weight, said = sheet.payload * STANDARD_GRAVITY, sheet.reflex
+def _weigh_hand(spec: mujoco.MjSpec, arm: RobotDescription, end: EndEffector) -> None:
+    """Make the hand so heavy that it and its fingers are `end` together; its inertia about its own
+    centre stays."""
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    for name in arm.hand.fingers:
+        data.qpos[int(model.joint(name).qposadr[0])] = arm.hand.opening / 4
+    mujoco.mj_kinematics(model, data)
+    hand = data.body(arm.hand.body)
+    rest, moment = end.mass, end.mass * end.centre
+    for name in arm.hand.fingers:
+        finger = spec.joint(name).parent
+        centre = hand.xmat.reshape(3, 3).T @ (data.body(finger.name).xipos - hand.xpos)
+        rest, moment = rest - finger.mass, moment - finger.mass * centre
+    if rest <= 0.0:
+        raise InputError(f"end_effector: {end.mass:g} kg is less than the fingers alone weigh")
+    body = spec.body(arm.hand.body)
+    body.mass, body.ipos = rest, moment / rest
+
+
+def reflexes(said: ReflexSheet, payload: float) -> Reflexes:
+    """What hangs on the hand weighs up to the payload, kg; in free air nothing does."""
+    weight = payload * STANDARD_GRAVITY
     return Reflexes(
         free=Reflex(said.free.force, said.free.torque),
         carrying=Reflex(said.carrying.force, said.carrying.torque, weight),

@@ -102,6 +102,8 @@ class Hand:
         tip_offset_std: m, how well `tip_offset` is known.
         tip_compliance: m/N, of pads and joints beyond the encoders, under a force along the tool;
             tip_compliance_std: how well that is known.
+        gain_covariance: (7, 7), of the joints' relative gain errors that were measured and corrected;
+            None where `torque_gain` is all that is known.
         chain: what the joints do to the TCP; None where that was not written down.
         joints, fingers: their names, as logged; a trace from before arms could be chosen names none,
             and is an FR3's.
@@ -118,4 +120,5 @@ class Hand:
     tip_offset_std: float = 2e-4
     tip_compliance: float = 0.0
     tip_compliance_std: float = 1e-6
+    gain_covariance: tuple[tuple[float, ...], ...] | None = None
     chain: Chain | None = None

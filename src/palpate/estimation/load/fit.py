@@ -32,6 +32,7 @@ import numpy as np
 
 from palpate.estimation import tuning
 from palpate.estimation.agreement import FitTest
+from palpate.estimation.gains import gain_root
 from palpate.estimation.load.equations import (
     FORCE_Z,
     SIDEWAYS,
@@ -58,7 +59,8 @@ class Load:
         covariance: (1 + 2n, 1 + 2n) of it, with all that the grasps have in common.
         freedom: degrees of freedom of the noise in that.
         tests: of what else might act on it.
-        gains: (1 + 2n, signals) what one standard deviation of each signal's gain does to `value`.
+        gains: (1 + 2n, signals) what one standard deviation of each signal's gain does to `value`; of
+            gains that were measured together, of as many causes that are independent.
     """
 
     grasps: tuple[float, ...]
@@ -126,17 +128,17 @@ def _fit(weighings: Sequence[Weighing], gravity: float, hand: Hand) -> Load:
 def _model(rows: Sequence[Rows], grasps: Sequence[float], about: Array, hand: Hand) -> Model:
     """F, the moments in each grasp, forces to the side in each, gains. `about` is where F and the
     moments are."""
-    gain = hand.torque_gain / np.sqrt(3.0)  # uniform: GUM (JCGM 100:2008) 4.3.7
     tilt = tuning.TILT * abs(float(about[0])) + tuning.FLOOR
     signals, count = int(rows[0].signal.max()) + 1, 1 + 2 * len(grasps)
+    gains = gain_root(hand, signals)
     aside = (tilt, tilt, tilt * tuning.TORQUE_LEVER)
-    prior = [np.full(count, tuning.LOAD_PRIOR), *[aside] * len(grasps), np.full(signals, gain)]
+    prior = [np.full(count, tuning.LOAD_PRIOR), *[aside] * len(grasps), np.ones(signals)]
     designs: list[Array] = []
     for row in rows:
         vertical = np.column_stack(
             [row.wrench[:, FORCE_Z], in_each(row, grasps, (TORQUE_X, TORQUE_Y))]
         )
-        borne = (vertical @ about)[:, None] * (row.signal[:, None] == np.arange(signals))
+        borne = (vertical @ about)[:, None] * gains[row.signal]
         design = np.column_stack([vertical, in_each(row, grasps, SIDEWAYS), borne])
         designs.append(row.white(design))
     y = np.concatenate([row.white(row.felt) for row in rows])

@@ -47,8 +47,10 @@ class Readout:
         stamps: Stamps,
         q: Array,
         torque: Array,
+        gains: Array,
     ) -> None:
-        """At rest at `q` (7,), rad, held up by `torque` (7,), N m."""
+        """At rest at `q` (7,), rad, held up by `torque` (7,), N m; `gains` (7,) are the relative
+        errors of the sensors that were measured, and are corrected."""
         self._nominal, self._sensors, self._encoders = nominal, sensors, encoders
         self._stamps = stamps
         self._reflected = nominal.armature
@@ -68,6 +70,7 @@ class Readout:
         position = here.pose_world_tcp[:, :3]
         start = Motion(reported, np.zeros((1, 7)), self.jacobian, position)
         sensors.zero(torque, self.gravity_torque, start)
+        self._gains, self._zeroed = 1.0 + gains, self.gravity_torque.copy()
 
     @property
     def q(self) -> Array:
@@ -101,6 +104,7 @@ class Readout:
         true = self._link_torque(steps, gained, gains, jacobian[-1])
         motion = Motion(mean[:, :7], dq, jacobian[-1], mean[:, 7:10])
         torque, arrived, shown = self._sensors.measure(true, motion)
+        torque, shown = self._corrected(torque), self._corrected(shown)
         self.deviation = shown - true[-1]
         tau_ext = torque - mean[:, 14:]
         external = self._observe(tau_ext - here.inertia_torque)
@@ -139,6 +143,11 @@ class Readout:
         if arrived is None or arrived[-1]:
             self.told = (self.q, self.pose_world_tcp)
         return samples
+
+    def _corrected(self, torque: Array) -> Array:
+        """Readings (..., 7), N m, without the gains' errors as far as these are known. They were
+        zeroed to what the nominal arm weighs there, and are so again."""
+        return self._zeroed + (torque - self._zeroed) / self._gains
 
     def _reported(self, steps: Steps) -> Array:
         """(n, 7) rad at the end of each block, as the encoders have it, but for their noise."""

@@ -14,9 +14,9 @@ import numpy as np
 
 from palpate.geometry.pose import Array, Pose
 from palpate.robots import trajectory
-from palpate.robots.datasheet import informed
 from palpate.robots.description import Limits, RobotDescription
 from palpate.robots.nominal import NominalArm, wrench
+from palpate.robots.owner.calibrated import known, unmeasured
 from palpate.robots.pace import free_speeds, joint_rates
 from palpate.robots.reflex import Reflex
 from palpate.robots.robot import RobotState
@@ -72,23 +72,28 @@ class MujocoRobot:
         *,
         stands: Pose | None = None,
         gravity: Array | None = None,
+        visit: int = 0,
     ) -> None:
         """Put the true `arm` of the noise model into `world`, which is changed.
 
         Args:
             pose_world_base: where the base is thought to stand. stands: where it stands in `world`
                 but for what the noise model says; there, by default.
-            gravity: (3,) m/s^2 that is thought to act; the world's, by default.
+            gravity: (3,) m/s^2 that is thought to act; the world's, by default. What was measured of
+                the arm comes before it.
+            visit: the same robot on another day: all that is drawn once a run is another one.
 
         Raises:
             InputError: no such noise model, or the world does not compile with the robot in it.
         """
-        model, streams = noise_models().load(noise, arm), Streams(seed)
-        arm, truth = informed(arm, model.datasheet), Truth(model.model, streams)
+        model, streams = noise_models().load(noise, arm), Streams(seed, visit)
+        arm, truth = known(arm, model.datasheet), Truth(model.model, streams)
         assumed = np.array(world.option.gravity if gravity is None else gravity)
+        if arm.gravity is not None:
+            assumed = np.array([0.0, 0.0, -arm.gravity])
         self._arm = arm
         self._gravity = float(-assumed[2])
-        self._world = World(world, stands or pose_world_base, arm, truth)
+        self._world = World(world, stands or pose_world_base, unmeasured(arm), truth)
         self._nominal = NominalArm(arm, pose_world_base, assumed)
         self._sensors = Sensors(model, arm.limits.tau_max, streams)
         self._encoders = Encoders(model, self._sensors.rests, streams)
@@ -101,13 +106,22 @@ class MujocoRobot:
         self._reflex: str | None = None
         self._due = 0.0
         self._logged: list[Samples] = []
-        self._start(arm.home, truth.askew)
+        # The controller holds up what was measured of the arm, MuJoCo what its description says.
+        weighed = arm.gravity is not None or arm.end_effector is not None
+        self._start(arm.home, truth.askew or weighed)
 
     def _start(self, q: Array, askew: bool) -> None:
         """At rest at the configuration `q`, sensors zeroed."""
         weight = self._world.true_gravity_torque()
+        gains = self._arm.config.torque_gain if self._arm.config is not None else None
         self._readout = Readout(
-            self._nominal, self._sensors, self._encoders, self._stamps, q, weight
+            self._nominal,
+            self._sensors,
+            self._encoders,
+            self._stamps,
+            q,
+            weight,
+            np.zeros(7) if gains is None else gains.value,
         )
         self._correction = Correction(self._world, self._readout, self._encoders, askew)
         self._target = self._readout.pose_world_tcp.vector

@@ -16,7 +16,7 @@ from pydantic import BaseModel
 
 from palpate.errors import InputError
 from palpate.geometry.pose import Pose
-from palpate.robots.datasheet import informed
+from palpate.robots.owner.datasheet import informed
 from palpate.robots.registry import load_description
 from palpate.robots.simulated.noise import models
 from palpate.robots.simulated.noise.model import NoiseModel

@@ -45,7 +45,7 @@ class Shaking:
 
     def __init__(self, vibration: Vibration, period: float, streams: Streams) -> None:
         self._omega = 2 * math.pi * vibration.frequency
-        self._phase = streams("environment.vibration").uniform(-np.pi, np.pi)
+        self._phase = streams.run("environment.vibration").uniform(-np.pi, np.pi)
         within = self._omega * period / 2  # a block's mean is less than its middle
         self._size = math.sqrt(2.0) * vibration.acceleration * np.sinc(within / np.pi)
         self._period, self._t = period, 0.0

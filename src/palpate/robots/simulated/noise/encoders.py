@@ -37,14 +37,14 @@ class Encoders:
         self._ripple = math.sqrt(2.0) * pose.encoder_ripple.size
         self._cycles = pose.encoder_ripple.cycles
         self._phase = streams("pose.encoder_ripple").uniform(-np.pi, np.pi, JOINTS)
-        self._noise, self._random = pose.encoder, streams("pose.encoder")
+        self._noise, self._random = pose.encoder, streams.run("pose.encoder")
         self._step = pose.quantisation
         self.exact = not (self._compliance.any() or self._ripple.any() or self.soft)
         self.clean = not (pose.encoder.any() or pose.quantisation)
         self._thermal = None
         if pose.thermal:
             time = noise.torque.drift.time_constant
-            self._thermal = Relaxation(pose.thermal, time, streams("pose.thermal"), 3)
+            self._thermal = Relaxation(pose.thermal, time, streams.run("pose.thermal"), 3)
 
     @property
     def pose_error(self) -> Array:

@@ -25,7 +25,7 @@ class JointFriction:
         spread = 1.0 + friction.spread.draw(streams("friction.spread"))
         self._level = friction.coulomb * np.maximum(spread, 0.0)
         self._turned = streams("friction.position").uniform(-np.pi, np.pi, JOINTS)
-        self.torque = self._level * streams("friction.coulomb").uniform(-1.0, 1.0, JOINTS)
+        self.torque = self._level * streams.run("friction.coulomb").uniform(-1.0, 1.0, JOINTS)
         """(7,) N m now, in the direction of the last motion."""
         self._varies = friction.static > 1 or friction.load.any() or friction.position.any()
         self.none = not (self._level.any() or friction.viscous.any() or friction.load.any())

@@ -23,11 +23,11 @@ class Line:
     made."""
 
     def __init__(self, torque: Torque, acquisition: Acquisition, streams: Streams) -> None:
-        self._torque, self._white = torque, streams("torque.white")
+        self._torque, self._white = torque, streams.run("torque.white")
         self._mean = torque.white / math.sqrt(BLOCK)
         self._outliers = acquisition.outliers
-        self._odd = streams("acquisition.outliers")
-        self._repeated, self._again = acquisition.repeated, streams("acquisition.repeated")
+        self._odd = streams.run("acquisition.outliers")
+        self._repeated, self._again = acquisition.repeated, streams.run("acquisition.repeated")
         self._gaps = Gaps(acquisition, streams) if acquisition.dropped.rate else None
         self._strays = bool(self._outliers.rate and self._outliers.size.any())
         self._coarse = torque.quantisation.any()
@@ -131,7 +131,7 @@ class Gaps:
     """Samples that do not arrive."""
 
     def __init__(self, acquisition: Acquisition, streams: Streams) -> None:
-        self._rate, self._random = acquisition.dropped.rate, streams("acquisition.dropped")
+        self._rate, self._random = acquisition.dropped.rate, streams.run("acquisition.dropped")
         self._length = max(1, round(acquisition.dropped.length / TIMESTEP))
         self._left = 0
 

@@ -31,8 +31,8 @@ class Rests:
         self, sticking: Sticking, pose: PoseErrors, period: float, streams: Streams
     ) -> None:
         self._model, self._pose, self._period = sticking, pose, period
-        self._force, self._own = streams("sticking.force"), streams("sticking.torque")
-        self._places = streams("pose.repeatability")
+        self._force, self._own = streams.run("sticking.force"), streams.run("sticking.torque")
+        self._places = streams.run("pose.repeatability")
         self.torque, self._goal = np.zeros(JOINTS), np.zeros(JOINTS)
         self.pose_error = pose.repeatability.draw(self._places)
         self._place = self.pose_error.copy()

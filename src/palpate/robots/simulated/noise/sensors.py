@@ -54,7 +54,7 @@ class Sensors:
         self._gauges = Gauges(torque, tau_max, streams)
         self._wander = Wander(torque, PERIOD, streams)
         self._line = Line(torque, noise.acquisition, streams)
-        self._white, self._looks = torque.white, streams("torque.white.looks")
+        self._white, self._looks = torque.white, streams.run("torque.white.looks")
         self._zero = np.zeros(JOINTS)
 
     def zero(self, torque: Array, nominal: Array, start: Motion) -> None:

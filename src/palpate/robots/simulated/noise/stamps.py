@@ -19,7 +19,7 @@ class Stamps:
     def __init__(self, acquisition: Acquisition, streams: Streams) -> None:
         self.rate = 1.0 + acquisition.clock.number(streams("acquisition.clock"))
         """s of robot time in a second."""
-        self._jitter, self._random = acquisition.jitter, streams("acquisition.jitter")
+        self._jitter, self._random = acquisition.jitter, streams.run("acquisition.jitter")
 
     def of(self, t: Array) -> Array:
         """(n,) s, stamps of samples taken at times `t` (n,), s, of the world."""

@@ -58,16 +58,29 @@ class Drawn:
         return float(self.draw(random)[()])
 
 
+LAST_BYTE = 255
+"""Of a key's text; what follows is no text."""
+
+
 class Streams:
     """One stream of random numbers for each key of a noise model, by its name (`torque.white`): a
     change of one reshuffles no other."""
 
-    def __init__(self, seed: int) -> None:
-        self._seed = seed
+    def __init__(self, seed: int, visit: int = 0) -> None:
+        """`seed` is the robot; `visit` is one of the runs that it makes."""
+        self._seed, self._visit = seed, visit
 
     def __call__(self, key: str) -> np.random.Generator:
-        """The stream of that name, from its beginning."""
-        sequence = np.random.SeedSequence(self._seed, spawn_key=tuple(key.encode()))
+        """The stream of that name, from its beginning: of what a robot is."""
+        return self._stream(tuple(key.encode()))
+
+    def run(self, key: str) -> np.random.Generator:
+        """The stream of what is drawn anew in every run."""
+        visit = (LAST_BYTE + self._visit,) if self._visit else ()
+        return self._stream((*key.encode(), *visit))
+
+    def _stream(self, key: tuple[int, ...]) -> np.random.Generator:
+        sequence = np.random.SeedSequence(self._seed, spawn_key=key)
         return np.random.default_rng(sequence)
 
 

@@ -78,17 +78,17 @@ class Wander:
     def __init__(self, torque: Torque, period: float, streams: Streams) -> None:
         drift = torque.drift
         self._period, self._t, self._warming = period, 0.0, drift.warm_up_time
-        self.left = torque.offset.draw(streams("torque.offset"))
+        self.left = torque.offset.draw(streams.run("torque.offset"))
         self._drift = None
         if drift.size.any():
-            random = streams("torque.drift")
+            random = streams.run("torque.drift")
             self._drift = Relaxation(drift.size, drift.time_constant, random, JOINTS)
         self._warm = None
         if drift.warm_up.any:
             self._warm = drift.warm_up.draw(streams("torque.drift.warm_up"))
         self._flicker = None
         if torque.flicker.level.any():
-            self._flicker = FlickerNoise(torque.flicker, period, streams("torque.flicker"))
+            self._flicker = FlickerNoise(torque.flicker, period, streams.run("torque.flicker"))
 
     @property
     def now(self) -> Array:

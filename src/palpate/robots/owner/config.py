@@ -1,0 +1,220 @@
+"""`robot.yaml`: what was measured of one very arm, or set on it; the form of `--robot-config`.
+
+Version 1. SI units. Every key is optional; what is absent is what the noise model's datasheet, or
+the arm's description, says. A figure that was measured has its standard deviation, and says when
+and how.
+"""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from datetime import date
+from functools import lru_cache
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    Field,
+    PlainValidator,
+    ValidationError,
+    model_validator,
+)
+
+from palpate.errors import InputError
+from palpate.files.plain_yaml import plain_yaml, yaml_text
+from palpate.files.read import read_text
+from palpate.files.worded import Section, plain_number, worded
+from palpate.geometry.pose import Array
+from palpate.robots.sheet import Name, ReflexSheet, Seven, Stiffness, Vector, Workspace
+
+JOINTS = 7
+MAX_BYTES = 100_000
+"""Largest robot.yaml."""
+ASKEW = 1e-9
+"""Relative: what rounding leaves of a covariance's symmetry, and of its smallest eigenvalue."""
+
+_Plain = BeforeValidator(plain_number)
+Number = Annotated[float, _Plain, Field(allow_inf_nan=False)]
+Size = Annotated[float, _Plain, Field(gt=0, allow_inf_nan=False)]
+Deviation = Annotated[float, _Plain, Field(ge=0, allow_inf_nan=False)]
+
+
+def _square(value: Any) -> Array:
+    """A covariance of seven numbers."""
+    wanted = f"give {JOINTS} lists of {JOINTS} numbers that are a covariance"
+    try:
+        array = np.array(value, dtype=float)
+    except (TypeError, ValueError):
+        raise ValueError(wanted) from None
+    if array.shape != (JOINTS, JOINTS) or not np.isfinite(array).all():
+        raise ValueError(wanted)
+    small = ASKEW * float(np.abs(array).max())
+    if not np.allclose(array, array.T, atol=small) or np.linalg.eigvalsh(array)[0] < -small:
+        raise ValueError(wanted)
+    array.flags.writeable = False
+    return array
+
+
+class Figure(Section):
+    """Something that was measured: when (`date`), and `by` what."""
+
+    date: date | None = None
+    by: Annotated[str, Field(max_length=300)] | None = None
+
+
+class Value(Figure):
+    """A number and its standard deviation."""
+
+    value: Number
+    std: Deviation
+
+
+class Gains(Figure):
+    """Relative errors of the joints' torque sensors: they show 1 + `value` times what they feel.
+
+    Attributes:
+        value: (7,). std: (7,), of joints that were measured one by one. covariance: (7, 7), of
+            joints that were measured together; one of the two.
+    """
+
+    value: Seven
+    std: Seven | None = None
+    covariance: Annotated[np.ndarray, PlainValidator(_square)] | None = None
+
+    @model_validator(mode="after")
+    def _one_of_two(self) -> Gains:
+        if (self.std is None) == (self.covariance is None):
+            raise ValueError("give 'std' or 'covariance', one of the two")
+        if self.std is not None and (self.std < 0).any():
+            raise ValueError("'std' must not be negative")
+        if (self.value <= -1).any():
+            raise ValueError("'value' is relative: 0.01 is one per cent")
+        return self
+
+    @property
+    def spread(self) -> Array:
+        """(7, 7) covariance."""
+        if self.covariance is not None:
+            return self.covariance
+        assert self.std is not None
+        return np.diag(self.std**2)
+
+
+class Gravity(Figure):
+    """m/s^2, of the place where the arm stands."""
+
+    value: Size
+
+
+class EndEffector(Section):
+    """What the last joint carries without a load, the fingers included: `mass` in kg, `centre` in m
+    in the axes of the hand's body, from its origin, with the fingers half open."""
+
+    mass: Size
+    centre: Vector
+
+
+class Simulated(Section):
+    """Which arm of the embedded world it is: another `noise` or `seed` is another arm."""
+
+    noise: Name
+    seed: Annotated[int, Field(ge=0)]
+
+
+class RobotConfig(Section):
+    """All that a robot.yaml says.
+
+    Attributes:
+        arm: its description's name. simulated: None for a real arm.
+        gravity: where it stands. torque_gain: of the joints' sensors.
+        tip_offset: m, from the TCP to the pads' end along the tool, with all that the arm's frame
+            adds to a height where it was measured.
+        tip_compliance: m/N, of pads and joints beyond the encoders, under a force along the tool.
+        end_effector: what hangs on the flange. stiffness: of the controller's springs.
+        reflex: at what the arm stops itself. workspace: a box that the TCP stays in.
+        speed: part of the description's pace.
+    """
+
+    palpate_robot: Literal[1] = 1
+    name: Name | None = None
+    arm: Name | None = None
+    simulated: Simulated | None = None
+    gravity: Gravity | None = None
+    torque_gain: Gains | None = None
+    tip_offset: Value | None = None
+    tip_compliance: Value | None = None
+    end_effector: EndEffector | None = None
+    stiffness: Stiffness | None = None
+    reflex: ReflexSheet | None = None
+    workspace: Workspace | None = None
+    speed: Annotated[float, _Plain, Field(gt=0, le=1)] | None = None
+
+    # One and the same for the same file, as what is computed of it is kept.
+    def __hash__(self) -> int:
+        return id(self)
+
+    def __eq__(self, other: object) -> bool:
+        return self is other
+
+
+def read_config(path: Path) -> RobotConfig:
+    """What a robot.yaml says; the same object as long as the file does not change.
+
+    Raises:
+        InputError: unreadable, or not of this form; the message names file and key.
+    """
+    version = path.stat().st_mtime_ns if path.is_file() else 0
+    return _read(path, version)
+
+
+@lru_cache(32)
+def _read(path: Path, version: int) -> RobotConfig:
+    content: Any = plain_yaml(read_text(path, MAX_BYTES, "a robot.yaml"), str(path))
+    if not isinstance(content, dict):
+        raise InputError(
+            f"{path}: give the keys of a robot.yaml, e.g. 'gravity: {{value: 9.8123}}'"
+        )
+    try:
+        return RobotConfig.model_validate(content)
+    except ValidationError as error:
+        raise InputError(f"{path}: {worded(error, RobotConfig)}") from None
+
+
+def write_config(path: Path, config: RobotConfig) -> None:
+    """Write it whole, or not at all.
+
+    Raises:
+        InputError: it cannot be written.
+    """
+    text = yaml_text(_plain(config))
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        handle, part = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
+        try:
+            with os.fdopen(handle, "w", encoding="utf-8") as file:
+                file.write(text)
+            os.chmod(part, 0o644)
+            os.replace(part, path)
+        except BaseException:
+            os.unlink(part)
+            raise
+    except OSError as error:
+        raise InputError(f"cannot write {path}: {error.strerror}") from error
+
+
+def _plain(section: BaseModel) -> dict[str, Any]:
+    """What is said in it, without arrays, which YAML does not know."""
+    said: dict[str, Any] = {}
+    for name in type(section).model_fields:
+        value = getattr(section, name)
+        if isinstance(value, BaseModel):
+            value = _plain(value)
+        elif isinstance(value, np.ndarray):
+            value = value.tolist()
+        if value is not None:
+            said[name] = value
+    return said

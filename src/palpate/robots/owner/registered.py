@@ -1,0 +1,50 @@
+"""The arm that `--arm` and `--robot-config` mean."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from palpate.errors import InputError
+from palpate.robots.description import RobotDescription
+from palpate.robots.owner.calibrated import calibrated
+from palpate.robots.owner.config import read_config
+from palpate.robots.owner.datasheet import Datasheet, informed
+from palpate.robots.registry import load_description
+
+
+def own_arm(
+    name: str, cautious: bool, config: Path | None, told: Datasheet | None = None
+) -> RobotDescription:
+    """The arm as its owner knows it: its description, what a datasheet tells, and what the
+    robot.yaml `config` says was measured of it.
+
+    Raises:
+        InputError: no such arm, or the file cannot be read, or is another arm's.
+    """
+    arm = load_description(name, cautious)
+    if told is not None:
+        arm = informed(arm, told)
+    if config is None:
+        return arm
+    measured = read_config(config)
+    if measured.arm is not None and measured.arm != arm.name:
+        raise InputError(f"{config} was measured of the arm '{measured.arm}', not of '{arm.name}'")
+    return calibrated(arm, measured)
+
+
+def require_same(arm: RobotDescription, simulated: tuple[str, int] | None) -> None:
+    """That what was measured of `arm` was measured of the one that is to move: the embedded one's
+    noise model and seed, None for a real one.
+
+    Raises:
+        InputError: it was another one.
+    """
+    measured = arm.config.simulated if arm.config is not None else None
+    if measured is None or (measured.noise, measured.seed) == simulated:
+        return
+    here = "a real arm" if simulated is None else f"noise {simulated[0]}, seed {simulated[1]}"
+    raise InputError(
+        f"the robot_config= was measured of the embedded arm of noise {measured.noise}, seed "
+        f"{measured.seed}, and this is another one ({here}); without its section 'simulated' it is "
+        "taken as it is"
+    )
