@@ -7,9 +7,9 @@ and how.
 
 from __future__ import annotations
 
+import datetime
 import os
 import tempfile
-from datetime import date
 from functools import lru_cache
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -62,7 +62,7 @@ def _square(value: Any) -> Array:
 class Figure(Section):
     """Something that was measured: when (`date`), and `by` what."""
 
-    date: date | None = None
+    date: datetime.date | None = None
     by: Annotated[str, Field(max_length=300)] | None = None
 
 
