@@ -209,3 +209,27 @@ def test_noise_of_gaps_and_of_nothing():
     steps = np.where(t < 3.0, 0.0, 50.0)[:, None] + np.zeros((1, 2))
     assert block_noise(steps, t, np.zeros(len(t)), [slice(0, len(t))]).white.max() < 1e-12
     assert block_noise(steps, t, np.zeros(len(t)), []).white.min() > 0.0
+
+
+def test_what_sticks_in_joints_that_a_lift_hardly_turns_is_none_of_the_load(lifted):
+    """Their friction is what the last motion before left in them, and goes as they turn a little."""
+
+    def with_friction(level):
+        trace = lifted(white=0.003)
+        samples = trace.samples
+        q = samples.q.copy()
+        # The load turns the wrist by half a millirad as it is taken up, and back again.
+        sag = 5e-4 * np.clip(np.abs(samples.wrench[:, 2]) / WEIGHT, 0.0, 1.0)
+        smooth = np.convolve(sag, np.ones(40) / 40, mode="same")
+        q[:, 4] += smooth
+        path = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(smooth)))])
+        torque = samples.tau_ext.copy()
+        torque[:, 4] += level * np.exp(-path / 2e-3)
+        return replace(trace, samples=replace(samples, q=q, tau_ext=torque))
+
+    def moment(trace):
+        held = next(r for r in trace.recordings if r.context.holding == "bottle")
+        return fit_load(weighings(trace, held), trace.gravity, trace.hand).value[1:]
+
+    smooth, sticky = moment(with_friction(0.0)), moment(with_friction(0.3))
+    assert sticky == pytest.approx(smooth, abs=0.01)

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.estimation import tuning
+from palpate.estimation.load.rubbing import TURNED, rubbing
 from palpate.estimation.windows import Load, Mask, at_rest, load_of, row_at, runs
 from palpate.geometry.pose import Array
 from palpate.trace.samples import Samples, Trace
@@ -158,7 +159,7 @@ def _drags(trace: Trace, load: Load) -> Iterator[Drag]:
     floor = min(_height_at(samples, time) for time in load.grasps)
     if not _at_rest(samples, load, floor).any():
         return
-    turned, hanging = _turned(samples), _at_rest(samples, load, floor)
+    turned, hanging = rubbing(samples.q)[:, :, TURNED], _at_rest(samples, load, floor)
     step = np.gradient(samples.target_world_tcp[:, :3], samples.t, axis=0)
     horizontal = np.linalg.norm(step[:, :2], axis=1)
     level = np.abs(step[:, 2]) < tuning.DRAG_SLOPE * horizontal
@@ -166,18 +167,6 @@ def _drags(trace: Trace, load: Load) -> Iterator[Drag]:
     for rows in runs(load.loaded & low & (horizontal > tuning.DRAG_SPEED) & level):
         if rows.stop - rows.start > tuning.DRAG_ROWS:
             yield _drag(samples, rows, step[:, :2], hanging, turned)
-
-
-def _turned(samples: Samples) -> Array:
-    """(n, 7) which way each joint was turned last: -1 to 1, between them while it turns round, over
-    `tuning.PRESLIDING` (Dahl's model)."""
-    step = np.diff(samples.q, axis=0, prepend=samples.q[:1])
-    keep = np.exp(-np.abs(step) / tuning.PRESLIDING)
-    pull = np.copysign(1.0 - keep, step)
-    found = np.zeros_like(step)
-    for row in range(1, len(step)):
-        found[row] = keep[row] * found[row - 1] + pull[row]
-    return found
 
 
 def _height_at(samples: Samples, time: float) -> float:

@@ -31,6 +31,8 @@ class Rows:
         wrench: (n, 6) what the components of the load's wrench make of them.
         grasp: (n,) s, of loaded rows. height: (n,) m about its mean, of loaded rows.
         way: (n,) 1 up, -1 down, 0 at rest. rest: (n,) 1 at rest.
+        rubbed: (n, p) what a level of friction in each joint makes of them, and what it had at the
+            start (`estimation.load.rubbing`).
         signal: (n,) which signal a row is of. freedom: degrees of freedom of the noise.
     """
 
@@ -41,6 +43,7 @@ class Rows:
     height: Array
     way: Array
     rest: Array
+    rubbed: Array
     signal: NDArray[np.intp]
     freedom: float
 
@@ -99,9 +102,22 @@ def equations(weighing: Weighing, gravity: float, hand: Hand) -> Rows:
         np.tile(path - path[loaded != 0.0].mean(), signals),
         each(WAYS.get(segment.kind, 0.0) for segment in found),
         each(float(segment.at_rest) for segment in found),
+        _rubbed(found, signals),
         np.repeat(np.arange(signals), len(path)),
         weighing.noise.freedom,
     )
+
+
+def _rubbed(found: Sequence[Segment], signals: int) -> Array:
+    """(signals x bins, 2 joints): a joint's friction shows in its own signal."""
+    states = np.concatenate([segment.rubbed for segment in found])
+    bins, joints, kinds = states.shape
+    if not joints:
+        return np.zeros((signals * bins, 0))
+    columns = np.zeros((joints, bins, joints, kinds))
+    for joint in range(joints):
+        columns[joint, :, joint] = states[:, joint]
+    return columns.reshape(joints * bins, joints * kinds)
 
 
 def in_each(row: Rows, grasps: Sequence[float], components: Sequence[int]) -> Array:

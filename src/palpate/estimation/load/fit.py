@@ -3,11 +3,12 @@
 A signal (a joint's torque; `estimation.load.feeling`), averaged over bin b of a rest or a pass along the
 path of a lift, is modelled as
 
-    y_b = L_b (1 + a_b / g) (J_b^T W + gain errors) + c_kind(x_b) + i a_b + d(t_b) + e + n_b
+    y_b = L_b (1 + a_b / g) (J_b^T W + gain errors) + f s_b + c_kind(x_b) + i a_b + d(t_b) + e + n_b
 
     W       the wrench of the load, which is sought: (0, 0, F, M_x, M_y, 0) of what hangs free;
             L_b is 1 with the load in the hand and 0 without
     a, g    vertical acceleration and gravity; i is what the arm's own inertia makes of it
+    f, s    friction of a joint, whose state follows its motion (`estimation.load.rubbing`)
     c       bias of each kind of segment, a cubic along the path x and a bit of its own in each bin
     d       drift and 1/f noise over time t
     e       what sticks in the joints at a rest; n white noise
@@ -126,20 +127,22 @@ def _fit(weighings: Sequence[Weighing], gravity: float, hand: Hand) -> Load:
 
 
 def _model(rows: Sequence[Rows], grasps: Sequence[float], about: Array, hand: Hand) -> Model:
-    """F, the moments in each grasp, forces to the side in each, gains. `about` is where F and the
-    moments are."""
+    """F, the moments in each grasp, forces to the side in each, friction of the joints, gains.
+    `about` is where F and the moments are."""
     tilt = tuning.TILT * abs(float(about[0])) + tuning.FLOOR
     signals, count = int(rows[0].signal.max()) + 1, 1 + 2 * len(grasps)
     gains = gain_root(hand, signals)
     aside = (tilt, tilt, tilt * tuning.TORQUE_LEVER)
-    prior = [np.full(count, tuning.LOAD_PRIOR), *[aside] * len(grasps), np.ones(signals)]
+    levels = np.full(rows[0].rubbed.shape[1], tuning.JOINT_LEVEL)
+    prior = [np.full(count, tuning.LOAD_PRIOR), *[aside] * len(grasps)]
+    prior += [levels, np.ones(signals)]
     designs: list[Array] = []
     for row in rows:
         vertical = np.column_stack(
             [row.wrench[:, FORCE_Z], in_each(row, grasps, (TORQUE_X, TORQUE_Y))]
         )
         borne = (vertical @ about)[:, None] * gains[row.signal]
-        design = np.column_stack([vertical, in_each(row, grasps, SIDEWAYS), borne])
+        design = np.column_stack([vertical, in_each(row, grasps, SIDEWAYS), row.rubbed, borne])
         designs.append(row.white(design))
     y = np.concatenate([row.white(row.felt) for row in rows])
     freedom = min(row.freedom for row in rows)

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from palpate.estimation import tuning
 from palpate.estimation.load.feeling import Feeling, feeling
 from palpate.estimation.load.noise import Noise, Rows, block_noise
+from palpate.estimation.load.rubbing import rubbing
 from palpate.estimation.windows import (
     Load,
     Mask,
@@ -48,6 +49,8 @@ class Segment:
             speed.
         maps: (k, m, 6) what unit wrenches make of the m signals (`estimation.load.feeling`).
         felt, variance: (k, m) the signals' means, and what white noise leaves of it in them.
+        rubbed: (k, m, 2) how the joints rub (`estimation.load.rubbing`); nothing, (k, 0, 2), where
+            the signals are no joints'.
     """
 
     kind: str
@@ -62,6 +65,7 @@ class Segment:
     maps: Array
     felt: Array
     variance: Array
+    rubbed: Array
 
     @property
     def at_rest(self) -> bool:
@@ -112,6 +116,7 @@ class _Signals:
     speed2: Array
     progress: Array
     grasps: tuple[float, ...]
+    rubbed: Array
 
 
 def weighing(trace: Trace, recording: Recording) -> Weighing:
@@ -133,6 +138,7 @@ def weighing(trace: Trace, recording: Recording) -> Weighing:
         (samples.twist[:, :3] ** 2).sum(axis=1),
         path.progress(samples) if path is not None else np.zeros(len(samples)),
         load.grasps,
+        _rubbed(felt, samples),
     )
     found = [_segment(signals, cut, [cut.rows]) for cut in quiet]
     binned = _binned(signals, passes)
@@ -141,6 +147,13 @@ def weighing(trace: Trace, recording: Recording) -> Weighing:
         # A recording of a motion is all there is.
         found = [_segment(signals, cut, [cut.rows]) for cut in rests]
     return Weighing(found, signals.noise, felt.scale)
+
+
+def _rubbed(felt: Feeling, samples: Samples) -> Array:
+    """(n, m, 2) how the joints rub; of none, (n, 0, 2), where they are not what is felt."""
+    if felt.chain is None:
+        return np.zeros((len(samples), 0, 2))
+    return rubbing(samples.q)
 
 
 def weighings(trace: Trace, recording: Recording) -> Sequence[Weighing]:
@@ -297,6 +310,7 @@ def _segment(signals: _Signals, cut: _Cut, bins: Sequence[Rows]) -> Segment:
         signals.felt.maps(_means(samples.q, bins)),
         _means(signals.felt.signals, bins),
         np.array([signals.noise.white / len(samples.t[rows]) for rows in bins]),
+        _means(signals.rubbed, bins),
     )
 
 

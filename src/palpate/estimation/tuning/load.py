@@ -80,3 +80,13 @@ no."""
 
 LOAD_PRIOR = 1e3
 """N (1 sigma) of the load: nothing is known of it. Sensitive: no."""
+
+JOINT_LEVEL = 0.3
+"""N m (1 sigma) of the friction in a joint, behind its sensor: 0.15 to 0.64 were identified (Gaz et
+al., RA-L 2019, doi:10.1109/LRA.2019.2931248). Sensitive: com 0.1 σ, std ×0.9–1.1."""
+
+ENCODER_PLAY = 1e-5
+"""rad that a joint must turn to have turned: encoders are noisy. Sensitive: no."""
+
+RUBBING_ROWS = 4
+"""rows, 20 ms, over whose mean angles a joint's motion is followed. Sensitive: no."""
