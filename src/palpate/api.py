@@ -26,6 +26,7 @@ from palpate.planning.check.check import Finding
 from palpate.planning.model.session import ModelSettings
 from palpate.planning.plan import Plan as InnerPlan
 from palpate.planning.planner import Planner
+from palpate.quantities.within import Within
 from palpate.robots.owner.registered import own_arm
 from palpate.robots.registry import DEFAULT
 from palpate.runs.run import Run as InnerRun
@@ -38,6 +39,9 @@ if TYPE_CHECKING:
     from palpate.execution.runner import Observer
 
 __all__ = ["Plan", "Run", "Scene", "load", "open", "run"]
+
+Widths = Mapping[str, str | float]
+"""Half widths of intervals, by quantity or by parameter: `{"mass": "1g"}`, or SI numbers."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -63,6 +67,7 @@ class Scene(InnerScene):
         *,
         images: Sequence[str | Path] = (),
         remeasure: bool = False,
+        within: Widths | None = None,
         model_settings: ModelSettings | None = None,
     ) -> Plan:
         """A checked plan that measures what the request asks and the scene does not know.
@@ -72,6 +77,7 @@ class Scene(InnerScene):
             planner: `symbolic`, `exhaustive`, `replay:FILE`, `PROVIDER:MODEL`, or a planner.
             images: pictures of the workspace, for a model.
             remeasure: measure what is asked even if the scene states it.
+            within: half widths of 95 % intervals to reach, `{"mass": "1g", "bottle.height": 0.001}`.
             model_settings: how a model is asked, where the planner is one.
 
         Returns:
@@ -86,6 +92,7 @@ class Scene(InnerScene):
             images=_paths(images),
             planner=_name(planner),
             remeasure=remeasure,
+            within=Within.read(within or {}),
             model_settings=model_settings or ModelSettings(),
         )
         return _plan_of(self.settings(asked), self, planner)
@@ -136,6 +143,7 @@ class Plan(InnerPlan):
         seed: int = 0,
         on_failure: OnFailure = "stop",
         rehearse: bool | None = None,
+        within: Widths | None = None,
         confirm: Confirm = unasked,
         observer: Observer | None = None,
         progress: Progress = quiet,
@@ -152,6 +160,7 @@ class Plan(InnerPlan):
                 everything random in it.
             on_failure: `stop`, `skip` or `replan`: what to do when an action fails.
             rehearse: execute in simulation first; None means before a real robot moves.
+            within: half widths of 95 % intervals to reach; None keeps those that were planned for.
             confirm: shown the run before a real robot moves; whether it may.
             observer: watches every tick. progress: told which stage begins, e.g. `print`.
             out: folder to write the run to, while it grows; must not exist.
@@ -183,6 +192,8 @@ class Plan(InnerPlan):
             rehearse=rehearse,
             out=_path(out),
         ).checked(at_hand=True)
+        if within is not None:
+            settings = replace(settings, within=Within.read(within))
         made = replace(self.made, settings=settings)
         return _run_of(pipeline.carry_out(made, observer, progress, confirm, cell, settings.out))
 
@@ -252,6 +263,7 @@ def run(
     planner: str | Planner = "symbolic",
     images: Sequence[str | Path] = (),
     remeasure: bool = False,
+    within: Widths | None = None,
     model_settings: ModelSettings | None = None,
     **options: Unpack[RunOptions],
 ) -> Run:
@@ -262,6 +274,7 @@ def run(
         request: what you want to simulate, in your words; None asks for all that is missing.
         poses: as `load`. arm: as `load`. cautious: as `load`. robot_config: as `load`.
         planner: as `Scene.plan`. images: as `Scene.plan`. remeasure: as `Scene.plan`.
+        within: as `Scene.plan`.
         model_settings: as `Scene.plan`.
         options: as `Plan.run`: `seed`, `noise`, `world`, `robot`, `cell`, `out`, `progress`, …
 
@@ -281,6 +294,7 @@ def run(
         cautious=cautious,
         robot_config=_path(robot_config),
         remeasure=remeasure,
+        within=Within.read(within or {}),
         model_settings=model_settings or ModelSettings(),
     )
     # How it is to run is looked at before anybody plans: a model's answer costs money.

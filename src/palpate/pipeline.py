@@ -229,7 +229,8 @@ def execute(
     """From a plan to a trace; `keep` writes it down meanwhile."""
     robot = stages.robot_of(cell)
     progress(f"executing on the {'simulated' if cell.simulated else 'real'} robot")
-    done = stages.perform(made.plan, made.scene, robot, observer, made.settings.on_failure, keep)
+    policy, within = made.settings.on_failure, made.settings.within
+    done = stages.perform(made.plan, made.scene, robot, observer, policy, keep, within, progress)
     return replace(
         made,
         world=cell.description,

@@ -13,6 +13,7 @@ from palpate.errors import InputError, unknown_name
 from palpate.execution.recovery import OnFailure
 from palpate.planning.model.session import Budget, ModelSettings
 from palpate.planning.planner import MAX_REQUEST
+from palpate.quantities.within import Within
 from palpate.robots.registry import DEFAULT, load_description
 
 if TYPE_CHECKING:
@@ -38,6 +39,7 @@ class Settings:
         remeasure: measure what R asks even if D states it.
         on_failure: what to do when the tree fails (see `palpate.execution.recovery`).
         rehearse: execute the plan in simulation first; None means only before a real robot moves.
+        within: how narrow intervals are to be: what is wider is measured again.
         model_settings: how a model is asked, where the planner is one.
     """
 
@@ -57,6 +59,7 @@ class Settings:
     remeasure: bool = False
     on_failure: OnFailure = "stop"
     rehearse: bool | None = None
+    within: Within = field(default_factory=Within)
     model_settings: ModelSettings = field(default_factory=ModelSettings)
 
     def checked(self, at_hand: bool = False) -> Settings:
@@ -141,6 +144,7 @@ def request_json(settings: Settings) -> dict[str, Any]:
         "remeasure": settings.remeasure,
         "on_failure": settings.on_failure,
         "rehearse": settings.rehearse,
+        "within": dict(settings.within),
         "asking": _model_settings_json(settings.model_settings),
         "palpate": __version__,
     }
@@ -184,6 +188,7 @@ def settings_from(document: Mapping[str, Any]) -> Settings:
             world=path("world"),
             robot_config=path("robot_config"),
             images=tuple(Path(image) for image in document.get("images", ())),
+            within=Within.read(document.get("within", {})),
             model_settings=_model_settings_from(document.get("asking", {})),
         )
     except (TypeError, ValueError) as error:

@@ -5,7 +5,7 @@ asked of them.
 from __future__ import annotations
 
 import logging
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
@@ -25,6 +25,7 @@ from palpate.planning.planner import Observant, Planner, PlannerSettings
 from palpate.planning.registry import planners
 from palpate.planning.symbolic.planner import requested
 from palpate.quantities.estimators import estimate_all, failed
+from palpate.quantities.within import Within
 from palpate.robots.owner.registered import require_same
 from palpate.runs.read import require_own_version
 from palpate.runs.run import Ending, Run
@@ -52,6 +53,8 @@ def ask_planner(settings: Settings, scene: Scene | None, planner: Planner | None
     Raises:
         InputError: bad input. Unavailable: the provider.
     """
+    if scene is not None:
+        settings.within.check(scene.bodies)
     poses = read_poses(settings.poses) if settings.poses else Poses()
     planner = planner or _planner(settings, poses)
     picture = _picture(planner, settings, scene, poses)
@@ -118,15 +121,22 @@ def perform(
     observer: Observer | None = None,
     on_failure: OnFailure = "stop",
     keep: Keep | None = None,
+    within: Within | None = None,
+    say: Callable[[str], None] = print,
 ) -> Execution:
-    """Run the tree on the robot, and go on after a failure as far as the policy allows; the robot
-    is let go in any case. `keep` writes down what it senses meanwhile."""
+    """Run the tree on the robot, go on after a failure as far as the policy allows, and measure
+    again what is wider than `within` asks, of which `say` is told; the robot is let go in any case.
+    `keep` writes down what it senses meanwhile."""
     from palpate.execution.recovery import recover
+    from palpate.execution.repetition import repeat
     from palpate.execution.runner import run as run_tree
 
     attempt = partial(run_tree, observer=observer, keep=keep)
     try:
-        return recover(attempt(plan, scene, robot), plan, scene, robot, on_failure, attempt)
+        done = recover(attempt(plan, scene, robot), plan, scene, robot, on_failure, attempt)
+        if within:
+            done = repeat(done, plan, scene, robot, within, attempt, say)
+        return done
     finally:
         _let_go(robot)
 
@@ -153,7 +163,8 @@ def estimate_of(made: Run, parameter: Parameter) -> Estimate:
     if made.trace is None:
         return failed(parameter, "Nothing was recorded.")
     try:
-        return estimate_all([parameter], made.trace, made.scene.bodies)[0]
+        found = estimate_all([parameter], made.trace, made.scene.bodies)[0]
+        return made.settings.within.told(found)
     except PalpateError as error:
         return failed(parameter, f"There is no estimator: {error}.")
 
@@ -171,7 +182,8 @@ def estimates_anew(made: Run, choice: Mapping[str, str]) -> Run:
         where = "this run" if made.folder is None else f"'{made.folder}'"
         raise InputError(f"{where} has no trace to make estimates of: nothing was executed")
     found = estimate_all(made.plan.parameters, trace, made.scene.bodies, choice)
-    return replace(made, recorded=trace, estimates=found, twin=None)
+    told = tuple(made.settings.within.told(estimate) for estimate in found)
+    return replace(made, recorded=trace, estimates=told, twin=None)
 
 
 def truths(made: Run, cell: Cell) -> dict[Parameter, tuple[float, ...]]:

@@ -5,7 +5,7 @@ With `palpate.api` this is all that the command line stands on.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,6 +14,7 @@ from palpate.planning.check.check import check
 from palpate.planning.model.prompt.compose import Prompt, checked_modules, compose
 from palpate.planning.model.session import Budget, ModelSettings
 from palpate.planning.recorded import load_proposal, plan_file
+from palpate.quantities.within import Within
 from palpate.robots.registry import DEFAULT, load_description
 from palpate.scene.from_picture import DetectedScene, SceneBuilder
 from palpate.scene.load import load_scene
@@ -104,6 +105,15 @@ def model_settings(
         rounds=rounds,
         budget=Budget(**budget),
     )
+
+
+def widths(asked: Mapping[str, str | float]) -> Within:
+    """How narrow intervals are to be, from `{"mass": "1g"}`.
+
+    Raises:
+        InputError: no such quantity or unit, or no positive number.
+    """
+    return Within.read(asked)
 
 
 def replayed(plan: Path) -> str:

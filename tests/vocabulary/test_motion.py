@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from performing import cell
+from pydantic import ValidationError
 
-from palpate.errors import InputError
 from palpate.geometry.pose import Pose
 from palpate.robots.registry import load_description
 from palpate.vocabulary.admissible.support import clear_of_support
@@ -170,7 +170,7 @@ def test_a_way_can_be_gone_slowly_but_not_so_that_joints_stick(perform, reached,
     assert slow.label == "MovePose(cup_pose + z_offset, 0.03)"
     samples = done.execution.trace.samples.between(slow.start, slow.end)
     assert samples.twist[:, 2].max() == pytest.approx(0.03, rel=0.1)
-    with pytest.raises(InputError, match="speed"):
+    with pytest.raises(ValidationError, match="speed"):
         make("MovePose", pose="cup_pose", speed=0.001)
 
 

@@ -30,9 +30,11 @@ from palpate.cli.options import (
     RunFolder,
     SceneOptions,
     Seed,
+    Widths,
     Without,
     World,
     Yes,
+    widths,
 )
 from palpate.interrupt import interrupts
 
@@ -80,6 +82,7 @@ def demo(
     arm: Arm = DEFAULT_ARM,
     cautious: Cautious = False,
     robot_config: RobotConfig = None,
+    within: Widths = None,
     out: Out = None,
     as_json: AsJson = False,
     model: ModelOptions,
@@ -95,6 +98,7 @@ def demo(
         arm=arm,
         cautious=cautious,
         robot_config=robot_config,
+        within=widths(within),
         out=out,
         model_settings=model.settings(),
     )
@@ -115,6 +119,7 @@ def run(
     asked: SceneOptions,
     planner: Planner = "symbolic",
     remeasure: Remeasure = False,
+    within: Widths = None,
     motion: MotionOptions,
     as_json: AsJson = False,
     yes: Yes = False,
@@ -126,6 +131,7 @@ def run(
         motion.added_to(asked.settings()),
         planner=planner,
         remeasure=remeasure,
+        within=widths(within),
         model_settings=model.settings(without),
     )
     carry_out(settings, as_json, yes)
@@ -153,6 +159,7 @@ def plan(
     world: World = None,
     planner: Planner = "symbolic",
     remeasure: Remeasure = False,
+    within: Widths = None,
     out: Annotated[Path | None, typer.Option("--out", help="File to write the plan to.")] = None,
     as_json: AsJson = False,
     without: Without = None,
@@ -167,6 +174,7 @@ def plan(
         world=world,
         planner=planner,
         remeasure=remeasure,
+        within=widths(within),
         model_settings=model.settings(without),
     )
     found = plan_settings(settings)

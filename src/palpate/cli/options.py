@@ -17,6 +17,7 @@ from palpate.errors import InputError
 
 if TYPE_CHECKING:
     from palpate.planning.model.session import ModelSettings
+    from palpate.quantities.within import Within
     from palpate.settings import Settings
 
 
@@ -86,6 +87,15 @@ PlanFile = Annotated[
     Path, typer.Argument(metavar="PLAN", help="A plan, a chat's answer, or a run folder.")
 ]
 RunFolder = Annotated[Path, typer.Argument(metavar="RUN", help="A run folder.")]
+Widths = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--within",
+        metavar="QUANTITY=VALUE",
+        help="Measure until the 95 % interval reaches no farther than that to either side, e.g. mass=1g, com=2mm, "
+        "friction=0.01, bottle.mass=1g; may be repeated. In kg g mg, m cm mm um, N/m kN/m; without a unit, SI.",
+    ),
+]
 EstimatorNames = Annotated[
     list[str] | None,
     typer.Option(
@@ -211,3 +221,14 @@ def by_quantity(option: str, entries: Sequence[str]) -> dict[str, str]:
             raise InputError(f"--{option} takes QUANTITY=NAME, not '{entry}'")
         found[quantity] = word
     return found
+
+
+def widths(entries: Sequence[str] | None) -> Within:
+    """How narrow intervals are asked to be.
+
+    Raises:
+        InputError: not of the form QUANTITY=VALUE, no such quantity or unit, or no positive number.
+    """
+    from palpate.tools import widths as read
+
+    return read(by_quantity("within", entries or ()))

@@ -94,6 +94,17 @@ def _show_estimates(run: Run) -> None:
         if estimate.contradiction:
             name, finding = escape(str(estimate.parameter)), escape(estimate.contradiction)
             out.print(f"[bold red]contradicted[/] {name}: {finding}")
+    for estimate in run.estimates:
+        _show_precision(run, estimate)
+
+
+def _show_precision(run: Run, estimate: Estimate) -> None:
+    """What came of the width that was asked."""
+    precision = run.settings.within.precision(estimate)
+    if precision is not None:
+        colour = "yellow" if precision.outcome == "rounds used up" else "green"
+        name, said = escape(str(estimate.parameter)), escape(precision.in_words(estimate.unit))
+        out.print(f"[{colour}]{precision.outcome}[/] {name}: {said}")
 
 
 def _estimate_cells(estimate: Estimate) -> list[str]:

@@ -58,7 +58,7 @@ def recover(
         if again is None:
             break
         now, around = again
-        done = joined(done, run(now, around, robot), attempt + 1)
+        done = joined(done, run(now, around, robot), f"replan[{attempt + 1}].")
     return done
 
 
@@ -126,9 +126,11 @@ def replan(
     return None if check(plan, scene) else (plan, scene)
 
 
-def joined(first: Execution, second: Execution, attempt: int) -> Execution:
-    """Both executions as one: the second says how it ended, the first what it had to get over."""
-    a, b = first.trace, _renamed(second.trace, f"replan[{attempt}].")
+def joined(first: Execution, second: Execution, prefix: str) -> Execution:
+    """Both executions as one: the second, whose nodes get the `prefix`, says how it ended, the first
+    what it had to get over."""
+    a, b = first.trace, _renamed(second.trace, prefix)
+    setback = () if first.stopped_by is None else (first.stopped_by,)
     trace = replace(
         b,
         samples=Samples.concatenate([a.samples, b.samples]),
@@ -139,7 +141,7 @@ def joined(first: Execution, second: Execution, attempt: int) -> Execution:
     return replace(
         second,
         trace=trace,
-        setbacks=(*first.setbacks, first.stopped_by or ""),
+        setbacks=(*first.setbacks, *setback),
         actions=first.actions + second.actions,
         robot_seconds=first.robot_seconds + second.robot_seconds,
         wall_seconds=first.wall_seconds + second.wall_seconds,

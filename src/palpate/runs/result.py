@@ -26,7 +26,7 @@ def result_json(run: Run, folder: Path | None) -> dict[str, Any]:
         "shortfalls": list(run.shortfalls),
         "simulated": run.simulated,
         "request": run.settings.request,
-        "parameters": [parameter_json(estimate) for estimate in run.estimates],
+        "parameters": [_parameter_json(run, estimate) for estimate in run.estimates],
         "plan": _plan_json(run),
         "rehearsal": asdict(run.rehearsal) if run.rehearsal else None,
         "execution": _execution_json(run),
@@ -76,6 +76,12 @@ def plan_text(run: Run) -> str:
     if run.conversation is not None:
         more |= run.conversation.summary()
     return dump_plan(run.plan, more)
+
+
+def _parameter_json(run: Run, estimate: Estimate) -> dict[str, Any]:
+    precision = run.settings.within.precision(estimate)
+    within = asdict(precision) | {"outcome": precision.outcome} if precision else None
+    return parameter_json(estimate) | {"within": within}
 
 
 def parameter_json(estimate: Estimate) -> dict[str, Any]:

@@ -125,12 +125,18 @@ class Run:
             return "complete" if self.plan.satisfied else "rejected"
         if self.execution.status == "stopped":
             return "aborted"
-        found = {estimate.parameter for estimate in self.estimates if estimate.identified}
+        found = {estimate.parameter for estimate in self.estimates if self.suffices(estimate)}
         if self.twin is not None:
             found -= set(self.twin.unwritten)
         if found >= set(self.plan.parameters):
             return "complete"
         return "failed"
+
+    def suffices(self, estimate: Estimate) -> bool:
+        """Whether an estimate is identified, and as narrow as was asked or as it can be."""
+        precision = self.settings.within.precision(estimate)
+        narrow = precision is None or precision.outcome != "rounds used up"
+        return estimate.identified and narrow
 
     @cached_property
     def trace(self) -> Trace | None:

@@ -122,7 +122,9 @@ def _fit(weighings: Sequence[Weighing], gravity: float, hand: Hand) -> Load:
         mean, covariance = model.solve()
     tests = tests_of(rows, grasps, model, float(mean[0]))
     # With prior deviations P of the coefficients x, the error is -covariance P^-2 x.
-    gains = -(covariance / model.prior)[:count, -(int(rows[0].signal.max()) + 1) :]
+    own = np.s_[-(int(rows[0].signal.max()) + 1) :]
+    known = model.prior[own] == 0.0
+    gains = np.where(known, 0.0, -covariance[:count, own] / np.where(known, 1.0, model.prior[own]))
     return Load(grasps, mean[:count], covariance[:count, :count], model.freedom, tests, gains)
 
 

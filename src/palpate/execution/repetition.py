@@ -1,0 +1,101 @@
+"""What happens after a run whose intervals are wider than was asked: what they rest on is measured
+again, by the same robot, until they are narrow enough, or at the floor that no repetition narrows.
+
+As in a recovery, a further tree is planned from where things stand now, checked and run, and its
+trace is joined to what there is. All of it makes the estimate.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Iterator, Sequence
+from typing import TYPE_CHECKING
+
+from palpate.execution.recovery import Runner, joined
+from palpate.parameter import Parameter
+from palpate.planning.check.check import check
+from palpate.planning.plan import Plan
+from palpate.planning.symbolic.planner import assemble
+from palpate.quantities.estimators import estimate_all
+from palpate.quantities.within import Precision, Within, shown
+from palpate.robots.robot import Robot
+from palpate.scene.load import rearranged
+from palpate.scene.scene import Scene
+
+if TYPE_CHECKING:
+    from palpate.execution.runner import Execution
+
+log = logging.getLogger(__name__)
+
+MAX_ROUNDS = 5
+"""How often what is too wide is measured again, at most."""
+
+Lacking = dict[Parameter, Precision]
+"""What is wider than asked, and how far."""
+
+
+def repeat(
+    first: Execution,
+    plan: Plan,
+    scene: Scene,
+    robot: Robot,
+    within: Within,
+    run: Runner,
+    say: Callable[[str], None],
+) -> Execution:
+    """The execution with all further rounds joined to it that `within` makes necessary; `say` is
+    told what each is for."""
+    done = first
+    asked = [parameter for parameter in plan.parameters if within.of(parameter) is not None]
+    for count in range(1, MAX_ROUNDS + 1):
+        if not asked or done.status != "complete":
+            break
+        lacking = dict(_lacking(asked, done, scene, within))
+        again = _planned(list(lacking), scene, done, plan.planner)
+        if again is None:
+            break
+        say(f"measuring again, {_in_words(lacking, scene)}")
+        done = joined(done, run(*again, robot), f"repeat[{count}].")
+    return done
+
+
+def _lacking(
+    asked: Sequence[Parameter], done: Execution, scene: Scene, within: Within
+) -> Iterator[tuple[Parameter, Precision]]:
+    """What more of the same would narrow: not what contradicts itself or was not found."""
+    for estimate in estimate_all(asked, done.trace, scene.bodies):
+        precision = within.precision(estimate)
+        if precision is None or estimate.contradiction or not estimate.has_value:
+            continue
+        if precision.outcome == "rounds used up":
+            yield estimate.parameter, precision
+
+
+def _planned(
+    parameters: Sequence[Parameter], scene: Scene, done: Execution, planner: str
+) -> tuple[Plan, Scene] | None:
+    """A checked plan for them in the scene as it is now; what was executed outlives a planning that
+    fails."""
+    if not parameters:
+        return None
+    try:
+        around = rearranged(scene, done.final_state.not_restored())
+        made = assemble(around, parameters)
+        if made.tree is None:
+            return None
+        why = "Measured again: the intervals are wider than asked."
+        plan = Plan(made.measured, made.tree, why, f"{planner}, again")
+        return None if check(plan, around) else (plan, around)
+    except Exception as error:
+        log.warning("nothing is measured again, planning it failed: %s", error)
+        return None
+
+
+def _in_words(lacking: Lacking, scene: Scene) -> str:
+    """`bottle.mass: ± 3.1 g where ± 1 g is asked`."""
+    said: list[str] = []
+    for parameter, precision in lacking.items():
+        unit = scene.catalogue[parameter.quantity].unit
+        reached, asked = shown(precision.reached, unit), shown(precision.asked, unit)
+        said.append(f"{parameter}: ± {reached} where ± {asked} is asked")
+    return ", ".join(said)

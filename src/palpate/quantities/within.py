@@ -1,0 +1,176 @@
+"""How narrow the intervals of a run are asked to be, and whether they are.
+
+`--within mass=1g` asks for a 95 % interval of every mass that reaches 1 g to either side. Repeating a
+measurement narrows what is noise; what other measurements share, such as a sensor's gain, is a floor
+that no repetition goes below.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Collection, Iterator, Mapping
+from dataclasses import dataclass, replace
+from typing import Literal
+
+from palpate.errors import InputError, unknown_name
+from palpate.estimation.estimate import Z95, Estimate
+from palpate.parameter import Parameter
+from palpate.quantities.catalogue import catalogue
+
+UNITS: Mapping[str, Mapping[str, float]] = {
+    "kg": {"kg": 1.0, "g": 1e-3, "mg": 1e-6},
+    "m": {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6},
+    "N/m": {"N/m": 1.0, "kN/m": 1e3},
+    "1": {"": 1.0},
+}
+"""In which a width may be given, by SI unit."""
+NEAR_FLOOR = 1.1
+"""An interval that is wider than what no repetition narrows by no more than this factor is at its
+floor: all further work together would narrow it by a tenth."""
+NUMBER = re.compile(r"([0-9.]+(?:[eE][-+]?[0-9]+)?)\s*(.*)")
+
+Outcome = Literal["reached", "floor", "rounds used up"]
+
+
+@dataclass(frozen=True, slots=True)
+class Precision:
+    """What was asked of one estimate and what came of it.
+
+    Attributes:
+        asked, reached, floor: half widths of the 95 % interval in the estimate's unit: as asked, as
+            it is (infinite without a value), and what would be left after any number of
+            repetitions.
+        cause: what sets the floor, in words; empty where nothing does.
+    """
+
+    asked: float
+    reached: float
+    floor: float
+    cause: str = ""
+
+    @property
+    def outcome(self) -> Outcome:
+        """`reached`; `floor`, where repetition would not narrow it further; else `rounds used
+        up`."""
+        if self.reached <= self.asked:
+            return "reached"
+        if self.reached <= NEAR_FLOOR * self.floor:
+            return "floor"
+        return "rounds used up"
+
+    def in_words(self, unit: str) -> str:
+        """A sentence for people."""
+        asked, reached = shown(self.asked, unit), shown(self.reached, unit)
+        if self.outcome == "reached":
+            return f"Within {asked} was asked: {reached} is reached."
+        if self.outcome == "floor":
+            floor = shown(self.floor, unit)
+            return (
+                f"Within {asked} was asked: {reached} is reached, at the floor of {floor} by the arm's "
+                f"{self.cause}; calibrate the arm to go below."
+            )
+        return f"Within {asked} was asked: {reached} is reached, and more work would narrow it."
+
+    @property
+    def aim(self) -> float:
+        """The half width at which there is no more to do."""
+        return max(self.asked, NEAR_FLOOR * self.floor)
+
+
+@dataclass(frozen=True, slots=True)
+class Within:
+    """Half widths of 95 % intervals, in SI units, by quantity or by parameter."""
+
+    widths: tuple[tuple[str, float], ...] = ()
+
+    @classmethod
+    def read(cls, asked: Mapping[str, str | float]) -> Within:
+        """From `{"mass": "1g", "bottle.height": 0.001}`.
+
+        Raises:
+            InputError: no such quantity or unit, or no positive number; the message lists the valid
+                ones.
+        """
+        return cls(tuple((name, _width(name, value)) for name, value in asked.items()))
+
+    def __bool__(self) -> bool:
+        return bool(self.widths)
+
+    def __iter__(self) -> Iterator[tuple[str, float]]:
+        return iter(self.widths)
+
+    def of(self, parameter: Parameter) -> float | None:
+        """What is asked of a parameter, by its own name before that of its quantity; None where
+        nothing is."""
+        widths = dict(self.widths)
+        return widths.get(str(parameter), widths.get(parameter.quantity))
+
+    def check(self, names: Collection[str]) -> None:
+        """Look whether what it names is there.
+
+        Raises:
+            InputError: an object that is none of `names`; the message lists them.
+        """
+        for name, _ in self.widths:
+            object = name.rpartition(".")[0]
+            if object and object not in names:
+                raise unknown_name("object in within=", object, names)
+
+    def precision(self, estimate: Estimate) -> Precision | None:
+        """What came of it; None where nothing was asked."""
+        asked = self.of(estimate.parameter)
+        if asked is None:
+            return None
+        if not estimate.has_value:
+            return Precision(asked, math.inf, 0.0)
+        half = (estimate.ci95[:, 1] - estimate.ci95[:, 0]) / 2.0
+        widest = int(half.argmax())
+        floor = Z95 * float(estimate.shared_std[widest])
+        return Precision(asked, float(half[widest]), floor, _cause(estimate, widest))
+
+    def told(self, estimate: Estimate) -> Estimate:
+        """The estimate; where something was asked of it, its method says what came of that."""
+        precision = self.precision(estimate)
+        if precision is None or not estimate.has_value:
+            return estimate
+        return replace(estimate, method=f"{estimate.method} {precision.in_words(estimate.unit)}")
+
+
+def _cause(estimate: Estimate, component: int) -> str:
+    """What most of the floor of a component comes from: `gain` of all that are a gain of a joint."""
+    squares: dict[str, float] = {}
+    for shared in estimate.shared:
+        kind = shared.cause.partition(" of ")[0]
+        squares[kind] = squares.get(kind, 0.0) + shared.effect[component] ** 2
+    return max(squares, key=lambda kind: squares[kind], default="")
+
+
+def shown(width: float, unit: str) -> str:
+    """A width for people, in a unit that suits it: `0.0009` kg is `0.9 g`."""
+    if not math.isfinite(width):
+        return "any"
+    scales = sorted(UNITS.get(unit, {unit: 1.0}).items(), key=lambda scale: scale[1])
+    name, size = next((scale for scale in reversed(scales) if width >= 0.1 * scale[1]), scales[0])
+    return f"{width / size:.2g} {name}".rstrip()
+
+
+def _width(name: str, value: str | float) -> float:
+    """SI, of what is asked of `name`, a quantity or a parameter."""
+    quantity = catalogue().get(name.rpartition(".")[2])
+    if quantity is None:
+        raise unknown_name("quantity in within=", name, catalogue(), "Give within=mass=1g")
+    units = UNITS.get(quantity.unit, {quantity.unit: 1.0})
+    found = NUMBER.fullmatch(str(value).strip())
+    try:
+        number, unit = float(found[1]) if found else math.nan, found[2] if found else ""
+    except ValueError:
+        number, unit = math.nan, ""
+    if not (0.0 < number < math.inf):
+        listed = ", ".join(units)
+        raise InputError(
+            f"within={name}={value}: give a positive number, with a unit of {listed} or in {quantity.unit}"
+        )
+    if unit and unit not in units:
+        raise unknown_name(f"unit of {quantity.id}", unit, units)
+    return number * units.get(unit, 1.0)
