@@ -151,6 +151,51 @@ def test_one_finger_on_something_is_seen_by_its_moment(bench, noises, world, sid
     assert "One finger" in found.contradiction
 
 
+def leaning(trace, leans):
+    """The trace, with a hand that leans over by `leans(force)` rad in the closing direction."""
+    samples = trace.samples
+    for i, force in enumerate(np.maximum(-samples.wrench[:, 2], 0.0).tolist()):
+        turned = Pose.of(
+            np.zeros(3), (np.cos(leans(force) / 2), np.sin(leans(force) / 2), 0.0, 0.0)
+        )
+        upright = Pose.of(np.zeros(3), samples.pose_world_tcp[i, 3:])
+        samples.pose_world_tcp[i, 3:] = (upright @ turned).quaternion
+    return trace
+
+
+@pytest.mark.parametrize(
+    ("most", "verdict"), [(0.0, "identified"), (1.8e-3, "identified"), (1.0, "contradicted")]
+)
+@pytest.mark.parametrize("side", [-1, 1])
+def test_one_finger_on_something_is_seen_by_the_hand_that_leans_over(
+    bench, noises, most, verdict, side
+):
+    """Where the joints' friction hides the moment. An arm that is out of level by a little stands on
+    one finger until it has leant over by that."""
+    rough = replace(noises["lab"], friction=3.0)
+    b = bench(rough, 2)
+    b.go("table_approach", (0.5, 0.0, 0.32))
+    recording = b.descend(rigid, "table", threshold=30.0)
+    b.convert("Pose2Height", "table", "height", recording)
+    trace = leaning(b.trace(), lambda force: side * min(0.14e-3 * force, most))
+    found = estimate_height(trace, HEIGHT, None)
+    assert found.verdict == verdict
+    assert ("leans over" in found.contradiction) == (verdict == "contradicted")
+
+
+def test_what_the_tips_give_way_is_not_the_surface(bench, noises):
+    """Rubber pads under a hand whose owner says so."""
+    b = bench(noises["lab"])
+    b.go("table_approach", (0.5, 0.0, 0.32))
+    recording = b.descend(lambda z: max(0.0, TABLE - z) * 11e3, "table")
+    b.convert("Pose2Height", "table", "height", recording)
+    verdicts = []
+    for compliance in (0.0, 5e-5):
+        hand = replace(HAND, tip_compliance=compliance, tip_compliance_std=1e-5)
+        verdicts.append(estimate_height(b.trace(hand), HEIGHT, None).verdict)
+    assert verdicts == ["contradicted", "identified"]
+
+
 def test_friction_that_changes_with_the_place_is_no_finger_and_no_contact(bench, noises):
     """An arm whose joints bear several tenths of a newton metre more here than there."""
     rough = replace(noises["lab"], slope=15.0, friction=0.8)

@@ -6,13 +6,20 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from performing import cell
+from performing import CELL, CUP, cell
 from pydantic import ValidationError
 
-from palpate.geometry.pose import Pose
+from palpate.geometry.pose import Pose, rotations
 from palpate.robots.registry import load_description
+from palpate.scene.load import parse_scene
 from palpate.vocabulary.admissible.support import clear_of_support
-from palpate.vocabulary.contact import CONTACT_FORCE, PROBE_TRAVEL, SIDE_FORCE, withstands
+from palpate.vocabulary.contact import (
+    CONTACT_FORCE,
+    FIRM_FORCE,
+    PROBE_TRAVEL,
+    SIDE_FORCE,
+    withstands,
+)
 from palpate.vocabulary.motion import POSITION_TOLERANCE
 
 HOME = load_description().home
@@ -198,6 +205,27 @@ def test_a_probe_stops_at_its_threshold_on_the_surface(perform) -> None:
     assert done.execution.final_state.contact == "table"
     found = done.execution.final_state.pose_world_tcp
     assert found.distance_to(done.robot.world.true_tcp()) < 1e-3, "where it was felt"
+
+
+def test_a_probe_presses_firmly_where_one_finger_alone_stands_and_lightly_again(
+    perform, scene
+) -> None:
+    """The hand leans over as far as it must for the other finger, or as far as that takes it."""
+    approach = scene.symbols.resolve("table_approach")
+    x, y, _ = approach.position + 0.045 * approach.rotation[:, 1]
+    text = CELL.format(cup=" ".join(map(str, CUP)), table=-0.03, mass='mass="0.3"')
+    board = (
+        f'<body name="board" pos="{x} {y} 0.003"><geom type="box" size=".015 .015 .003"/></body>'
+    )
+    world = parse_scene(text.replace("</worldbody>", f"{board}</worldbody>"))
+    done = perform("OpenGripper", TO_TABLE, ("MoveUntilContact", "-z"), world=world)
+    assert done.execution.status == "complete"
+    samples = done.execution.trace.samples
+    pressed = -samples.wrench[:, 2]
+    assert FIRM_FORCE - 2.0 < pressed.max() < FIRM_FORCE + 5.0
+    assert 2.0 < pressed[-40:].min() <= pressed[-40:].max() < done.robot.limits.free_force
+    leans = rotations(samples.pose_world_tcp[:, 3:])[:, 2, 1]
+    assert abs(leans).max() > 3.3e-3 > 2 * abs(leans[-40:]).max()
 
 
 def test_a_probe_that_meets_nothing_fails_at_its_travel_limit(perform) -> None:

@@ -87,3 +87,14 @@ class Pose:
         """Distance between the two origins, m."""
         apart = self.position - other.position
         return math.sqrt(apart.dot(apart))
+
+
+def rotations(quaternions: Array) -> Array:
+    """(n, 3, 3) rotation matrices of unit quaternions (n, 4), wxyz."""
+    w, x, y, z = quaternions.T
+    rows = [
+        [1.0 - 2.0 * (y**2 + z**2), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)],
+        [2.0 * (x * y + w * z), 1.0 - 2.0 * (x**2 + z**2), 2.0 * (y * z - w * x)],
+        [2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x**2 + y**2)],
+    ]
+    return np.moveaxis(np.array(rows), -1, 0)

@@ -13,7 +13,7 @@ from palpate.estimation import tuning
 from palpate.estimation.agreement import FitTest, chi_squared
 from palpate.estimation.contact.descent import probes
 from palpate.estimation.contact.plane import Plane, fit_plane
-from palpate.estimation.contact.touch import Touch, touched
+from palpate.estimation.contact.touch import Touch, touches_of
 from palpate.estimation.estimate import Estimate, Part, Shared, not_identified, not_measured
 from palpate.geometry.pose import Array
 from palpate.mjcf.body import Body, BodyDescription
@@ -198,8 +198,7 @@ def estimate_height(trace: Trace, parameter: Parameter, body: Body | None) -> Es
     if declared is None:
         return not_measured(parameter, UNIT)
     recordings = probes(trace, parameter) or [declared]
-    met = [touched(trace, recording) for recording in recordings]
-    found = [touch for touch in met if touch is not None]
+    found = touches_of(trace, recordings)
     if not found:
         return not_identified(parameter, UNIT, NOTHING, tuple(recordings))
     spots = np.array([touch.spot for touch in found])
@@ -247,7 +246,8 @@ def _tests(found: Sequence[Touch], plane: Plane) -> Iterator[FitTest]:
         f"{1e3 * softest.penetration:.1f} mm below where it met it, and how far something rigid is "
         "below that is not known.",
     )
-    yield from filter(None, (touch.sides() for touch in found))
+    for touch in found:
+        yield from touch.sides()
     if plane.freedom:
         yield chi_squared(
             "touch against touch",

@@ -9,9 +9,9 @@ import numpy as np
 
 from palpate.estimation import tuning
 from palpate.estimation.agreement import FitTest, chi_squared
-from palpate.estimation.contact.descent import descent_before, probes
+from palpate.estimation.contact.descent import probes
 from palpate.estimation.contact.spring import Spring, fit_spring
-from palpate.estimation.contact.touch import Touch, touched
+from palpate.estimation.contact.touch import Touch, touches_of
 from palpate.estimation.estimate import Z95, Estimate, Part, Shared, not_identified
 from palpate.mjcf.body import Body
 from palpate.parameter import Parameter
@@ -53,13 +53,8 @@ def estimate_stiffness(trace: Trace, parameter: Parameter, body: Body | None) ->
         ValueError: a recording holds no samples, or no guarded descent comes before it.
     """
     recordings = tuple(probes(trace, parameter))
-    touches: list[Touch] = []
-    found: list[Spring] = []
-    for recording in recordings:
-        descent, touch = descent_before(trace, recording), touched(trace, recording)
-        if descent is not None and touch is not None:
-            touches.append(touch)
-            found.append(fit_spring(descent, touch, trace.hand))
+    touches = touches_of(trace, recordings)
+    found = [fit_spring(touch, trace.hand) for touch in touches]
     if not found:
         nothing = f"No descent pressed on {parameter.object}."
         return not_identified(parameter, UNIT, nothing, recordings)
@@ -109,7 +104,8 @@ def _tests(found: Sequence[Spring], touches: Sequence[Touch], misfit: float) -> 
         tuning.SPRING_MISFIT,
         "The force does not rise in proportion to the depth: it is not one even spring.",
     )
-    yield from filter(None, (touch.sides() for touch in touches))
+    for touch in touches:
+        yield from touch.sides()
     if len(found) > 1:
         finding = "It is not equally stiff at all the places that were touched."
         yield chi_squared("touch against touch", misfit, len(found) - 1, finding)

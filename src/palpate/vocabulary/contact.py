@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 from dataclasses import replace
 from typing import Annotated, ClassVar, Literal
 
@@ -25,7 +25,7 @@ from palpate.vocabulary.base import (
 )
 from palpate.vocabulary.profile import POSE_ERROR
 from palpate.vocabulary.state import SymbolicState
-from palpate.vocabulary.touch import Feeling, guarded, settle
+from palpate.vocabulary.touch import Feeling, finish, guarded, settle
 from palpate.vocabulary.violation import PRECONDITION, Violation
 
 PROBE_SPEED = 0.012
@@ -40,6 +40,15 @@ a surface that something tells of."""
 CONTACT_FORCE = 8.0
 """N: the threshold tau_c of the paper, against the force felt in free air at the start of the
 motion."""
+FIRM_FORCE = 30.0
+"""N: the threshold where the hand leans over as it touches: one finger alone may stand on something, or
+the arm may only be out of level by so little that the other one follows."""
+RELIEF = 15.0
+"""N by which the arm's springs let go of it again; the joints' friction, which turns round with the
+motion, makes it some 21 N that are felt."""
+ASKEW = 2e-4
+"""rad that the hand leans over then: a fifth of what `CONTACT_FORCE` on one finger ends in; an impact
+is felt before the hand has followed."""
 SIDE_FORCE = 2.0
 """N: the threshold where something that stands freely may be met sideways: the least that is told
 from the joints' friction for certain."""
@@ -144,18 +153,30 @@ class MoveUntilContact(Primitive):
         robot, state = blackboard.robot, blackboard.state
         direction = self.direction
         start, feeling = robot.state.pose_world_tcp, Feeling(robot)
+        upright = _leaning(robot.state)
         threshold = SIDE_FORCE if self._beside(state) else CONTACT_FORCE
         robot.set_reflex(robot.limits.reflexes.probing)
         for speed, travel in self._stages(state, float(start.position[2])):
             robot.move_axis(direction, speed, travel)
             if (yield from guarded(blackboard, lambda: _touching(feeling, direction, threshold))):
-                yield from settle(blackboard)
                 travelled = robot.state.pose_world_tcp.distance_to(start)
+                if self.axis == "-z" and abs(_leaning(robot.state) - upright) > ASKEW:
+                    yield from self._press(blackboard, feeling)
+                yield from settle(blackboard)
                 return f"contact after {1e3 * travelled:.0f} mm"
         raise LeafFailure(
             f"nothing touched within {PROBE_TRAVEL:.2f} m along {self.axis}; "
             "start nearer, or probe another direction"
         )
+
+    def _press(self, blackboard: Blackboard, feeling: Feeling) -> Generator[None, None, None]:
+        """Firmly, to see whether the other finger comes to stand, and lightly again."""
+        robot, direction = blackboard.robot, self.direction
+        robot.move_axis(direction, PROBE_SPEED, PROBE_TRAVEL)
+        yield from guarded(blackboard, lambda: _touching(feeling, direction, FIRM_FORCE))
+        eased = RELIEF / blackboard.scene.arm.stiffness.translation
+        robot.move_axis(-direction, PROBE_SPEED, eased)
+        yield from finish(blackboard)
 
     def _stages(self, state: SymbolicState, z: float) -> list[tuple[float, float]]:
         """Speed, m/s, and travel, m, of one part of the way after the other."""
@@ -187,3 +208,8 @@ def _touching(feeling: Feeling, direction: Array, threshold: float) -> bool:
     change = feeling.now() - feeling.first
     along, turning = float(change[:3] @ direction), float(np.linalg.norm(change[3:]))
     return along > threshold or turning > CONTACT_TORQUE
+
+
+def _leaning(state: RobotState) -> float:
+    """rad by which the hand leans over in the closing direction, against its command."""
+    return float(state.pose_world_tcp.rotation[2, 1] - state.target_world_tcp.rotation[2, 1])

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from palpate.estimation import tuning
 from palpate.estimation.windows import Mask
-from palpate.geometry.pose import Array
+from palpate.geometry.pose import Array, rotations
 from palpate.parameter import Parameter
 from palpate.trace.recording import Hand, LeafRun, Recording
 from palpate.trace.samples import POSE, Samples, Trace
@@ -52,6 +52,18 @@ class Descent:
     slope: float
 
     @property
+    def free(self) -> slice:
+        """The last rows of free air."""
+        return slice(max(self.onset - tuning.FREE_ROWS, 0), self.onset + 1)
+
+    @property
+    def friction(self) -> float:
+        """N, standard deviation of what the joints' friction makes of the pressing force as the arm
+        stops: it lets go of between nothing and all of what it showed when the arm set out (a
+        uniform distribution), and is another at another place."""
+        return float(np.hypot(self.wander[2], self.set_out[2] / np.sqrt(12.0)))
+
+    @property
     def full(self) -> float:
         """N, while the pose was recorded."""
         return float(np.mean(self.smooth[self.pressed]))
@@ -73,14 +85,18 @@ def tip_height(samples: Samples, hand: Hand) -> Array:
     Seen from the side the hand is a T: from the TCP the tips lie `tip_offset` along the tool axis
     z, and half the opening to either side along the closing direction y. When the hand leans over
     in that direction, one tip is lower than the other by the opening times the sine of the lean,
-    and that one touches first. Rotation matrix from a quaternion wxyz: R[2,2] = 1 - 2 (x² + y²),
-    R[2,1] = 2 (y z + w x).
+    and that one touches first.
     """
-    w, x, y, z = samples.pose_world_tcp[:, 3:].T
-    tool_z = 1.0 - 2.0 * (x**2 + y**2)
-    closing_z = 2.0 * (y * z + w * x)
-    middle = samples.pose_world_tcp[:, 2] + hand.tip_offset * tool_z
-    return middle - samples.width / 2 * np.abs(closing_z)
+    turned = rotations(samples.pose_world_tcp[:, 3:])
+    middle = samples.pose_world_tcp[:, 2] + hand.tip_offset * turned[:, 2, 2]
+    return middle - samples.width / 2 * np.abs(turned[:, 2, 1])
+
+
+def leans(samples: Samples) -> Array:
+    """(n,) rad by which the hand leans over in the closing direction, against its command: what
+    presses on one finger alone turns the hand on the arm's springs."""
+    told = rotations(samples.target_world_tcp[:, 3:])
+    return rotations(samples.pose_world_tcp[:, 3:])[:, 2, 1] - told[:, 2, 1]
 
 
 def probes(trace: Trace, parameter: Parameter) -> list[Recording]:
@@ -114,7 +130,7 @@ def descent_before(trace: Trace, recording: Recording) -> Descent | None:
         raise ValueError("the recording of the pose holds no samples")
     z = tip_height(samples, trace.hand)
     down = -samples.wrench[:, 2]
-    smooth = _running_median(down)
+    smooth = running_median(down)
     met = _free_air(samples, z, smooth, trace.hand)
     free_air = met.free_air(z)
     on_the_way = samples.t <= leaf.end
@@ -153,7 +169,7 @@ def block_means(rows: Array) -> Array:
     return np.mean(whole.reshape(count, tuning.BLOCK_ROWS, *rows.shape[1:]), axis=1)
 
 
-def _running_median(values: Array) -> Array:
+def running_median(values: Array) -> Array:
     """(n,) of `SUSTAINED` rows about each, the first and the last one repeated beyond the ends."""
     padded = np.pad(values, tuning.SUSTAINED // 2, mode="edge")
     return np.median(sliding_window_view(padded, tuning.SUSTAINED), axis=-1)

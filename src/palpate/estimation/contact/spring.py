@@ -102,7 +102,7 @@ class _Curve:
         return float(np.linalg.inv(normal)[STIFFNESS, STIFFNESS])
 
 
-def fit_spring(descent: Descent, touch: Touch, hand: Hand) -> Spring:
+def fit_spring(touch: Touch, hand: Hand) -> Spring:
     """The spring that a descent pressed on, above whatever stiff it may have met below.
 
     The standard deviation holds the fit's; the gain of the joints' sensors; how the force changes
@@ -110,6 +110,7 @@ def fit_spring(descent: Descent, touch: Touch, hand: Hand) -> Spring:
     it showed as the arm set out (a uniform distribution); the stretch of a row, within which the
     first contact is not seen; and what is not known of the pads.
     """
+    descent = touch.descent
     curve = _curve(descent, touch, hand)
     first = _first(descent, touch, curve)
     found, _ = curve.solve(first)
@@ -121,8 +122,7 @@ def fit_spring(descent: Descent, touch: Touch, hand: Hand) -> Spring:
     unseen = row / np.sqrt(12.0) / descent.full
     # What free air does on the way down to the contact, it may do otherwise on the way through.
     slope = np.hypot(tuning.FREE_SLOPE_STD, descent.slope / 2) / stiffness
-    friction = float(np.hypot(descent.wander[2], descent.set_out[2] / np.sqrt(12.0)))
-    shares = total * np.array([relative, gain, slope, friction / descent.full])
+    shares = total * np.array([relative, gain, slope, descent.friction / descent.full])
     std = np.linalg.norm([*shares, unseen, hand.tip_compliance_std])
     left = curve.force - curve.design(first) @ found
     return Spring(
@@ -130,7 +130,7 @@ def fit_spring(descent: Descent, touch: Touch, hand: Hand) -> Spring:
         float(std),
         touch.secant + 2.0 * touch.first_std / touch.full - hand.tip_compliance,
         first,
-        _misfit(left, curve.noise, float(np.hypot(friction, hand.force_resolution))),
+        _misfit(left, curve.noise, float(np.hypot(descent.friction, hand.force_resolution))),
     )
 
 

@@ -16,13 +16,21 @@ carried back along that slope to the force at which the stretch began.
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
 from palpate.estimation import tuning
 from palpate.estimation.agreement import FitTest
-from palpate.estimation.contact.descent import Descent, descent_before, steady
+from palpate.estimation.contact.descent import (
+    Descent,
+    descent_before,
+    leans,
+    running_median,
+    steady,
+)
+from palpate.estimation.windows import mean_pose
 from palpate.geometry.pose import Array
 from palpate.trace.recording import Hand, Recording
 from palpate.trace.samples import Trace
@@ -42,10 +50,13 @@ class Touch:
         first: m, tip height at which the force began to rise, with its standard deviation.
         lever: m along the closing direction from the middle of the fingers to where the force acts,
             with its standard deviation.
+        lean: rad by which the contact made the hand lean over in that direction at most.
         opening: m, between the fingers.
+        own: m/N, what the tips themselves give way, with its standard deviation.
     """
 
     recording: Recording
+    descent: Descent
     spot: Array
     held: float
     full: float
@@ -56,7 +67,10 @@ class Touch:
     first_std: float
     lever: float
     lever_std: float
+    lean: float
     opening: float
+    own: float
+    own_std: float
 
     @property
     def height(self) -> float:
@@ -85,11 +99,22 @@ class Touch:
 
     @property
     def yields(self) -> float:
-        """m/N: how much what stopped the tip certainly gives way; where nothing soft is above it,
-        by the whole curve as well."""
+        """m/N: how much what stopped the tip certainly gives way, beyond the tips themselves; where
+        nothing soft is above it, by the whole curve as well.
+
+        The joints' friction lets go of an unknown part of the force as the arm stops.
+        """
+        relative = self.descent.friction / ((1.0 - tuning.LATE_FORCE) * self.full)
+        last = self._certain(self.compliance, relative * self.compliance)
         if self.knee > 0.0:
-            return self.compliance
-        return max(self.compliance, self.secant - 2.0 * self.first_std / self.full)
+            return last
+        relative = self.descent.friction / self.full
+        whole = float(np.hypot(self.first_std / self.full, relative * self.secant))
+        return max(last, self._certain(self.secant, whole))
+
+    def _certain(self, compliance: float, std: float) -> float:
+        """m/N: what of a compliance is certain to be that of what is touched."""
+        return compliance - self.own - 2.0 * float(np.hypot(std, self.own_std))
 
     @property
     def gives_way(self) -> bool:
@@ -102,20 +127,39 @@ class Touch:
         thickness = self.first - self.height
         return thickness if thickness > tuning.SOFT and not self.gives_way else 0.0
 
-    def sides(self) -> FitTest | None:
-        """Whether both fingers stand on what was touched; None where the moment does not tell.
+    def sides(self) -> Iterator[FitTest]:
+        """Whether both fingers stand on what was touched, as far as the lean and the moment tell.
 
-        One finger alone bears the force nearer to itself than to the middle of the two.
+        One finger alone bears the force nearer to itself than to the middle of the two, and the
+        hand leans over to its other side until that finger stands, too.
         """
+        lower = abs(self.lean) * self.opening
+        yield FitTest(
+            "both fingers stand",
+            abs(self.lean),
+            tuning.LEAN,
+            f"One finger alone stands on something: the hand leans over by {1e3 * abs(self.lean):.1f} "
+            f"mrad, and the other finger, {1e3 * lower:.1f} mm lower for it, meets nothing.",
+        )
         nearer = self.opening / 4
         if 2.0 * self.lever_std >= nearer:
-            return None
+            return
         beside = abs(self.lever)
         finding = (
             f"One finger alone stands on something: the force acts {1e3 * beside:.0f} mm beside the "
             "middle of the hand, on a thing or a slope under that finger."
         )
-        return FitTest("both fingers", beside, nearer, finding)
+        yield FitTest("both fingers", beside, nearer, finding)
+
+
+def touches_of(trace: Trace, recordings: Iterable[Recording]) -> list[Touch]:
+    """What the guarded descents before recorded poses met, as far as something pressed back.
+
+    Raises:
+        ValueError: as `touched`.
+    """
+    met = [touched(trace, recording) for recording in recordings]
+    return [touch for touch in met if touch is not None]
 
 
 def touched(trace: Trace, recording: Recording) -> Touch | None:
@@ -136,6 +180,7 @@ def touched(trace: Trace, recording: Recording) -> Touch | None:
     lever, lever_std = _lever(descent, trace.hand)
     return Touch(
         recording,
+        descent,
         samples.pose_world_tcp[descent.pressed, :2].mean(axis=0),
         held,
         full,
@@ -146,7 +191,10 @@ def touched(trace: Trace, recording: Recording) -> Touch | None:
         first_std=first_std,
         lever=lever,
         lever_std=lever_std,
+        lean=_lean(descent),
         opening=float(np.median(samples.width[descent.pressed])),
+        own=trace.hand.tip_compliance,
+        own_std=trace.hand.tip_compliance_std,
     )
 
 
@@ -195,27 +243,32 @@ def _bottomed(descent: Descent, late: int, first: float) -> float | None:
     return late_z + tuning.STIFF_SHARE * (first - late_z)
 
 
+def _lean(descent: Descent) -> float:
+    """rad: the most for several rows, against free air."""
+    lean = leans(descent.samples)
+    touching = running_median(lean[descent.onset :] - np.median(lean[descent.free]))
+    return float(touching[int(np.argmax(np.abs(touching)))])
+
+
 def _lever(descent: Descent, hand: Hand) -> tuple[float, float]:
     """m: where the held force acts along the closing direction, from the middle of the fingertips,
     and its standard deviation.
 
     At a lever p from there the force F turns the hand about the tips by p x F; about the TCP the
-    tips' own lever r adds r x F. As the arm is stopped, the joints' friction lets go of somewhat
-    between nothing and all of what the moment changed by when it set out (a uniform distribution);
-    friction that changes with the place showed on the way down; and a moment repeats to
-    `TORQUE_LEVER` times the repeatability of a force.
+    tips' own lever r adds r x F. As the arm is stopped, the joints' friction lets go of about as
+    much as it showed when the arm set out, about whichever axis; friction that changes with the
+    place showed on the way down; and a moment repeats to `TORQUE_LEVER` times the repeatability of
+    a force.
     """
     samples, pressed = descent.samples, descent.pressed
-    free = slice(max(descent.onset - tuning.FREE_ROWS, 0), descent.onset + 1)
-    change = np.mean(samples.wrench[pressed], axis=0) - np.median(samples.wrench[free], axis=0)
-    w, x, y, z = np.median(samples.pose_world_tcp[pressed, 3:], axis=0)
-    closing = np.array([2.0 * (x * y - w * z), 1.0 - 2.0 * (x**2 + z**2), 2.0 * (y * z + w * x)])
-    tool = np.array([2.0 * (x * z + w * y), 2.0 * (y * z - w * x), 1.0 - 2.0 * (x**2 + y**2)])
+    wrench = samples.wrench
+    change = np.mean(wrench[pressed], axis=0) - np.median(wrench[descent.free], axis=0)
+    closing, tool = mean_pose(samples.where(pressed)).rotation.T[1:]
     force = change[:3]
     moment = change[3:] - np.cross(hand.tip_offset * tool, force)
     place = np.cross(force, moment) / float(force @ force)
     about = np.cross(tool, closing)
-    friction = float(descent.set_out[3:] @ about) / np.sqrt(12.0)
+    friction = float(np.linalg.norm(descent.set_out[3:5]))
     wander = float(np.linalg.norm(descent.wander[3:] * about))
     doubt = float(
         np.linalg.norm([tuning.TORQUE_LEVER * hand.force_repeatability, friction, wander])

@@ -132,3 +132,9 @@ a spring may leave. Sensitive: no."""
 APART = 0.05
 """m: three touches so far from one another show how a surface leans; 0.1 mm between two touches is
 2 mrad. Sensitive: no."""
+
+LEAN = 3.3e-3
+"""rad by which a contact makes the hand lean over where one finger alone stands on something. Against
+a level surface an arm that nobody calibrated is out by 1.2 mrad (1 sigma: 1 mrad in each joint that
+turns it over, and a base levelled to 0.5); 30 N on one finger lean it over by 4.2 mrad at 280 N m/rad.
+Sensitive: no."""
