@@ -25,7 +25,7 @@ from palpate.vocabulary.base import (
 )
 from palpate.vocabulary.profile import POSE_ERROR
 from palpate.vocabulary.state import SymbolicState
-from palpate.vocabulary.touch import Feeling, finish, guarded, settle
+from palpate.vocabulary.touch import Feeling, feel, finish, guarded, settle
 from palpate.vocabulary.violation import PRECONDITION, Violation
 
 PROBE_SPEED = 0.012
@@ -43,12 +43,10 @@ motion."""
 FIRM_FORCE = 30.0
 """N: the threshold where the hand leans over as it touches: one finger alone may stand on something, or
 the arm may only be out of level by so little that the other one follows."""
-RELIEF = 15.0
-"""N by which the arm's springs let go of it again; the joints' friction, which turns round with the
-motion, makes it some 21 N that are felt."""
-ASKEW = 2e-4
-"""rad that the hand leans over then: a fifth of what `CONTACT_FORCE` on one finger ends in; an impact
-is felt before the hand has followed."""
+RELIEF = 8.0
+"""N by which the arm's springs let go of it again at a time, until it is less than `CONTACT_FORCE`."""
+ASKEW = 3e-4
+"""rad that the hand leans over then: a third of what `CONTACT_FORCE` on one finger does."""
 SIDE_FORCE = 2.0
 """N: the threshold where something that stands freely may be met sideways: the least that is told
 from the joints' friction for certain."""
@@ -160,9 +158,10 @@ class MoveUntilContact(Primitive):
             robot.move_axis(direction, speed, travel)
             if (yield from guarded(blackboard, lambda: _touching(feeling, direction, threshold))):
                 travelled = robot.state.pose_world_tcp.distance_to(start)
+                yield from settle(blackboard)
                 if self.axis == "-z" and abs(_leaning(robot.state) - upright) > ASKEW:
                     yield from self._press(blackboard, feeling)
-                yield from settle(blackboard)
+                    yield from settle(blackboard)
                 return f"contact after {1e3 * travelled:.0f} mm"
         raise LeafFailure(
             f"nothing touched within {PROBE_TRAVEL:.2f} m along {self.axis}; "
@@ -175,8 +174,11 @@ class MoveUntilContact(Primitive):
         robot.move_axis(direction, PROBE_SPEED, PROBE_TRAVEL)
         yield from guarded(blackboard, lambda: _touching(feeling, direction, FIRM_FORCE))
         eased = RELIEF / blackboard.scene.arm.stiffness.translation
-        robot.move_axis(-direction, PROBE_SPEED, eased)
-        yield from finish(blackboard)
+        while (
+            float(((yield from feel(blackboard)) - feeling.first)[:3] @ direction) > CONTACT_FORCE
+        ):
+            robot.move_axis(-direction, PROBE_SPEED, eased)
+            yield from finish(blackboard)
 
     def _stages(self, state: SymbolicState, z: float) -> list[tuple[float, float]]:
         """Speed, m/s, and travel, m, of one part of the way after the other."""
