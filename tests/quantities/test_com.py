@@ -119,3 +119,14 @@ def test_never_lifted_is_not_identified(bench, noises, scene):
     found = estimate_com(b.trace(), PARAMETER, scene.body("hammer"))
     assert found.verdict == "not identified"
     assert len(found.value) == 0
+
+
+def test_how_well_poses_are_known_is_in_the_interval(bench, noises):
+    """Where an object stands along the fingers no grasp shows: what is said of its pose counts."""
+    trace = lift_at(bench, noises["none"], [0.0, 0.05, -0.05])
+    rough = parse_scene(SCENE, poses="accuracy: 0.01").body("hammer")
+    usual = estimate_com(trace, PARAMETER, parse_scene(SCENE).body("hammer"))
+    found = estimate_com(trace, PARAMETER, rough)
+    assert found.std[0] > 5 * usual.std[0]
+    assert "here 10 mm" in found.method
+    assert "here 0.5 mm" in usual.method

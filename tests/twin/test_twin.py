@@ -81,7 +81,9 @@ def test_a_mass_that_was_found_besides_is_written_and_said() -> None:
     )
     twin = build(scene(), balanced)
     assert parse_scene(twin.xml).body("cup").known["mass"] == pytest.approx((0.341,))
-    assert twin.notes == ("cup.mass was not asked for; the twin holds 0.341, found besides",)
+    assert twin.notes == (
+        "cup.mass was not asked for; the twin holds 0.3410 ± 0.0010 kg, found besides",
+    )
     asked = not_identified(Parameter("cup", "mass"), "kg", "It slipped.")
     assert "0.341" not in build(scene(), balanced, asked).diff.split("<custom>")[0]
 

@@ -140,6 +140,8 @@ class Body:
         missing: quantity ids that the MJCF leaves out or writes `?`.
         assumed: quantity ids MuJoCo would infer (com, inertia from uniform density).
         carries: names of the objects that rest on a surface.
+        accuracy: m (1 sigma), how far it may be from where it is believed to stand; None where
+            nobody said.
     """
 
     name: str
@@ -152,6 +154,7 @@ class Body:
     missing: frozenset[str]
     assumed: frozenset[str] = frozenset()
     carries: tuple[str, ...] = ()
+    accuracy: float | None = None
 
     reach: float = field(init=False)
     """No point of its box is farther than this from its frame's origin, m."""

@@ -172,6 +172,7 @@ def _grasps(trace: Trace, held: Sequence[Recording], load: Load, body: Body) -> 
     recordings: list[Recording] = []
     rows: list[Array] = []
     right: list[Array] = []
+    along: list[Array] = []
     for i, grasp in enumerate(load.grasps):
         recording = next(one for one in held if one.start >= grasp)
         moment = load.value[1 + 2 * i : 3 + 2 * i]
@@ -180,20 +181,33 @@ def _grasps(trace: Trace, held: Sequence[Recording], load: Load, body: Body) -> 
         pose_world_body = pose_world_tcp @ _pose_tcp_body(trace, recording, body)
         recordings.append(recording)
         rows.append(pose_world_body.rotation[:2])
+        along.append(pose_world_tcp.rotation[:2, 0])
         right.append(pose_world_tcp.position[:2] + offset - pose_world_body.position[:2])
-    covariance = _offsets(load) + _places(len(rows), trace.hand)
+    covariance = _offsets(load) + _places(along, accuracy(body), trace.hand)
     loose = tuning.ARM_WEIGHT * trace.hand.pose_repeatability / load.force
     return _Grasps(
         recordings, np.vstack(rows), np.concatenate(right), covariance, loose, load.freedom
     )
 
 
-def _places(grasps: int, hand: Hand) -> Array:
+def accuracy(body: Body) -> float:
+    """m (1 sigma): how far an object may be along the fingers from where the scene has it."""
+    return tuning.PLACE_ACCURACY if body.accuracy is None else body.accuracy
+
+
+def _places(along: Sequence[Array], accuracy: float, hand: Hand) -> Array:
     """(2n, 2n) m²: covariance of where the object is in the hand: what each grasp shifts, and by how
-    much the scene and the arm disagree on where it stands, which is the same in all of them."""
-    together = np.kron(np.ones((grasps, grasps)), np.eye(2))
-    own = tuning.GRASP_ACCURACY**2 * np.eye(2 * grasps)
-    return own + (tuning.PLACE_ACCURACY**2 + hand.tip_offset_std**2) * together
+    much the scene and the arm disagree on where it stands, which is the same in all of them.
+
+    The fingers centre it between them as they close; `along` (2,) them, seen from above in each
+    grasp, they leave it where it is, and nothing that is felt shows by how much that is off.
+    """
+    flat = np.concatenate(along)
+    across = np.concatenate([np.array([-y, x]) for x, y in along])
+    own = tuning.GRASP_ACCURACY**2 * np.eye(len(flat))
+    found = own + (accuracy**2 + hand.tip_offset_std**2) * np.outer(flat, flat)
+    beside = tuning.PLACE_ACCURACY**2 + hand.tip_offset_std**2
+    return found + beside * np.outer(across, across)
 
 
 def _offsets(load: Load) -> Array:
@@ -268,7 +282,7 @@ def _estimate(
         value,
         std,
         np.column_stack([value - half, value + half]),
-        _method(len(grasps.recordings), blind.tolist()),
+        _method(len(grasps.recordings), blind.tolist(), accuracy(body)),
         tuple(grasps.recordings),
         "prior-dominated" if bool(blind.all()) else "identified",
         parts,
@@ -276,11 +290,11 @@ def _estimate(
     )
 
 
-def _method(grasps: int, blind: Sequence[bool]) -> str:
+def _method(grasps: int, blind: Sequence[bool], accuracy: float) -> str:
     method = (
         f"Horizontal moment over weight of the object held still at {grasps} "
         f"grasp{'s' * (grasps > 1)}, each against the empty hand, and from where the scene has the "
-        "object, whose error along the fingers no grasp shows"
+        f"object, whose error along the fingers, here {1e3 * accuracy:.2g} mm (1 sigma), no grasp shows"
     )
     axes = " and ".join(axis for axis, unseen in zip("xyz", blind, strict=True) if unseen)
     if axes:

@@ -37,6 +37,10 @@ from palpate.scene.symbols import (
 
 Shape = Literal["box", "cylinder", "sphere", "plane"]
 
+SEEN_ACCURACY = 0.005
+"""m (1 sigma) of the place of a thing in a picture: two pixels, of 2.5 mm each from where a camera sees
+a workplace. `accuracy` in poses.yaml overrules it."""
+
 FAR = 3.0
 """m: how far from the camera's foot anything may be."""
 
@@ -191,7 +195,9 @@ class DetectedScene:
         for name, value in given.offsets.items():
             if isinstance(value, dict) and name not in names:
                 del offsets[name]
-        return given.model_copy(update={"objects": tops, "offsets": offsets, "grasps": grasps})
+        stated: dict[str, object] = {"objects": tops, "offsets": offsets, "grasps": grasps}
+        stated["accuracy"] = given.accuracy or SEEN_ACCURACY
+        return given.model_copy(update=stated)
 
 
 def fit(

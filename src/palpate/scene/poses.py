@@ -8,6 +8,7 @@ joints: {home_config: [0, -0.785, 0, -2.356, 0, 1.571, 0.785]}
 offsets: {z_offset: 0.12, hammer: {x_offset: 0.04}}        # metres, or [x, y, z] along the grasp's
     axes
 grasps: {hammer: {pos: [0.02, 0, 0.01], yaw: 0}}           # pose of the TCP in the object's frame
+accuracy: 0.002                                            # m, 1 sigma, of the objects' poses
 camera: {pos: [...], quat: [...], fovy: 45, size: [640, 480]}
 """
 
@@ -96,6 +97,9 @@ class Poses(_Strict):
     offsets: dict[Name, Offset | dict[Name, Offset]] = {}
     grasps: dict[Name, PoseEntry] = {}
     camera: CameraEntry | None = None
+    accuracy: Annotated[float, Field(gt=0.0, le=0.1)] | None = None
+    """m (1 sigma), how far an object may be from where it is said to stand; what poses that were
+    measured are known to, where it is left out."""
 
 
 def read_poses(path: Path) -> Poses:

@@ -102,6 +102,7 @@ class ResolvedScene:
             known,
             missing=frozenset(others["missing"]),
             assumed=frozenset(others["assumed"]),
+            accuracy=self.poses.accuracy,
         )
 
     def _words(self, body: BodyDescription) -> frozenset[str]:

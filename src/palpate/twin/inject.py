@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from palpate.errors import InputError
-from palpate.estimation.estimate import Estimate
+from palpate.estimation.estimate import Estimate, Part, rounded
 from palpate.mjcf import spans
 from palpate.mjcf.body import BodyDescription
 from palpate.mjcf.defaults import answered_elsewhere
@@ -73,11 +73,13 @@ def complete(
     for estimate in estimates:
         values[estimate.parameter] = tuple(estimate.value.tolist())
     notes: list[str] = []
-    for parameter, value in _found_besides(scene, estimates):
+    for parameter, part in _found_besides(scene, estimates):
         if parameter not in values and parameter not in asked:
-            values[parameter] = (value,)
+            values[parameter] = (part.value,)
+            value, std = rounded(part.value, part.std)
             notes.append(
-                f"{parameter} was not asked for; the twin holds {value:.4g}, found besides"
+                f"{parameter} was not asked for; the twin holds {value} ± {std} {part.unit or ''}".rstrip()
+                + ", found besides"
             )
     description = _without_poses(scene)
     marked = _marked(description, scene.catalogue)
@@ -132,16 +134,14 @@ def _misread(
             yield parameter, str(error)
 
 
-def _found_besides(
-    scene: Scene, estimates: Sequence[Estimate]
-) -> Iterator[tuple[Parameter, float]]:
+def _found_besides(scene: Scene, estimates: Sequence[Estimate]) -> Iterator[tuple[Parameter, Part]]:
     """Missing quantities of which another's estimate says a value in passing: the mass of an object
     whose centre of mass was asked for."""
     for estimate in estimates:
         body = scene.bodies.get(estimate.parameter.object)
         for name, part in estimate.parts.items():
             if body is not None and name in body.missing:
-                yield Parameter(body.name, name), part.value
+                yield Parameter(body.name, name), part
 
 
 def unfilled(text: str, folder: Path | None = None) -> list[Parameter]:
