@@ -9,7 +9,8 @@ import pytest
 
 from palpate.parameter import Parameter
 from palpate.settings import Settings
-from palpate.studies.accuracy import ScoredEstimate, SeedRun, accuracy, run_seed, summarise
+from palpate.studies.accuracy import SeedRun, accuracy, run_seed
+from palpate.studies.scores.summary import summarise
 
 MASS = Parameter("cup", "mass")
 CELL = """<mujoco><worldbody>
@@ -25,10 +26,6 @@ def settings(tmp_path: Path) -> Settings:
     for name, cup in files.items():
         (tmp_path / f"{name}.xml").write_text(CELL.format(cup=cup), encoding="utf-8")
     return Settings(scene=tmp_path / "scene.xml", world=tmp_path / "world.xml")
-
-
-def scored(seed: int, value: float, std: float = 0.01, shot: float | None = None) -> ScoredEstimate:
-    return ScoredEstimate(MASS, 0, seed, value, std, value - 0.02, value + 0.02, 0.3, shot)
 
 
 def test_seeds_are_independent_runs_of_one_world(settings: Settings) -> None:
@@ -55,41 +52,13 @@ def test_a_run_that_identifies_nothing_has_no_estimates(settings: Settings) -> N
     assert run.status == "aborted"
     assert run.estimates == ()
     assert run.actions > 3
-    assert summarise([run]) == []
+    (missed,) = run.unmeasured
+    assert (missed.parameter, missed.truth, missed.verdict) == (MASS, 0.3, "not identified")
+    (row,) = summarise([run])
+    assert (row.runs, row.asked, row.verdicts) == (0, 1, {"not identified": 1})
+    assert (row.mean, row.scores) == (None, None)
 
 
 def test_a_rejected_plan_moves_nothing(settings: Settings) -> None:
     run = run_seed(replace(settings, request="the inertia of the cup"), 0)
     assert run == SeedRun(0, "rejected", 0, 0.0, ())
-
-
-def test_the_summary_is_over_seeds() -> None:
-    runs = [
-        SeedRun(i, "complete", 12, 20.0, (scored(i, value, shot=value + 0.05),))
-        for i, value in enumerate((0.29, 0.31, 0.33))
-    ]
-    (row,) = summarise(runs)
-    assert (row.parameter, row.component, row.runs) == (MASS, 0, 3)
-    assert row.truth == pytest.approx(0.3)
-    assert row.mean == pytest.approx(0.31)
-    assert row.bias == pytest.approx(0.01)
-    assert row.sd == pytest.approx(0.02)
-    assert row.claimed == pytest.approx(0.01)
-    assert row.covered == 2
-    assert row.single_shot_sd == pytest.approx(0.02)
-
-
-def test_one_run_has_no_scatter() -> None:
-    (row,) = summarise([SeedRun(0, "complete", 12, 20.0, (scored(0, 0.31),))])
-    assert row.sd == 0.0
-    assert row.single_shot_sd is None
-
-
-def test_components_have_rows_of_their_own() -> None:
-    com = Parameter("cup", "com")
-    trials = tuple(
-        replace(scored(0, 0.1 * i), parameter=com, component=i, truth=0.1 * i) for i in range(3)
-    )
-    assert [
-        (row.component, row.bias) for row in summarise([SeedRun(0, "complete", 1, 1.0, trials)])
-    ] == [(0, 0.0), (1, 0.0), (2, 0.0)]

@@ -1,4 +1,16 @@
 """What palpate uses of scipy.special."""
 
+from typing import overload
+
+import numpy as np
+from numpy.typing import NDArray
+
+_Array = NDArray[np.float64]
+
+def chdtri(v: float, p: float) -> float: ...
 def fdtri(dfn: float, dfd: float, p: float) -> float: ...
+def stdtr(df: _Array, t: _Array) -> _Array: ...
+@overload
 def stdtrit(df: float, p: float) -> float: ...
+@overload
+def stdtrit(df: _Array, p: float) -> _Array: ...

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import sys
+import time
 from collections.abc import Generator
 from contextlib import contextmanager, suppress
 from typing import Any
 
 from rich.table import Table
+from rich.text import Text
 
 from palpate.cli.exits import exit_status, in_flags
 from palpate.display import json_visible, visible
@@ -56,6 +59,33 @@ def printing() -> Generator[None]:
         say(f"the result was not printed: {getattr(error, 'strerror', None) or 'nobody reads it'}")
         # What is still in its buffer must not fail again when the process ends.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+class Ticker:
+    """Tells how far something is, on stderr: in one line that changes on a terminal, else now and
+    then, and at the end, in a line of its own."""
+
+    EVERY = 30.0
+    """s between lines where nobody sees them change."""
+
+    def __init__(self) -> None:
+        self._told = -math.inf
+        self._line = ""
+
+    def __call__(self, line: str) -> None:
+        self._line = line
+        if err.is_terminal:
+            width = err.width - 1
+            err.print(Text(line[:width].ljust(width), "dim"), end="\r")
+        elif time.monotonic() - self._told >= self.EVERY:
+            self._told = time.monotonic()
+            self.end()
+
+    def end(self) -> None:
+        """The last line stays."""
+        if self._line:
+            err.print(Text(self._line, "dim"))
+        self._line = ""
 
 
 def escape(text: str) -> str:

@@ -3,20 +3,31 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.text import Text
 
 from palpate.cli.command import command
-from palpate.cli.console import err
-from palpate.cli.options import AsJson, BaseUrl
+from palpate.cli.console import Ticker, err
+from palpate.cli.options import (
+    AsJson,
+    BaseUrl,
+    NoiseLevel,
+    Request,
+    RobotConfig,
+    Widths,
+    widths,
+)
 
 if TYPE_CHECKING:
+    from palpate.studies.accuracy import Question
     from palpate.studies.attempt import Conditions
     from palpate.studies.campaign.campaign import Order
+    from palpate.studies.scores.kept import Runs
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -27,14 +38,6 @@ CORES = os.cpu_count() or 1
 
 Names = Annotated[list[str] | None, typer.Argument(metavar="[SCENARIO]...")]
 ScenarioName = Annotated[str, typer.Argument()]
-Noise = Annotated[
-    str,
-    typer.Option(
-        "--noise",
-        metavar="NAME|FILE.yaml",
-        help="How the robot differs from its model: none | lab | datasheet | hardware | FILE.yaml",
-    ),
-]
 Seeds = Annotated[int, typer.Option("--seeds", min=1)]
 Seed = Annotated[int, typer.Option("--seed", min=0)]
 Workers = Annotated[int, typer.Option("--workers", help="Processes.", min=1)]
@@ -60,11 +63,71 @@ Dollars = Annotated[
 
 
 @dataclass(frozen=True)
+class AskedOptions:
+    """What scenarios are run with, besides what they say themselves."""
+
+    noise: NoiseLevel = "lab"
+    request: Request = None
+    within: Widths = None
+    robot_config: RobotConfig = None
+
+    def changes(self) -> dict[str, Any]:
+        """As fields of the settings."""
+        found: dict[str, Any] = {"noise": self.noise}
+        if self.request is not None:
+            found["request"] = self.request
+        if self.within:
+            found["within"] = widths(self.within)
+        if self.robot_config is not None:
+            found["robot_config"] = self.robot_config.absolute()
+        return found
+
+
+@dataclass(frozen=True)
+class SeedOptions:
+    """Over which seeds, by whom, and where they are kept."""
+
+    seeds: Seeds = 20
+    first_seed: Annotated[int, typer.Option("--first-seed", help="The first one.", min=0)] = 0
+    workers: Annotated[
+        int | None,
+        typer.Option("--workers", min=1, help="At once (default: one for each processor)."),
+    ] = None
+    cluster: Annotated[
+        str,
+        typer.Option(
+            "--cluster",
+            metavar="ADDRESS",
+            help="Ray cluster: auto | HOST:PORT | ray://HOST:PORT | local, which is none.",
+        ),
+    ] = "local"
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            "--out", help="Folder of the rows and of a page with plots; run again to go on."
+        ),
+    ] = None
+
+    def runs(self, questions: Sequence[Question]) -> Runs:
+        """The runs of all questions."""
+        from palpate.studies.engine.cluster import crew
+        from palpate.studies.scores.kept import measure
+
+        seeds = range(self.first_seed, self.first_seed + self.seeds)
+        ticker = Ticker()
+        try:
+            with crew(self.cluster, self.workers) as workers:
+                return measure(questions, seeds, workers, self.out, ticker)
+        finally:
+            ticker.end()
+
+
+@dataclass(frozen=True)
 class TrialOptions:
     """What all trials of a study of planners share."""
 
     image: Images = None
-    noise: Noise = "lab"
+    noise: NoiseLevel = "lab"
     base_url: BaseUrl = None
     feedback: Feedback = 0
     budget_dollars: Dollars = 2
@@ -121,31 +184,31 @@ class FaultOptions:
 def accuracy(
     names: Names = None,
     *,
-    noise: Noise = "lab",
-    seeds: Seeds = 20,
-    workers: Workers = CORES,
+    asked: AskedOptions,
+    over: SeedOptions,
     every: Annotated[
         bool, typer.Option("--all", help="Every scenario that the planner completes.")
     ] = False,
     as_json: AsJson = False,
 ) -> None:
-    """Repeat scenarios over many seeds, against the hidden truth."""
+    """Repeat scenarios over many seeds, against the hidden truth.
+
+    With --out every run is kept as soon as it is done, and what is there is not run again.
+    """
     from palpate.cli.tables import show_seed_runs
-    from palpate.scenarios.catalogue import scenario
-    from palpate.studies import accuracy
+    from palpate.studies.accuracy import Question
     from palpate.studies.efficiency import comparable
 
     chosen = comparable() if every else names or ["bottle_and_table"]
-    settings = {name: scenario(name).settings(noise=noise).checked() for name in chosen}
-    runs = {
-        name: accuracy.accuracy(asked, range(seeds), workers) for name, asked in settings.items()
-    }
-    show_seed_runs(runs, f"--noise {noise}", as_json)
+    changes = tuple(asked.changes().items())
+    runs = over.runs([Question(name, changes) for name in chosen])
+    found = {group.scenario: seeds for group, seeds in runs.items()}
+    show_seed_runs(found, f"--noise {asked.noise}", as_json)
 
 
 @command(app)
 def variety(
-    *, noise: Noise = "lab", seed: Seed = 0, workers: Workers = CORES, as_json: AsJson = False
+    *, noise: NoiseLevel = "lab", seed: Seed = 0, workers: Workers = CORES, as_json: AsJson = False
 ) -> None:
     """Ten scenes of other objects, heights and gaps, one run each."""
     from palpate.cli.tables import show_seed_runs
@@ -159,7 +222,7 @@ def variety(
 def efficiency(
     names: Names = None,
     *,
-    noise: Noise = "lab",
+    noise: NoiseLevel = "lab",
     seed: Seed = 0,
     plot: Annotated[Path | None, typer.Option("--plot", help="HTML file for the plot.")] = None,
     as_json: AsJson = False,
@@ -230,7 +293,7 @@ def repeatability(
 def faults(
     names: Names = None,
     *,
-    noise: Noise = "lab",
+    noise: NoiseLevel = "lab",
     seeds: Seeds = 5,
     workers: Workers = CORES,
     campaign: FaultOptions,

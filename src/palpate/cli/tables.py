@@ -9,18 +9,20 @@ from statistics import fmean
 from typing import Any
 
 from rich.markup import escape
+from rich.table import Table
 from rich.text import Text
 
 from palpate.cli.console import figure_table, out, plain_table, print_json
 from palpate.live.console import SafeConsole
 from palpate.studies import faults, trials
-from palpate.studies.accuracy import SeedRun, Summary, summarise
+from palpate.studies.accuracy import SeedRun
 from palpate.studies.campaign import ledger
 from palpate.studies.campaign.page import counts
 from palpate.studies.deceptions.coverage import coverage
 from palpate.studies.deceptions.page import by_world, worst
 from palpate.studies.efficiency import Comparison, PublishedEffort
 from palpate.studies.faults import Ending
+from palpate.studies.scores.summary import Summary, summarise
 from palpate.studies.trials import Rate, Record, Row
 
 WIDTH = 130
@@ -34,14 +36,30 @@ def show_seed_runs(runs: Mapping[str, Sequence[SeedRun]], title: str, as_json: b
         scenarios = [_seed_runs_json(name, found) for name, found in runs.items()]
         print_json({"title": title, "scenarios": scenarios})
         return
-    headings = ("parameter", "truth", "mean", "bias", "SD", "stated", "in 95 %", "1-shot SD")
-    table = figure_table(*headings, title=title, no_wrap=True)
+    shown = SafeConsole(highlight=False, width=max(out.width, SUMMARY_WIDTH))
+    shown.print(Text(title, "italic"))
     for name, found in runs.items():
-        table.add_row(f"[bold]{name}[/]")
-        for row in summarise(found):
-            table.add_row(*_summary_cells(row))
-        table.add_row(f"[dim]{_endings_text(found)}[/]")
-    SafeConsole(highlight=False, width=WIDTH).print(table)
+        shown.print(Text(name, "bold"))
+        shown.print(_summary_table(found), Text(_endings_text(found), "dim"), sep="\n")
+
+
+SUMMARY = ("parameter", "truth", "bias", "SD", "stated", "1-shot", "/bound", "in 95 %", "known")
+SUMMARY_WIDTH = 80
+"""Characters of its narrowest form."""
+
+
+def _summary_table(runs: Sequence[SeedRun]) -> Table:
+    """Where there is little room, names are broken, never figures."""
+    rows = [_summary_cells(row) for row in summarise(runs)]
+    table = figure_table(*SUMMARY)
+    table.padding = (0, 1, 0, 0)
+    names, *figures = table.columns
+    names.overflow = "fold"
+    for place, column in enumerate(figures, start=1):
+        column.min_width = max(len(row[place]) for row in [SUMMARY, *rows])
+    for row in rows:
+        table.add_row(*row)
+    return table
 
 
 def _seed_runs_json(name: str, runs: Sequence[SeedRun]) -> dict[str, Any]:
@@ -58,25 +76,28 @@ def _summary_cells(row: Summary) -> list[str]:
     name = str(row.parameter)
     if row.component:
         name += f"[{row.component}]"
-    single_shot = "–"
-    if row.single_shot_sd is not None:
-        single_shot = f"{row.single_shot_sd:.3g}"
+    over_bound = row.scores.over_bound if row.scores else None
     return [
-        f"  {escape(name)}",
+        escape(name),
         f"{row.truth:.4g}",
-        f"{row.mean:.4g}",
-        f"{row.bias:+.2g}",
-        f"{row.sd:.2g}",
-        f"{row.claimed:.2g}",
+        _figure(row.bias, "+.2g"),
+        _figure(row.sd, ".2g"),
+        _figure(row.claimed, ".2g"),
+        _figure(row.single_shot_sd, ".2g"),
+        _figure(over_bound.value if over_bound else None, ".2f"),
         f"{row.covered}/{row.runs}",
-        single_shot,
+        f"{row.runs}/{row.asked}",
     ]
+
+
+def _figure(value: float | None, form: str) -> str:
+    return "–" if value is None else format(value, form)
 
 
 def _endings_text(runs: Sequence[SeedRun]) -> str:
     """How the runs ended, and what they took."""
     ended = ", ".join(f"{count} {status}" for status, count in _statuses(runs).items())
-    return f"  {ended}; {runs[0].actions} actions, {_robot_seconds(runs):.1f} s"
+    return f"{ended}; {runs[0].actions} actions, {_robot_seconds(runs):.1f} s"
 
 
 def _statuses(runs: Sequence[SeedRun]) -> dict[str, int]:

@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+import time
+import traceback
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
-from statistics import fmean, stdev
-
-import numpy as np
+from typing import Any
 
 from palpate import pipeline
+from palpate.estimation.estimate import Estimate, Verdict
 from palpate.parameter import Parameter
 from palpate.runs.run import Run
+from palpate.scenarios.catalogue import scenario
 from palpate.settings import Settings
-from palpate.studies.workers import spread
+from palpate.studies.engine.workers import spread
+
+CRASHED = "crashed"
+"""Status of a seed that ended in an error of the program itself."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,6 +31,9 @@ class ScoredEstimate:
         low, high: its 95 % interval.
         truth: the hidden world's value.
         single_shot: for masses, the naive mean of F_z/g from the same recording.
+        unit: as printed. verdict: of this component.
+        bound: the least standard deviation that the recording allows, see
+            `studies.scores.bound`; None where that is not known.
     """
 
     parameter: Parameter
@@ -37,47 +45,81 @@ class ScoredEstimate:
     high: float
     truth: float
     single_shot: float | None
+    unit: str = ""
+    verdict: Verdict = "identified"
+    bound: float | None = None
 
     @property
     def covered(self) -> bool:
         """Whether the 95 % interval holds the truth."""
         return self.low <= self.truth <= self.high
 
+    @property
+    def error(self) -> float:
+        """Value less truth."""
+        return self.value - self.truth
+
+
+@dataclass(frozen=True, slots=True)
+class Unmeasured:
+    """One component that has no value."""
+
+    parameter: Parameter
+    component: int
+    seed: int
+    truth: float
+    unit: str
+    reason: str
+
+    @property
+    def verdict(self) -> Verdict:
+        """None but one has no value."""
+        return "not identified"
+
 
 @dataclass(frozen=True, slots=True)
 class SeedRun:
-    """One seed: how its run ended, what it took, and its estimates beside the truth (none of what
-    was not identified)."""
+    """One seed: how its run ended, what it took, and its estimates beside the truth.
+
+    Attributes:
+        status: of the run, or `CRASHED`.
+        estimates: what was identified. doubted: what has a value, but another verdict. unmeasured:
+            what has none.
+        wall_seconds, cpu_seconds: of all of it, planning and estimation as well.
+        crash: a traceback.
+    """
 
     seed: int
     status: str
     actions: int
     robot_seconds: float
     estimates: tuple[ScoredEstimate, ...]
+    doubted: tuple[ScoredEstimate, ...] = ()
+    unmeasured: tuple[Unmeasured, ...] = ()
+    wall_seconds: float = field(default=0.0, compare=False)
+    cpu_seconds: float = field(default=0.0, compare=False)
+    crash: str = ""
 
 
 @dataclass(frozen=True, slots=True)
-class Summary:
-    """A parameter's component over all seeds, in its SI unit.
+class Question:
+    """A bundled scenario as it is run over all seeds; `changes` are fields of its `Settings`."""
 
-    Attributes:
-        runs: seeds that estimated it.
-        truth, mean: over these. bias: mean error. sd: standard deviation of the errors.
-        claimed: mean of the stated standard deviations, which an honest estimator holds near `sd`.
-        covered: how many 95 % intervals hold the truth.
-        single_shot_sd: as `sd`, of the naive weighing; None where there is none.
-    """
+    scenario: str
+    changes: tuple[tuple[str, Any], ...] = ()
 
-    parameter: Parameter
-    component: int
-    runs: int
-    truth: float
-    mean: float
-    bias: float
-    sd: float
-    claimed: float
-    covered: int
-    single_shot_sd: float | None
+    @property
+    def settings(self) -> Settings:
+        """What is run; the scenario's files are looked up where it is."""
+        return scenario(self.scenario).settings(**dict(self.changes))
+
+
+@dataclass(frozen=True, slots=True)
+class Case:
+    """One seed of a question."""
+
+    question: Question
+    seed: int
 
 
 def accuracy(settings: Settings, seeds: Sequence[int], workers: int = 1) -> list[SeedRun]:
@@ -85,67 +127,74 @@ def accuracy(settings: Settings, seeds: Sequence[int], workers: int = 1) -> list
     return spread(partial(run_seed, settings), seeds, workers)
 
 
+def survived(case: Case) -> SeedRun:
+    """What becomes of a case, be it a crash."""
+    try:
+        return run_seed(case.question.settings, case.seed)
+    except Exception:
+        return crashed(case.seed, traceback.format_exc(limit=-8))
+
+
+def crashed(seed: int, reason: str) -> SeedRun:
+    """A seed without a run."""
+    return SeedRun(seed, CRASHED, 0, 0.0, (), crash=reason)
+
+
 def run_seed(settings: Settings, seed: int) -> SeedRun:
     """Plan, execute and estimate once; no twin and no report."""
+    wall, cpu = time.perf_counter(), time.process_time()
     settings = replace(settings, seed=seed)
     run = pipeline.measure(pipeline.plan(settings, pipeline.load(settings)))
     done = run.execution
     if done is None:
         return SeedRun(seed, run.status, 0, 0.0, ())
-    estimates = tuple(_scored(run, seed))
-    return SeedRun(seed, run.status, done.actions, done.robot_seconds, estimates)
-
-
-def _scored(run: Run, seed: int) -> Iterator[ScoredEstimate]:
-    """Each component of each estimate whose truth somebody knows."""
-    for estimate in run.estimates:
-        truth = run.truth.get(estimate.parameter)
-        if truth is None or not estimate.identified:
-            continue
-        naive = estimate.parts.get("single-shot")
-        for i, true_value in enumerate(truth):
-            low, high = estimate.ci95[i].tolist()
-            yield ScoredEstimate(
-                estimate.parameter,
-                i,
-                seed,
-                float(estimate.value[i]),
-                float(estimate.std[i]),
-                low,
-                high,
-                true_value,
-                naive.value if naive else None,
-            )
-
-
-def summarise(runs: Sequence[SeedRun]) -> list[Summary]:
-    """One row a parameter and component, in order of first appearance."""
-    groups: dict[tuple[Parameter, int], list[ScoredEstimate]] = {}
-    for run in runs:
-        for estimate in run.estimates:
-            group = groups.setdefault((estimate.parameter, estimate.component), [])
-            group.append(estimate)
-    return [_summary(*key, group) for key, group in groups.items()]
-
-
-def _summary(parameter: Parameter, component: int, estimates: Sequence[ScoredEstimate]) -> Summary:
-    columns = np.array([(e.value, e.truth, e.std, e.covered) for e in estimates])
-    values, truths, stated, covered = columns.T
-    errors = (values - truths).tolist()
-    naive_errors = [e.single_shot - e.truth for e in estimates if e.single_shot is not None]
-    return Summary(
-        parameter=parameter,
-        component=component,
-        runs=len(estimates),
-        truth=fmean(truths),
-        mean=fmean(values),
-        bias=fmean(errors),
-        sd=_sd(errors),
-        claimed=fmean(stated),
-        covered=int(np.sum(covered)),
-        single_shot_sd=_sd(naive_errors) if naive_errors else None,
+    scored = [each for estimate in run.estimates for each in _scored(run, estimate)]
+    return SeedRun(
+        seed,
+        run.status,
+        done.actions,
+        done.robot_seconds,
+        tuple(each for each in scored if each.verdict == "identified"),
+        tuple(each for each in scored if each.verdict != "identified"),
+        tuple(each for estimate in run.estimates for each in _unmeasured(run, estimate)),
+        time.perf_counter() - wall,
+        time.process_time() - cpu,
     )
 
 
-def _sd(values: Sequence[float]) -> float:
-    return stdev(values) if len(values) > 1 else 0.0
+def _scored(run: Run, estimate: Estimate) -> Iterator[ScoredEstimate]:
+    """Each component of an estimate that has a value, where somebody knows the truth."""
+    truth = run.truth.get(estimate.parameter)
+    if truth is None or not estimate.has_value:
+        return
+    naive = estimate.parts.get("single-shot")
+    for i, true_value in enumerate(truth):
+        low, high = estimate.ci95[i].tolist()
+        yield ScoredEstimate(
+            estimate.parameter,
+            i,
+            run.settings.seed,
+            float(estimate.value[i]),
+            float(estimate.std[i]),
+            low,
+            high,
+            true_value,
+            naive.value if naive else None,
+            estimate.unit,
+            estimate.verdict,
+        )
+
+
+def _unmeasured(run: Run, estimate: Estimate) -> Iterator[Unmeasured]:
+    truth = run.truth.get(estimate.parameter)
+    if truth is None or estimate.has_value:
+        return
+    for i, true_value in enumerate(truth):
+        yield Unmeasured(
+            estimate.parameter,
+            i,
+            run.settings.seed,
+            true_value,
+            estimate.unit,
+            estimate.method,
+        )

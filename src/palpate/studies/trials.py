@@ -5,23 +5,19 @@ A killed study goes on where it was: what is in the file is not asked again.
 
 from __future__ import annotations
 
-import json
-import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, wait
 from dataclasses import asdict, dataclass, field
 from itertools import islice, product
 from pathlib import Path
 from statistics import fmean
-from typing import Any, TextIO
+from typing import Any
 
 from pydantic import TypeAdapter, ValidationError
 
-from palpate.errors import InputError, Unavailable
-from palpate.files.read import read_bytes
+from palpate.errors import Unavailable
+from palpate.studies.engine.lines import Lines
 
-MAX_RESULTS = 1_000_000_000
-"""Largest results file that is read."""
 OUTAGES = 3
 """Trials in a row that find the provider unavailable, after which no further one is begun."""
 
@@ -140,44 +136,30 @@ def run_trials(
         Unavailable: the provider could not be reached; what is done is kept.
     """
     kept = {record.trial: record for record in read_records(file)}
+    Lines(file).add()  # what is paid for can be kept
     todo = [trial for trial in trials if trial not in kept]
     done = len(trials) - len(todo)
     say(f"{done} of {len(trials)} trials are done already")
-    with file.open("a", encoding="utf-8") as results:
-        for record in _attempted(todo, attempt, in_flight):
-            _append(results, record)
-            kept[record.trial] = record
-            done += 1
-            say(f"{done} of {len(trials)}: {_told(record)}")
+    for record in _attempted(todo, attempt, in_flight):
+        Lines(file).add(asdict(record))
+        kept[record.trial] = record
+        done += 1
+        say(f"{done} of {len(trials)}: {_told(record)}")
     return [kept[trial] for trial in trials]
 
 
-def _append(results: TextIO, record: Record) -> None:
-    """One more line, on the disk before anything else is asked."""
-    results.write(json.dumps(asdict(record), ensure_ascii=False) + "\n")
-    results.flush()
-    os.fsync(results.fileno())
-
-
 def read_records(file: Path) -> list[Record]:
-    """The records in a results file, none when there is no file. A last line that a kill cut short
-    is removed.
+    """The records in a results file, none when there is no file.
 
     Raises:
-        InputError: another line is not a record.
+        InputError: it is another file.
     """
-    if not file.exists():
-        return []
-    content = read_bytes(file, MAX_RESULTS, "results of a study")
-    whole = content[: content.rfind(b"\n") + 1]
-    if whole != content:
-        os.truncate(file, len(whole))
+    lines = Lines(file)
+    record = TypeAdapter(Record)
     try:
-        return [TypeAdapter(Record).validate_json(line) for line in whole.splitlines()]
+        return [record.validate_python(line) for line in lines.read()]
     except ValidationError:
-        raise InputError(
-            f"'{file.name}' is not a results file of a study; choose another file with --out"
-        ) from None
+        raise lines.other() from None
 
 
 def table(records: Iterable[Record]) -> list[Row]:

@@ -3,11 +3,9 @@ on."""
 
 from __future__ import annotations
 
-import json
 import signal
 import traceback
-from collections.abc import Callable, Iterable, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from types import FrameType
@@ -15,6 +13,8 @@ from typing import Any, Protocol, TypeVar
 
 import numpy as np
 
+from palpate.studies.engine.lines import Lines
+from palpate.studies.engine.workers import Lost, Processes
 from palpate.studies.harm.harm import Harm
 from palpate.studies.probe import Probed
 
@@ -152,28 +152,21 @@ def within_time(work: Callable[[], Row], otherwise: Row, seconds: int = LONGEST)
 
 @dataclass(frozen=True, slots=True)
 class Ledger:
-    """A file of rows, one JSON object a line."""
+    """A file of rows, one a line."""
 
     file: Path
 
     def rows(self) -> list[Row]:
-        """All so far; a line that was cut off is left out."""
-        if not self.file.exists():
-            return []
-        found: list[Row] = []
-        for line in self.file.read_text(encoding="utf-8").splitlines():
-            try:
-                found.append(Row.read(json.loads(line)))
-            except (ValueError, TypeError, KeyError):
-                continue
-        return found
+        """All so far.
 
-    def add(self, rows: Iterable[Row]) -> None:
-        """Append rows."""
-        self.file.parent.mkdir(parents=True, exist_ok=True)
-        with self.file.open("a", encoding="utf-8") as file:
-            for row in rows:
-                file.write(json.dumps(asdict(row), ensure_ascii=False) + "\n")
+        Raises:
+            InputError: it is another file.
+        """
+        lines = Lines(self.file)
+        try:
+            return [Row.read(line) for line in lines.read()]
+        except (TypeError, KeyError):
+            raise lines.other() from None
 
     def complete(
         self,
@@ -185,20 +178,17 @@ class Ledger:
         """Do the cases that have no row yet; returns the rows of all of them, in their order.
 
         `work` and `cases` must be picklable where there is more than one worker.
+
+        Raises:
+            Lost: a case took its process with it.
         """
         done = {row.case: row for row in self.rows()}
         todo = [case for case in cases if case.name not in done]
-        for row in _each(work, todo, workers):
-            self.add([row])
+        for _, row in Processes(workers).each(work, todo):
+            if isinstance(row, Lost):
+                raise row
+            Lines(self.file).add(asdict(row))
             done[row.case] = row
             if row.crash or row.beyond:
                 say(f"{row.kind} {row.case}: {row.outcome}; {'; '.join(row.beyond[:3])}")
         return [done[case.name] for case in cases]
-
-
-def _each(work: Callable[[AnyCase], Row], cases: Sequence[AnyCase], workers: int) -> Iterable[Row]:
-    if workers == 1 or len(cases) < 2:
-        yield from map(work, cases)
-        return
-    with ProcessPoolExecutor(workers) as pool:
-        yield from (done.result() for done in as_completed([pool.submit(work, c) for c in cases]))

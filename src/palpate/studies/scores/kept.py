@@ -1,0 +1,142 @@
+"""Seeds of scenarios, kept in a folder one by one: run again, a campaign goes on where it was."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+from pydantic import TypeAdapter, ValidationError
+
+from palpate.errors import InputError
+from palpate.robots.simulated.noise.models import noise_models
+from palpate.settings import Settings, request_json
+from palpate.studies.accuracy import Case, Question, SeedRun, crashed, survived
+from palpate.studies.engine.lines import Lines
+from palpate.studies.engine.progress import Progress
+from palpate.studies.engine.workers import Crew, Lost
+
+FILE = "rows.jsonl"
+FILES = ("scene", "poses", "world", "robot_config")
+"""Settings that name a file: what is in it counts, not where it lies."""
+APART = ("seed", "palpate", "images")
+"""What `request.json` holds besides what is run."""
+
+
+@dataclass(frozen=True, slots=True)
+class Group:
+    """A scenario at a noise model, by its title."""
+
+    scenario: str
+    noise: str
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """One seed of a group, and all else that its run was asked: `about`, by argument."""
+
+    group: Group
+    about: dict[str, str]
+    run: SeedRun
+
+    @property
+    def key(self) -> tuple[Group, int]:
+        return self.group, self.run.seed
+
+
+Runs = dict[Group, list[SeedRun]]
+
+
+def measure(
+    questions: Iterable[Question],
+    seeds: Sequence[int],
+    crew: Crew,
+    folder: Path | None = None,
+    say: Callable[[str], None] = lambda _: None,
+) -> Runs:
+    """The runs of every question with every seed: those in `folder` as they are, the others by
+    `crew`, appended to it. `say` is told how far that is.
+
+    Raises:
+        InputError: bad settings, or the folder holds rows of others.
+    """
+    known = {row.key: row for row in read(folder)} if folder else {}
+    asked: dict[Group, dict[str, str]] = {}
+    todo: list[tuple[Group, Case]] = []
+    wanted: list[tuple[Group, int]] = []
+    for question in questions:
+        settings = question.settings.checked()
+        group = Group(question.scenario, noise_models().title(settings.noise))
+        asked[group] = about(settings)
+        wanted += [(group, seed) for seed in seeds]
+        todo += [(group, Case(question, seed)) for seed in seeds if (group, seed) not in known]
+    _refuse_others(known.values(), asked)
+    keep = _keeper(folder)
+    progress = Progress(len(wanted), len(wanted) - len(todo))
+    say(str(progress))
+    for place, found in crew.each(survived, [case for _, case in todo]):
+        group, case = todo[place]
+        run = crashed(case.seed, str(found)) if isinstance(found, Lost) else found
+        row = Row(group, asked[group], run)
+        keep(row)
+        known[row.key] = row
+        say(progress.step())
+    return grouped(known[key] for key in wanted)
+
+
+def about(settings: Settings) -> dict[str, str]:
+    """What tells these settings from others, whatever the seed; files by what is in them."""
+    asked = {name: value for name, value in request_json(settings).items() if name not in APART}
+    for name in FILES:
+        path: Path | None = getattr(settings, name)
+        asked[name] = _digest(path.read_bytes()) if path else None
+    asked["noise"] = _digest(repr(noise_models().load(settings.noise)).encode())
+    return {name: str(value) for name, value in asked.items() if value is not None}
+
+
+def read(folder: Path) -> list[Row]:
+    """All rows of a folder.
+
+    Raises:
+        InputError: they are something else.
+    """
+    lines = Lines(folder / FILE)
+    rows = TypeAdapter(Row)
+    try:
+        return [rows.validate_python(line) for line in lines.read()]
+    except ValidationError:
+        raise lines.other() from None
+
+
+def grouped(rows: Iterable[Row]) -> Runs:
+    """The runs of each group, in order of first appearance."""
+    found: Runs = {}
+    for row in rows:
+        found.setdefault(row.group, []).append(row.run)
+    return found
+
+
+def _keeper(folder: Path | None) -> Callable[[Row], None]:
+    """What appends a row to the folder's file, if there is a folder."""
+    if folder is None:
+        return lambda _: None
+    lines = Lines(folder / FILE)
+    lines.add()  # what is computed can be kept
+    return lambda row: lines.add(asdict(row))
+
+
+def _refuse_others(rows: Iterable[Row], asked: dict[Group, dict[str, str]]) -> None:
+    """Runs of other settings are not mixed with those that are to come."""
+    for row in rows:
+        now = asked.get(row.group, row.about)
+        other = [name for name in {**row.about, **now} if row.about.get(name) != now.get(name)]
+        if other:
+            raise InputError(
+                f"the folder holds runs of {row.group.scenario} at {row.group.noise} with another "
+                f"{' and '.join(sorted(other))}; choose another out="
+            )
+
+
+def _digest(content: bytes) -> str:
+    return hashlib.sha256(content).hexdigest()[:12]

@@ -1,0 +1,183 @@
+"""What many seeds say of an estimator: how far off it is, how far it says it is, and how often it
+holds what it promises."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from math import sqrt
+from statistics import fmean, stdev
+
+import numpy as np
+from scipy.special import chdtri, stdtr, stdtrit
+
+from palpate.geometry.pose import Array
+from palpate.parameter import Parameter
+from palpate.studies.accuracy import ScoredEstimate, SeedRun, Unmeasured
+from palpate.studies.trials import Rate
+
+FREEDOMS = np.geomspace(1.0, 1e6, 2000)
+"""Degrees of freedom among which those of an interval are looked up."""
+QUANTILES = stdtrit(FREEDOMS, 0.975)
+"""Half the width of their 95 % intervals, in standard deviations."""
+
+
+@dataclass(frozen=True, slots=True)
+class Ranged:
+    """A figure with its 95 % interval."""
+
+    value: float
+    low: float
+    high: float
+
+    @classmethod
+    def share(cls, outcomes: Iterable[bool]) -> Ranged:
+        """How many of the outcomes are so, with the Wilson interval."""
+        rate = Rate.of(outcomes)
+        return cls(rate.hits / max(rate.trials, 1), *rate.interval)
+
+    @classmethod
+    def rms(cls, numbers: Array) -> Ranged:
+        """Root mean square of (n,) independent normal numbers about zero: n RMS²/σ² is χ² with n
+        degrees of freedom (Kay, Fundamentals of Statistical Signal Processing I, 1993, app. 3)."""
+        n, value = len(numbers), float(np.sqrt(np.mean(numbers**2)))
+        low, high = n / chdtri(n, 0.025), n / chdtri(n, 0.975)
+        return cls(value, value * sqrt(low), value * sqrt(high))
+
+    @property
+    def inverse(self) -> Ranged:
+        """One over it; of nothing, nothing."""
+        if self.value == 0.0:
+            return Ranged(0.0, 0.0, 0.0)
+        return Ranged(1.0 / self.value, 1.0 / self.high, 1.0 / self.low)
+
+
+@dataclass(frozen=True, slots=True)
+class Scores:
+    """What n estimates, of whatever, promise and hold.
+
+    Attributes:
+        runs: how many. coverage95, coverage50: share of the 95 % and 50 % intervals that hold the
+            truth.
+        stated: one over the root mean square of the errors in stated standard deviations.
+        worst: the largest of these. over_bound: root mean square of the errors over the bound
+            (`studies.scores.bound`), of those that have one; None without any.
+    """
+
+    runs: int
+    coverage95: Ranged
+    coverage50: Ranged
+    stated: Ranged
+    worst: float
+    over_bound: Ranged | None
+
+    @classmethod
+    def of(cls, estimates: Sequence[ScoredEstimate]) -> Scores:
+        """Of at least one."""
+        z = errors_in_std(estimates)
+        bounded = [each.error / each.bound for each in estimates if each.bound]
+        return cls(
+            len(estimates),
+            Ranged.share(each.covered for each in estimates),
+            Ranged.share(bool(level <= 0.5) for level in levels(estimates)),
+            Ranged.rms(z).inverse,
+            float(np.abs(z).max()),
+            Ranged.rms(np.array(bounded)) if bounded else None,
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Summary:
+    """A parameter's component over all seeds, in its SI unit. Its figures are those of the seeds
+    that identified it, None where none did.
+
+    Attributes:
+        runs: seeds that identified it.
+        truth, mean: over these. bias: mean error. sd: standard deviation of the errors.
+        claimed: mean of the stated standard deviations, which an honest estimator holds near `rmse`.
+        covered: how many 95 % intervals hold the truth.
+        single_shot_sd: as `sd`, of the naive weighing; None where there is none.
+        unit: as printed. asked: seeds that should have identified it. verdicts: how many ended with
+            which.
+        rmse: root mean square of the errors. bound: of the bounds; None where there is none.
+    """
+
+    parameter: Parameter
+    component: int
+    runs: int
+    truth: float
+    mean: float | None
+    bias: float | None
+    sd: float | None
+    claimed: float | None
+    covered: int
+    single_shot_sd: float | None
+    unit: str = ""
+    asked: int = 0
+    verdicts: dict[str, int] = field(default_factory=dict[str, int])
+    rmse: float | None = None
+    bound: float | None = None
+    scores: Scores | None = None
+
+
+Key = tuple[Parameter, int]
+
+
+def summarise(runs: Sequence[SeedRun]) -> list[Summary]:
+    """One row a parameter and component, in order of first appearance."""
+    found: dict[Key, list[ScoredEstimate | Unmeasured]] = {}
+    for run in runs:
+        for each in (*run.estimates, *run.doubted, *run.unmeasured):
+            found.setdefault((each.parameter, each.component), []).append(each)
+    return [_summary(key, group, len(runs)) for key, group in found.items()]
+
+
+def _summary(key: Key, found: Sequence[ScoredEstimate | Unmeasured], asked: int) -> Summary:
+    verdicts = Counter(each.verdict for each in found)
+    identified = [each for each in found if isinstance(each, ScoredEstimate)]
+    identified = [each for each in identified if each.verdict == "identified"]
+    about = (found[0].unit, asked, dict(verdicts))
+    if not identified:
+        truth = fmean(each.truth for each in found)
+        return Summary(*key, 0, truth, None, None, None, None, 0, None, *about)
+    errors = [each.error for each in identified]
+    naive = [each.single_shot - each.truth for each in identified if each.single_shot is not None]
+    bounds = np.array([each.bound for each in identified if each.bound is not None])
+    return Summary(
+        *key,
+        len(identified),
+        fmean(each.truth for each in identified),
+        fmean(each.value for each in identified),
+        fmean(errors),
+        _sd(errors),
+        fmean(each.std for each in identified),
+        sum(each.covered for each in identified),
+        _sd(naive) if naive else None,
+        *about,
+        float(np.sqrt(np.mean(np.square(errors)))),
+        float(np.sqrt(np.mean(bounds**2))) if len(bounds) else None,
+        Scores.of(identified),
+    )
+
+
+def errors_in_std(estimates: Sequence[ScoredEstimate]) -> Array:
+    """(n,) errors in stated standard deviations."""
+    return np.array([each.error / each.std for each in estimates])
+
+
+def levels(estimates: Sequence[ScoredEstimate]) -> Array:
+    """(n,) of each the level of the narrowest central interval that holds the truth; of honest
+    ones they are even in 0…1.
+
+    An interval is that of Student's t with as many degrees of freedom as make its stated upper
+    half; the lower one may be cut off where a quantity ends.
+    """
+    halves = np.array([(each.high - each.value) / each.std for each in estimates])
+    # The quantile falls with the degrees of freedom.
+    freedom = np.interp(-halves, -QUANTILES, FREEDOMS)
+    return 2.0 * stdtr(freedom, np.abs(errors_in_std(estimates))) - 1.0
+
+
+def _sd(values: Sequence[float]) -> float:
+    return stdev(values) if len(values) > 1 else 0.0
