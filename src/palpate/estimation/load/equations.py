@@ -4,7 +4,7 @@ models of them."""
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,6 +33,8 @@ class Rows:
         way: (n,) 1 up, -1 down, 0 at rest. rest: (n,) 1 at rest.
         rubbed: (n, p) what a level of friction in each joint makes of them, and what it had at the
             start (`estimation.load.rubbing`).
+        left: (n, k) what each pass may be off by as a whole, for what an approach leaves: as forces
+            at the TCP of a newton an axis, and in each signal.
         signal: (n,) which signal a row is of. freedom: degrees of freedom of the noise.
     """
 
@@ -44,6 +46,7 @@ class Rows:
     way: Array
     rest: Array
     rubbed: Array
+    left: Array
     signal: NDArray[np.intp]
     freedom: float
 
@@ -56,26 +59,55 @@ class Rows:
 @dataclass(frozen=True, slots=True, eq=False)
 class Model:
     """A linear model in rows of unit variance: `y` (n,) = `design` (n, p) times coefficients with
-    prior deviations `prior` (p,); the unit is known with `freedom` degrees of freedom."""
+    prior deviations `prior` (p,); the unit is known with `freedom` degrees of freedom.
+
+    Attributes:
+        left: the coefficients of what approaches leave. leaves: (k,) their prior deviations, N, each
+            as likely as the others before anything is recorded.
+    """
 
     design: Array
     y: Array
     prior: Array
     freedom: float
+    left: slice
+    leaves: Array
 
     def solve(self) -> tuple[Array, Array]:
-        """Posterior mean (p,) and covariance (p, p)."""
+        """Posterior mean (p,) and covariance (p, p), averaged over `leaves` by what `y` says of them
+        (Bayesian model averaging: Hoeting et al., Statistical Science 14, 1999)."""
+        solved = [self._solve(float(force)) for force in self.leaves]
+        evidence = np.array([each[2] for each in solved])
+        weights = np.exp(evidence - evidence.max())
+        weights /= weights.sum()
+        means = np.array([each[0] for each in solved])
+        mean: Array = weights @ means
+        covariance: Array = (means - mean).T @ (weights[:, None] * (means - mean))
+        for weight, (_, own, _) in zip(weights, solved, strict=True):
+            covariance += weight * own
+        return mean, covariance
+
+    def _solve(self, force: float) -> tuple[Array, Array, float]:
+        """Where approaches leave `force`: mean, covariance, and the logarithm of the probability of
+        `y`, but for what is the same for every force (Bishop, Pattern Recognition and Machine
+        Learning, section 3.5.1)."""
+        prior = self.prior.copy()
+        prior[self.left] = force
         # In units of the prior, where what is known for certain has none.
-        scaled = self.design * self.prior
-        information = scaled.T @ scaled + np.eye(len(self.prior))
-        covariance: Array = np.linalg.inv(information) * np.outer(self.prior, self.prior)
-        return covariance @ (self.design.T @ self.y), covariance
+        scaled = self.design * prior
+        information = scaled.T @ scaled + np.eye(len(prior))
+        covariance: Array = np.linalg.inv(information) * np.outer(prior, prior)
+        told = self.design.T @ self.y
+        mean = covariance @ told
+        _, volume = np.linalg.slogdet(information)
+        return mean, covariance, 0.5 * (float(mean @ told) - float(volume))
 
     def extended(self, columns: Array, prior: float) -> Model:
         """With further coefficients, in front."""
         more = np.full(columns.shape[1], prior)
         wider = np.concatenate([columns, self.design], axis=1)
-        return Model(wider, self.y, np.concatenate([more, self.prior]), self.freedom)
+        left = slice(self.left.start + len(more), self.left.stop + len(more))
+        return replace(self, design=wider, prior=np.concatenate([more, self.prior]), left=left)
 
 
 def equations(weighing: Weighing, gravity: float, hand: Hand) -> Rows:
@@ -103,6 +135,7 @@ def equations(weighing: Weighing, gravity: float, hand: Hand) -> Rows:
         each(WAYS.get(segment.kind, 0.0) for segment in found),
         each(float(segment.at_rest) for segment in found),
         _rubbed(found, signals),
+        _left(weighing, maps),
         np.repeat(np.arange(signals), len(path)),
         weighing.noise.freedom,
     )
@@ -124,6 +157,24 @@ def in_each(row: Rows, grasps: Sequence[float], components: Sequence[int]) -> Ar
     """(n, grasps x components): columns of `components` of the wrench, its own in each grasp."""
     columns = [row.wrench[:, components] * (row.grasp == grasp)[:, None] for grasp in grasps]
     return np.concatenate(columns, axis=1)
+
+
+def _left(weighing: Weighing, maps: Array) -> Array:
+    """(n, passes x (3 + m)): the columns of `Rows.left`."""
+    signals = int(maps.shape[1])
+    own = np.eye(signals) * weighing.scale[:, None]
+    columns: list[Array] = []
+    at = 0
+    for segment in weighing.segments:
+        here = slice(at, at + len(segment.t))
+        at = here.stop
+        if segment.at_rest:
+            continue
+        column = np.zeros((signals, len(maps), 3 + signals))
+        column[:, here, :3] = maps[here, :, :3].transpose(1, 0, 2)
+        column[:, here, 3:] = own[:, None, :]
+        columns.append(column.reshape(-1, 3 + signals))
+    return np.concatenate([np.zeros((signals * len(maps), 0)), *columns], axis=1)
 
 
 def _covariance(weighing: Weighing, maps: Array, hand: Hand) -> Array:

@@ -19,6 +19,11 @@ White and 1/f noise are known from the scatter of blocks (`estimation.load.noise
 model leaves. A gain error is one number a signal, the same in all weighings; its column is the load
 itself, so that joints which bear little of it come to the aid of those that bear much.
 
+What an approach leaves in the joints may stay while they move (the datasheet says how much it is at
+most, not whether motion shakes it off): each pass may be off by something of its own. How much is
+averaged over by what the recordings say: where passes agree it is next to nothing; where they do
+not, intervals are as wide as that asks for.
+
 The model is one of several, nested in each other: forces to the side, a force that grows with the
 height (a spring), one that changes its sign with the direction (something rubs), one that is there
 at rests alone, and a load that is another at every weighing. Each is tested (`Load.tests`).
@@ -129,23 +134,32 @@ def _fit(weighings: Sequence[Weighing], gravity: float, hand: Hand) -> Load:
 
 
 def _model(rows: Sequence[Rows], grasps: Sequence[float], about: Array, hand: Hand) -> Model:
-    """F, the moments in each grasp, forces to the side in each, friction of the joints, gains.
-    `about` is where F and the moments are."""
+    """F, the moments in each grasp, forces to the side in each, what approaches leave, friction of
+    the joints, gains. `about` is where F and the moments are."""
     tilt = tuning.TILT * abs(float(about[0])) + tuning.FLOOR
     signals, count = int(rows[0].signal.max()) + 1, 1 + 2 * len(grasps)
     gains = gain_root(hand, signals)
     aside = (tilt, tilt, tilt * tuning.TORQUE_LEVER)
     levels = np.full(rows[0].rubbed.shape[1], tuning.JOINT_LEVEL)
+    passes = sum(row.left.shape[1] for row in rows)
+    first = count + len(SIDEWAYS) * len(grasps)
     prior = [np.full(count, tuning.LOAD_PRIOR), *[aside] * len(grasps)]
-    prior += [levels, np.ones(signals)]
+    prior += [np.full(passes, tuning.FLOOR), levels, np.ones(signals)]
     designs: list[Array] = []
+    at = 0
     for row in rows:
+        own = np.zeros((len(row.felt), passes))
+        own[:, at : at + row.left.shape[1]] = row.left
+        at += row.left.shape[1]
         vertical = np.column_stack(
             [row.wrench[:, FORCE_Z], in_each(row, grasps, (TORQUE_X, TORQUE_Y))]
         )
         borne = (vertical @ about)[:, None] * gains[row.signal]
-        design = np.column_stack([vertical, in_each(row, grasps, SIDEWAYS), row.rubbed, borne])
+        sideways = in_each(row, grasps, SIDEWAYS)
+        design = np.column_stack([vertical, sideways, own, row.rubbed, borne])
         designs.append(row.white(design))
     y = np.concatenate([row.white(row.felt) for row in rows])
     freedom = min(row.freedom for row in rows)
-    return Model(np.concatenate(designs), y, np.concatenate(prior), freedom)
+    leaves = hand.force_repeatability * np.array(tuning.LEFT_SHARES) + tuning.FLOOR
+    left = slice(first, first + passes)
+    return Model(np.concatenate(designs), y, np.concatenate(prior), freedom, left, leaves)

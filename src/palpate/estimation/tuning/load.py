@@ -50,6 +50,10 @@ REST_FRICTION = 0.1
 """N (1 sigma): friction that is another at every rest, though the arm came the same way. Sensitive:
 mass 0.08 σ."""
 
+LEFT_SHARES = tuple(0.5**i for i in range(7))
+"""parts of the datasheet's `force_repeatability` that an approach may leave in the joints while they
+move: from next to nothing to all of it, each as likely before anything is recorded. Sensitive: no."""
+
 PULL_SMALL = 0.05
 """N/m (1 sigma): a force that grows with the height so little is no contradiction. Sensitive:
 no."""
