@@ -54,8 +54,7 @@ def _sideways(rows: Sequence[Rows], grasps: Sequence[float], model: Model) -> Fi
     """Whether a force acts to the side, or a moment about the vertical, in any grasp."""
     count = len(SIDEWAYS) * len(grasps)
     own = np.s_[1 + 2 * len(grasps) : 1 + 2 * len(grasps) + count]
-    small = tuning.SIDE_SMALL * np.array([1.0, 1.0, tuning.TORQUE_LEVER])
-    allowed = np.hypot(model.prior[own], np.tile(small, len(grasps)))
+    allowed = model.prior[own]
     prior = model.prior.copy()
     prior[own] = tuning.LOAD_PRIOR
     mean, covariance = replace(model, prior=prior).solve()

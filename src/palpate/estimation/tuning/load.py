@@ -62,10 +62,6 @@ PULL_SHARE = 0.03
 """1/m (1 sigma), part of the load: likewise; levers of joints are not known better along a lift,
 and loads in a perfect world read up to 5 % a metre off. Sensitive: no."""
 
-SIDE_SMALL = 0.02
-"""N (1 sigma): a force to the side so small is no contradiction: less than half of what such arms
-resolve. Sensitive: no."""
-
 RUB_SHARE = 0.002
 """part of the load (1 sigma), likewise: friction in a joint grows with what it bears by about so
 much. Sensitive: no."""
