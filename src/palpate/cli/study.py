@@ -121,6 +121,13 @@ class SeedOptions:
         finally:
             ticker.end()
 
+    def page(self) -> None:
+        """Write the page of all that the folder holds, where there is one."""
+        from palpate.studies.scores.page import write_page
+
+        if self.out is not None and (page := write_page(self.out)):
+            err.print(Text(f"page: {page}", "dim"), soft_wrap=True)
+
 
 @dataclass(frozen=True)
 class TrialOptions:
@@ -202,6 +209,7 @@ def accuracy(
     chosen = comparable() if every else names or ["bottle_and_table"]
     changes = tuple(asked.changes().items())
     runs = over.runs([Question(name, changes) for name in chosen])
+    over.page()
     found = {group.scenario: seeds for group, seeds in runs.items()}
     show_seed_runs(found, f"--noise {asked.noise}", as_json)
 

@@ -9,9 +9,12 @@ import hashlib
 import io
 from functools import cache
 from importlib.resources import files
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
+
+from palpate.display import visible
 
 if TYPE_CHECKING:
+    from jinja2 import Template
     from markupsafe import Markup
     from PIL import Image
 
@@ -37,6 +40,30 @@ def script() -> Markup:
     from markupsafe import Markup
 
     return Markup((files("palpate.report") / "report.js").read_text(encoding="utf-8"))
+
+
+@cache
+def template(package: str, name: str) -> Template:
+    """A page's template, from its package; `style.css` is there for all."""
+    from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined, select_autoescape
+
+    own, shared = PackageLoader(package, "."), PackageLoader("palpate.report", ".")
+    environment = Environment(
+        loader=ChoiceLoader([own, shared]),
+        autoescape=select_autoescape(),
+        undefined=StrictUndefined,
+        finalize=_shown,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    return environment.get_template(name)
+
+
+def _shown(value: Any) -> Any:
+    """Text as a page shows it: nothing in it turns the order of writing round."""
+    if type(value) is str:  # markup is the page's own
+        return visible(value)
+    return value
 
 
 def policy() -> str:

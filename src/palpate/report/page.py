@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from palpate.display import visible
 from palpate.redaction import redact
-from palpate.report.assets import picture_uri, plotly, policy, script, video_uri
+from palpate.report.assets import picture_uri, plotly, policy, script, template, video_uri
 from palpate.report.cards import cards, in_words
 from palpate.report.data import ReportData
 from palpate.report.diff import diff_lines
@@ -18,9 +16,6 @@ from palpate.report.evidence import windows
 from palpate.report.plots import FAILED, GROUPS, Figure, timeline
 from palpate.report.tables import parameter_groups
 from palpate.report.tree import aftermath, branches, primitive_groups
-
-if TYPE_CHECKING:
-    from jinja2 import Template
 
 VERDICTS = {
     "running": "Under way",
@@ -41,7 +36,7 @@ def write_report(path: Path, data: ReportData) -> None:
 
 def render_report(data: ReportData) -> str:
     """The page's HTML."""
-    return _template().render(
+    return template("palpate.report", "template.html").render(
         data=data,
         verdict=VERDICTS[data.status],
         verdict_line=_verdict_line(data),
@@ -105,25 +100,3 @@ def _figure(data: ReportData) -> dict[str, Any]:
 
 def _linked(names: Sequence[str]) -> list[str]:
     return [name for name in names if SAFE_PATH.fullmatch(name) and ".." not in name]
-
-
-def _shown(value: Any) -> Any:
-    """Text as the page shows it: nothing in it turns the order of writing round."""
-    if type(value) is str:  # markup is the page's own
-        return visible(value)
-    return value
-
-
-@cache
-def _template() -> Template:
-    from jinja2 import Environment, PackageLoader, StrictUndefined, select_autoescape
-
-    environment = Environment(
-        loader=PackageLoader("palpate.report", "."),
-        autoescape=select_autoescape(),
-        undefined=StrictUndefined,
-        finalize=_shown,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    return environment.get_template("template.html")

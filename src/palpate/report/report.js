@@ -1,7 +1,7 @@
 "use strict";
 (async () => {
-  const place = document.getElementById("timeline");
-  if (!place) return;
+  const places = document.querySelectorAll("[data-figure]");
+  if (!places.length) return;
 
   const unpack = async (id) => {
     const packed = Uint8Array.from(atob(document.getElementById(id).textContent.trim()), (c) => c.charCodeAt(0));
@@ -16,7 +16,7 @@
   try {
     run(await unpack("plotly"));
   } catch (error) {
-    place.textContent = "This browser cannot unpack the interactive plots; a current one can.";
+    for (const place of places) place.textContent = "This browser cannot unpack the interactive plots; a current one can.";
     return;
   }
 
@@ -25,14 +25,14 @@
     const style = getComputedStyle(document.documentElement);
     return Object.fromEntries(Object.keys(PRINT).map((name) => [name, style.getPropertyValue("--" + name).trim()]));
   };
-  const theme = ({ ink, muted, line, card }) => {
+  const theme = ({ ink, muted, line, card }, layout) => {
     const colours = {
       paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)", "font.color": ink,
       "font.family": "system-ui, sans-serif", "hoverlabel.bgcolor": card, "hoverlabel.bordercolor": line,
       "hoverlabel.font.color": ink, "modebar.bgcolor": "rgba(0,0,0,0)", "modebar.color": muted,
       "modebar.activecolor": ink,
     };
-    for (const axis of ["xaxis", "yaxis", "yaxis2"]) {
+    for (const axis of Object.keys(layout).filter((name) => /^[xy]axis/.test(name))) {
       colours[axis + ".gridcolor"] = line;
       colours[axis + ".zerolinecolor"] = line;
       colours[axis + ".linecolor"] = line;
@@ -40,13 +40,17 @@
     return colours;
   };
 
-  const figure = JSON.parse(document.getElementById("figure").textContent);
-  if (innerWidth < 640) Object.assign(figure.layout, { height: 720, margin: { l: 44, r: 6, t: 150, b: 40 } });
-  await Plotly.newPlot(place, figure.data, figure.layout, {
-    responsive: true, displaylogo: false,
-    modeBarButtons: [["toImage", "zoom2d", "pan2d", "zoomIn2d", "zoomOut2d", "resetScale2d"]],
-  });
-  const paint = (colours) => Plotly.relayout(place, theme(colours));
+  const drawn = [];
+  for (const place of places) {
+    const { data, layout } = JSON.parse(document.getElementById(place.dataset.figure).textContent);
+    if (innerWidth < 640 && place.dataset.narrow) Object.assign(layout, JSON.parse(place.dataset.narrow));
+    await Plotly.newPlot(place, data, layout, {
+      responsive: true, displaylogo: false, displayModeBar: place.dataset.plain === undefined ? "hover" : false,
+      modeBarButtons: [["toImage", "zoom2d", "pan2d", "zoomIn2d", "zoomOut2d", "resetScale2d"]],
+    });
+    drawn.push([place, layout]);
+  }
+  const paint = (colours) => Promise.all(drawn.map(([place, layout]) => Plotly.relayout(place, theme(colours, layout))));
   await paint(screen());
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => paint(screen()));
   addEventListener("beforeprint", () => paint(PRINT));

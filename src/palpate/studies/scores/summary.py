@@ -17,6 +17,8 @@ from palpate.parameter import Parameter
 from palpate.studies.accuracy import ScoredEstimate, SeedRun, Unmeasured
 from palpate.studies.trials import Rate
 
+Key = tuple[Parameter, int]
+"""A parameter and a component of it."""
 FREEDOMS = np.geomspace(1.0, 1e6, 2000)
 """Degrees of freedom among which those of an interval are looked up."""
 QUANTILES = stdtrit(FREEDOMS, 0.975)
@@ -120,8 +122,9 @@ class Summary:
     bound: float | None = None
     scores: Scores | None = None
 
-
-Key = tuple[Parameter, int]
+    @property
+    def key(self) -> Key:
+        return self.parameter, self.component
 
 
 def summarise(runs: Sequence[SeedRun]) -> list[Summary]:
@@ -166,17 +169,23 @@ def errors_in_std(estimates: Sequence[ScoredEstimate]) -> Array:
     return np.array([each.error / each.std for each in estimates])
 
 
-def levels(estimates: Sequence[ScoredEstimate]) -> Array:
-    """(n,) of each the level of the narrowest central interval that holds the truth; of honest
-    ones they are even in 0…1.
+def shares(estimates: Sequence[ScoredEstimate]) -> Array:
+    """(n,) of each the share of its stated distribution that lies below an error as large as its
+    own; of honest ones they are even in 0…1.
 
-    An interval is that of Student's t with as many degrees of freedom as make its stated upper
-    half; the lower one may be cut off where a quantity ends.
+    The distribution is Student's t with as many degrees of freedom as make the stated upper half of
+    the 95 % interval; the lower one may be cut off where a quantity ends.
     """
     halves = np.array([(each.high - each.value) / each.std for each in estimates])
     # The quantile falls with the degrees of freedom.
     freedom = np.interp(-halves, -QUANTILES, FREEDOMS)
-    return 2.0 * stdtr(freedom, np.abs(errors_in_std(estimates))) - 1.0
+    return stdtr(freedom, errors_in_std(estimates))
+
+
+def levels(estimates: Sequence[ScoredEstimate]) -> Array:
+    """(n,) of each the level of the narrowest central interval that holds the truth; of honest
+    ones they are even in 0…1."""
+    return np.abs(2.0 * shares(estimates) - 1.0)
 
 
 def _sd(values: Sequence[float]) -> float:

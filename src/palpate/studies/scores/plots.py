@@ -1,0 +1,277 @@
+"""What many seeds say, as the plain dictionaries that plotly.js draws.
+
+Colours of paper, grid and text are left to the page, which knows whether it is light or dark.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from html import escape
+from typing import Any
+
+import numpy as np
+from scipy.special import bdtrik, betaincinv, ndtri
+
+from palpate.geometry.pose import Array
+from palpate.report.plots import FAINT, MARK, NORM, Figure
+from palpate.studies.accuracy import ScoredEstimate
+from palpate.studies.scores.summary import Ranged, levels, shares
+
+COLOURS = ("#0d9488", "#3b82f6", "#d97706", "#8b5cf6", "#e5484d", "#30a46c", "#db2777", "#8293a7")
+"""One after the other, for quantities and for noise models."""
+BAND = "rgba(139, 141, 152, 0.18)"
+"""Where honest figures lie in 95 of 100 cases."""
+BARS = (8, 30)
+"""Fewest and most bars of a histogram."""
+POINTS = 400
+"""Most points of a quantile plot."""
+REACH = 1e-9
+"""Shares nearer than this to 0 or 1 are drawn as if they were as near: some 6 standard deviations."""
+GOOD, BOUNDED = (0.8, 1.3), (0.0, 1.3)
+"""Stated over actual, and RMSE over the bound, that are aimed at."""
+
+MARGIN = {"l": 52, "r": 12, "t": 10, "b": 42}
+
+
+@dataclass(frozen=True, slots=True)
+class Dot:
+    """A figure with its interval in a row of its own."""
+
+    name: str
+    stated: Ranged
+    over_bound: Ranged | None
+
+
+def errors(estimates: Sequence[ScoredEstimate], scale: float, unit: str) -> Figure:
+    """How the errors are distributed, in `unit`s of 1/`scale`, beside the mean of what they were
+    stated to be."""
+    found = scale * np.array([each.error for each in estimates])
+    stds = scale * np.array([each.std for each in estimates])
+    widest = max(float(np.abs(found).max()), 3.0 * float(np.median(stds)))
+    count = int(np.clip(2.0 * np.sqrt(len(found)), *BARS))
+    heights, edges = np.histogram(found, count, (-widest, widest), density=True)
+    x = np.linspace(-widest, widest, 201)
+    pdf = np.exp(-0.5 * (x / stds[:, None]) ** 2) / (stds[:, None] * np.sqrt(2.0 * np.pi))
+    middles = (edges[1:] + edges[:-1]) / 2.0
+    bars = {
+        "type": "bar",
+        "name": "errors",
+        "x": _listed(middles),
+        "y": _listed(heights),
+        "width": float(edges[1] - edges[0]),
+        "marker": {"color": MARK, "opacity": 0.55},
+        "hovertemplate": f"%{{x:.3g}} {escape(unit)}<extra></extra>",
+    }
+    curve = _line("as stated", x, pdf.mean(axis=0), NORM)
+    bias = float(found.mean())
+    return {
+        "data": [bars, curve],
+        "layout": {
+            **_small(f"error ({escape(unit)})" if unit not in ("", "1") else "error", ""),
+            "bargap": 0.04,
+            "shapes": [_rule("x", bias, MARK, "solid"), _rule("x", 0.0, FAINT, "dot")],
+        },
+    }
+
+
+def quantiles(estimates: Sequence[ScoredEstimate]) -> Figure:
+    """Each error in standard deviations of a normal distribution, by its stated one, against what
+    is expected of its rank; the band holds 95 of 100 points of honest ones."""
+    share = np.sort(np.clip(shares(estimates), REACH, 1.0 - REACH))
+    n = len(share)
+    kept = np.unique(np.linspace(0, n - 1, min(n, POINTS)).astype(int))
+    rank = kept + 1.0
+    expected = ndtri((rank - 0.375) / (n + 0.25))  # Blom, 1958
+    low, high = (ndtri(betaincinv(rank, n + 1.0 - rank, p)) for p in (0.025, 0.975))
+    ends = expected[[0, -1]] if n > 1 else np.array([-1.0, 1.0])
+    points = {
+        "type": "scatter",
+        "mode": "markers",
+        "name": "errors",
+        "x": _listed(expected),
+        "y": _listed(ndtri(share[kept])),
+        "marker": {"color": MARK, "size": 4.5},
+        "hovertemplate": "%{y:.2f}, expected %{x:.2f}<extra></extra>",
+    }
+    return {
+        "data": [*_band(expected, low, high), _line("honest", ends, ends, FAINT, "dot"), points],
+        "layout": _small("z expected", "z found"),
+    }
+
+
+def coverage(groups: Mapping[str, Sequence[ScoredEstimate]]) -> Figure:
+    """How many of the intervals of each level hold the truth, by quantity, and of all."""
+    everything = [each for group in groups.values() for each in group]
+    nominal = np.linspace(0.005, 0.995, 199)
+    n = len(everything)
+    low, high = (bdtrik(p, n, nominal) / n for p in (0.025, 0.975))
+    lines = [*_band(100 * nominal, 100 * low, 100 * high)]
+    ends = np.array([0.0, 100.0])
+    lines.append(_line("honest", ends, ends, FAINT, "dot"))
+    for (name, group), colour in zip(groups.items(), _colours(), strict=False):
+        lines.append(_covering(f"{escape(name)} ({len(group)})", group, colour, 1.6))
+    if len(groups) > 1:
+        lines.append(_covering(f"all ({n})", everything, NORM, 3.0))
+    percent = {"range": [0, 100], "dtick": 25, "ticksuffix": " %"}
+    layout = _small("interval of level", "holds the truth")
+    layout["xaxis"] |= percent
+    layout["yaxis"] |= percent
+    legend = {"orientation": "h", "y": 1.02, "yanchor": "bottom", "x": 0}
+    return {"data": lines, "layout": layout | {"height": 420, "showlegend": True, "legend": legend}}
+
+
+def ratios(rows: Sequence[Dot]) -> Figure:
+    """What is stated over what is so, and what is so over the bound, a row a parameter, with 95 %
+    intervals; shaded is what is aimed at."""
+    rows = list(reversed(rows))
+    names = [escape(row.name) for row in rows]
+    bounded = [(name, row.over_bound) for name, row in zip(names, rows, strict=True)]
+    known = [(name, figure) for name, figure in bounded if figure is not None]
+    stated = [(name, row.stated) for name, row in zip(names, rows, strict=True)]
+    scale = {"type": "log", "range": [np.log10(0.2), np.log10(5.0)], "showgrid": True}
+    scale |= {"tickvals": [0.25, 0.5, 1, 2, 4], "ticktext": ["¼", "½", "1", "2", "4"]}
+    right = {**scale, "domain": [0.55, 1.0], "title": {"text": "RMSE over the bound"}}
+    left = {**scale, "domain": [0.0, 0.45], "title": {"text": "stated over actual"}}
+    return {
+        "data": [_dots(stated, "x"), _dots(known, "x2")],
+        "layout": {
+            "height": 130 + 30 * len(rows),
+            "margin": {"l": 10, "r": 12, "t": 10, "b": 46},
+            "showlegend": False,
+            "xaxis": left,
+            "xaxis2": right | {"anchor": "y"},
+            "yaxis": {
+                "automargin": True,
+                "categoryorder": "array",
+                "categoryarray": names,
+                "range": [-0.6, len(rows) - 0.4],
+                "ticks": "",
+            },
+            "shapes": [
+                *_aim("x", GOOD),
+                *_aim("x2", (0.2, BOUNDED[1])),
+                _rule("x", 1.0, FAINT, "dot"),
+                _rule("x2", 1.0, FAINT, "dot"),
+            ],
+        },
+    }
+
+
+def _covering(name: str, group: Sequence[ScoredEstimate], colour: str, width: float) -> Figure:
+    level = 100.0 * np.sort(levels(group))
+    held = 100.0 * np.arange(1, len(level) + 1) / len(level)
+    kept = np.unique(np.linspace(0, len(level) - 1, min(len(level), POINTS)).astype(int))
+    x = np.concatenate([[0.0], level[kept], [100.0]])
+    y = np.concatenate([[0.0], held[kept], [100.0]])
+    line = _line(name, x, y, colour)
+    line["line"] |= {"shape": "hv", "width": width}
+    return line | {"showlegend": True, "hovertemplate": "%{x:.0f} %: %{y:.0f} %"}
+
+
+def _dots(rows: Sequence[tuple[str, Ranged]], axis: str) -> Figure:
+    values = [figure.value for _, figure in rows]
+    return {
+        "type": "scatter",
+        "mode": "markers",
+        "x": values,
+        "y": [name for name, _ in rows],
+        "xaxis": axis,
+        "marker": {"color": MARK, "size": 7},
+        "error_x": {
+            "array": [figure.high - figure.value for _, figure in rows],
+            "arrayminus": [figure.value - figure.low for _, figure in rows],
+            "color": MARK,
+            "thickness": 1.6,
+            "width": 4,
+        },
+        "customdata": [[figure.low, figure.high] for _, figure in rows],
+        "hovertemplate": "%{y}: %{x:.2f} (%{customdata[0]:.2f} … %{customdata[1]:.2f})"
+        "<extra></extra>",
+    }
+
+
+def scatter(points: Mapping[str, Sequence[tuple[str, float, float]]]) -> Figure:
+    """Root mean square error against mean stated deviation, SI units, a colour a noise model;
+    `points`: names, stated, actual."""
+    drawn: list[Figure] = []
+    numbers = [number for row in points.values() for _, *both in row for number in both]
+    ends = np.array([min(numbers), max(numbers)]) * np.array([0.4, 2.5])
+    drawn += _band(ends, ends / GOOD[1], ends / GOOD[0])
+    drawn.append(_line("as stated", ends, ends, FAINT, "dot"))
+    for (noise, rows), colour in zip(points.items(), _colours(), strict=False):
+        drawn.append(
+            {
+                "type": "scatter",
+                "mode": "markers",
+                "name": escape(noise),
+                "showlegend": True,
+                "x": [stated for _, stated, _ in rows],
+                "y": [actual for _, _, actual in rows],
+                "text": [escape(name) for name, _, _ in rows],
+                "marker": {"color": colour, "size": 9, "opacity": 0.85},
+                "hovertemplate": "%{text}: stated %{x:.2g}, actual %{y:.2g}<extra></extra>",
+            }
+        )
+    layout = _small("stated standard deviation (SI unit)", "root mean square error")
+    for name in ("xaxis", "yaxis"):
+        layout[name] |= {"type": "log", "exponentformat": "power", "dtick": 1}
+        layout[name]["range"] = np.log10(ends).tolist()
+    legend = {"orientation": "h", "y": 1.02, "yanchor": "bottom", "x": 0}
+    return {"data": drawn, "layout": layout | {"height": 420, "showlegend": True, "legend": legend}}
+
+
+def _small(across: str, up: str) -> dict[str, Any]:
+    """A layout of one panel."""
+    return {
+        "height": 230,
+        "margin": dict(MARGIN),
+        "showlegend": False,
+        "hovermode": "closest",
+        "xaxis": {"title": {"text": across}, "zeroline": False},
+        "yaxis": {"title": {"text": up}, "zeroline": False, "showticklabels": bool(up)},
+    }
+
+
+def _line(name: str, x: Array, y: Array, colour: str, dash: str = "solid") -> Figure:
+    return {
+        "type": "scatter",
+        "mode": "lines",
+        "name": name,
+        "showlegend": False,
+        "x": _listed(x),
+        "y": _listed(y),
+        "line": {"color": colour, "width": 1.6, "dash": dash},
+        "hoverinfo": "skip" if dash == "dot" else "all",
+    }
+
+
+def _band(x: Array, low: Array, high: Array) -> list[Figure]:
+    edge: Figure = {"type": "scatter", "mode": "lines", "showlegend": False, "hoverinfo": "skip"}
+    edge |= {"line": {"width": 0}, "x": _listed(x)}
+    upper = {"y": _listed(high), "fill": "tonexty", "fillcolor": BAND}
+    return [edge | {"y": _listed(low)}, edge | upper]
+
+
+def _rule(axis: str, at: float, colour: str, dash: str) -> Figure:
+    """A line across a panel."""
+    line = {"color": colour, "width": 1.2, "dash": dash}
+    return {"type": "line", "xref": axis, "yref": "paper", "x0": at, "x1": at, "y0": 0, "y1": 1} | {
+        "line": line
+    }
+
+
+def _aim(axis: str, ends: tuple[float, float]) -> list[Figure]:
+    low, high = ends
+    box = {"type": "rect", "xref": axis, "yref": "paper", "x0": low, "x1": high, "y0": 0, "y1": 1}
+    return [box | {"fillcolor": BAND, "line": {"width": 0}, "layer": "below"}]
+
+
+def _colours() -> Iterable[str]:
+    while True:
+        yield from COLOURS
+
+
+def _listed(values: Array) -> list[float]:
+    """Five digits are more than a screen shows."""
+    return [float(f"{value:.5g}") for value in values.tolist()]
