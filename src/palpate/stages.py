@@ -242,7 +242,7 @@ def replay(scene: Scene, plan: Plan, world: MjSpec) -> Trace:
 
 def _planner(settings: Settings, poses: Poses) -> Planner:
     builder = SceneBuilder(poses, settings.described_arm())
-    told = PlannerSettings(settings.remeasure, settings.model_settings, builder)
+    told = PlannerSettings(settings.remeasure, settings.model_settings, builder, settings.within)
     return planners().make(settings.planner, told)
 
 

@@ -15,7 +15,9 @@ from palpate.execution.recovery import Runner, joined
 from palpate.parameter import Parameter
 from palpate.planning.check.check import check
 from palpate.planning.plan import Plan
+from palpate.planning.symbolic.passes import site_of
 from palpate.planning.symbolic.planner import assemble
+from palpate.quantities.effort import Effort
 from palpate.quantities.estimators import estimate_all
 from palpate.quantities.within import Precision, Within, shown
 from palpate.robots.robot import Robot
@@ -51,7 +53,7 @@ def repeat(
         if not asked or done.status != "complete":
             break
         lacking = dict(_lacking(asked, done, scene, within))
-        again = _planned(list(lacking), scene, done, plan.planner)
+        again = _planned(lacking, scene, done, plan.planner)
         if again is None:
             break
         say(f"measuring again, {_in_words(lacking, scene)}")
@@ -72,15 +74,15 @@ def _lacking(
 
 
 def _planned(
-    parameters: Sequence[Parameter], scene: Scene, done: Execution, planner: str
+    lacking: Lacking, scene: Scene, done: Execution, planner: str
 ) -> tuple[Plan, Scene] | None:
     """A checked plan for them in the scene as it is now; what was executed outlives a planning that
     fails."""
-    if not parameters:
+    if not lacking:
         return None
     try:
         around = rearranged(scene, done.final_state.not_restored())
-        made = assemble(around, parameters)
+        made = assemble(around, lacking, efforts=_efforts(lacking, around, done))
         if made.tree is None:
             return None
         why = "Measured again: the intervals are wider than asked."
@@ -89,6 +91,17 @@ def _planned(
     except Exception as error:
         log.warning("nothing is measured again, planning it failed: %s", error)
         return None
+
+
+def _efforts(lacking: Lacking, scene: Scene, done: Execution) -> dict[Parameter, Effort]:
+    """How much more work they take, as noisy as the arm has shown itself."""
+    found: dict[Parameter, Effort] = {}
+    for parameter, precision in lacking.items():
+        site = site_of(scene, parameter)
+        if site is not None:
+            quantity = scene.catalogue[parameter.quantity]
+            found[parameter] = quantity.effort(site, precision.further_std, done.trace)
+    return found
 
 
 def _in_words(lacking: Lacking, scene: Scene) -> str:

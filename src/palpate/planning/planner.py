@@ -9,12 +9,13 @@ offered as a `PlannerKind` instead.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar, Protocol, runtime_checkable
 
 from palpate.errors import InputError
 from palpate.planning.plan import Plan
+from palpate.quantities.within import Within
 
 if TYPE_CHECKING:
     from palpate.planning.model.conversation import Conversation
@@ -70,11 +71,13 @@ class PlannerSettings:
         remeasure: what the request asks is measured even if the scene states it.
         model_settings: how a model is asked; None for the defaults.
         builder: makes a scene of what a model saw, where there is none.
+        within: how narrow intervals are to be.
     """
 
     remeasure: bool = False
     model_settings: ModelSettings | None = None
     builder: SceneBuilder | None = None
+    within: Within = field(default_factory=Within)
 
 
 @dataclass(frozen=True, slots=True)

@@ -85,7 +85,7 @@ def _plain(cls: type[Planner], argument: str, settings: PlannerSettings) -> Plan
 def _symbolic(argument: str, settings: PlannerSettings) -> Planner:
     from palpate.planning.symbolic.planner import SymbolicPlanner
 
-    return SymbolicPlanner(settings.remeasure)
+    return SymbolicPlanner(settings.remeasure, settings.within)
 
 
 def _exhaustive(argument: str, settings: PlannerSettings) -> Planner:

@@ -10,7 +10,9 @@ import numpy as np
 
 from palpate.estimation import tuning
 from palpate.estimation.estimate import Estimate, not_identified, not_measured
-from palpate.estimation.load.segments import Segment, referenced
+from palpate.estimation.load.feeling import by_joints
+from palpate.estimation.load.foresight import Lift
+from palpate.estimation.load.segments import Segment, referenced, weighing
 from palpate.estimation.load.weighing import alone, single_shot, weigh
 from palpate.mjcf.body import Body, BodyDescription
 from palpate.mjcf.document import Element
@@ -24,8 +26,10 @@ from palpate.mjcf.inertial import (
 )
 from palpate.mjcf.roles import Elements
 from palpate.parameter import Parameter
+from palpate.quantities.effort import Effort, Site
 from palpate.quantities.evidence import Evidence
 from palpate.quantities.quantity import Prior, Quantity, Status, Values
+from palpate.robots.pace import configuration
 from palpate.trace.samples import FORCES, Trace
 
 UNIT = "kg"
@@ -38,6 +42,19 @@ PRIOR_MASS = (0.02, 1.5)
 
 PRIOR_FACTOR = 2.0
 """A hidden mass is drawn within this factor of the prior, and the prior's 1 sigma is half of it."""
+
+
+SENSED = 1000.0
+"""1/s: how often joint torques are sensed, each with the noise that an arm's description states."""
+
+SLOWEST = 1.5 * tuning.PASS_SPEED
+"""m/s of a pass, at which joints still slide all the way."""
+
+SPEEDS = 20
+"""Speeds of a pass that are weighed against each other."""
+
+MOST_CYCLES = 6
+"""In one tree; what they do not reach is measured again."""
 
 
 class Mass(Quantity):
@@ -88,6 +105,24 @@ class Mass(Quantity):
         stated = prior.mean[0] - unknown
         return (stated + float(np.clip(unknown * factor, *PRIOR_MASS)),)
 
+    def floor(self, site: Site) -> float:
+        """By the gains of the joints' sensors."""
+        weight, gravity, hand = site.believed[0] * site.gravity, site.gravity, site.arm.nominal
+        return _lift(site, None).std(site.arm.pace.speed, weight, gravity, hand)[1] / gravity
+
+    def effort(self, site: Site, std: float, trace: Trace | None) -> Effort:
+        """Cycles of an empty and a loaded pass each way, as fast and as few as will do: slow passes
+        average white noise, and more of them what is slower."""
+        lift, gravity, hand = _lift(site, trace), site.gravity, site.arm.nominal
+        choices: list[tuple[float, Effort]] = []
+        for speed in np.geomspace(SLOWEST, site.arm.pace.speed, SPEEDS).round(3).tolist():
+            # Cycles one after another are as good as independent.
+            alone = lift.std(speed, 0.0, gravity, hand)[0] / gravity
+            cycles = min(max(1, int(np.ceil((alone / std) ** 2))), MOST_CYCLES)
+            missed = max(alone / np.sqrt(cycles) / std, 1.0)
+            choices.append((cycles * lift.seconds(speed) * missed**2, Effort(cycles, speed)))
+        return min(choices, key=lambda choice: choice[0])[1]
+
     def write(
         self, body: BodyDescription, value: tuple[float, ...], std: float | None
     ) -> Iterator[Statement]:
@@ -99,6 +134,23 @@ def _unweighed(body: BodyDescription) -> Sequence[Element]:
     """The colliding geoms whose mass is open; all of them where none of those is."""
     geoms = unweighed_geoms(body)
     return [geom for geom in body.elements.colliding if geom in geoms] or body.elements.colliding
+
+
+def _lift(site: Site, trace: Trace | None) -> Lift:
+    """The lift at a site, with the noise that the arm's description states of its signals, or with
+    that of a trace."""
+    arm, base = site.arm, site.pose_world_base
+    assert arm.nominal.chain is not None
+    poses = [base.inverse() @ pose for pose in (site.grasp, site.above)]
+    q = np.array([configuration(arm, pose) for pose in poses])
+    felt = by_joints(np.zeros((0, len(arm.joints))), arm.nominal.chain, base.rotation)
+    white, flicker = arm.sensors.torque_noise**2 / SENSED, np.zeros(len(arm.joints))
+    recording = trace.converted(site.parameter) if trace is not None else None
+    if trace is not None and recording is not None:
+        noise = weighing(trace, recording).noise
+        white, flicker = noise.white * float(np.median(np.diff(trace.t))), noise.flicker
+    length = site.grasp.distance_to(site.above)
+    return Lift(q, length, site.near_speed, arm.pace.acceleration, felt, white, flicker)
 
 
 def estimate_mass(trace: Trace, parameter: Parameter, body: Body | None) -> Estimate:

@@ -22,8 +22,10 @@ from palpate.mjcf.edits import Change, Edit, Slot
 from palpate.mjcf.inertial import Statement
 from palpate.mjcf.roles import Elements
 from palpate.parameter import Parameter
+from palpate.quantities.effort import Effort, Site
 from palpate.quantities.evidence import Evidence
 from palpate.trace.recording import Context
+from palpate.trace.samples import Trace
 
 Status = Literal["known", "missing", "assumed", "not applicable"]
 """In the user's file: stated, left out or written `?`, inferred by MuJoCo, or without a place."""
@@ -143,6 +145,19 @@ class Quantity:
         """
         del body, value, std
         return ()
+
+    def floor(self, site: Site) -> float:
+        """1 sigma of it that no repetition of the work at a site narrows, as far as that is
+        foreseen."""
+        del site
+        return 0.0
+
+    def effort(self, site: Site, std: float, trace: Trace | None) -> Effort:
+        """The least work at a site after which noise leaves no more than `std` of it, as noisy as
+        the arm is said to be, or was in a `trace` of the like; without anything foreseen, the same
+        work as ever."""
+        del site, std, trace
+        return Effort()
 
     def confirm(self, body: BodyDescription, value: tuple[float, ...]) -> None:
         """Look at `body` compiled with the believed `value` in place.

@@ -28,6 +28,8 @@ UNITS: Mapping[str, Mapping[str, float]] = {
 NEAR_FLOOR = 1.1
 """An interval that is wider than what no repetition narrows by no more than this factor is at its
 floor: all further work together would narrow it by a tenth."""
+SPARE = 0.9
+"""Part of the noise that may be left, at which work aims: what is foreseen is not quite what comes."""
 NUMBER = re.compile(r"([0-9.]+(?:[eE][-+]?[0-9]+)?)\s*(.*)")
 
 Outcome = Literal["reached", "floor", "rounds used up"]
@@ -73,9 +75,15 @@ class Precision:
         return f"Within {asked} was asked: {reached} is reached, and more work would narrow it."
 
     @property
-    def aim(self) -> float:
-        """The half width at which there is no more to do."""
-        return max(self.asked, NEAR_FLOOR * self.floor)
+    def further_std(self) -> float:
+        """1 sigma that the noise of further work alone may leave, so that with what there is the
+        interval becomes as narrow as asked, or as it can be."""
+        floor = self.floor / Z95
+        present = math.sqrt(max((self.reached / Z95) ** 2 - floor**2, 0.0))
+        wanted = noise_std(self.asked, floor)
+        if wanted >= present:
+            return present
+        return 1.0 / math.sqrt(wanted**-2 - present**-2)
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,6 +143,13 @@ class Within:
         if precision is None or not estimate.has_value:
             return estimate
         return replace(estimate, method=f"{estimate.method} {precision.in_words(estimate.unit)}")
+
+
+def noise_std(width: float, floor: float) -> float:
+    """1 sigma that noise may leave beside a `floor` (1 sigma), so that a 95 % interval reaches no
+    farther than `width` to either side, or is at its floor."""
+    aim = max(width / Z95, NEAR_FLOOR * floor)
+    return SPARE * math.sqrt(aim**2 - floor**2)
 
 
 def _cause(estimate: Estimate, component: int) -> str:

@@ -62,6 +62,12 @@ def contact_speed(arm: RobotDescription, pose_base_tcp: Pose, direction: Array) 
     return GENTLE / ((1.0 + arm.pace.restitution) * float(direction @ held @ direction))
 
 
+def configuration(arm: RobotDescription, pose_base_tcp: Pose) -> Array:
+    """(7,) rad, the joint angles with which the TCP is at a pose, in the base's axes."""
+    with _LOCK:
+        return _nominal(arm).reach(pose_base_tcp, arm.home)
+
+
 def jacobian(arm: RobotDescription, q: Array) -> Array:
     """(6, 7) of the TCP at joint angles `q` (7,), rad, in the base's axes."""
     with _LOCK:

@@ -48,16 +48,16 @@ def feeling(trace: Trace) -> Feeling:
     wrench."""
     chain, samples = trace.hand.chain, trace.samples
     if chain is not None and len(samples):
-        felt = Feeling(
-            samples.tau_ext,
-            np.full(len(chain.axes), tuning.TORQUE_LEVER),
-            chain,
-            _turn(chain, samples),
-        )
+        felt = by_joints(samples.tau_ext, chain, _turn(chain, samples))
         if _explains(felt, samples):
             return felt
     scale = np.array([1.0] * 3 + [tuning.TORQUE_LEVER] * 3)
     return Feeling(samples.wrench, scale, None, np.eye(3))
+
+
+def by_joints(torques: Array, chain: Chain, turn: Array) -> Feeling:
+    """What joint torques (n, m), N m, say; `turn` (3, 3): the base's axes in the world."""
+    return Feeling(torques, np.full(len(chain.axes), tuning.TORQUE_LEVER), chain, turn)
 
 
 def _explains(felt: Feeling, samples: Samples) -> bool:

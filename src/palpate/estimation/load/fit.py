@@ -115,6 +115,21 @@ def fit_load(weighings: Sequence[Weighing], gravity: float, hand: Hand) -> Load:
     return replace(rest, tests=(*rest.tests, *tests))
 
 
+def foreseen(weighing: Weighing, weight: float, gravity: float, hand: Hand) -> tuple[float, float]:
+    """N, 1 sigma of F of a load of `weight` N that rests and passes to come would leave: by noise,
+    and by the gains, which no number of them makes smaller. What the segments felt does not matter."""
+    rows = [equations(weighing, gravity, hand)]
+    grasps = tuple(weighing.grasps)
+    about = np.zeros(1 + 2 * len(grasps))
+    variances: list[float] = []
+    for force in (0.0, weight):
+        about[0] = force
+        _, covariance = _model(rows, grasps, about, hand).solve()
+        variances.append(float(covariance[0, 0]))
+    noise, whole = variances
+    return float(np.sqrt(noise)), float(np.sqrt(max(whole - noise, 0.0)))
+
+
 def _fit(weighings: Sequence[Weighing], gravity: float, hand: Hand) -> Load:
     rows = [equations(weighing, gravity, hand) for weighing in weighings]
     grasps = tuple(time for weighing in weighings for time in weighing.grasps)
@@ -127,9 +142,7 @@ def _fit(weighings: Sequence[Weighing], gravity: float, hand: Hand) -> Load:
         mean, covariance = model.solve()
     tests = tests_of(rows, grasps, model, float(mean[0]))
     # With prior deviations P of the coefficients x, the error is -covariance P^-2 x.
-    own = np.s_[-(int(rows[0].signal.max()) + 1) :]
-    known = model.prior[own] == 0.0
-    gains = np.where(known, 0.0, -covariance[:count, own] / np.where(known, 1.0, model.prior[own]))
+    gains = -(covariance / model.prior)[:count, -(int(rows[0].signal.max()) + 1) :]
     return Load(grasps, mean[:count], covariance[:count, :count], model.freedom, tests, gains)
 
 

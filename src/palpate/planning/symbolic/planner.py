@@ -7,7 +7,7 @@ It needs no key and no network, and it knows what it does not know.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import groupby
 from pathlib import Path
 
@@ -18,8 +18,11 @@ from palpate.planning.plan import Node, Plan
 from palpate.planning.planner import needs_scene
 from palpate.planning.symbolic.grounding import Grounded, ground
 from palpate.planning.symbolic.mentions import GRIPPER
+from palpate.planning.symbolic.passes import Efforts, efforts
 from palpate.planning.symbolic.search import Backchainer
 from palpate.quantities.catalogue import catalogue
+from palpate.quantities.effort import Effort
+from palpate.quantities.within import Within
 from palpate.robots.kinematics import reachable
 from palpate.scene.scene import Scene
 from palpate.vocabulary.admissible.grasp import does_not_fit, too_heavy
@@ -38,10 +41,15 @@ class Assembled:
 
 @dataclass(frozen=True, slots=True)
 class SymbolicPlanner:
-    """Plans from words and geometry alone. `remeasure`: what the request asks is measured even if
-    the scene states it."""
+    """Plans from words and geometry alone.
+
+    Attributes:
+        remeasure: what the request asks is measured even if the scene states it.
+        within: how narrow intervals are to be.
+    """
 
     remeasure: bool = False
+    within: Within = field(default_factory=Within)
     name: str = "symbolic"
 
     def plan(self, request: str | None, scene: Scene | None, images: Sequence[Path] = ()) -> Plan:
@@ -57,7 +65,8 @@ class SymbolicPlanner:
         asked = _asked(request, scene)
         known, wanted = _known_apart(asked.asked, scene, self.remeasure)
         cannot = [*asked.cannot, *_unidentifiable(wanted)]
-        made = assemble(scene, _identifiable(wanted))
+        found = _identifiable(wanted)
+        made = assemble(scene, found, efforts=efforts(scene, found, self.within))
         if made.failed and not made.measured:
             raise PlanRejected(" ".join([*made.failed, *cannot]))
         notes = [_known_note(parameter, scene) for parameter in known]
@@ -95,16 +104,20 @@ def requested(
 
 
 def assemble(
-    scene: Scene, parameters: Iterable[Parameter], words: Vocabulary | None = None
+    scene: Scene,
+    parameters: Iterable[Parameter],
+    words: Vocabulary | None = None,
+    efforts: Efforts | None = None,
 ) -> Assembled:
-    """One tree of `words` for all parameters that can be measured, those of one thing together."""
+    """One tree of `words` for all parameters that can be measured, those of one thing together, each
+    with the effort that it takes."""
     chainer = Backchainer(scene, words or vocabulary())
     chainer.go_home()
     measured: list[Parameter] = []
     failed: list[str] = []
     surfaces_first = sorted(parameters, key=lambda wanted: wanted.object not in scene.surfaces)
     for name, group in groupby(surfaces_first, key=lambda wanted: wanted.object):
-        done, reasons = _measure(chainer, name, list(group))
+        done, reasons = _measure(chainer, name, list(group), efforts or {})
         measured += done
         failed += reasons
     chainer.go_home()
@@ -134,14 +147,14 @@ def _known_apart(
 
 
 def _measure(
-    chainer: Backchainer, name: str, parameters: list[Parameter]
+    chainer: Backchainer, name: str, parameters: list[Parameter], efforts: Efforts
 ) -> tuple[list[Parameter], list[str]]:
     """As many of one thing's parameters as can be had, and why not the others."""
     reason = _obstacle(chainer.scene, name)
     if reason:
         return [], [f"{_spoken(parameters)} cannot be measured: {reason}."]
     try:
-        chainer.measure(name, parameters)
+        chainer.measure(name, parameters, _effort(parameters, efforts))
         return parameters, []
     except PlanRejected as rejection:
         if len(parameters) == 1:
@@ -151,8 +164,14 @@ def _measure(
     failed = [f"{_spoken(impossible)} cannot be measured."] if impossible else []
     if not possible or not impossible:
         return [], failed
-    done, reasons = _measure(chainer, name, possible)
+    done, reasons = _measure(chainer, name, possible, efforts)
     return done, [*reasons, *failed]
+
+
+def _effort(parameters: Iterable[Parameter], efforts: Efforts) -> Effort | None:
+    """The most that any of them takes."""
+    found = [efforts[parameter] for parameter in parameters if parameter in efforts]
+    return max(found, key=lambda effort: effort.cycles, default=None)
 
 
 def _possible_apart(
@@ -163,7 +182,7 @@ def _possible_apart(
     impossible: list[Parameter] = []
     for parameter in parameters:
         alone = Backchainer.at_home(chainer.scene, chainer.words)
-        _, reasons = _measure(alone, name, [parameter])
+        _, reasons = _measure(alone, name, [parameter], {})
         if reasons:
             impossible.append(parameter)
         else:

@@ -21,7 +21,9 @@ from palpate.geometry.pose import Pose
 from palpate.parameter import Parameter
 from palpate.planning.check.measured import amount, measured
 from palpate.planning.plan import Node
+from palpate.planning.symbolic.passes import with_effort
 from palpate.planning.symbolic.steps import SLIDE, TEMPORARY, Step, is_away, is_clear, nodes
+from palpate.quantities.effort import Effort
 from palpate.scene.scene import Scene
 from palpate.vocabulary.admissible.clearance import blockers
 from palpate.vocabulary.base import Primitive, Surroundings
@@ -86,8 +88,11 @@ class Backchainer:
 
         self._reach(self._operators("", []), _when(home), f"'{HOME_CONFIG}' cannot be reached")
 
-    def measure(self, name: str, parameters: Sequence[Parameter]) -> None:
-        """Measure `parameters` of one object or surface and leave the scene as it was found.
+    def measure(
+        self, name: str, parameters: Sequence[Parameter], effort: Effort | None = None
+    ) -> None:
+        """Measure `parameters` of one object or surface, with some `effort`, and leave the scene as
+        it was found.
 
         Raises:
             PlanRejected: there is no way; the message says which parameter.
@@ -100,6 +105,10 @@ class Backchainer:
             self.state = state
             del self.steps[done:]
             raise
+        if effort is not None:
+            self.steps[done:], self.state = with_effort(
+                state, self.steps[done:], self.state, name, effort
+            )
 
     def _search(self, name: str, parameters: Sequence[Parameter]) -> None:
         first = len(self.steps)

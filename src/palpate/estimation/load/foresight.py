@@ -1,0 +1,90 @@
+"""How well a load would be known after passes that nobody has made yet: the covariance of its fit
+needs no measured values, only where the arm will be when, and how noisy its signals are."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from palpate.estimation import tuning
+from palpate.estimation.agreement import KNOWN
+from palpate.estimation.load.feeling import Feeling
+from palpate.estimation.load.fit import foreseen
+from palpate.estimation.load.noise import Noise
+from palpate.estimation.load.segments import Segment, Weighing
+from palpate.geometry.pose import Array
+from palpate.trace.recording import Hand
+
+HANDLING = 0.75
+"""s between two passes: the arm settles and feels what it bears, the fingers take or let go."""
+NEAR = 2.0 * tuning.CLEARANCE
+"""m of a pass that are near a support."""
+PASSES = (("down", False), ("up", True), ("down", True), ("up", False))
+"""Of one cycle, and whether loaded: empty, loaded, loaded, empty, so that a drift cancels."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Lift:
+    """A straight lift, for which an arm's signals are foreseen.
+
+    Attributes:
+        q: (2, m) joint angles at the grasp and above it, rad. length: m.
+        near_speed: m/s, the fastest near a support. acceleration: m/s².
+        felt: how the arm feels; its signals do not matter.
+        white: (m,) (N m)² s, variance of a signal's mean over 1 s. flicker: (m,), see `Noise`.
+    """
+
+    q: Array
+    length: float
+    near_speed: float
+    acceleration: float
+    felt: Feeling
+    white: Array
+    flicker: Array
+
+    def seconds(self, speed: float) -> float:
+        """Robot time of one cycle at `speed` m/s."""
+        near = min(NEAR, self.length)
+        slowly = near / min(speed, self.near_speed) + speed / self.acceleration
+        return len(PASSES) * ((self.length - near) / speed + slowly + HANDLING)
+
+    def std(self, speed: float, weight: float, gravity: float, hand: Hand) -> tuple[float, float]:
+        """N, 1 sigma of a load of `weight` N after one cycle at `speed` m/s: by noise, and by what
+        no further one makes smaller."""
+        return foreseen(self._cycle(speed), weight, gravity, hand)
+
+    def _cycle(self, speed: float) -> Weighing:
+        segments: list[Segment] = []
+        start = 0.0
+        for kind, loaded in PASSES:
+            segments.append(self._pass(kind, loaded, start, speed))
+            start += self.length / speed + HANDLING
+        noise = Noise(self.white, self.flicker, KNOWN)
+        return Weighing(segments, noise, self.felt.scale)
+
+    def _pass(self, kind: str, loaded: bool, start: float, speed: float) -> Segment:
+        """The steady part of a pass, in bins."""
+        clear = min(tuning.CLEARANCE, tuning.SHORT_LIFT * self.length) / self.length
+        edges = np.linspace(clear, 1.0, tuning.BINS + 1)
+        share = (edges[1:] + edges[:-1]) / 2.0
+        part = (1.0 - clear) * self.length / tuning.BINS / speed
+        gone = share if kind == "up" else 1.0 - share
+        q = self.q[0] + share[:, None] * (self.q[1] - self.q[0])
+        maps = self.felt.maps(q)
+        count = len(self.white)
+        return Segment(
+            kind,
+            loaded,
+            0.0,
+            start,
+            start + self.length / speed,
+            start + gone * self.length / speed,
+            share * self.length,
+            np.zeros(tuning.BINS),
+            np.full(tuning.BINS, speed**2),
+            maps,
+            np.zeros((tuning.BINS, count)),
+            np.tile(self.white / part, (tuning.BINS, 1)),
+            np.zeros((tuning.BINS, 0, 2)),
+        )
