@@ -26,7 +26,7 @@ from palpate.planning.check.check import Finding
 from palpate.planning.model.session import ModelSettings
 from palpate.planning.plan import Plan as InnerPlan
 from palpate.planning.planner import Planner
-from palpate.quantities.within import Within
+from palpate.quantities.precision.within import Within
 from palpate.robots.owner.registered import own_arm
 from palpate.robots.registry import DEFAULT
 from palpate.runs.run import Run as InnerRun

@@ -25,7 +25,7 @@ from palpate.planning.planner import Observant, Planner, PlannerSettings
 from palpate.planning.registry import planners
 from palpate.planning.symbolic.planner import requested
 from palpate.quantities.estimators import estimate_all, failed
-from palpate.quantities.within import Within
+from palpate.quantities.precision.within import Within
 from palpate.robots.owner.registered import require_same
 from palpate.runs.read import require_own_version
 from palpate.runs.run import Ending, Run

@@ -14,7 +14,7 @@ from palpate.planning.check.check import check
 from palpate.planning.model.prompt.compose import Prompt, checked_modules, compose
 from palpate.planning.model.session import Budget, ModelSettings
 from palpate.planning.recorded import load_proposal, plan_file
-from palpate.quantities.within import Within
+from palpate.quantities.precision.within import Within
 from palpate.robots.registry import DEFAULT, load_description
 from palpate.scene.from_picture import DetectedScene, SceneBuilder
 from palpate.scene.load import load_scene

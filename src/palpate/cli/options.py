@@ -17,7 +17,7 @@ from palpate.errors import InputError
 
 if TYPE_CHECKING:
     from palpate.planning.model.session import ModelSettings
-    from palpate.quantities.within import Within
+    from palpate.quantities.precision.within import Within
     from palpate.settings import Settings
 
 

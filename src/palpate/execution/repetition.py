@@ -17,9 +17,9 @@ from palpate.planning.check.check import check
 from palpate.planning.plan import Plan
 from palpate.planning.symbolic.passes import site_of
 from palpate.planning.symbolic.planner import assemble
-from palpate.quantities.effort import Effort
 from palpate.quantities.estimators import estimate_all
-from palpate.quantities.within import Precision, Within, shown
+from palpate.quantities.precision.effort import Effort
+from palpate.quantities.precision.within import Precision, Within, shown
 from palpate.robots.robot import Robot
 from palpate.scene.load import rearranged
 from palpate.scene.scene import Scene

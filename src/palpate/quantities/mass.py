@@ -26,8 +26,8 @@ from palpate.mjcf.inertial import (
 )
 from palpate.mjcf.roles import Elements
 from palpate.parameter import Parameter
-from palpate.quantities.effort import Effort, Site
 from palpate.quantities.evidence import Evidence
+from palpate.quantities.precision.effort import Effort, Site
 from palpate.quantities.quantity import Prior, Quantity, Status, Values
 from palpate.robots.pace import configuration
 from palpate.trace.samples import FORCES, Trace

@@ -22,8 +22,8 @@ from palpate.mjcf.edits import Change, Edit, Slot
 from palpate.mjcf.inertial import Statement
 from palpate.mjcf.roles import Elements
 from palpate.parameter import Parameter
-from palpate.quantities.effort import Effort, Site
 from palpate.quantities.evidence import Evidence
+from palpate.quantities.precision.effort import Effort, Site
 from palpate.trace.recording import Context
 from palpate.trace.samples import Trace
 

@@ -21,8 +21,8 @@ from palpate.planning.symbolic.mentions import GRIPPER
 from palpate.planning.symbolic.passes import Efforts, efforts
 from palpate.planning.symbolic.search import Backchainer
 from palpate.quantities.catalogue import catalogue
-from palpate.quantities.effort import Effort
-from palpate.quantities.within import Within
+from palpate.quantities.precision.effort import Effort
+from palpate.quantities.precision.within import Within
 from palpate.robots.kinematics import reachable
 from palpate.scene.scene import Scene
 from palpate.vocabulary.admissible.grasp import does_not_fit, too_heavy

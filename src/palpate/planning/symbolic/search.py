@@ -23,7 +23,7 @@ from palpate.planning.check.measured import amount, measured
 from palpate.planning.plan import Node
 from palpate.planning.symbolic.passes import with_effort
 from palpate.planning.symbolic.steps import SLIDE, TEMPORARY, Step, is_away, is_clear, nodes
-from palpate.quantities.effort import Effort
+from palpate.quantities.precision.effort import Effort
 from palpate.scene.scene import Scene
 from palpate.vocabulary.admissible.clearance import blockers
 from palpate.vocabulary.base import Primitive, Surroundings

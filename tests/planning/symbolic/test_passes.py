@@ -1,0 +1,81 @@
+"""A width that is asked sets how often and how slowly an object is lifted."""
+
+from __future__ import annotations
+
+import pytest
+from workbench import BOTTLE, CRATE, actions, bench
+
+from palpate.parameter import Parameter
+from palpate.planning.check.check import check
+from palpate.planning.plan import Plan
+from palpate.planning.symbolic.passes import site_of
+from palpate.planning.symbolic.planner import SymbolicPlanner, assemble
+from palpate.quantities.mass import Mass
+from palpate.quantities.precision.effort import Effort
+from palpate.quantities.precision.within import Within
+from palpate.scene.scene import Scene
+
+MASS = Parameter("bottle.mass")
+
+
+@pytest.fixture(scope="module")
+def scene() -> Scene:
+    return bench(BOTTLE, CRATE)
+
+
+def planned(scene: Scene, request: str, **within: str) -> Plan:
+    plan = SymbolicPlanner(within=Within.read(within)).plan(request, scene)
+    assert check(plan, scene) == ()
+    return plan
+
+
+def speeds(plan: Plan) -> list[float]:
+    """Those that are asked for, in order."""
+    assert plan.tree is not None
+    found = [dict(node.args).get("speed") for _, node in plan.tree.walk()]
+    return [speed for speed in found if speed is not None]
+
+
+def test_empty_and_loaded_passes_alternate_slowly(scene: Scene) -> None:
+    plan = planned(scene, "how heavy is the bottle?", mass="1g")
+    done = actions(plan.tree)
+    grasps = done.count("CloseGripper")
+    assert grasps == done.count("OpenGripper") - 1
+    assert len(speeds(plan)) == 4 * grasps
+    assert len(set(speeds(plan))) == 1
+    assert speeds(plan)[0] < scene.arm.pace.speed
+    assert done.count("Force2Mass") == 1
+
+
+def test_without_a_width_a_plan_is_what_it_was(scene: Scene) -> None:
+    plain = planned(scene, "how heavy is the bottle?")
+    assert speeds(plain) == []
+    assert planned(scene, "how heavy is the bottle?", height="1mm").tree == plain.tree
+
+
+def test_a_narrower_width_takes_more_work(scene: Scene) -> None:
+    site = site_of(scene, MASS)
+    assert site is not None
+    work: list[float] = []
+    for std in (2e-3, 1e-3, 5e-4, 2.5e-4):
+        effort = Mass().effort(site, std, None)
+        assert effort.speed is not None
+        work.append(effort.cycles / effort.speed)
+    assert work == sorted(work)
+    assert work[-1] > 4 * work[0]
+
+
+def test_what_gains_leave_is_in_proportion_to_what_is_lifted(scene: Scene) -> None:
+    light, heavy = (site_of(scene, MASS, (mass,)) for mass in (0.2, 0.8))
+    assert light is not None
+    assert heavy is not None
+    assert Mass().floor(heavy) == pytest.approx(4 * Mass().floor(light), rel=0.1)
+
+
+def test_nothing_is_lifted_more_often_than_can_be(scene: Scene) -> None:
+    """Of a surface nothing is lifted at all, and of an object as often as its effort says."""
+    assert site_of(scene, Parameter("table.height")) is None
+    made = assemble(scene, [MASS], efforts={MASS: Effort(3, 0.1)})
+    assert made.tree is not None
+    assert actions(made.tree).count("CloseGripper") == 3
+    assert check(Plan(made.measured, made.tree, ""), scene) == ()
