@@ -118,6 +118,7 @@ FRONT = {
     "settings",
     "studies",
     "scenarios",
+    "calibration",
     "runs",
     "live",
     "display",

@@ -77,7 +77,7 @@ def cell_for(settings: Settings, scene: Scene | None, seen: bool = False) -> Cel
             no driver for the robot.
     """
     simulated = (noise_told(settings.noise), settings.seed) if settings.robot is None else None
-    require_same(settings.described_arm(), simulated)
+    require_same(settings.described_arm().config, simulated)
     if settings.robot is not None:
         return drivers().connect(settings.robot, scene)
     tolerance = SEEN_TOLERANCE if seen else SIZE_TOLERANCE

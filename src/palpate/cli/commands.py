@@ -14,6 +14,7 @@ from palpate.cli.command import command
 from palpate.cli.options import (
     DEFAULT_ARM,
     Arm,
+    ArmOptions,
     AsJson,
     Cautious,
     EstimatorNames,
@@ -258,6 +259,43 @@ def vocabulary(
     from palpate.cli.show import show_vocabulary
 
     show_vocabulary(as_json, btcpp)
+
+
+@command(app)
+def calibrate(
+    *,
+    weight: Annotated[
+        str | None,
+        typer.Option("--weight", metavar="[OBJECT=]MASS", help="Known mass: 0.5kg±0.1g"),
+    ] = None,
+    gauge: Annotated[
+        str | None,
+        typer.Option("--gauge", metavar="[SURFACE=]HEIGHT", help="Known height: 50mm±0.01mm"),
+    ] = None,
+    own_weight: Annotated[
+        bool, typer.Option("--own-weight", help="Let the arm weigh itself.")
+    ] = False,
+    out: Annotated[
+        Path, typer.Option("--out", help="robot.yaml to write; its other figures stay.")
+    ] = Path("robot.yaml"),
+    which: ArmOptions,
+    as_json: AsJson = False,
+    yes: Yes = False,
+) -> None:
+    """Measure one very arm with what is known, and write robot.yaml."""
+    from palpate.calibration.calibrate import calibrate as carry_out_calibration
+    from palpate.calibration.calibrate import wanted
+    from palpate.cli.calibration import show_calibration
+    from palpate.cli.show import confirm_plan, live_view
+
+    asked = wanted(weight, gauge, own_weight)
+
+    def confirm(run: Run) -> bool:
+        return yes or confirm_plan(run)
+
+    with live_view() as (observer, say):
+        done = carry_out_calibration(which.settings(), asked, out, say, confirm, observer)
+    show_calibration(done, as_json)
 
 
 @command(app)

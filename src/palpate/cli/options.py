@@ -179,6 +179,30 @@ class MotionOptions:
 
 
 @dataclass(frozen=True)
+class ArmOptions:
+    """Which arm is calibrated, simulated or real, and where; without a scene on a bench of its own."""
+
+    scene: Annotated[
+        Path | None,
+        typer.Option("--scene", help="MJCF that states the weight's mass, the gauges' height."),
+    ] = None
+    poses: Poses = None
+    world: World = None
+    arm: Arm = DEFAULT_ARM
+    robot: RobotUrl = None
+    robot_config: RobotConfig = None
+    noise: NoiseLevel = "lab"
+    seed: Seed = 0
+    cautious: Cautious = False
+
+    def settings(self) -> Settings:
+        """Settings with these, and defaults for everything else."""
+        from palpate.settings import Settings
+
+        return Settings(**asdict(self))
+
+
+@dataclass(frozen=True)
 class ModelOptions:
     """How a model is asked, where the planner is one."""
 

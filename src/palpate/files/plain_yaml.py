@@ -37,8 +37,21 @@ def plain_yaml(text: str, where: str) -> Any:
 
 
 def yaml_text(content: Any) -> str:
-    """Plain values as YAML, in the order in which they are given; lists of numbers on one line."""
-    return yaml.safe_dump(content, sort_keys=False, allow_unicode=True, width=10_000)
+    """Plain values as YAML that `plain_yaml` reads, in the order in which they are given."""
+    return yaml.dump(content, Dumper=_Plain, sort_keys=False, allow_unicode=True, width=1000)
+
+
+class _Plain(yaml.SafeDumper):
+    """A value that is there twice is written twice; lists of numbers stand on one line."""
+
+    def ignore_aliases(self, data: Any) -> bool:
+        return True
+
+    def represent_sequence(
+        self, tag: str, sequence: Any, flow_style: bool | None = None
+    ) -> yaml.SequenceNode:
+        numbers = all(isinstance(part, int | float) for part in sequence)
+        return super().represent_sequence(tag, sequence, flow_style=numbers or flow_style)
 
 
 def _require_plain(text: str) -> None:

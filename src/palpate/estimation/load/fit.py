@@ -135,10 +135,10 @@ def _fit(weighings: Sequence[Weighing], gravity: float, hand: Hand) -> Load:
     grasps = tuple(time for weighing in weighings for time in weighing.grasps)
     count = 1 + 2 * len(grasps)
     # What gains and tilts do is in proportion to the load, which is not known at first.
-    model = _model(rows, grasps, np.zeros(count), hand)
+    model = load_model(rows, grasps, np.zeros(count), hand)
     mean, covariance = model.solve()
     for _ in range(tuning.LOAD_ITERATIONS):
-        model = _model(rows, grasps, mean[:count], hand)
+        model = load_model(rows, grasps, mean[:count], hand)
         mean, covariance = model.solve()
     tests = tests_of(rows, grasps, model, float(mean[0]))
     # With prior deviations P of the coefficients x, the error is -covariance P^-2 x.
@@ -146,7 +146,7 @@ def _fit(weighings: Sequence[Weighing], gravity: float, hand: Hand) -> Load:
     return Load(grasps, mean[:count], covariance[:count, :count], model.freedom, tests, gains)
 
 
-def _model(rows: Sequence[Rows], grasps: Sequence[float], about: Array, hand: Hand) -> Model:
+def load_model(rows: Sequence[Rows], grasps: Sequence[float], about: Array, hand: Hand) -> Model:
     """F, the moments in each grasp, forces to the side in each, what approaches leave, friction of
     the joints, gains. `about` is where F and the moments are."""
     tilt = tuning.TILT * abs(float(about[0])) + tuning.FLOOR

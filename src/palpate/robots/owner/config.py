@@ -119,10 +119,12 @@ class EndEffector(Section):
 
 
 class Simulated(Section):
-    """Which arm of the embedded world it is: another `noise` or `seed` is another arm."""
+    """Which arm of the embedded world it is: another `noise` or `seed` is another arm. `visits`: how
+    often it was calibrated; the next time what is drawn once a run is drawn anew."""
 
-    noise: Name
+    noise: Annotated[str, Field(min_length=1, max_length=1000)]
     seed: Annotated[int, Field(ge=0)]
+    visits: Annotated[int, Field(ge=0)] = 0
 
 
 class RobotConfig(Section):

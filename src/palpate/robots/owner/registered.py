@@ -7,7 +7,7 @@ from pathlib import Path
 from palpate.errors import InputError
 from palpate.robots.description import RobotDescription
 from palpate.robots.owner.calibrated import calibrated
-from palpate.robots.owner.config import read_config
+from palpate.robots.owner.config import RobotConfig, read_config
 from palpate.robots.owner.datasheet import Datasheet, informed
 from palpate.robots.registry import load_description
 
@@ -32,19 +32,20 @@ def own_arm(
     return calibrated(arm, measured)
 
 
-def require_same(arm: RobotDescription, simulated: tuple[str, int] | None) -> None:
-    """That what was measured of `arm` was measured of the one that is to move: the embedded one's
+def require_same(
+    config: RobotConfig | None, simulated: tuple[str, int] | None, where: str = "the robot_config="
+) -> None:
+    """That what is said in a robot.yaml was measured of the arm that is to move: the embedded one's
     noise model and seed, None for a real one.
 
     Raises:
-        InputError: it was another one.
+        InputError: it was another one; `where` names the file.
     """
-    measured = arm.config.simulated if arm.config is not None else None
+    measured = config.simulated if config is not None else None
     if measured is None or (measured.noise, measured.seed) == simulated:
         return
     here = "a real arm" if simulated is None else f"noise {simulated[0]}, seed {simulated[1]}"
     raise InputError(
-        f"the robot_config= was measured of the embedded arm of noise {measured.noise}, seed "
-        f"{measured.seed}, and this is another one ({here}); without its section 'simulated' it is "
-        "taken as it is"
+        f"{where} was measured of the embedded arm of noise {measured.noise}, seed {measured.seed}, and "
+        f"this is another one ({here}); without its section 'simulated' it is taken as it is"
     )

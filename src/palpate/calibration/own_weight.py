@@ -1,0 +1,214 @@
+"""The gains of the joints' torque sensors, from the weight of the arm itself.
+
+In n configurations at rest a joint's sensor shows 1 + g times what the arm weighs there, against the
+configuration in which it was zeroed. What the nominal arm weighs is known but for its links' masses
+and centres, whose accuracy the description states:
+
+    tau - tau_0 = g (G(q) - G(q_0)) + sum_i dm_i dG/dm_i + dc_i dG/dc_i + friction
+
+All unknowns have the prior that the description states, so that the posterior says how much of a gain
+can be told from heavier links. Friction is another at every rest.
+"""
+
+from __future__ import annotations
+
+import math
+
+import mujoco
+import numpy as np
+
+from palpate.calibration.gains import GainBelief, require
+from palpate.errors import InputError
+from palpate.estimation.agreement import chi_squared
+from palpate.estimation.gains import gain_root
+from palpate.estimation.load.feeling import feeling
+from palpate.geometry.pose import Array, Pose
+from palpate.planning.plan import Node
+from palpate.robots.description import RobotDescription
+from palpate.robots.nominal import NominalArm
+from palpate.trace.recording import Hand
+from palpate.trace.samples import Trace
+from palpate.vocabulary.state import HOME_CONFIG
+
+JOINTS = 7
+CONFIGURATIONS = 30
+"""How many: friction is about as large as what is looked for, and averages out."""
+SPREAD = np.array([0.8, 0.6, 0.6, 0.7, 1.0, 0.8, 1.2])
+"""rad about home, evenly."""
+CLEAR = 0.25
+"""m that the TCP stays above the plane on which the arm stands."""
+TELLING = 0.05
+"""Part of what was believed of a gain that the weight must have told, to be compared with it."""
+MARGIN = 0.1
+"""rad to the joints' limits."""
+UP = np.array([0.0, 0.0, 1.0])
+DOWN = -9.81 * UP
+OFFSET = 1.0
+"""N m (1 sigma): what zeroing and friction left at the start."""
+ROUNDS = 4
+"""Of the fit: how far friction scatters is seen in what the last one left."""
+
+
+def tree(arm: RobotDescription) -> Node:
+    """Rests in configurations all around, the same ones every time, from home and back."""
+    random, nominal = np.random.default_rng(0), NominalArm(arm, Pose.of([0, 0, 0]), DOWN)
+    low, high = arm.limits.q_min + MARGIN, arm.limits.q_max - MARGIN
+    home = Node("MoveJoints", (("joints", HOME_CONFIG),))
+    steps = [home]
+    while len(steps) <= 2 * CONFIGURATIONS:
+        q = np.clip(arm.home + SPREAD * random.uniform(-1.0, 1.0, JOINTS), low, high)
+        x, y, z = nominal.poses(q[None])[0, :3].tolist()
+        if z > CLEAR and math.hypot(x, y) > arm.reach.nearest:
+            steps.append(Node("MoveJoints", (("joints", q.round(4).tolist()),)))
+            steps.append(Node("MeasureForces"))
+    return Node("Sequence", children=(*steps, home))
+
+
+def weighed_itself(trace: Trace, arm: RobotDescription) -> GainBelief:
+    """What is known of the gains after rests all around, of sensors that are corrected by what was
+    known of them before.
+
+    Raises:
+        InputError: too few rests, or what was felt is not what such an arm may weigh.
+    """
+    q, felt, maps = _rests(trace)
+    columns = _columns(trace, arm, q)
+    mean, covariance = _fit(columns, felt, _noise(arm, trace.hand, maps))
+    mean, covariance = mean[:JOINTS], covariance[:JOINTS, :JOINTS]
+    _require_agreement(mean, covariance)
+    root = gain_root(trace.hand, JOINTS)
+    return GainBelief(root @ mean, root @ covariance @ root.T)
+
+
+def _noise(arm: RobotDescription, hand: Hand, maps: Array) -> Array:
+    """(n, 7, 7) N² m²: what is another at every rest, by the description."""
+    own = arm.sensors.friction**2 + arm.sensors.drift**2
+    stuck = hand.force_repeatability * maps[:, :, :3]
+    return np.diag(own) + stuck @ stuck.transpose(0, 2, 1)
+
+
+def _fit(columns: Array, felt: Array, noise: Array) -> tuple[Array, Array]:
+    """Mean (p,) and covariance (p, p) of unknowns with a standard normal prior, of which `columns`
+    (n, 7, p) make `felt` (n, 7). How large the `noise` (n, 7, 7) is in each joint is seen in what the
+    fit leaves."""
+    size = np.ones(JOINTS)
+    count = columns.shape[2]
+    mean, covariance = np.zeros(count), np.eye(count)
+    for _ in range(ROUNDS):
+        roots = np.linalg.cholesky(noise * np.outer(size, size))
+        white: Array = np.linalg.solve(roots, columns).astype(np.float64)
+        seen: Array = np.linalg.solve(roots, felt[:, :, None]).astype(np.float64)[:, :, 0]
+        information = np.einsum("nip,niq->pq", white, white) + np.eye(count)
+        covariance = _inverse(information)
+        mean = covariance @ np.einsum("nip,ni->p", white, seen)
+        left = seen - white @ mean
+        told = np.einsum("nip,pq,niq->i", white, covariance, white)
+        free = np.maximum(len(felt) - told, 1.0)
+        size = size * np.sqrt((left**2).sum(axis=0) / free)
+    return mean, covariance
+
+
+def _inverse(information: Array) -> Array:
+    inverse: Array = np.linalg.inv(information).astype(np.float64)
+    return inverse
+
+
+def _rests(trace: Trace) -> tuple[Array, Array, Array]:
+    """Of n rests: joint angles (n, 7), external torques (n, 7) N m, and what unit wrenches make of
+    them (n, 7, 6).
+
+    Raises:
+        InputError: too few.
+    """
+    means: list[tuple[Array, Array]] = []
+    for recording in trace.recordings:
+        here = trace.of(recording)
+        if len(here):
+            means.append((here.q.mean(axis=0), here.tau_ext.mean(axis=0)))
+    if len(means) < CONFIGURATIONS // 2:
+        raise InputError(
+            f"the arm rested in {len(means)} configurations, too few to tell its weight; nothing is "
+            "written"
+        )
+    q, torque = (np.array(part) for part in zip(*means, strict=True))
+    return q, torque, feeling(trace).maps(q)
+
+
+def _columns(trace: Trace, arm: RobotDescription, q: Array) -> Array:
+    """(n, 7, p) N m: what one standard deviation of each unknown makes of each joint: gains, what
+    zeroing left, links' masses and centres."""
+    nominal = Links(arm, trace.gravity)
+    start = trace.samples.q[0]
+    weight = nominal.weight(q) - nominal.weight(start[None])
+    links = nominal.sensitivity(q) - nominal.sensitivity(start[None])
+    gains = weight[:, :, None] * gain_root(trace.hand, JOINTS)
+    offset = np.broadcast_to(OFFSET * np.eye(JOINTS), gains.shape)
+    return np.concatenate([gains, offset, links], axis=2)
+
+
+def _require_agreement(mean: Array, covariance: Array) -> None:
+    """That the gains found are such as were believed possible. `mean` (7,) and `covariance` (7, 7)
+    are in units of that belief; what the weight tells nothing of is left out."""
+    told, axes = np.linalg.eigh(np.eye(JOINTS) - covariance)
+    along, seen = axes.T @ mean, told > TELLING
+    worst = int(np.argmax(np.abs(mean)))
+    same = chi_squared(
+        "own weight",
+        float((along[seen] ** 2 / told[seen]).sum()),
+        int(seen.sum()),
+        f"The arm feels its own weight otherwise than what is known of its sensors allows, most of all "
+        f"in joint {worst + 1} ({abs(mean[worst]):.1f} standard deviations): they were calibrated "
+        "wrongly, or the arm carries something.",
+    )
+    require([same], "the arm's own weight")
+
+
+class Links:
+    """The nominal arm with its links' weights."""
+
+    def __init__(self, arm: RobotDescription, gravity: float) -> None:
+        self._model = arm.spec(gravity * UP * -1.0).compile()
+        self._data = mujoco.MjData(self._model)
+        self._gravity = -gravity * UP
+        self._nominal = NominalArm(arm, Pose.of([0, 0, 0]), self._gravity)
+        bodies = [self._model.jnt_bodyid[self._model.joint(name).id] for name in arm.joints]
+        self._bodies = [*map(int, bodies), self._model.body(arm.hand.body).id]
+        self._joints = [int(self._model.joint(name).qposadr[0]) for name in arm.joints]
+        self._dofs = [int(self._model.joint(name).dofadr[0]) for name in arm.joints]
+        self._accuracy = arm.sensors.link_mass, arm.sensors.link_com
+
+    def weight(self, q: Array) -> Array:
+        """(n, 7) N m that hold the arm up at `q` (n, 7)."""
+        return self._nominal.kinematics(q).gravity_torque
+
+    def sensitivity(self, q: Array) -> Array:
+        """(n, 7, 4 k) N m: how that changes with the mass of each of the k links, and its centre along
+        its three axes, by the standard deviation that the description states."""
+        model, data = self._model, self._data
+        out: list[Array] = []
+        for angles in q:
+            data.qpos[self._joints] = angles
+            mujoco.mj_kinematics(model, data)
+            mujoco.mj_comPos(model, data)
+            out.append(np.column_stack([self._of_link(body) for body in self._bodies]))
+        return np.array(out)
+
+    def _of_link(self, body: int) -> Array:
+        """(7, 4) of one link where the arm is now. A Jacobian is linear in the point that it is of."""
+        model, data = self._model, self._data
+        mass, (relative, shift) = float(model.body_mass[body]), self._accuracy
+        link = data.body(body)
+        axes = link.xmat.reshape(3, 3)
+        along, about = np.empty((3, model.nv)), np.empty((3, model.nv))
+        mujoco.mj_jacBody(model, data, along, about, body)
+
+        def hold(point: Array) -> Array:
+            """(7,) N m that hold up a kilogram at a point of the link."""
+            jacobian = along + np.cross(about.T, point - link.xpos).T
+            return -jacobian[:, self._dofs].T @ self._gravity
+
+        here = hold(link.xipos)
+        columns = [relative * mass * here]
+        for axis in axes.T:
+            columns.append(shift * mass * (hold(link.xipos + axis) - here))
+        return np.column_stack(columns)

@@ -1,0 +1,89 @@
+"""An arm that is visited again and again, and what is known of it by now."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+from palpate import pipeline, stages
+from palpate.cells.cell import Cell
+from palpate.cells.simulated import SimulatedCell
+from palpate.errors import ExecutionAborted, InputError
+from palpate.pipeline import Confirm, Progress
+from palpate.planning.check.check import Finding, check
+from palpate.planning.plan import Plan
+from palpate.robots.owner.calibrated import calibrated
+from palpate.robots.owner.config import RobotConfig
+from palpate.runs.run import Run
+from palpate.scene.scene import Scene
+from palpate.settings import Settings
+
+if TYPE_CHECKING:
+    from palpate.execution.runner import Observer
+    from palpate.robots.description import RobotDescription
+
+
+@dataclass(slots=True)
+class Session:
+    """Visits to one arm.
+
+    Attributes:
+        settings: which arm. config: what is known of it by now; corrected in the next visit.
+        visits: how often it was visited. seconds: of robot time.
+    """
+
+    settings: Settings
+    config: RobotConfig
+    progress: Progress
+    may_move: Confirm
+    observer: Observer | None = None
+    visits: int = 0
+    seconds: float = 0.0
+
+    @property
+    def arm(self) -> RobotDescription:
+        """As it is known by now."""
+        told = replace(self.settings, robot_config=None).described_arm()
+        return calibrated(told, self.config)
+
+    def perform(self, scene: Scene, plan: Plan, world: Scene | None = None) -> Run:
+        """Execute a plan in `scene`, whose simulation is `world` unless the settings name another
+        one, and estimate what it measures.
+
+        Raises:
+            InputError: the plan cannot be executed there, or was not to its end. Unavailable: the
+                robot. ExecutionAborted: not confirmed.
+        """
+        self.visits += 1
+        made = Run(self.settings, scene, plan, _findings(plan, scene))
+        made = pipeline.rehearse(made, self.progress)
+        if made.findings:
+            raise InputError(f"nothing is calibrated there: {made.findings[0].message}")
+        cell = self._cell(scene, world)
+        pipeline.confirm(made, self.may_move, cell)
+        made = pipeline.measure(made, self.observer, self.progress, cell)
+        assert made.execution is not None
+        if made.execution.stopped_by is not None:
+            raise ExecutionAborted(
+                f"the calibration was cut short: {made.execution.stopped_by}; nothing is written"
+            )
+        self.seconds += made.execution.robot_seconds
+        return made
+
+    def _cell(self, scene: Scene, world: Scene | None) -> Cell:
+        """What is drawn once a run is drawn anew in every visit to the embedded arm."""
+        settings = self.settings
+        if world is not None:
+            return SimulatedCell(
+                world, noise=settings.noise, seed=settings.seed, scene=scene, visit=self.visits
+            )
+        cell = stages.cell_for(settings, scene)
+        if isinstance(cell, SimulatedCell):
+            cell.visit = self.visits
+        return cell
+
+
+def _findings(plan: Plan, scene: Scene) -> tuple[Finding, ...]:
+    """What the check says; all that is logged is needed, though no parameter is made of it."""
+    found = check(plan, scene, remeasure=True)
+    return tuple(finding for finding in found if finding.rule != "redundant")

@@ -1,0 +1,41 @@
+"""What a calibration found, as a table or as JSON."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from typing import TYPE_CHECKING
+
+from palpate.cli.console import figure_table, out, print_json, printing
+
+if TYPE_CHECKING:
+    from palpate.calibration.calibrate import Calibration, Found
+
+SHOWN = {"1": (100.0, "%", 3), "m": (1e3, "mm", 3), "m/N": (1e6, "µm/N", 1)}
+"""For people: what a figure is multiplied by, in which unit, with how many decimals."""
+
+
+def show_calibration(done: Calibration, as_json: bool) -> None:
+    """Every figure before and after, and the file."""
+    with printing():
+        if as_json:
+            print_json(
+                {
+                    "file": str(done.file),
+                    "robot_seconds": round(done.robot_seconds, 2),
+                    "figures": [asdict(found) for found in done.found],
+                }
+            )
+            return
+        table = figure_table("figure", "before", "now", no_wrap=True)
+        for found in done.found:
+            table.add_row(found.name, _told(found, found.before), _told(found, found.after))
+        out.print(table)
+        for by in dict.fromkeys(found.by for found in done.found):
+            out.print(f"measured with {by}", markup=False)
+        out.print(f"{done.robot_seconds:.0f} s of robot time; written to {done.file}", markup=False)
+
+
+def _told(found: Found, figure: tuple[float, float]) -> str:
+    scale, unit, decimals = SHOWN[found.unit]
+    value, std = (part * scale for part in figure)
+    return f"{value:.{decimals}f} ± {std:.{decimals}f} {unit}"
