@@ -124,7 +124,7 @@ def foreseen(weighing: Weighing, weight: float, gravity: float, hand: Hand) -> t
     variances: list[float] = []
     for force in (0.0, weight):
         about[0] = force
-        _, covariance = _model(rows, grasps, about, hand).solve()
+        _, covariance = load_model(rows, grasps, about, hand).solve()
         variances.append(float(covariance[0, 0]))
     noise, whole = variances
     return float(np.sqrt(noise)), float(np.sqrt(max(whole - noise, 0.0)))
