@@ -318,11 +318,16 @@ def _executed(
 def _estimated(cell: Cell | None, progress: Progress, made: Run) -> Iterator[Run]:
     """The run after every estimate, and then with what is true."""
     progress("estimating")
-    made = replace(made, estimates=(), recorded=made.trace)  # read once, not for every estimate
+    made = replace(
+        made, estimates=(), held_out=None, recorded=made.trace
+    )  # read once, not for every estimate
     for parameter in made.plan.parameters:
         found = stages.estimate_of(made, parameter)
         made = replace(made, estimates=(*made.estimates, found))
         yield made
+    progress("judging them on motions that they were not fitted to")
+    made = stages.judged(made)
+    yield made
     if cell is not None:
         yield replace(made, truth=stages.truths(made, cell))
 

@@ -34,6 +34,7 @@ from palpate.scene.load import parse_scene
 from palpate.scene.poses import Poses, read_poses
 from palpate.scene.scene import Scene
 from palpate.settings import Settings, noise_told
+from palpate.twin.held_out import HeldOut, held_out, with_tests
 
 if TYPE_CHECKING:
     from mujoco import MjSpec
@@ -169,6 +170,21 @@ def estimate_of(made: Run, parameter: Parameter) -> Estimate:
         return failed(parameter, f"There is no estimator: {error}.")
 
 
+def judged(made: Run, choice: Mapping[str, str] | None = None) -> Run:
+    """The run with its estimates judged on motions that they were not fitted to, made again by the
+    estimators that `choice` names."""
+    if made.trace is None:
+        return made
+    try:
+        held = held_out(made.scene, made.trace, made.estimates, choice)
+    except Exception as error:
+        reason = f"nothing was held out: {type(error).__name__}: {error}"
+        return replace(made, held_out=HeldOut((), (reason,)))
+    if held is None:
+        return made
+    return replace(made, held_out=held, estimates=with_tests(made.estimates, held))
+
+
 def estimates_anew(made: Run, choice: Mapping[str, str]) -> Run:
     """The run with all estimates made anew, with the estimators that `choice` names by quantity.
 
@@ -183,7 +199,8 @@ def estimates_anew(made: Run, choice: Mapping[str, str]) -> Run:
         raise InputError(f"{where} has no trace to make estimates of: nothing was executed")
     found = estimate_all(made.plan.parameters, trace, made.scene.bodies, choice)
     told = tuple(made.settings.within.told(estimate) for estimate in found)
-    return replace(made, recorded=trace, estimates=told, twin=None)
+    again = replace(made, recorded=trace, estimates=told, held_out=None, twin=None)
+    return judged(again, choice)
 
 
 def truths(made: Run, cell: Cell) -> dict[Parameter, tuple[float, ...]]:

@@ -35,6 +35,10 @@ def test_estimates_are_made_anew(palpate: Palpate, stored: Path) -> None:
     assert answer.status == 0
     stored_result = json.loads((stored / "result.json").read_text())
     assert json.loads(answer.out)["parameters"] == stored_result["parameters"]
+    validation = json.loads(answer.out)["validation"]["held_out"]
+    assert validation == stored_result["validation"]["held_out"]
+    assert validation["agrees"]
+    assert "validation agrees the way down with the cube" in palpate("estimate", stored).out
     other = palpate("estimate", stored, "--estimator", "mass=single-shot", "--json")
     assert json.loads(other.out)["parameters"][0]["method"].startswith("Mean vertical force")
 

@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from palpate.scenarios.catalogue import Scenario
     from palpate.scene.scene import Scene
     from palpate.settings import Settings
+    from palpate.twin.held_out import Motion
     from palpate.vocabulary.base import Primitive
 
 
@@ -96,6 +97,27 @@ def _show_estimates(run: Run) -> None:
             out.print(f"[bold red]contradicted[/] {name}: {finding}")
     for estimate in run.estimates:
         _show_precision(run, estimate)
+    _show_held_out(run)
+
+
+def _show_held_out(run: Run) -> None:
+    """How well motions were predicted that nothing was fitted to, a line each."""
+    if run.held_out is None:
+        return
+    for motion in run.held_out.motions:
+        heading, said = "[green]validation agrees[/]", _prediction(motion)
+        if not motion.agrees:
+            heading, said = "[bold red]validation disagrees[/]", f"{said}. {motion.disagreement}"
+        out.print(f"{heading} {escape(said)}", soft_wrap=True)
+    for note in run.held_out.notes:
+        out.print(f"[dim]not validated[/] {escape(note)}", soft_wrap=True)
+
+
+def _prediction(motion: Motion) -> str:
+    return (
+        f"{motion.motion}: predicted to {1e3 * motion.rms:.2g} mN·m (χ² {motion.chi2:.0f} of "
+        f"{motion.dof}, p {motion.p:.2g}); by the scene as given to {1e3 * motion.rms_template:.3g} mN·m"
+    )
 
 
 def _show_precision(run: Run, estimate: Estimate) -> None:

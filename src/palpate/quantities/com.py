@@ -178,7 +178,7 @@ def _grasps(trace: Trace, held: Sequence[Recording], load: Load, body: Body) -> 
         moment = load.value[1 + 2 * i : 3 + 2 * i]
         offset = np.array([-moment[1], moment[0]]) / load.force
         pose_world_tcp = mean_pose(trace.of(recording))
-        pose_world_body = pose_world_tcp @ _pose_tcp_body(trace, recording, body)
+        pose_world_body = pose_world_tcp @ pose_in_hand(trace, recording, body)
         recordings.append(recording)
         rows.append(pose_world_body.rotation[:2])
         along.append(pose_world_tcp.rotation[:2, 0])
@@ -222,7 +222,7 @@ def _offsets(load: Load) -> Array:
     return slopes @ load.covariance @ slopes.T
 
 
-def _pose_tcp_body(trace: Trace, recording: Recording, body: Body) -> Pose:
+def pose_in_hand(trace: Trace, recording: Recording, body: Body) -> Pose:
     """The object in the hand: where it was believed to stand when the measured hand closed on
     it."""
     grasps = load_of(trace, body.name).grasps

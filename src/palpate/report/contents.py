@@ -114,6 +114,7 @@ def report_data(run: Run, pictures: Pictures, scratch: Path) -> ReportData:
         measured=tuple(_measured(run)),
         findings=tuple(f"{f.path}: {f.message}" for f in run.findings),
         trace=run.trace,
+        held_out=run.held_out,
         workspace=pictures.workspace,
         before=pictures.before,
         after=pictures.after,

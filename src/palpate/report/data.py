@@ -9,6 +9,7 @@ from typing import Literal
 from palpate.estimation.estimate import Estimate
 from palpate.planning.plan import Plan
 from palpate.trace.samples import Trace
+from palpate.twin.held_out import HeldOut
 
 State = Literal["known", "missing", "assumed"]
 
@@ -52,6 +53,7 @@ class ReportData:
         video: MP4, played `video_speed` times faster than robot time.
         twin_diff: unified diff from the user's MJCF to the twin.
         twin_checks: label to value, e.g. the residual of the replayed measurement.
+        held_out: how well motions were predicted that nothing was fitted to.
         twin_notes: remarks about the twin.
         versions: name to version. seed, noise: of a simulated world.
         files: paths in the run folder, relative to the page.
@@ -76,6 +78,7 @@ class ReportData:
     video_speed: float = 1.0
     twin_diff: str = ""
     twin_checks: Mapping[str, str] = field(default_factory=dict[str, str])
+    held_out: HeldOut | None = None
     twin_notes: tuple[str, ...] = ()
     versions: Mapping[str, str] = field(default_factory=dict[str, str])
     seed: int | None = None

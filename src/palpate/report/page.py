@@ -13,6 +13,7 @@ from palpate.report.cards import cards, in_words
 from palpate.report.data import ReportData
 from palpate.report.diff import diff_lines
 from palpate.report.evidence import windows
+from palpate.report.held_out import predictions
 from palpate.report.plots import FAILED, GROUPS, Figure, timeline
 from palpate.report.tables import parameter_groups
 from palpate.report.tree import aftermath, branches, primitive_groups
@@ -46,6 +47,7 @@ def render_report(data: ReportData) -> str:
         parameters=parameter_groups(data.parameters, data.measured),
         tree=branches(data.plan, data.trace),
         aftermath=aftermath(data.plan, data.trace),
+        predictions=predictions(data.held_out),
         diff=diff_lines(data.twin_diff),
         files=_linked(data.files),
         group_colours=GROUPS,

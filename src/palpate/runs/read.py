@@ -12,7 +12,6 @@ import numpy as np
 
 from palpate import __version__
 from palpate.errors import InputError
-from palpate.estimation.agreement import FitTest
 from palpate.estimation.estimate import Estimate, Part, Shared
 from palpate.execution.rehearsal import Rehearsal
 from palpate.geometry.pose import Array
@@ -23,6 +22,7 @@ from palpate.planning.model.conversation import Conversation, read_conversation
 from palpate.planning.recorded import load_proposal
 from palpate.robots.registry import load_description
 from palpate.runs.folder import read_json
+from palpate.runs.held_out import fit_test, held_out_from
 from palpate.runs.run import Ending, Run
 from palpate.scene.from_picture import DetectedScene, SceneBuilder, SceneObject
 from palpate.scene.load import load_scene, parse_scene, scene_from_text
@@ -95,6 +95,7 @@ def _run(folder: Path, settings: Settings, result: dict[str, Any]) -> Run:
         simulated=result.get("simulated", settings.robot is None),
         execution=_ending(result["execution"]),
         estimates=estimates,
+        held_out=held_out_from(result.get("validation", {}).get("held_out")),
         twin=_twin(folder / "twin.xml", found.scene, estimates, result["twin"]),
         folder=folder,
         stage=result.get("stage"),
@@ -160,7 +161,7 @@ def estimate_from(row: Mapping[str, Any]) -> Estimate:
         row["method"],
         verdict=row["verdict"],
         parts=parts,
-        tests=tuple(_fit_test(test) for test in row.get("tests", ())),
+        tests=tuple(fit_test(test) for test in row.get("tests", ())),
         shared=tuple(_shared(one) for one in row.get("shared", ())),
         freedom=_limitless(row.get("freedom")),
     )
@@ -173,12 +174,6 @@ def _shared(document: Mapping[str, Any]) -> Shared:
 def _limitless(number: float | None) -> float:
     """Null stands for infinity."""
     return math.inf if number is None else number
-
-
-def _fit_test(document: Mapping[str, Any]) -> FitTest:
-    """Null stands for what is no number."""
-    statistic = math.nan if document["statistic"] is None else document["statistic"]
-    return FitTest(document["name"], statistic, document["limit"], document["finding"])
 
 
 def _numbers(document: Any) -> Array:

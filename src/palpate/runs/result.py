@@ -11,6 +11,7 @@ from palpate import __version__
 from palpate.estimation.estimate import Estimate
 from palpate.planning.plan import dump_plan
 from palpate.robots.simulated.noise.models import noise_models
+from palpate.runs.held_out import held_out_json
 
 if TYPE_CHECKING:
     from palpate.runs.run import Run
@@ -30,6 +31,7 @@ def result_json(run: Run, folder: Path | None) -> dict[str, Any]:
         "plan": _plan_json(run),
         "rehearsal": asdict(run.rehearsal) if run.rehearsal else None,
         "execution": _execution_json(run),
+        "validation": {"held_out": held_out_json(run.held_out)},
         "twin": _twin_json(run),
         "files": _files(run, folder),
         "provenance": {

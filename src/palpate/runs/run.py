@@ -15,6 +15,7 @@ from palpate.planning.plan import Plan
 from palpate.scene.scene import Scene
 from palpate.trace.mcap import read_mcap
 from palpate.trace.samples import Trace
+from palpate.twin.held_out import HeldOut
 from palpate.twin.twin import Twin
 
 if TYPE_CHECKING:
@@ -78,6 +79,8 @@ class Run:
         recorded: everything recorded, unless it lies in the folder (see `trace`).
         footage: what the cell's camera saw.
         estimates: one a parameter of the plan. truth: what is so, where somebody knows.
+        held_out: how well motions were predicted that nothing was fitted to; None where nothing was
+            lifted.
         twin: the finished scene. folder: where all of this lies.
         stage: what is being done, or was when the run was cut off; None when all is done.
         interrupted: what a signal cut short, in words.
@@ -102,6 +105,7 @@ class Run:
     truth: Mapping[Parameter, tuple[float, ...]] = field(
         default_factory=dict[Parameter, tuple[float, ...]]
     )
+    held_out: HeldOut | None = None
     twin: Twin | None = None
     folder: Path | None = None
     stage: Stage | None = None

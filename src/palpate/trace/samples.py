@@ -184,6 +184,21 @@ class Trace:
             leaf for leaf in self.leaves if leaf.primitive in primitives and leaf.status == status
         ]
 
+    def without(self, start: float, end: float) -> Trace:
+        """As if nothing had been recorded from robot time `start` to `end`; what the leaves did is
+        still known."""
+
+        def outside(recording: Recording) -> bool:
+            return recording.end < start or recording.start > end
+
+        t = self.samples.t
+        return replace(
+            self,
+            samples=self.samples.where((t < start) | (t > end)),
+            recordings=tuple(r for r in self.recordings if outside(r)),
+            conversions=tuple(c for c in self.conversions if outside(c.recording)),
+        )
+
     def until(self, time: float) -> Trace:
         """What was known at robot time `time`."""
         return replace(

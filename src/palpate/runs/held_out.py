@@ -1,0 +1,60 @@
+"""What the twin was judged on, as it stands in `result.json`, and read back."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import asdict
+from typing import Any
+
+from palpate.estimation.agreement import FitTest
+from palpate.twin.held_out import Curve, HeldOut, Motion
+
+
+def held_out_json(held: HeldOut | None) -> dict[str, Any] | None:
+    """All motions together, and one by one."""
+    if held is None:
+        return None
+    return {
+        "motion": "; ".join(motion.motion for motion in held.motions) or None,
+        "chi2": sum(motion.chi2 for motion in held.motions),
+        "dof": sum(motion.dof for motion in held.motions),
+        "p": min((motion.p for motion in held.motions), default=None),
+        "agrees": held.agrees if held.motions else None,
+        "disagreement": " ".join(m.disagreement for m in held.motions if not m.agrees) or None,
+        "notes": list(held.notes),
+        "motions": [_motion_json(motion) for motion in held.motions],
+    }
+
+
+def _motion_json(motion: Motion) -> dict[str, Any]:
+    content = asdict(motion)
+    content["tests"] = [asdict(test) | {"passed": test.passed} for test in motion.tests]
+    return content | {"agrees": motion.agrees}
+
+
+def held_out_from(document: Mapping[str, Any] | None) -> HeldOut | None:
+    """What `held_out_json` wrote."""
+    if document is None:
+        return None
+    motions = tuple(_motion(motion) for motion in document["motions"])
+    return HeldOut(motions, tuple(document["notes"]))
+
+
+def fit_test(document: Mapping[str, Any]) -> FitTest:
+    """A test as `result.json` has it; null stands for what is no number."""
+    statistic = math.nan if document["statistic"] is None else document["statistic"]
+    return FitTest(document["name"], statistic, document["limit"], document["finding"])
+
+
+def _motion(document: Mapping[str, Any]) -> Motion:
+    parts = {name: part for name, part in document.items() if name != "agrees"}
+    parts["tests"] = tuple(fit_test(test) for test in document["tests"])
+    parts["curve"] = _curve(document["curve"])
+    return Motion(**parts)
+
+
+def _curve(document: Mapping[str, Any]) -> Curve:
+    grids = ("measured", "std", "twin", "template")
+    rows = {name: tuple(tuple(row) for row in document[name]) for name in grids}
+    return Curve(tuple(document["signals"]), tuple(document["t"]), **rows)
