@@ -90,9 +90,13 @@ def acceleration(samples: Samples, over: float) -> Array:
     if len(t) < 2:
         return np.zeros((len(t), 3))
     rows = max(1, round(over / max(float(np.median(np.diff(t))), 1e-9)))
-    kernel = np.ones(rows) / rows
-    smooth = [np.convolve(speed, kernel, mode="same") for speed in samples.twist[:, :3].T]
+    smooth = [smoothed(speed, rows) for speed in samples.twist[:, :3].T]
     return np.gradient(np.column_stack(smooth), t, axis=0)
+
+
+def smoothed(values: Array, rows: int) -> Array:
+    """(n,) running mean of values (n,) over so many rows."""
+    return np.convolve(values, np.ones(rows) / rows, mode="same")
 
 
 def commanded(samples: Samples) -> Mask:

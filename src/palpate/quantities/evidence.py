@@ -28,6 +28,7 @@ class Evidence:
         distinct: what of the context tells several such recordings apart, the grasp or the place;
             None when they are all alike.
         count: how many different ones it takes.
+        better: how many different ones are worth having where they come easily.
     """
 
     buffer: str
@@ -36,6 +37,7 @@ class Evidence:
     holding: bool = False
     distinct: Literal["grasp", "place"] | None = None
     count: int = 1
+    better: int = 1
 
     def about(self, context: Context) -> str | None:
         """The object or surface that a recording made in `context` is evidence of; None when it is

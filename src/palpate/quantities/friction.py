@@ -10,10 +10,12 @@ import numpy as np
 
 from palpate.estimation import tuning
 from palpate.estimation.agreement import FitTest, chi_squared
-from palpate.estimation.drag import Drag, steady_drags
 from palpate.estimation.estimate import Estimate, Part, not_identified
+from palpate.estimation.friction.breakaway import static_friction
+from palpate.estimation.friction.columns import AXES, HELD, PLACES, SPEED, WAYS
+from palpate.estimation.friction.drags import Drag, steady_drags
+from palpate.estimation.friction.fit import Sliding, fit_sliding
 from palpate.estimation.load.feeling import feeling
-from palpate.estimation.sliding import Sliding, fit_sliding, static_friction
 from palpate.geometry.pose import Array
 from palpate.mjcf.body import Body, BodyDescription
 from palpate.mjcf.defaults import MUJOCO_FRICTION
@@ -55,6 +57,8 @@ class Friction(Quantity):
             "in a Parallel with a MovePose that slides the held object along its support",
             activity=("sliding",),
             holding=True,
+            distinct="place",
+            better=2,
         ),
     )
     derived = True
@@ -111,7 +115,8 @@ def estimate_friction(trace: Trace, parameter: Parameter, body: Body | None) -> 
     force`.
     """
     evidence = _sliding(trace, parameter.object)
-    drags = steady_drags(trace, parameter.object)
+    felt = feeling(trace)
+    drags = steady_drags(trace, parameter.object, felt)
     if not drags:
         return not_identified(
             parameter,
@@ -119,7 +124,7 @@ def estimate_friction(trace: Trace, parameter: Parameter, body: Body | None) -> 
             "No recording shows the held object sliding steadily along its support.",
             evidence,
         )
-    found = fit_sliding(drags, feeling(trace), trace.hand)
+    found = fit_sliding(drags, felt, trace.hand)
     value, std = found.friction
     normal = _normal_forces(drags)
     method = _method(len(drags), float(normal.min()), float(normal.max()))
@@ -144,34 +149,29 @@ def estimate_friction(trace: Trace, parameter: Parameter, body: Body | None) -> 
 
 def _tests(drags: Sequence[Drag], found: Sliding) -> tuple[FitTest, ...]:
     """Whether one coefficient of dry friction is all that there is."""
-    value, unsure = found.friction
-    constant, constant_std = found.constant
-    tilt, tilt_std = found.tilt
     held = sum(int(np.sum(drag.swung_out & ~drag.moving)) for drag in drags)
     rows = sum(int(drag.swung_out.sum()) for drag in drags)
+    value, unsure = found.friction
     return (
         chi_squared(
             "one coefficient everywhere",
             found.disagreement,
             found.freedom,
             f"The sliding force is {found.misfit:.2g} N (rms) off what one coefficient makes of the "
-            "normal force: friction differs along the way, between its directions or axes, or "
-            "something else pulls.",
+            "normal force: friction differs along the way, or something else pulls.",
         ),
-        chi_squared(
-            "force without pressure",
-            constant**2 / (tuning.FORCE_BIAS**2 + constant_std**2),
-            1,
-            f"{constant:.2g} N of the sliding force do not grow with the normal force: something "
-            "else holds the object (a magnet, something sticky), or it slips in the fingers.",
+        _alike(
+            found, AXES, "one axis against the other", "between axes, or it slips in the fingers"
         ),
-        chi_squared(
+        _alike(
+            found,
+            WAYS,
             "one way against the other",
-            tilt**2 / (tuning.TILT**2 + tilt_std**2),
-            2,
-            f"Friction differs by {2 * tilt:.2g} from one way to the other: the support is steep, or "
-            "something pulls.",
+            "from one way to the other, or something pulls",
         ),
+        _alike(found, PLACES, "one place against the others", "along the way"),
+        _alike(found, SPEED, "slow against fast", "where it slides twice as fast"),
+        _unpressed(found),
         FitTest(
             "steady sliding",
             held / max(rows, 1),
@@ -190,6 +190,26 @@ def _tests(drags: Sequence[Drag], found: Sliding) -> tuple[FitTest, ...]:
             tuning.LIKELY_FRICTION,
             "Nothing dry is so rough: something holds the object.",
         ),
+    )
+
+
+def _alike(found: Sliding, what: slice, name: str, where: str) -> FitTest:
+    """Whether friction is the same; a few per cent are no harm."""
+    small = tuning.ALIKE_FRICTION * found.friction[0]
+    seen = found.difference(what, tuning.FRICTION_RANGE, small)
+    finding = f"Friction differs by {2 * seen.size:.2g} {where}."
+    return chi_squared(name, seen.statistic, seen.freedom, finding)
+
+
+def _unpressed(found: Sliding) -> FitTest:
+    """Whether all of the force grows with the normal force."""
+    seen = found.difference(HELD, tuning.HELD_RANGE, tuning.FORCE_BIAS)
+    return chi_squared(
+        "force without pressure",
+        seen.statistic,
+        seen.freedom,
+        f"{seen.size:.2g} N of the sliding force do not grow with the normal force: something else "
+        "holds the object (a magnet, something sticky), or it slips in the fingers.",
     )
 
 

@@ -26,6 +26,12 @@ TURNED = 0.15
 UNFELT = 1.5
 """N: a weight below this is not told from none: Franka states 0.8 N relative accuracy, and joints
 stick."""
+ROUGHEST = 1.0
+"""friction between an object and its support, the largest plausible: rubber on dry concrete."""
+PRESSED = 8.0
+"""N from which a normal force tells how rough a support is: ten times Franka's relative accuracy."""
+BREAKAWAY = 1.3
+"""times what it takes to go on dragging: what it may take to set out."""
 
 SURELY = Doubt(np.zeros(7), 0.0)
 """What is felt is so."""
@@ -40,6 +46,7 @@ class Load:
         width: m between the fingers as they closed on it. hanging: (6,) at rest with the object
             hanging free; None until it did. moment: N m about the closing direction then.
         doubt: how far that may be off.
+        rough: the most friction that its support may have, as far as it was dragged.
     """
 
     empty: Array
@@ -47,6 +54,15 @@ class Load:
     hanging: Array | None = None
     moment: float | None = None
     doubt: Doubt = SURELY
+    rough: float = ROUGHEST
+
+    def dragged(self, wrench: Array) -> Load:
+        """With what is felt now, while it is dragged along its support."""
+        normal = self.relieved(wrench)
+        if self.hanging is None or not normal > PRESSED:
+            return self
+        sideways = float(np.linalg.norm(wrench[:2] - self.hanging[:2]))
+        return replace(self, rough=min(ROUGHEST, BREAKAWAY * sideways / normal))
 
     def hung(self, wrench: Array, tool: Pose, doubt: Doubt = SURELY) -> Load:
         """With what is felt now, at rest, with the object hanging from the hand at pose `tool`."""

@@ -14,6 +14,7 @@ from palpate.geometry.pose import Array, Pose
 from palpate.robots.accuracy import doubt
 from palpate.robots.reflex import Reflex, Reflexes
 from palpate.robots.safety import Expectation
+from palpate.vocabulary.admissible.grasp import most_sideways
 from palpate.vocabulary.admissible.reach import beyond_joint_limits, out_of_reach
 from palpate.vocabulary.admissible.support import clear_of_support, slides, would_be_dragged
 from palpate.vocabulary.base import (
@@ -24,8 +25,16 @@ from palpate.vocabulary.base import (
     Steps,
     Surroundings,
 )
-from palpate.vocabulary.load import UNFELT, Load
-from palpate.vocabulary.profile import GUARDED_SPEED, POSE_ERROR, Span, leaves, spans, stretches
+from palpate.vocabulary.load import ROUGHEST, UNFELT, Load
+from palpate.vocabulary.profile import (
+    GUARDED_SPEED,
+    POSE_ERROR,
+    Span,
+    leaves,
+    spans,
+    speed,
+    stretches,
+)
 from palpate.vocabulary.state import HOME_CONFIG, SymbolicState, pose_of_joints
 from palpate.vocabulary.touch import (
     BRIEF,
@@ -55,12 +64,17 @@ PRESSES = 1.0
 POSITION_TOLERANCE = 0.010
 """m: an impedance-controlled arm with 1.5 kg on it sags by several millimetres."""
 ANGLE_TOLERANCE = np.radians(3.0)
-PRESSED = ((0.0, 0.001), (0.5, 0.005), (1.0, 0.001))
-"""Part of a slide, and how far the equilibrium is lowered there, m: a normal force that the torque
-sensors resolve, and that rises and falls again, so that neither what the arm's own friction adds to
-the sliding force nor what pulls with the way, like a spring, passes for friction."""
-ROUGHEST = 1.0
-"""friction between an object and its support, the largest plausible: rubber on dry concrete."""
+LIGHTLY = 0.001
+"""m by which the equilibrium is lowered at least, lest a slide lifts what it drags."""
+PRESSED = (
+    (0.0, LIGHTLY, CONTACT_SPEED),
+    (0.5, 0.005, CONTACT_SPEED),
+    (1.0, LIGHTLY, 2.0 * CONTACT_SPEED),
+)
+"""Part of a slide, how far the equilibrium is lowered there, m, and how fast it goes there, m/s, at
+most: a normal force that the torque sensors resolve, and that rises and falls again, so that neither
+what the arm's own friction adds to the sliding force nor what pulls with the way, like a spring,
+passes for friction; and two speeds, so that what grows with the speed does not, either."""
 UNDER_WAY = 90.0
 """s that one motion may take: half a metre at the least speed of a cautious arm."""
 LEAST_SPEED = 0.01
@@ -122,9 +136,29 @@ def _sliding(blackboard: Blackboard) -> Reflex:
     """At what the arm stops itself as it drags what it holds: at more than the roughest support
     holds back of what presses on it, it has met something else."""
     arm, contact = blackboard.scene.arm, blackboard.robot.limits.reflexes.contact
-    deepest = max(depth for _, depth in PRESSED)
+    deepest = max(depth for _, depth, _ in PRESSED)
     pressed = arm.stiffness.translation * deepest + _weight(blackboard)
     return replace(contact, sideways=ROUGHEST * pressed + MET)
+
+
+def _pressed(blackboard: Blackboard, way: Array, depth: float) -> float:
+    """m by which the equilibrium is lowered on a slide along `way` (3,): `depth`, or less where what
+    it then takes to drag the object would turn it between the pads."""
+    load, stiffness = blackboard.load, blackboard.scene.arm.stiffness.translation
+    bearable = most_sideways(blackboard.state, way) / load.rough
+    spare = (bearable - _weight(blackboard)) / stiffness
+    return min(depth, max(spare, LIGHTLY))
+
+
+def _drag(blackboard: Blackboard) -> Generator[None, None, Array]:
+    """Wait until the arm's commanded motion has ended; (6,) the wrench felt right before."""
+    feeling = Feeling(blackboard.robot)
+    yield
+    wrench = feeling.now()
+    while blackboard.robot.state.moving:
+        yield
+        wrench = feeling.now()
+    return wrench
 
 
 def _weight(blackboard: Blackboard) -> float:
@@ -293,14 +327,19 @@ class MovePose(Primitive):
     def _slide(self, blackboard: Blackboard, target: Pose) -> Steps:
         robot = blackboard.robot
         robot.set_reflex(_sliding(blackboard))
-        start, fastest = robot.state.target_world_tcp, self._at_most(CONTACT_SPEED)
-        for share, depth in PRESSED:
+        start = robot.state.target_world_tcp
+        safe = max(CONTACT_SPEED, speed(Span(start, target, True), blackboard.scene))
+        fastest = self._at_most(safe)
+        for share, depth, pace in PRESSED:
+            down = _pressed(blackboard, target.position - start.position, depth)
             way = share * (target.position - start.position)
-            here = Pose(start.position + way - [0.0, 0.0, depth], target.quaternion)
-            robot.move_pose(here, fastest)
-            yield from finish(blackboard)
+            here = Pose(start.position + way - [0.0, 0.0, down], target.quaternion)
+            robot.move_pose(here, min(pace, fastest))
+            felt = yield from _drag(blackboard)
+            if share > 0.0:
+                blackboard.load = blackboard.load.dragged(felt)
             yield from settle(blackboard, BRIEF)
-        robot.move_pose(target, fastest)
+        robot.move_pose(target, min(CONTACT_SPEED, fastest))
         yield from finish(blackboard)
         yield from settle(blackboard)
         return "slid"

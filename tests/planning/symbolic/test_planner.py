@@ -44,14 +44,38 @@ def test_measuring_is_grouped_as_in_the_paper(scene: Scene):
     assert len(actions(tree)) == 17
 
 
-def test_friction_is_slid_in_the_same_grasp_and_slid_back(scene: Scene):
+def test_friction_is_slid_in_the_same_grasp_in_a_triangle(scene: Scene):
     bottle = bench(BOTTLE.replace('friction="0.6"', ""))
     plan = planned(bottle, "mass and friction of the bottle")
     assert plan.tree is not None
     parallel = [node for _, node in plan.tree.walk() if node.type == "Parallel"]
-    assert [[n.type for n in node.children] for node in parallel] == [["MovePose", "MeasureForces"]]
-    assert actions(plan.tree).count("CloseGripper") == 1
-    assert plan.actions == 15
+    slide = ["MovePose", "MeasureForces"]
+    assert [[n.type for n in node.children] for node in parallel] == [slide, slide]
+    done = actions(plan.tree)
+    assert done.count("CloseGripper") == 1
+    # Along the closing direction, back aside of it, and along the other axis, home.
+    there, aside, home = [action for action in done if action.startswith("MovePose")][4:7]
+    assert there.startswith("MovePose bottle_pose + ")
+    assert there.endswith("*y_offset")
+    assert aside.startswith("MovePose bottle_pose + ")
+    assert aside.endswith("*x_offset")
+    assert home == "MovePose bottle_pose"
+    assert plan.actions == 17
+
+
+def test_where_there_is_no_room_aside_friction_is_slid_there_and_back():
+    bottle = bench(BOTTLE.replace('friction="0.6"', ""), *walls("0.56", "0.44"))
+    plan = planned(bottle, "friction of the bottle")
+    assert actions(plan.tree).count("MeasureForces") == 2
+    assert not any("x_offset" in action for action in actions(plan.tree))
+
+
+def walls(*places: str) -> list[str]:
+    """On either side of the bottle, along x."""
+    return [
+        f'<body name="wall{i}" pos="{x} -0.03 0.01"><geom type="box" size=".005 .12 .01"/></body>'
+        for i, x in enumerate(places)
+    ]
 
 
 def test_a_centre_of_mass_takes_three_grasps_and_one_weighing(scene: Scene):

@@ -188,7 +188,7 @@ def _covariance(weighing: Weighing, maps: Array, hand: Hand) -> Array:
     apart = np.abs(t[:, None] - t)
     out = np.zeros((signals * bins, signals * bins))
     for i, scale in enumerate(weighing.scale.tolist()):
-        block = scale**2 * (bias + _drift(apart)) + weighing.noise.flicker[i] * _flicker(apart)
+        block = scale**2 * (bias + _drift(apart)) + weighing.noise.flicker[i] * flicker(apart)
         block += np.diag(variance[:, i] + (tuning.FLOOR * scale) ** 2)
         out[i * bins : (i + 1) * bins, i * bins : (i + 1) * bins] = block
     at_rest = np.concatenate([np.full(len(s.t), s.at_rest) for s in found])
@@ -227,7 +227,7 @@ def _drift(apart: Array) -> Array:
     return tuning.DRIFT**2 * np.exp(-apart / tuning.DRIFT_TIME)
 
 
-def _flicker(apart: Array) -> Array:
+def flicker(apart: Array) -> Array:
     """(n, n): covariance of 1/f noise of density 1/f, at times `apart`, s: a sum of processes with
     time constants evenly in their logarithm (Riley, as in `estimation.load.noise`, section 3.3)."""
     times = tuning.FLICKER_TIMES

@@ -64,7 +64,7 @@ PULL = 20.0
 """N/m (1 sigma): what pulls with the place, a cable or a leash; a normal force that rises and
 falls shows it. Sensitive: friction 0.1 σ."""
 
-CURVE = 0.05
+CURVE = 0.02
 """N (1 sigma) at `HALF_WAY`: curvature of the arm's bias along a slide. Sensitive: friction 0.2 σ,
 std ×0.9–1.1."""
 
@@ -79,12 +79,45 @@ PRESLIDING = 2e-3
 """rad over which the friction in a joint turns round: the usual order for harmonic drives.
 Sensitive: `static` hardly, std ×0.9–1.1."""
 
-JOINT_TORQUE = 0.06
-"""N m (1 sigma) of the friction behind a joint's sensor: a few hundredths to a tenth. Sensitive:
-friction std ×0.9–1.3."""
+JOINT_ERROR = 0.03
+"""N m (1 sigma): how well free motions show the friction behind a joint's sensor. Sensitive: ."""
 
-JOINT_FRICTION = 0.2
-"""N (1 sigma) at the hand of one joint's friction. Sensitive: `static` 0.1 σ, std ×0.9–1.3."""
+CORRELATED_ROWS = 20
+"""rows, 0.1 s, of free motion in which what is left of a joint's torque is the same. Sensitive: ."""
+
+SLOWLY = 0.5
+"""rad/s²: a joint that changes its speed faster feels its inertia more than its friction. Sensitive:
+."""
+
+FREE_MOTION = 300
+"""rows, 1.5 s, of motion through free air that show the friction of joints. Sensitive: no."""
+
+UNEVEN = (0.0, 0.03, 0.1, 0.3)
+"""parts (1 sigma) by which friction may differ between axes, places or speeds ... Sensitive: ."""
+
+LIKELY_UNEVEN = (0.91, 0.03, 0.03, 0.03)
+"""... and how likely that is before it is felt. Sensitive: ."""
+
+ANOTHER = 0.2
+"""part (1 sigma) of a joint's friction that is another where things are dragged. Sensitive: ."""
+
+ANOTHER_DRAG = 0.1
+"""part (1 sigma) of it that is another in every drag. Sensitive: ."""
+
+DRAG_BIAS = 0.01
+"""N (1 sigma) of a drag's own. Sensitive: ."""
+
+HELD = 0.1
+"""N (1 sigma) that hold an object, however hard it is pressed. Sensitive: ."""
+
+FRICTION_RANGE = 1.0
+"""1 sigma by which a coefficient may differ where it does. Sensitive: ."""
+
+HELD_RANGE = 10.0
+"""N (1 sigma) that hold an object where something does. Sensitive: no."""
+
+FRICTION_ITERATIONS = 2
+"""solutions: what gains and joints do depends on the coefficient. Sensitive: no."""
 
 CORRELATED_BLOCKS = 3.0
 """blocks: what the model of a drag leaves out is the same in about so many neighbouring ones.
@@ -113,3 +146,19 @@ LIKELY_FRICTION = 2.0
 
 SIGNIFICANT = 2.0
 """standard deviations from zero from which a friction is identified. Sensitive: no."""
+
+ALIKE_FRICTION = 0.05
+"""part (1 sigma) of a coefficient by which it may differ between directions, places and speeds and
+still be one. Sensitive: ."""
+
+SLOW = 0.08
+"""m/s below which the arm's own motion leaves little in its torques. Sensitive: ."""
+
+LEAN = 0.005
+"""rad (1 sigma): how far a support is out of level; floors may be by 3 mm/m (DIN 18202, quoted from
+memory), and tables stand on them. Sensitive: ."""
+
+REFERRED = 0.2
+"""N (1 sigma): bias of a force on the support that is referred to one some cm above: what the model
+of the arm's links leaves, half a per cent of some 40 N m at levers of half a metre, changes by a
+fifth or so. Sensitive: ."""

@@ -16,6 +16,12 @@ def amount(parameter: Parameter, state: SymbolicState) -> int:
     return len(quantity.pieces(parameter, state.logged)) if quantity.derived else 0
 
 
+def enough(parameter: Parameter, state: SymbolicState) -> int:
+    """How much of the evidence for `parameter` is worth having."""
+    quantity = state.scene.catalogue[parameter.quantity]
+    return sum(max(evidence.count, evidence.better) for evidence in quantity.evidence)
+
+
 def measured(parameter: Parameter, state: SymbolicState) -> bool:
     """Whether what was recorded and converted so far yields `parameter`."""
     if parameter in state.converted:

@@ -19,10 +19,10 @@ import numpy as np
 from palpate.errors import InputError, PlanRejected
 from palpate.geometry.pose import Pose
 from palpate.parameter import Parameter
-from palpate.planning.check.measured import amount, measured
+from palpate.planning.check.measured import amount, enough, measured
 from palpate.planning.plan import Node
 from palpate.planning.symbolic.passes import with_effort
-from palpate.planning.symbolic.steps import SLIDE, TEMPORARY, Step, is_away, is_clear, nodes
+from palpate.planning.symbolic.steps import ASIDE, SLIDE, TEMPORARY, Step, is_away, is_clear, nodes
 from palpate.quantities.precision.effort import Effort
 from palpate.scene.scene import Scene
 from palpate.vocabulary.admissible.clearance import blockers
@@ -33,6 +33,9 @@ from palpate.vocabulary.state import RESTORED_POSITION, SymbolicState, during
 
 MAX_STATES = 5000
 """States that one search looks at before it gives up."""
+
+SIDEWAYS = ("y_offset", "x_offset")
+"""Offsets along which things are slid."""
 
 MAX_DETOURS = 20
 """Ways that one search finds and sees refused before it gives up."""
@@ -116,6 +119,7 @@ class Backchainer:
         for parameter in parameters:
             while not measured(parameter, self.state):
                 self._acquire(parameter)
+            self._improve(parameter)
         operators = self._operators(name, next(self._domains(name)))
         self._reach(operators, _when(_at_rest(name)), f"'{name}' cannot be put back")
         if not away:
@@ -133,6 +137,19 @@ class Backchainer:
                 return
         why = self._mute(parameter) or self._hindrance
         raise PlanRejected(f"no sequence of primitives measures {parameter}{why}")
+
+    def _improve(self, parameter: Parameter) -> None:
+        """More evidence than it takes, where one step from here yields it."""
+        for corner in self._corners(parameter.object):
+            if amount(parameter, self.state) >= enough(parameter, self.state):
+                return
+            operators = self._operators(parameter.object, [corner])
+            around = self._around(parameter.object, [corner])
+            steps = _yielding(parameter, operators, self.words, around)(self.state)
+            if steps and _first_refused(self.state, steps) is None:
+                self.steps += steps
+                for step in steps:
+                    self.state = step.effect(self.state)
 
     def _mute(self, parameter: Parameter) -> str:
         """Which primitives would have to say with which arguments they are to be tried."""
@@ -219,10 +236,23 @@ class Backchainer:
     def _slid(self, above: str, spot: str) -> Iterator[list[str]]:
         """Places to which an object can be slid far enough to be felt; first along the direction in
         which the fingers close, across which it may tip in their grip."""
-        for axis in ("y_offset", "x_offset"):
-            length = float(np.linalg.norm(self.scene.symbols.offset(axis, spot)))
-            factor = max(1, math.ceil(SLIDE / max(length, 1e-3)))
+        for axis in SIDEWAYS:
+            factor = self._times(axis, spot, SLIDE)
             yield [above, spot, *(f"{spot} {sign} {factor}*{axis}" for sign in "+-")]
+
+    def _corners(self, name: str) -> Iterator[str]:
+        """Places beside where an object stood, to which it can be slid on after it was slid: a third
+        slide, along the other axis, closes a triangle."""
+        _, spot = self._above(name)
+        for axis, other in (SIDEWAYS, SIDEWAYS[::-1]):
+            there, aside = self._times(axis, spot, SLIDE), self._times(other, spot, ASIDE)
+            if self.state.at in [f"{spot} {sign} {there}*{axis}" for sign in "+-"]:
+                yield from (f"{spot} {sign} {aside}*{other}" for sign in "+-")
+
+    def _times(self, axis: str, spot: str, way: float) -> int:
+        """How often an offset makes a way of so many m, at least."""
+        length = float(np.linalg.norm(self.scene.symbols.offset(axis, spot)))
+        return max(1, math.ceil(way / max(length, 1e-3)))
 
     def _beside(self, above: str, spot: str) -> Iterator[list[str]]:
         """Other places at which an object can be grasped and lifted."""

@@ -18,6 +18,8 @@ TEMPORARY = "_temporary"
 """Ending of the name of the free place to which an object is carried out of the way."""
 SLIDE = 0.06
 """m: how far an object is slid for its friction, at least."""
+ASIDE = 0.03
+"""m: how far along the other axis."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from palpate.geometry.pose import Pose
+from palpate.geometry.pose import Array, Pose
 from palpate.mjcf.body import Body
 from palpate.scene.scene import Scene
 from palpate.vocabulary.admissible.collision import finger_collisions
@@ -63,6 +63,18 @@ def _twisting(state: SymbolicState, body: Body, pose_world_tcp: Pose) -> list[Vi
             "middle",
         )
     ]
+
+
+def most_sideways(state: SymbolicState, way: Array) -> float:
+    """N along `way` (3,), level and in the world, at the bottom of what is held, up to which it does
+    not turn about the pads as it is dragged; along the line between them it cannot."""
+    scene, pose = state.scene, state.pose_world_tcp
+    if pose is None or state.holding is None:
+        return np.inf
+    bottom = scene.body(state.holding).bottom_z(state.pose_of(state.holding))
+    across = abs(float(way @ pose.rotation[:, 0])) / max(float(np.linalg.norm(way)), 1e-9)
+    lever = max(float(pose.position[2]) - bottom, 0.0) * across
+    return _torsion(scene, solids(scene)) / max(lever, 1e-9)
 
 
 def _torsion(scene: Scene, shapes: Solids) -> float:

@@ -15,10 +15,40 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.estimation import tuning
+from palpate.estimation.friction.joints import joint_friction
+from palpate.estimation.load.feeling import Feeling
+from palpate.estimation.load.noise import block_noise
 from palpate.estimation.load.rubbing import TURNED, rubbing
-from palpate.estimation.windows import Load, Mask, at_rest, load_of, row_at, runs
+from palpate.estimation.windows import (
+    Load,
+    Mask,
+    acceleration,
+    at_rest,
+    load_of,
+    row_at,
+    runs,
+    smoothed,
+)
 from palpate.geometry.pose import Array
 from palpate.trace.samples import Samples, Trace
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Hanging:
+    """What was so while the object hung free, to which a drag is referred.
+
+    Attributes:
+        force: (3,) N. q: (7,) rad. turned: (7,) which way each joint was turned last.
+        friction: (7,) N m in each joint, as free motions show it; unsure: its standard deviation.
+        flicker: (m,) of each signal, as in `load.noise`.
+    """
+
+    force: Array
+    q: Array
+    turned: Array
+    friction: Array
+    unsure: Array
+    flicker: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,11 +58,12 @@ class Drag:
     Attributes:
         t: s. way: (2,) its direction, world. place: (n, 2) m, of the hand, world.
         tangential: N, along the drag, the arm's inertia taken off. normal: N.
-        acceleration: m/s², along the drag.
+        acceleration: m/s², along the drag. speed: m/s, commanded.
         q: (n, 7) rad. torque: (n, 7) N m, beyond the arm's own.
         turned: (n, 7) which way each joint was turned last: -1 to 1, between them as it turns round.
         cruising: the motion is commanded at its full speed. moving: the hand follows it.
         quiet: N², what `noise` is of the force in this direction while the object hangs at rest.
+        hanging: what it is referred to.
     """
 
     t: Array
@@ -41,25 +72,30 @@ class Drag:
     tangential: Array
     normal: Array
     acceleration: Array
+    speed: Array
     q: Array
     torque: Array
     turned: Array
     cruising: Mask
     moving: Mask
     quiet: float
+    hanging: Hanging
 
     @property
     def period(self) -> float:
         """s between two rows."""
         return float(np.median(np.diff(self.t)))
 
+    @property
+    def _smooth(self) -> int:
+        """Rows over which forces are averaged."""
+        return max(1, round(tuning.SMOOTH / self.period))
+
     @cached_property
     def quotient(self) -> Array:
         """(n,) tangential over normal force, smoothed."""
-        rows = max(1, round(tuning.SMOOTH / self.period))
-        kernel = np.ones(rows) / rows
-        tangential = np.convolve(self.tangential, kernel, "same")
-        normal = np.convolve(self.normal, kernel, "same")
+        tangential = smoothed(self.tangential, self._smooth)
+        normal = smoothed(self.normal, self._smooth)
         pressed = normal > tuning.NORMAL_MIN
         return np.where(pressed, tangential / np.maximum(normal, tuning.NORMAL_MIN), 0.0)
 
@@ -97,16 +133,10 @@ class Drag:
         """Short stretches of rows, one of which is where the object breaks away."""
         if self.breakaway is None:
             return []
-        size = max(1, round(tuning.SMOOTH / self.period))
+        size = self._smooth
         first = max(0, self.breakaway - 2 * size)
         last = min(len(self.t) - size, self.breakaway + size)
         return [slice(row, row + size) for row in range(first, last + 1)]
-
-    def turning(self, rows: slice) -> float:
-        """N (1 sigma): by how much the friction in the arm's joints shows otherwise in `rows` than
-        in steady sliding."""
-        turned = self.turned[rows].mean(axis=0) - self.turned[self.steady].mean(axis=0)
-        return tuning.JOINT_FRICTION * float(np.linalg.norm(turned))
 
     def row_variance(self) -> float:
         """N², of the tangential force in a row of steady sliding: half of that from row to row."""
@@ -143,30 +173,48 @@ def _detrended(y: Array) -> Array:
     return y - basis @ (np.linalg.pinv(basis) @ y)
 
 
-def steady_drags(trace: Trace, name: str) -> list[Drag]:
+def steady_drags(trace: Trace, name: str, felt: Feeling) -> list[Drag]:
     """Drags of the object `name` in which it slid steadily for long enough; those in which it
     chatters only where it does in all."""
-    drags = _drags(trace, load_of(trace, name))
+    drags = _drags(trace, load_of(trace, name), felt)
     found = [drag for drag in drags if drag.steady.sum() >= tuning.STEADY_ROWS]
     return [drag for drag in found if drag.roughness < tuning.ROUGH] or found
 
 
-def _drags(trace: Trace, load: Load) -> Iterator[Drag]:
+def _drags(trace: Trace, load: Load, felt: Feeling) -> Iterator[Drag]:
     """Rows where the loaded hand is told to move horizontally, as low as it was at the grasp."""
     samples = trace.samples
     if not load.grasps:
         return
     floor = min(_height_at(samples, time) for time in load.grasps)
-    if not _at_rest(samples, load, floor).any():
+    hanging = _at_rest(samples, load, floor)
+    if not hanging.any():
         return
-    turned, hanging = rubbing(samples.q)[:, :, TURNED], _at_rest(samples, load, floor)
+    ways = rubbing(samples.q)[:, :, TURNED]
+    free = Hanging(
+        samples.wrench[hanging, :3].mean(axis=0),
+        samples.q[hanging].mean(axis=0),
+        ways[hanging].mean(axis=0),
+        *joint_friction(samples, ways, load, floor + tuning.HANGING),
+        _wander(samples, felt, load, floor),
+    )
     step = np.gradient(samples.target_world_tcp[:, :3], samples.t, axis=0)
     horizontal = np.linalg.norm(step[:, :2], axis=1)
     level = np.abs(step[:, 2]) < tuning.DRAG_SLOPE * horizontal
     low = samples.pose_world_tcp[:, 2] < floor + tuning.DOWN
     for rows in runs(load.loaded & low & (horizontal > tuning.DRAG_SPEED) & level):
         if rows.stop - rows.start > tuning.DRAG_ROWS:
-            yield _drag(samples, rows, step[:, :2], hanging, turned)
+            yield _drag(samples, rows, step[:, :2], hanging, ways, free)
+
+
+def _wander(samples: Samples, felt: Feeling, load: Load, floor: float) -> Array:
+    """(m,) level of 1/f noise of each signal, as the arm moves slowly through free air, or rests."""
+    high = samples.pose_world_tcp[:, 2] > floor + tuning.HANGING
+    gaining = acceleration(samples, tuning.SPEED_SMOOTH)
+    even = np.linalg.norm(gaining, axis=1) < tuning.STEADY
+    slow = np.linalg.norm(samples.twist[:, :3], axis=1) < tuning.SLOW
+    calm = high & even & slow & (load.loaded | load.empty)
+    return block_noise(felt.signals, samples.t, gaining[:, 2], list(runs(calm))).flicker
 
 
 def _height_at(samples: Samples, time: float) -> float:
@@ -185,13 +233,14 @@ def _stretches(t: Array, rows: Mask) -> list[NDArray[np.intp]]:
     return np.split(found, np.flatnonzero(np.diff(t[found]) > tuning.PAUSE) + 1)
 
 
-def _drag(samples: Samples, rows: slice, step: Array, hanging: Mask, turned: Array) -> Drag:
+def _drag(
+    samples: Samples, rows: slice, step: Array, hanging: Mask, ways: Array, free: Hanging
+) -> Drag:
     """The drag in `rows`; `step` is the commanded horizontal velocity, `hanging` where the force is
-    that without support."""
+    that without support, `ways` which way the joints were turned last."""
     velocity = step[rows]
     way = velocity.sum(axis=0) / np.linalg.norm(velocity.sum(axis=0))
-    free = samples.wrench[hanging, :3]
-    force = samples.wrench[rows, :3] - free.mean(axis=0)
+    force = samples.wrench[rows, :3] - free.force
     commanded = velocity @ way
     # Backward differences: central ones would lend the last row before the slip the jump that
     # follows it.
@@ -205,12 +254,14 @@ def _drag(samples: Samples, rows: slice, step: Array, hanging: Mask, turned: Arr
         force[:, :2] @ way - tuning.HORIZONTAL_MASS * acceleration,
         -force[:, 2],
         acceleration,
+        np.maximum(commanded, tuning.DRAG_SPEED),
         samples.q[rows],
         samples.tau_ext[rows],
-        turned[rows],
+        ways[rows],
         commanded > tuning.CRUISE * float(np.median(commanded)),
         samples.twist[rows, :2] @ way > tuning.FOLLOWING * commanded,
         _density(
             [samples.wrench[part, :2] @ way for part in _stretches(samples.t, hanging)], period
         ),
+        free,
     )

@@ -1,0 +1,225 @@
+"""The friction in drags of a held object along its support.
+
+What the drags have in common is linear in its unknowns (`columns`), which have normal priors but for
+the friction itself (Bayesian linear regression, e.g. Bishop, Pattern Recognition and Machine
+Learning, section 3.3). A normal force that rises and falls along the way tells friction from all of
+them, whatever they are; where it does not, their priors are in the standard deviation.
+
+Two priors are learned from the drags themselves, each over a few values that are averaged by their
+evidence (ibid., sections 3.4 and 14.1): how much friction the arm's joints have, and how much the
+friction of the object differs between axes, places and speeds. The noise comes from the scatter
+within short stretches, never from the misfit, which would let the priors outweigh the recordings;
+the misfit is added to the standard deviation afterwards.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.estimation import tuning
+from palpate.estimation.estimate import Shared
+from palpate.estimation.friction.columns import MU, Columns, columns
+from palpate.estimation.friction.drags import Drag
+from palpate.estimation.load.equations import flicker
+from palpate.estimation.load.feeling import Feeling
+from palpate.geometry.pose import Array
+from palpate.trace.recording import Hand
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Posterior:
+    """Normal, of all unknowns: mean (p,) and covariance (p, p); `evidence`, the logarithm of how
+    likely the forces are."""
+
+    mean: Array
+    covariance: Array
+    evidence: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class Forces:
+    """What was felt in blocks of steady sliding.
+
+    Attributes:
+        force: (m,) N, tangential. design: (m, p), a column for each unknown. noise: (m,) N², its
+            variance within a block. root: (m, m) N: all noise is this times what is independent and of
+            unit variance.
+    """
+
+    force: Array
+    design: Array
+    noise: Array
+    root: Array
+
+    @cached_property
+    def white(self) -> tuple[Array, Array]:
+        """Force (m,) and design (m, p) in which noise is independent and of unit variance."""
+        both = np.column_stack([self.force, self.design])
+        solved = np.linalg.solve(self.root, both).astype(np.float64)
+        return solved[:, 0], solved[:, 1:]
+
+    def given(self, expected: Array, prior: Array) -> Posterior:
+        """The unknowns, with prior means and standard deviations (p,)."""
+        force, design = self.white
+        # In units of the prior, which is as many more rows; by QR, lest perfect sensors make the
+        # equations singular.
+        rows = np.vstack([design * prior, np.eye(len(prior))])
+        beyond = np.concatenate([force - design @ expected, np.zeros(len(prior))])
+        turned, triangle = np.linalg.qr(rows)
+        inverse = np.linalg.inv(triangle).astype(np.float64)
+        found = inverse @ (turned.T @ beyond)
+        misfit = float(np.sum((beyond - rows @ found) ** 2))
+        size = 2.0 * float(np.log(np.abs(np.diag(triangle))).sum())
+        spread = prior[:, None] * inverse
+        return Posterior(expected + prior * found, spread @ spread.T, -0.5 * (misfit + size))
+
+
+@dataclass(frozen=True, slots=True)
+class Difference:
+    """Whether some unknowns are needed: their size, a sum of squares of unit variance where they are
+    not, and how many squares that are."""
+
+    size: float
+    statistic: float
+    freedom: int
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Sliding:
+    """What fits all drags.
+
+    Attributes:
+        columns: of the unknowns. forces: the recordings. found: the unknowns, averaged over what
+            their priors may be.
+        uneven: 1 sigma by which friction differs between axes, places and speeds.
+        misfit: N, root mean square of what the model leaves beyond the noise.
+        disagreement, freedom: of a chi-squared test of what it leaves.
+    """
+
+    columns: Columns
+    forces: Forces
+    found: Posterior
+    uneven: float
+    misfit: float
+    disagreement: float
+    freedom: int
+
+    @property
+    def shared(self) -> tuple[Shared, ...]:
+        """What of mu_d's error all measurements with that arm have in common."""
+        effects = self.columns.shared(self.found.covariance[MU])
+        return tuple(Shared(cause, "arm", (effect,)) for cause, effect in effects)
+
+    @property
+    def friction(self) -> tuple[float, float]:
+        """mu_d and its standard deviation, which holds by how much it differs."""
+        std = float(np.hypot(np.sqrt(self.found.covariance[MU, MU]), self.uneven))
+        return float(self.found.mean[MU]), std
+
+    def aside(self, drag: int, rows: slice) -> tuple[float, float]:
+        """N: mean over rows of a drag of what is no friction of the object, and its standard
+        deviation."""
+        row = self.columns.of[drag][rows].mean(axis=0)
+        row[MU] = 0.0
+        return float(row @ self.found.mean), float(np.sqrt(row @ self.found.covariance @ row))
+
+    def difference(self, what: slice, likely: float, small: float) -> Difference:
+        """Of the unknowns `what`, which may be as large as `likely` and are no harm as long as they
+        are `small` (1 sigma each); friction is even but for them."""
+        fixed, even = self.columns.fixed.copy(), np.zeros_like(self.columns.uneven)
+        fixed[what] = likely
+        found, _ = averaged(self.forces, replace(self.columns, fixed=fixed, uneven=even))
+        mean = found.mean[what]
+        spread = found.covariance[what, what] + small**2 * np.eye(len(mean))
+        statistic = float(mean @ np.linalg.solve(spread, mean))
+        return Difference(float(np.linalg.norm(mean)), statistic, len(mean))
+
+
+def fit_sliding(drags: Sequence[Drag], felt: Feeling, hand: Hand) -> Sliding:
+    """The friction of steady sliding, as an arm feels it."""
+    mu = _quotient(drags)
+    for _ in range(tuning.FRICTION_ITERATIONS - 1):
+        mu = max(float(_fitted(drags, felt, hand, mu)[2].mean[MU]), 0.0)
+    unknowns, forces, found, uneven = _fitted(drags, felt, hand, mu)
+    force, design = forces.white
+    excess = max(0.0, float(np.mean((force - design @ found.mean) ** 2)) - 1.0)
+    squares = (forces.force - forces.design @ found.mean) ** 2
+    # Within one drag, half of what an approach may be off.
+    allowed = forces.noise + (hand.force_repeatability / 2) ** 2
+    return Sliding(
+        unknowns,
+        forces,
+        _unsure(found, design, tuning.CORRELATED_BLOCKS * excess),
+        uneven,
+        float(np.sqrt(max(0.0, float(np.mean(squares - forces.noise))))),
+        float((squares / allowed).sum()) / tuning.CORRELATED_BLOCKS,
+        max(1, round(len(squares) / tuning.CORRELATED_BLOCKS)),
+    )
+
+
+def _fitted(
+    drags: Sequence[Drag], felt: Feeling, hand: Hand, mu: float
+) -> tuple[Columns, Forces, Posterior, float]:
+    """With the arm's columns, and how uneven friction may be, as at a friction of `mu`."""
+    unknowns = columns(drags, felt, hand, mu)
+    forces = _forces(drags, unknowns)
+    return unknowns, forces, *averaged(forces, unknowns)
+
+
+def averaged(forces: Forces, unknowns: Columns) -> tuple[Posterior, float]:
+    """The unknowns, and by how much friction differs (1 sigma), averaged over what is assumed of the
+    arm's friction and of the object's."""
+    each = [forces.given(unknowns.expected, unknowns.prior(share)) for share in tuning.UNEVEN]
+    uneven = [share * float(unknowns.uneven.max()) for share in tuning.UNEVEN]
+    evidence = np.array([one.evidence for one in each]) + np.log(tuning.LIKELY_UNEVEN)
+    weights = np.exp(evidence - evidence.max())
+    weights /= weights.sum()
+    mean = sum(w * one.mean for w, one in zip(weights, each, strict=True))
+    covariance = np.zeros_like(each[0].covariance)
+    for weight, one in zip(weights, each, strict=True):
+        covariance += weight * (one.covariance + np.outer(one.mean - mean, one.mean - mean))
+    return Posterior(np.asarray(mean), covariance), float(np.sqrt(weights @ np.square(uneven)))
+
+
+def _unsure(found: Posterior, design: Array, variance: float) -> Posterior:
+    """With so much variance in every block of a white `design` besides, which the weights knew
+    nothing of."""
+    gain = found.covariance @ design.T
+    return replace(found, covariance=found.covariance + variance * (gain @ gain.T))
+
+
+def _quotient(drags: Sequence[Drag]) -> float:
+    """Tangential over normal force, in all rows of steady sliding."""
+    tangential = sum(float(drag.tangential[drag.steady].sum()) for drag in drags)
+    return max(0.0, tangential / sum(float(drag.normal[drag.steady].sum()) for drag in drags))
+
+
+def _forces(drags: Sequence[Drag], unknowns: Columns) -> Forces:
+    force: list[float] = []
+    design: list[Array] = []
+    noise: list[float] = []
+    times: list[float] = []
+    wander: list[Array] = []
+    for drag, own, levers in zip(drags, unknowns.of, unknowns.levers, strict=True):
+        for block in _cut(drag):
+            force.append(float(drag.tangential[block].mean()))
+            design.append(own[block].mean(axis=0))
+            noise.append(drag.noise / len(block) + tuning.SLIDING_NOISE**2)
+            times.append(float(drag.t[block].mean()))
+            wander.append(levers * np.sqrt(drag.hanging.flicker))
+    apart = np.abs(np.subtract.outer(times, times))
+    slow = np.array(wander) @ np.array(wander).T * flicker(apart)
+    root = np.linalg.cholesky(np.diag(noise) + slow).astype(np.float64)
+    return Forces(np.array(force), np.array(design), np.array(noise), root)
+
+
+def _cut(drag: Drag) -> list[NDArray[np.intp]]:
+    """Rows of each block of steady sliding."""
+    steady = np.flatnonzero(drag.steady)
+    size = max(1, round(tuning.BLOCK / drag.period))
+    return np.array_split(steady, max(1, len(steady) // size))
