@@ -32,6 +32,7 @@ from palpate.robots.registry import DEFAULT
 from palpate.runs.run import Run as InnerRun
 from palpate.scene.load import load_scene, parse_scene
 from palpate.scene.poses import read_poses
+from palpate.scene.remarks import remarks
 from palpate.scene.scene import Scene as InnerScene
 from palpate.settings import Settings
 
@@ -49,8 +50,8 @@ class Scene(InnerScene):
     """An incomplete simulation description, as `load` reads it.
 
     Attributes:
-        poses_file: the `poses.yaml` that came with it. arm_name, cautious, robot_config: as `load`
-            was told.
+        poses_file: the `poses.yaml` that came with it. arm_name, cautious, robot_config, root: as
+            `load` was told.
 
     Else as `palpate.scene.scene.Scene`.
     """
@@ -59,6 +60,7 @@ class Scene(InnerScene):
     arm_name: str = DEFAULT
     cautious: bool = False
     robot_config: Path | None = None
+    root: Path | None = None
 
     def plan(
         self,
@@ -97,6 +99,11 @@ class Scene(InnerScene):
         )
         return _plan_of(self.settings(asked), self, planner)
 
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """What was taken for what, what was left out, and why nothing may be missing."""
+        return remarks(self)
+
     def settings(self, asked: Settings) -> Settings:
         """What is asked, of this scene.
 
@@ -110,6 +117,7 @@ class Scene(InnerScene):
             arm=self.arm_name,
             cautious=self.cautious,
             robot_config=self.robot_config,
+            root=self.root,
         )
         return mine.checked(at_hand=True)
 
@@ -260,6 +268,7 @@ def run(
     arm: str | Path = DEFAULT,
     cautious: bool = False,
     robot_config: str | Path | None = None,
+    root: str | Path | None = None,
     planner: str | Planner = "symbolic",
     images: Sequence[str | Path] = (),
     remeasure: bool = False,
@@ -273,6 +282,7 @@ def run(
         scene: MJCF as `load` takes it, or a scene; None lets a model look at a picture instead.
         request: what you want to simulate, in your words; None asks for all that is missing.
         poses: as `load`. arm: as `load`. cautious: as `load`. robot_config: as `load`.
+        root: as `load`.
         planner: as `Scene.plan`. images: as `Scene.plan`. remeasure: as `Scene.plan`.
         within: as `Scene.plan`.
         model_settings: as `Scene.plan`.
@@ -293,6 +303,7 @@ def run(
         arm=str(arm),
         cautious=cautious,
         robot_config=_path(robot_config),
+        root=_path(root),
         remeasure=remeasure,
         within=Within.read(within or {}),
         model_settings=model_settings or ModelSettings(),
@@ -300,7 +311,7 @@ def run(
     # How it is to run is looked at before anybody plans: a model's answer costs money.
     planned = replace(asked, **_stated(options)).checked(at_hand=scene is not None)
     is_source = isinstance(scene, str | Path)
-    found = load(scene, poses, arm, cautious, robot_config) if is_source else scene
+    found = load(scene, poses, arm, cautious, robot_config, root) if is_source else scene
     if found is not None:
         planned = found.settings(planned)
     options.get("progress", quiet)("planning")
@@ -313,6 +324,7 @@ def load(
     arm: str | Path = DEFAULT,
     cautious: bool = False,
     robot_config: str | Path | None = None,
+    root: str | Path | None = None,
 ) -> Scene:
     """Read an incomplete MJCF.
 
@@ -322,6 +334,8 @@ def load(
         arm: the arm that is to touch it: a name, or the folder of a description.
         cautious: the arm is to move slowly everywhere, for what no scene shows.
         robot_config: `robot.yaml`: what was measured of this very arm.
+        root: the folder outside of which none of the scene's files is read; by default the
+            repository, or else the home, that the scene is in, or else its own folder.
 
     Raises:
         InputError: malformed XML, missing files, names that do not match.
@@ -332,13 +346,14 @@ def load(
         entries = read_poses(file) if file is not None else None
         found = parse_scene(str(source), poses=entries, arm=description)
     else:
-        found = load_scene(Path(source), file, arm=description)
+        found = load_scene(Path(source), file, arm=description, root=_path(root))
     return Scene(
         **_contents(found),
         poses_file=file,
         arm_name=str(arm),
         cautious=cautious,
         robot_config=config,
+        root=_path(root),
     )
 
 

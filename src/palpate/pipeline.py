@@ -154,7 +154,8 @@ def load(settings: Settings) -> Scene | None:
         load_image(image)
     if settings.scene is None:
         return None
-    return load_scene(settings.scene, settings.poses, settings.described_arm())
+    arm = settings.described_arm()
+    return load_scene(settings.scene, settings.poses, arm, root=settings.root)
 
 
 def plan(settings: Settings, scene: Scene | None, planner: Planner | None = None) -> Run:

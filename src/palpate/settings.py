@@ -27,6 +27,8 @@ class Settings:
     Attributes:
         request: R, the sentence, or None.
         scene: D, an MJCF file, or None.
+        root: folder outside of which none of the scene's files is read; None: see
+            `mjcf.reading.read_document`.
         poses: poses.yaml. images: I, picture files.
         world: MJCF of the hidden simulated world; None simulates D with its unknowns drawn from
             priors.
@@ -45,6 +47,7 @@ class Settings:
 
     request: str | None = None
     scene: Path | None = None
+    root: Path | None = None
     poses: Path | None = None
     images: tuple[Path, ...] = ()
     world: Path | None = None
@@ -79,6 +82,10 @@ class Settings:
             )
         if self.request is not None:
             _check_request(self.request)
+        if self.root is not None and not self.root.is_dir():
+            raise InputError(
+                f"'{self.root}' is no folder: give root= the one the scene's files lie in"
+            )
         noise_models().check(self.noise)
         own_arm(self.arm, self.cautious, self.robot_config)
         if self.on_failure not in get_args(OnFailure):
@@ -131,6 +138,7 @@ def request_json(settings: Settings) -> dict[str, Any]:
     return {
         "request": settings.request,
         "scene": shown(settings.scene),
+        "root": shown(settings.root),
         "poses": shown(settings.poses),
         "images": [shown(path) for path in settings.images],
         "world": shown(settings.world),
@@ -184,6 +192,7 @@ def settings_from(document: Mapping[str, Any]) -> Settings:
         return Settings(
             **given,
             scene=path("scene"),
+            root=path("root"),
             poses=path("poses"),
             world=path("world"),
             robot_config=path("robot_config"),

@@ -89,6 +89,7 @@ def cell_for(settings: Settings, scene: Scene | None, seen: bool = False) -> Cel
         seed=settings.seed,
         tolerance=tolerance,
         arm=settings.described_arm(),
+        root=settings.root,
     )
 
 

@@ -41,7 +41,11 @@ __all__ = [
 
 
 def check_file(
-    plan: Path, scene: Path | None = None, poses: Path | None = None, arm: str = DEFAULT
+    plan: Path,
+    scene: Path | None = None,
+    poses: Path | None = None,
+    arm: str = DEFAULT,
+    root: Path | None = None,
 ) -> tuple[Finding, ...]:
     """What the check says against a plan in a file.
 
@@ -49,7 +53,8 @@ def check_file(
         plan: a plan, a chat's answer, or a run folder.
         scene: the MJCF it is for; without one the plan is checked against the objects that came with
             it, or, where none did, by itself.
-        poses: `poses.yaml`. arm: name of the arm, or its folder.
+        poses: `poses.yaml`. arm: name of the arm, or its folder. root: the folder outside of which
+            none of the scene's files is read.
 
     Raises:
         InputError: a file that cannot be read.
@@ -58,7 +63,7 @@ def check_file(
     description = load_description(arm)
     known = None
     if scene is not None:
-        known = load_scene(scene, poses, description)
+        known = load_scene(scene, poses, description, root=root)
     elif poses is not None and proposal.scene:
         builder = SceneBuilder(read_poses(poses), description)
         known = DetectedScene(builder, proposal.scene).scene()

@@ -11,7 +11,7 @@ import pytest
 from palpate.errors import InputError
 from palpate.files.plain_yaml import plain_yaml
 from palpate.files.read import opened, read_bytes, read_text, require_regular
-from palpate.mjcf.document import read_document
+from palpate.mjcf.reading import read_document
 from palpate.planning.recorded import load_plan
 from palpate.robots.registry import load_description
 from palpate.runs.folder import read_json

@@ -14,7 +14,7 @@ import pytest
 from palpate.errors import InputError
 from palpate.mjcf import assets, trial
 from palpate.mjcf.bounds import Extent, require_bounded
-from palpate.mjcf.document import parse_document
+from palpate.mjcf.reading import parse_document
 from palpate.mjcf.trial import require_compiles
 from palpate.scene.load import load_scene, parse_scene
 

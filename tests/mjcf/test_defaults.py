@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from palpate.mjcf.defaults import Defaults
-from palpate.mjcf.document import parse_document
+from palpate.mjcf.reading import parse_document
 
 
 def test_defaults_follow_classes_and_childclasses() -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from palpate.errors import InputError
-from palpate.mjcf.document import parse_document
+from palpate.mjcf.reading import parse_document
 from palpate.mjcf.roles import find_roles
 from palpate.scene.load import parse_scene
 from palpate.scene.scene import Scene
@@ -203,7 +203,6 @@ def test_a_cupboard_with_a_door_is_left_standing() -> None:
 @pytest.mark.parametrize(
     ("world", "complaint"),
     [
-        ('<body pos="0 0 1"><freejoint/><geom size="1"/></body>', "no name"),
         ('<body name="a"><freejoint/></body>', "no geom"),
         (cup("") + '<geom name="cup" type="box" size="1 1 1"/>', "called 'cup'"),
         (cup('rgba="? 0 0 1"'), "cannot be measured"),
@@ -252,3 +251,12 @@ def test_a_plane_without_a_name_is_the_floor() -> None:
     text = f'<mujoco><worldbody><geom type="plane" size="2 2 .1"/>{cup("")}</worldbody></mujoco>'
     floor = parse_scene(text).surfaces["floor"]
     assert floor.known["height"] == (0.0,)
+
+
+def test_a_free_body_without_a_name_is_called_after_what_it_is() -> None:
+    ball = '<body pos="0.5 {y} 0.27"><freejoint/><geom size=".03"/></body>'
+    mug = '<body pos="0.5 0.3 0.27"><freejoint/><geom name="mug" type="box" size=".03 .03 .05"/></body>'
+    found = scene(ball.format(y=0) + ball.format(y=0.2) + mug)
+    assert list(found.objects) == ["sphere", "sphere_2", "mug"]
+    assert found.spec().compile().body("sphere_2").name == "sphere_2"
+    assert 'name="sphere_2"' not in found.text

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from palpate.mjcf.document import parse_document
+from palpate.mjcf.reading import parse_document
 from palpate.mjcf.roles import find_roles
 from palpate.mjcf.shapes import Shapes, compile_shapes, geom_volume, hull_edges, hull_points
 

@@ -69,4 +69,5 @@ def test_includes_are_inlined_recursively(tmp_path: Path) -> None:
     (tmp_path / "a.xml").write_text("<mujoco><!-- a --><include file='b.xml'></include></mujoco>")
     (tmp_path / "b.xml").write_text("<mujoco><geom/></mujoco>")
     text = "<mujoco>\n<include file='a.xml'/>\n</mujoco>"
-    assert inline_includes(text, tmp_path) == "<mujoco>\n<!-- a --><geom/>\n</mujoco>"
+    files = {name: tmp_path / name for name in ("a.xml", "b.xml")}
+    assert inline_includes(text, files) == "<mujoco>\n<!-- a --><geom/>\n</mujoco>"

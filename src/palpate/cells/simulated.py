@@ -117,11 +117,13 @@ def simulated_cell(
     seed: int = 0,
     tolerance: float = SIZE_TOLERANCE,
     arm: RobotDescription | None = None,
+    root: Path | None = None,
 ) -> SimulatedCell:
     """The hidden world for a scene: an MJCF file, or a scene made of one, or, without either, the
     scene itself with its unknowns drawn from priors.
 
-    Without a scene the world is taken as it is, with `arm` in it, to be looked at.
+    Without a scene the world is taken as it is, with `arm` in it, to be looked at. `root` is the
+    folder outside of which none of the world's files is read.
 
     Raises:
         InputError: neither scene nor world; or the world does not match the scene within
@@ -129,7 +131,7 @@ def simulated_cell(
     """
     if world is not None:
         arm = scene.arm if scene is not None else arm
-        hidden = load_scene(world, arm=arm) if isinstance(world, Path) else world
+        hidden = load_scene(world, arm=arm, root=root) if isinstance(world, Path) else world
         if scene is not None:
             _match(scene, hidden, tolerance)
         return SimulatedCell(hidden, {}, f"simulated world {world.name}", noise, seed, scene)

@@ -28,6 +28,7 @@ from palpate.cli.options import (
     Poses,
     Remeasure,
     RobotConfig,
+    Root,
     RunFolder,
     SceneOptions,
     Seed,
@@ -143,6 +144,7 @@ def gap(
     scene: Annotated[Path, typer.Argument(help="Your MJCF.")],
     *,
     poses: Poses = None,
+    root: Root = None,
     arm: Arm = DEFAULT_ARM,
     as_json: AsJson = False,
 ) -> None:
@@ -150,7 +152,7 @@ def gap(
     import palpate as pp
     from palpate.cli.show import show_gap
 
-    show_gap(pp.load(scene, poses, arm), as_json)
+    show_gap(pp.load(scene, poses, arm, root=root), as_json)
 
 
 @command(app)
@@ -198,7 +200,7 @@ def check(plan: PlanFile, *, given: GivenScene, as_json: AsJson = False) -> None
     from palpate.cli.show import show_findings
     from palpate.tools import check_file
 
-    findings = check_file(plan, given.scene, given.poses, given.arm)
+    findings = check_file(plan, given.scene, given.poses, given.arm, given.root)
     show_findings(findings, as_json)
     raise typer.Exit(3 if findings else 0)
 
@@ -216,7 +218,13 @@ def execute(
     from palpate.settings import Settings
     from palpate.tools import replayed
 
-    settings = Settings(scene=given.scene, poses=given.poses, arm=given.arm, planner=replayed(plan))
+    settings = Settings(
+        scene=given.scene,
+        poses=given.poses,
+        root=given.root,
+        arm=given.arm,
+        planner=replayed(plan),
+    )
     carry_out(motion.added_to(settings), as_json, yes)
 
 

@@ -30,6 +30,14 @@ SceneFile = Annotated[
 Images = Annotated[
     list[Path] | None, typer.Option("--image", help="Picture of the workspace; may be repeated.")
 ]
+Root = Annotated[
+    Path | None,
+    typer.Option(
+        "--root",
+        metavar="DIR",
+        help="Folder that the scene's files may lie in (default: its repository, home or folder).",
+    ),
+]
 Poses = Annotated[
     Path | None, typer.Option("--poses", help="poses.yaml: objects, places, offsets.")
 ]
@@ -135,6 +143,7 @@ class SceneOptions:
     scene: SceneFile = None
     image: Images = None
     poses: Poses = None
+    root: Root = None
     arm: Arm = DEFAULT_ARM
 
     def settings(self) -> Settings:
@@ -146,6 +155,7 @@ class SceneOptions:
             scene=self.scene,
             images=tuple(self.image or ()),
             poses=self.poses,
+            root=self.root,
             arm=self.arm,
         )
 
@@ -156,6 +166,7 @@ class GivenScene:
 
     scene: SceneFile = None
     poses: Poses = None
+    root: Root = None
     arm: Arm = DEFAULT_ARM
 
 

@@ -19,6 +19,7 @@ from palpate.redaction import redact
 
 if TYPE_CHECKING:
     from palpate.api import Plan as CheckedPlan
+    from palpate.api import Scene
     from palpate.estimation.estimate import Estimate
     from palpate.execution.runner import Observer
     from palpate.mjcf.body import Body
@@ -26,7 +27,6 @@ if TYPE_CHECKING:
     from palpate.planning.plan import Plan
     from palpate.runs.run import Run
     from palpate.scenarios.catalogue import Scenario
-    from palpate.scene.scene import Scene
     from palpate.settings import Settings
     from palpate.twin.held_out import Motion
     from palpate.vocabulary.base import Primitive
@@ -212,13 +212,19 @@ def show_gap(scene: Scene, as_json: bool) -> None:
     for body in scene.bodies.values():
         table.add_row(*_body_cells(body))
     out.print(table)
+    for remark in scene.remarks:
+        out.print(f"[dim]{escape(remark)}[/]")
 
 
 def _gap_json(scene: Scene) -> dict[str, Any]:
     missing: list[dict[str, str]] = []
     for parameter in scene.missing:
         missing.append({"object": parameter.object, "quantity": parameter.quantity})
-    return {"missing": missing, "bodies": [_body_json(body) for body in scene.bodies.values()]}
+    return {
+        "missing": missing,
+        "bodies": [_body_json(body) for body in scene.bodies.values()],
+        "remarks": list(scene.remarks),
+    }
 
 
 def _body_json(body: Body) -> dict[str, Any]:

@@ -3,6 +3,7 @@ folder."""
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable
 from pathlib import Path
 
@@ -20,6 +21,9 @@ BASE_SITE = "robot_base"
 _PLACING = ("pos", "quat", "axisangle", "xyaxes", "zaxis", "euler")
 """Attributes that place a body or a site."""
 
+_ASSETS = ("mesh", "material", "texture", "hfield")
+"""The robot's, which would only cost time."""
+
 _REFERRING = ("actuator", "sensor", "tendon", "equality", "contact", "deformable")
 
 
@@ -34,6 +38,18 @@ def model_tree(
     robots = [twin_of[robot] for robot in roles.robots]
     _remove_robots(root, robots)
     return root, twin_of
+
+
+def removed_with_robots(document: Document, roles: Roles) -> dict[str, int]:
+    """How many elements besides the robots themselves go with them, by tag."""
+    root, twin_of = copy_root(document)
+    robots = [twin_of[robot] for robot in roles.robots]
+    before = Counter(str(part.tag) for part in elements(root))
+    for robot in robots:
+        before -= Counter(str(part.tag) for part in elements(robot))
+    _remove_robots(root, robots)
+    after = Counter(str(part.tag) for part in elements(root))
+    return {tag: number for tag, number in (before - after).items() if tag not in _ASSETS}
 
 
 def compile_spec(root: Element, folder: Path | None) -> mujoco.MjSpec:
@@ -82,6 +98,8 @@ def _remove_robots(root: Element, robots: list[Element]) -> None:
         _leave_site(root, robot)
     for keyframe in root.findall("keyframe"):
         root.remove(keyframe)
+    if robots:
+        _remove_watching(root, removed)
     while removed:
         removed = _remove_referring(root, removed)
     if robots:
@@ -120,6 +138,17 @@ def _remove_referring(root: Element, names: set[str]) -> set[str]:
     return gone
 
 
+def _remove_watching(root: Element, names: set[str]) -> None:
+    """Take out cameras and lights that follow removed bodies, and skins that lie on them: all of
+    those whose bodies stand in a file of their own."""
+    for tag in ("camera", "light", "skin"):
+        for watching in list(root.iter(tag)):
+            parent = watching.getparent()
+            unknown = tag == "skin" and watching.get("file") is not None
+            if parent is not None and (unknown or _mentioned(watching) & names):
+                parent.remove(watching)
+
+
 def _mentioned(entry: Element) -> set[str]:
     """What an element and those below it refer to, or may."""
     found: set[str] = set()
@@ -129,8 +158,8 @@ def _mentioned(entry: Element) -> set[str]:
 
 
 def _remove_unused_assets(root: Element) -> None:
-    """The robot's meshes and materials, which would only cost time."""
-    for tag in ("mesh", "material", "texture", "hfield"):
+    """The robot's meshes and materials."""
+    for tag in _ASSETS:
         used = _references(root, tag)
         for section in root.iterfind("asset"):
             for asset in section.findall(tag):

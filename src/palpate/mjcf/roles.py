@@ -55,11 +55,17 @@ class Elements:
 
 @dataclass(slots=True, eq=False)
 class Roles:
-    """Who is what in a document, in its order."""
+    """Who is what in a document, in its order.
+
+    Attributes:
+        robots: the bodies that robots begin with. ignored: bodies with other joints, which are
+            neither robot nor object: drawers and doors.
+    """
 
     defaults: Defaults
     bodies: dict[str, Elements] = field(default_factory=dict[str, Elements])
     robots: list[Element] = field(default_factory=list[Element])
+    ignored: list[Element] = field(default_factory=list[Element])
 
     @property
     def objects(self) -> dict[str, Elements]:
@@ -113,6 +119,8 @@ def _sort_body(body: Element, found: Roles, actuated: frozenset[str]) -> None:
         if body.get("name") and body.get("mocap") != "true":
             _add_surface(body, _own_geoms(body), found)
         _walk(body, found, actuated, world=not body.get("name"))
+    else:
+        found.ignored.append(body)
 
 
 def _is_free(body: Element, defaults: Defaults) -> bool:
@@ -196,17 +204,27 @@ def _touches(geom: Element, defaults: Defaults) -> bool:
 
 
 def _add_object(body: Element, found: Roles) -> None:
-    name = body.get("name")
-    if not name:
-        raise InputError(
-            f"{label(body)} has a free joint but no name; name it, so that it can be spoken of"
-        )
     geoms = tuple(e for e in elements(body) if e.tag == "geom")
     if not geoms:
         raise InputError(f"object {label(body)} has no geom, so it has no shape to touch")
+    name = body.get("name") or _named(body, geoms[0], found)
     colliding = _colliding(geoms, found.defaults)
     inertial = inertial_of(body)
     _register(Elements(name, "object", body, geoms, colliding, inertial, found.defaults), found)
+
+
+def _named(body: Element, geom: Element, found: Roles) -> str:
+    """A name for a body that has none, after what it is, by which models compiled of the document
+    know it, too."""
+    shape = found.defaults.attribute(geom, "type") or "sphere"
+    stem = geom.get("name") or found.defaults.attribute(geom, "mesh") or shape
+    taken = {e.get("name") for e in elements(body.getroottree().getroot()) if e.tag == "body"}
+    name, count = stem, 1
+    while name in taken or name in found.bodies:
+        count += 1
+        name = f"{stem}_{count}"
+    body.set("name", name)
+    return name
 
 
 def inertial_of(body: Element) -> Element | None:

@@ -3,6 +3,7 @@ rewritten."""
 
 from __future__ import annotations
 
+import html
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -157,18 +158,44 @@ def changed(text: str, changes: Iterable[Change]) -> str:
     return b"".join([*parts, data[position:]]).decode("utf-8")
 
 
-def inline_includes(text: str, folder: Path) -> str:
-    """The text with every included file's content in its place."""
-    while includes := [tag for tag in scan(text) if tag.name == "include"]:
+def inline_includes(
+    text: str, includes: Mapping[str, Path], renamed: Mapping[str, str] | None = None
+) -> str:
+    """The text with every included file's content in its place.
+
+    Args:
+        includes: the files by the names that they are included by.
+        renamed: other names for files that their content names.
+    """
+    while tags := [tag for tag in scan(text) if tag.name == "include"]:
         data = text.encode("utf-8")
-        changes = [Change(tag.start, tag.last, _content(folder, data, tag)) for tag in includes]
-        text = changed(text, changes)
+        parts: list[Change] = []
+        for tag in tags:
+            content = _content(includes, data, tag)
+            parts.append(Change(tag.start, tag.last, _with_names(content, renamed or {})))
+        text = changed(text, parts)
     return text
 
 
-def _content(folder: Path, data: bytes, include: Tag) -> str:
+def _with_names(content: str, renamed: Mapping[str, str]) -> str:
+    """An included file's content with other names for the files that it names."""
+    data = f"<mujoco>{content}</mujoco>".encode()
+    changes: list[Change] = []
+    for tag in scan(data.decode("utf-8")):
+        start, end = tag.attributes.get("file", (0, 0))
+        name = html.unescape(data[start:end].decode("utf-8"))
+        if tag.name != "include" and name in renamed:
+            changes.append(Change(start, end, html.escape(renamed[name])))
+    if not changes:
+        return content
+    text = changed(data.decode("utf-8"), changes)
+    return text.removeprefix("<mujoco>").removesuffix("</mujoco>")
+
+
+def _content(includes: Mapping[str, Path], data: bytes, include: Tag) -> str:
     start, end = include.attributes["file"]
-    included = read_text(folder / data[start:end].decode("utf-8"))
-    parse_xml(included, str(folder))
+    path = includes[html.unescape(data[start:end].decode("utf-8"))]
+    included = read_text(path)
+    parse_xml(included, str(path))
     root = scan(included)[0]
     return included.encode("utf-8")[root.end : root.close].decode("utf-8").strip()

@@ -120,7 +120,7 @@ def _found(folder: Path, settings: Settings, objects: tuple[SceneObject, ...]) -
     if own.exists():
         return Found(parse_scene(read_text(own), poses=poses, arm=arm))
     if settings.scene is not None and settings.scene.exists():
-        return Found(load_scene(settings.scene, settings.poses, arm))
+        return Found(load_scene(settings.scene, settings.poses, arm, root=settings.root))
     return Found(parse_scene(NOTHING, arm=arm))
 
 

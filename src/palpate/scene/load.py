@@ -9,7 +9,8 @@ from types import MappingProxyType
 import numpy as np
 
 from palpate.geometry.pose import Pose
-from palpate.mjcf.document import Document, parse_document, read_text
+from palpate.mjcf.document import Document, read_text
+from palpate.mjcf.reading import parse_document, reparsed
 from palpate.quantities.catalogue import Catalogue, catalogue
 from palpate.robots.description import RobotDescription
 from palpate.robots.registry import load_description
@@ -24,16 +25,18 @@ def load_scene(
     poses: Path | None = None,
     arm: RobotDescription | None = None,
     quantities: Catalogue | None = None,
+    root: Path | None = None,
 ) -> Scene:
     """Read an MJCF file, and optionally `poses.yaml`; `arm` is what touches it, None the default;
-    `quantities` are all that are installed unless given.
+    `quantities` are all that are installed unless given; `root` is the folder outside of which no
+    file is read (default: `mjcf.reading.read_document`).
 
     Raises:
         InputError: malformed XML, entities, missing or escaping files, names that do not match.
     """
     path = Path(path)
     text = read_text(path)
-    document = parse_document(text, path.resolve().parent, str(path))
+    document = parse_document(text, path.resolve().parent, str(path), root)
     given = Poses() if poses is None else read_poses(Path(poses))
     return _scene(document, path, given, arm or load_description(), quantities or catalogue())
 
@@ -63,7 +66,7 @@ def scene_from_text(text: str, like: Scene, elsewhere: Mapping[str, Pose] | None
     Raises:
         InputError: as `load_scene`.
     """
-    document = parse_document(text, like.resolved.document.folder)
+    document = reparsed(text, like.resolved.document)
     known = like.resolved.poses
     now = {name: _entry(pose) for name, pose in (elsewhere or {}).items()}
     poses = known.model_copy(update={"objects": {**known.objects, **now}})

@@ -15,8 +15,9 @@ from palpate.estimation.estimate import Estimate, Part, rounded
 from palpate.mjcf import spans
 from palpate.mjcf.body import BodyDescription
 from palpate.mjcf.defaults import answered_elsewhere
-from palpate.mjcf.document import Element, elements, parse_document
+from palpate.mjcf.document import Element, elements
 from palpate.mjcf.edits import Change, Edit, Insert
+from palpate.mjcf.reading import parse_document, reparsed
 from palpate.parameter import Parameter
 from palpate.quantities.catalogue import Catalogue, catalogue
 from palpate.quantities.quantity import Quantity, Values
@@ -196,9 +197,8 @@ def _injected(
     edits = list(changes(description.bodies, quantities, values, {}, _deviations(records)))
     edits += _leftovers(description, quantities, values, edits)
     if any(_target(edit) not in document.index for edit in edits):
-        assert document.folder is not None
-        text = spans.inline_includes(document.text, document.folder)
-        inlined = describe(parse_document(text, document.folder), Poses(), quantities)
+        text = spans.inline_includes(document.text, document.includes, document.beside)
+        inlined = describe(reparsed(text, document), Poses(), quantities)
         return _injected(inlined, quantities, values, records)
     return recorded(rewritten(document, edits), records)
 

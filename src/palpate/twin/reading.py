@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.mjcf.body import BodyDescription
-from palpate.mjcf.document import parse_document
+from palpate.mjcf.reading import reparsed
 from palpate.parameter import Parameter
 from palpate.quantities.catalogue import Catalogue
 from palpate.quantities.quantity import Quantity, Values
@@ -40,7 +40,7 @@ def misread(
     Raises:
         InputError: MuJoCo does not accept the file.
     """
-    after = describe(parse_document(text, before.document.folder), Poses(), quantities)
+    after = describe(reparsed(text, before.document), Poses(), quantities)
     for parameter, value in values.items():
         quantity = quantities[parameter.quantity]
         body = after.bodies.get(parameter.object)

@@ -5,10 +5,15 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
+import mujoco
 import pytest
 
 from palpate.errors import InputError
-from palpate.mjcf.document import MAX_BYTES, MAX_DEPTH, parse_document, read_document, with_tokens
+from palpate.mjcf.document import MAX_BYTES, MAX_DEPTH, with_tokens
+from palpate.mjcf.reading import parse_document, read_document
+from palpate.parameter import Parameter
+from palpate.scene.load import load_scene, scene_from_text
+from palpate.twin.inject import inject
 
 SCENE = "<mujoco><worldbody/></mujoco>"
 CUBE = "v 0 0 0\nv .1 0 0\nv 0 .1 0\nv 0 0 .1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
@@ -99,7 +104,7 @@ def test_a_missing_mesh_is_named_with_its_element(tmp_path: Path) -> None:
 def test_files_outside_the_folder_are_refused(tmp_path: Path, line: str) -> None:
     write(tmp_path, CUBE, "outside.obj")
     path = write(tmp_path, f"<mujoco>{line}</mujoco>", "inner/scene.xml")
-    with pytest.raises(InputError, match="outside the scene's folder"):
+    with pytest.raises(InputError, match="outside of"):
         read_document(path)
 
 
@@ -109,7 +114,7 @@ def test_a_link_out_of_the_folder_is_refused(tmp_path: Path) -> None:
         tmp_path, '<mujoco><asset><mesh file="link.obj"/></asset></mujoco>', "inner/scene.xml"
     )
     os.symlink(outside, path.parent / "link.obj")
-    with pytest.raises(InputError, match="outside the scene's folder"):
+    with pytest.raises(InputError, match="outside of"):
         read_document(path)
 
 
@@ -149,3 +154,76 @@ def test_a_scene_without_worldbody_is_refused() -> None:
 
 def test_an_ordinary_scene_is_read(tmp_path: Path) -> None:
     assert read_document(write(tmp_path, SCENE)).text == SCENE
+
+
+OBJECT = '<body name="a" pos="0.5 0 1"><freejoint/><geom type="mesh" mesh="m"/></body>'
+
+
+@pytest.mark.parametrize("marker", [".git", None])
+def test_files_beside_the_scenes_folder(tmp_path: Path, marker: str | None) -> None:
+    """In a repository they are found; elsewhere the folder that holds both has to be given."""
+    write(tmp_path, CUBE, "assets/m.obj")
+    scene = tmp_path / "scenes" / "scene.xml"
+    scene.parent.mkdir()
+    scene.write_text(
+        '<mujoco><compiler meshdir="../assets"/><asset><mesh name="m" file="m.obj"/></asset>'
+        f"<worldbody>{OBJECT}</worldbody></mujoco>"
+    )
+    if marker:
+        (tmp_path / marker).mkdir()
+        found = load_scene(scene)
+    else:
+        with pytest.raises(InputError, match=f"allow another with root={tmp_path}"):
+            load_scene(scene)
+        found = load_scene(scene, root=tmp_path)
+    assert found.files == (tmp_path / "assets" / "m.obj",)
+    twin = scene_from_text(found.text, found)
+    assert twin.spec().compile().nmesh == 1
+
+
+def test_parts_are_found_where_mujoco_finds_them(tmp_path: Path) -> None:
+    """From the scene's folder, else from that of the part; meshes likewise."""
+    write(tmp_path, CUBE, "parts/m.obj")
+    (tmp_path / "scene.xml").write_text('<mujoco><include file="parts/a.xml"/></mujoco>')
+    (tmp_path / "parts" / "a.xml").write_text(
+        '<mujocoinclude><include file="b.xml"/></mujocoinclude>'
+    )
+    (tmp_path / "parts" / "b.xml").write_text(
+        '<mujocoinclude><asset><mesh name="m" file="m.obj"/></asset>'
+        f"<worldbody>{OBJECT}</worldbody></mujocoinclude>"
+    )
+    assert mujoco.MjModel.from_xml_path(str(tmp_path / "scene.xml")).nmesh == 1
+    found = load_scene(tmp_path / "scene.xml")
+    assert found.spec().compile().nmesh == 1
+    merged = inject(found.text, {Parameter("a.mass"): (0.2,)}, folder=tmp_path)
+    assert 'mass="0.2"' in merged
+
+
+def test_attached_models_are_found_from_any_working_directory(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "cup.xml").write_text(
+        '<mujoco model="cup"><worldbody><body name="c"><geom size=".03"/></body></worldbody></mujoco>'
+    )
+    (tmp_path / "scene.xml").write_text(
+        '<mujoco><asset><model name="cup" file="cup.xml"/></asset><worldbody>'
+        '<body name="a" pos="0.5 0 1"><freejoint/><geom size=".02"/><attach model="cup" body="c" prefix="x_"/>'
+        "</body></worldbody></mujoco>"
+    )
+    (tmp_path / "elsewhere").mkdir()
+    monkeypatch.chdir(tmp_path / "elsewhere")
+    assert load_scene(tmp_path / "scene.xml").spec().compile().body("x_c").name == "x_c"
+
+
+@pytest.mark.parametrize(
+    ("root", "message"),
+    [
+        ("mujocoinclude", "a part that other scenes include"),
+        ("robot", "not MJCF but URDF"),
+        ("sdf", "not MJCF but SDF"),
+        ("svg", "its root is <svg>"),
+    ],
+)
+def test_what_is_no_scene_is_told_what_it_is(root: str, message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        parse_document(f"<{root}/>")

@@ -1,0 +1,281 @@
+"""MJCF files read as untrusted input: bounded in number and size, and nothing outside the folder that
+a scene's files may lie in."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from lxml import etree
+
+from palpate.errors import InputError
+from palpate.files import read as files
+from palpate.mjcf.document import (
+    COUNTS,
+    MAX_ASSET_BYTES,
+    MAX_DEPTH,
+    Document,
+    Element,
+    compiler_settings,
+    elements,
+    label,
+    parse_xml,
+    read_text,
+    spelled_out,
+)
+
+MAX_INCLUDES = 100
+"""Most files that a scene includes, and most models that it attaches."""
+
+MAX_ALL_BYTES = 30_000_000
+"""Most bytes of all of them together."""
+
+CONVERTED = {
+    "robot": "URDF; MuJoCo reads it and saves it as MJCF: mj_saveLastXML after "
+    "MjModel.from_xml_path",
+    "sdf": "SDF; convert it to MJCF first, e.g. with gz-mujoco's sdformat_mjcf",
+}
+"""Roots of other formats, and how to come from there to MJCF."""
+
+_FILE_ATTRIBUTES = ("file", "fileright", "fileleft", "fileup", "filedown", "filefront", "fileback")
+
+
+def read_document(path: Path, home: Path | None = None) -> Document:
+    """A scene file with everything it includes. Files are read from below `home` alone: unless
+    given, the repository, or else the user's home, that the scene is in, or else its own folder.
+
+    Raises:
+        InputError: unreadable, malformed, files missing or outside of `home`, or more in it than
+            is read.
+    """
+    return parse_document(read_text(path), path.resolve().parent, str(path), home)
+
+
+def parse_document(
+    text: str, folder: Path | None = None, where: str = "the scene", home: Path | None = None
+) -> Document:
+    """As `read_document`, from text; `folder` is where relative file names start."""
+    if folder is not None:
+        home = (home or default_home(folder)).resolve()
+    return _Reader(folder, home).document(text, where)
+
+
+def reparsed(text: str, like: Document) -> Document:
+    """Another version of a document's text, which finds the same files."""
+    return parse_document(text, like.folder, home=like.home)
+
+
+def default_home(folder: Path) -> Path:
+    """The nearest repository, else the user's home, around a folder; else the folder itself."""
+    folder = folder.resolve()
+    around = (folder, *folder.parents)
+    for above in around:
+        if (above / ".git").exists():
+            return above
+    home = Path.home().resolve()
+    return home if home in around else folder
+
+
+@dataclass(slots=True)
+class _Reader:
+    """What reading one scene has taken so far: of its files, and of those that they name."""
+
+    folder: Path | None
+    home: Path | None
+    bytes: int = 0
+    asset_bytes: int = 0
+    models: int = 0
+    within: tuple[Path, ...] = ()
+    """The attached models that this one is part of."""
+    origins: dict[Element, Path] = field(default_factory=dict[Element, Path])
+    """The folder of the included file that an element came from."""
+    beside: dict[str, str] = field(default_factory=dict[str, str])
+    """Assets found beside the included file that names them: from the scene's folder, by name."""
+
+    def document(self, text: str, where: str) -> Document:
+        root = self.parsed(text, where)
+        _require_model(root, where)
+        index = {element: i for i, element in enumerate(elements(root))}
+        includes = self._expand_includes(root, where)
+        found = list(includes.values())
+        attached = self._check_assets(root, where, found)
+        for element in elements(root):
+            for attribute in COUNTS.keys() & set(element.keys()):
+                element.set(attribute, spelled_out(attribute, element.get(attribute) or ""))
+        return Document(
+            text,
+            root,
+            index,
+            self.folder,
+            self.home,
+            tuple(dict.fromkeys(found)),
+            includes,
+            self.beside,
+            tuple(attached),
+        )
+
+    def parsed(self, text: str, where: str) -> Element:
+        """The root of one more text."""
+        self.bytes += len(text)
+        if self.bytes > MAX_ALL_BYTES:
+            raise InputError(
+                f"{where}: the scene and what it includes are larger than "
+                f"{MAX_ALL_BYTES // 1_000_000} MB together, too large for an MJCF scene"
+            )
+        return parse_xml(text, where)
+
+    def _expand_includes(self, root: Element, where: str) -> dict[str, Path]:
+        """Put every included file in its place; the files, by the names they are included by."""
+        found: dict[str, Path] = {}
+        while (include := root.find(".//include")) is not None:
+            name = include.get("file") or ""
+            path = self._file(name, include, where)
+            if path in found.values():
+                raise InputError(f"{where}: {label(include)} includes {path.name} a second time")
+            found[name] = path
+            if len(found) > MAX_INCLUDES:
+                raise InputError(f"{where} includes more than {MAX_INCLUDES} files")
+            included = self.parsed(read_text(path), str(path))
+            self.origins |= dict.fromkeys(elements(included), path.parent)
+            _replace(include, included, where)
+        return found
+
+    def _check_assets(self, root: Element, where: str, found: list[Path]) -> list[Element]:
+        """Look for every file that is named; the roots of the attached models."""
+        attached: list[Element] = []
+        settings = compiler_settings(root)
+        for element in elements(root):
+            for attribute in _FILE_ATTRIBUTES:
+                name = element.get(attribute)
+                if name is None or element.tag == "include":
+                    continue
+                located = _located(name, element, settings)
+                path = self._file(located, element, where, name)
+                found.append(path)
+                if element.tag == "model" or not _exists(self.folder, located):
+                    # MuJoCo would look elsewhere: in the working directory, or nowhere.
+                    element.set(attribute, str(path))
+                    self.beside[name] = os.path.relpath(path, self.folder)
+                if element.tag == "model":
+                    model = self._attached(path, where)
+                    found.extend(model.files)
+                    attached += [model.root, *model.attached]
+                else:
+                    self._take_asset(path, element, where)
+        return attached
+
+    def _file(self, name: str, element: Element, where: str, bare: str = "") -> Path:
+        """The file that an element names: from the scene's folder, else from that of the included
+        file that it stands in, there without the folders that `<compiler>` sets (`bare`)."""
+        origin = self.origins.get(element)
+        if origin is not None and not _exists(self.folder, name):
+            beside = bare or name
+            if _exists(origin, beside):
+                name = str(origin / beside)
+        return _inside(self.folder, self.home, name, element, where)
+
+    def _attached(self, path: Path, where: str) -> Document:
+        """A model that the scene attaches, which has its own folder and may attach others."""
+        if path in self.within:
+            raise InputError(f"{where} attaches {path.name}, of which it is a part")
+        self.models += 1
+        if self.models > MAX_INCLUDES:
+            raise InputError(f"{where} attaches more than {MAX_INCLUDES} models")
+        within = (*self.within, path)
+        inner = _Reader(path.parent, self.home, self.bytes, self.asset_bytes, self.models, within)
+        document = inner.document(read_text(path), str(path))
+        self.bytes, self.asset_bytes = inner.bytes, inner.asset_bytes
+        self.models = inner.models
+        return document
+
+    def _take_asset(self, path: Path, element: Element, where: str) -> None:
+        self.asset_bytes += path.stat().st_size
+        if self.asset_bytes > MAX_ASSET_BYTES:
+            raise InputError(
+                f"{where}: with {label(element)} the scene's meshes and pictures are larger than "
+                f"{MAX_ASSET_BYTES // 1_000_000} MB together; use smaller ones"
+            )
+
+
+def _replace(include: Element, included: Element, where: str) -> None:
+    parent = include.getparent()
+    if parent is None:
+        raise InputError("<include> cannot be the root of a scene")
+    if len(list(include.iterancestors())) + _depth(included) > MAX_DEPTH:
+        raise InputError(
+            f"{where}: {label(include)} makes the scene's elements nested deeper than {MAX_DEPTH}"
+        )
+    at = parent.index(include)
+    parent[at : at + 1] = list(included)
+
+
+def _depth(root: Element) -> int:
+    """How many elements there are from the root to the deepest one, both counted."""
+    depth = deepest = 0
+    for event, _ in etree.iterwalk(root, events=("start", "end")):
+        depth += 1 if event == "start" else -1
+        deepest = max(deepest, depth)
+    return deepest
+
+
+def _located(name: str, element: Element, settings: Mapping[str, str]) -> str:
+    """A file name below the folder that `<compiler>` sets for its kind of asset."""
+    if element.tag == "model":
+        return name
+    if settings.get("strippath") == "true":
+        name = re.split(r"[/\\]", name)[-1]
+    kind = "texturedir" if element.tag == "texture" else "meshdir"
+    return str(Path(settings.get(kind) or settings.get("assetdir") or "", name))
+
+
+def _exists(folder: Path | None, name: str) -> bool:
+    """Whether there is a file of that name, from `folder`."""
+    try:
+        return folder is not None and (folder / name).exists()
+    except (OSError, ValueError):
+        return False
+
+
+def _inside(
+    folder: Path | None, home: Path | None, name: str, element: Element, where: str
+) -> Path:
+    """An existing file below `home`, named from `folder`, links resolved."""
+    if folder is None or home is None:
+        raise InputError(
+            f"{where}: {label(element)} names the file '{name[:200]}', but text alone has no folder"
+        )
+    folder = folder.resolve()
+    try:
+        path = (folder / name).resolve()
+    except (OSError, RuntimeError, ValueError):
+        raise InputError(
+            f"{where}: {label(element)} names the file '{name[:200]}', which is no path"
+        ) from None
+    if not path.is_relative_to(home):
+        both = os.path.commonpath([folder, path])
+        raise InputError(
+            f"{where}: {label(element)} names the file '{name[:200]}', which is outside of '{home}', "
+            f"the folder that this scene's files are read from; allow another with root={both}, or "
+            "move the file beside the scene"
+        )
+    if not path.exists():
+        raise InputError(
+            f"{where}: {label(element)} names the file '{name[:200]}', which does not exist ({path})"
+        )
+    files.require_regular(path, MAX_ASSET_BYTES, "a file that a scene may name")
+    return path
+
+
+def _require_model(root: Element, where: str) -> None:
+    """Whether it is a scene, and not a part of one or something else."""
+    if root.tag == "mujocoinclude":
+        raise InputError(
+            f"{where} is a part that other scenes include (<mujocoinclude>); give a scene that does"
+        )
+    if (other := CONVERTED.get(str(root.tag))) is not None:
+        raise InputError(f"{where} is not MJCF but {other}")
+    if root.tag != "mujoco":
+        raise InputError(f"{where} is not MJCF: its root is <{root.tag}>, not <mujoco>")
