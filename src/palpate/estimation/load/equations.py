@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -57,26 +58,33 @@ class Rows:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class Unsure:
+    """How far the prior deviations of some coefficients are off themselves: by one of `factors`,
+    `chance` of each of which is what is believed before anything is recorded."""
+
+    columns: slice
+    factors: Sequence[float]
+    chance: Sequence[float]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Model:
     """A linear model in rows of unit variance: `y` (n,) = `design` (n, p) times coefficients with
-    prior deviations `prior` (p,); the unit is known with `freedom` degrees of freedom.
-
-    Attributes:
-        left: the coefficients of what approaches leave. leaves: (k,) their prior deviations, N, each
-            as likely as the others before anything is recorded.
-    """
+    prior deviations `prior` (p,), some of which are `unsure`; the unit is known with `freedom`
+    degrees of freedom."""
 
     design: Array
     y: Array
     prior: Array
     freedom: float
-    left: slice
-    leaves: Array
+    unsure: tuple[Unsure, ...]
 
     def solve(self) -> tuple[Array, Array]:
-        """Posterior mean (p,) and covariance (p, p), averaged over `leaves` by what `y` says of them
-        (Bayesian model averaging: Hoeting et al., Statistical Science 14, 1999)."""
-        solved = [self._solve(float(force)) for force in self.leaves]
+        """Posterior mean (p,) and covariance (p, p), averaged over what is unsure by what `y` says of
+        it (Bayesian model averaging: Hoeting et al., Statistical Science 14, 1999)."""
+        told, gram = self.design.T @ self.y, self.design.T @ self.design
+        choices = product(*(range(len(each.factors)) for each in self.unsure))
+        solved = [self._solve(choice, told, gram) for choice in choices]
         evidence = np.array([each[2] for each in solved])
         weights = np.exp(evidence - evidence.max())
         weights /= weights.sum()
@@ -87,27 +95,40 @@ class Model:
             covariance += weight * own
         return mean, covariance
 
-    def _solve(self, force: float) -> tuple[Array, Array, float]:
-        """Where approaches leave `force`: mean, covariance, and the logarithm of the probability of
-        `y`, but for what is the same for every force (Bishop, Pattern Recognition and Machine
-        Learning, section 3.5.1)."""
+    def sure(self) -> Model:
+        """With the first factor of all that is unsure."""
         prior = self.prior.copy()
-        prior[self.left] = force
+        for each in self.unsure:
+            prior[each.columns] *= each.factors[0]
+        return replace(self, prior=prior, unsure=())
+
+    def _solve(
+        self, choice: tuple[int, ...], told: Array, gram: Array
+    ) -> tuple[Array, Array, float]:
+        """Where the deviations are off by the chosen factors: mean, covariance, and the logarithm of
+        the probability of that and of `y`, but for what is the same for every choice (Bishop,
+        Pattern Recognition and Machine Learning, section 3.5.1)."""
+        prior, chance = self.prior.copy(), 0.0
+        for each, i in zip(self.unsure, choice, strict=True):
+            prior[each.columns] *= each.factors[i]
+            chance += float(np.log(each.chance[i]))
         # In units of the prior, where what is known for certain has none.
-        scaled = self.design * prior
-        information = scaled.T @ scaled + np.eye(len(prior))
+        information = np.outer(prior, prior) * gram + np.eye(len(prior))
         covariance: Array = np.linalg.inv(information) * np.outer(prior, prior)
-        told = self.design.T @ self.y
         mean = covariance @ told
         _, volume = np.linalg.slogdet(information)
-        return mean, covariance, 0.5 * (float(mean @ told) - float(volume))
+        return mean, covariance, chance + 0.5 * (float(mean @ told) - float(volume))
 
     def extended(self, columns: Array, prior: float) -> Model:
         """With further coefficients, in front."""
         more = np.full(columns.shape[1], prior)
         wider = np.concatenate([columns, self.design], axis=1)
-        left = slice(self.left.start + len(more), self.left.stop + len(more))
-        return replace(self, design=wider, prior=np.concatenate([more, self.prior]), left=left)
+        unsure: list[Unsure] = []
+        for each in self.unsure:
+            moved = slice(each.columns.start + len(more), each.columns.stop + len(more))
+            unsure.append(replace(each, columns=moved))
+        deviations = np.concatenate([more, self.prior])
+        return replace(self, design=wider, prior=deviations, unsure=tuple(unsure))
 
 
 def equations(weighing: Weighing, gravity: float, hand: Hand) -> Rows:

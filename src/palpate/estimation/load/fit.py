@@ -22,7 +22,8 @@ itself, so that joints which bear little of it come to the aid of those that bea
 What an approach leaves in the joints may stay while they move (the datasheet says how much it is at
 most, not whether motion shakes it off): each pass may be off by something of its own. How much is
 averaged over by what the recordings say: where passes agree it is next to nothing; where they do
-not, intervals are as wide as that asks for.
+not, intervals are as wide as that asks for. So it is with gains: where the joints do not agree on
+the load, they may be farther off than the datasheet says.
 
 The model is one of several, nested in each other: forces to the side, a force that grows with the
 height (a spring), one that changes its sign with the direction (something rubs), one that is there
@@ -46,6 +47,7 @@ from palpate.estimation.load.equations import (
     TORQUE_Y,
     Model,
     Rows,
+    Unsure,
     equations,
     in_each,
 )
@@ -124,7 +126,7 @@ def foreseen(weighing: Weighing, weight: float, gravity: float, hand: Hand) -> t
     variances: list[float] = []
     for force in (0.0, weight):
         about[0] = force
-        _, covariance = load_model(rows, grasps, about, hand).solve()
+        _, covariance = load_model(rows, grasps, about, hand).sure().solve()
         variances.append(float(covariance[0, 0]))
     noise, whole = variances
     return float(np.sqrt(noise)), float(np.sqrt(max(whole - noise, 0.0)))
@@ -157,7 +159,7 @@ def load_model(rows: Sequence[Rows], grasps: Sequence[float], about: Array, hand
     passes = sum(row.left.shape[1] for row in rows)
     first = count + len(SIDEWAYS) * len(grasps)
     prior = [np.full(count, tuning.LOAD_PRIOR), *[aside] * len(grasps)]
-    prior += [np.full(passes, tuning.FLOOR), levels, np.ones(signals)]
+    prior += [np.full(passes, hand.force_repeatability + tuning.FLOOR), levels, np.ones(signals)]
     designs: list[Array] = []
     at = 0
     for row in rows:
@@ -173,6 +175,10 @@ def load_model(rows: Sequence[Rows], grasps: Sequence[float], about: Array, hand
         designs.append(row.white(design))
     y = np.concatenate([row.white(row.felt) for row in rows])
     freedom = min(row.freedom for row in rows)
-    leaves = hand.force_repeatability * np.array(tuning.LEFT_SHARES) + tuning.FLOOR
-    left = slice(first, first + passes)
-    return Model(np.concatenate(designs), y, np.concatenate(prior), freedom, left, leaves)
+    deviations = np.concatenate(prior)
+    shares = tuning.LEFT_SHARES
+    unsure = (
+        Unsure(slice(first, first + passes), shares, [1.0 / len(shares)] * len(shares)),
+        Unsure(slice(len(deviations) - signals, len(deviations)), *tuning.GAINS_OFF),
+    )
+    return Model(np.concatenate(designs), y, deviations, freedom, unsure)
