@@ -9,7 +9,7 @@ Everything public is listed in `__all__` and loaded when first used, so that `im
 nothing.
 
 - `run` does all at once; `load` reads a scene, `Scene.plan` a plan for it, `Plan.run` executes it;
-  `open` reads a finished `Run` back from its folder.
+  `open` reads a finished `Run` back from its folder, `fuse` makes one `Fusion` of several.
 - `Estimate`, `Parameter`, `Trace` and `Twin` are what a run is made of.
 - `Cell`, `SimulatedCell`, `Planner`, `Primitive`, `Quantity`, `RobotDescription` and `Vocabulary` are
   where your own parts go in.
@@ -21,9 +21,11 @@ from __future__ import annotations
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
+    from palpate.api import Fusion as Fusion
     from palpate.api import Plan as Plan
     from palpate.api import Run as Run
     from palpate.api import Scene as Scene
+    from palpate.api import fuse as fuse
     from palpate.api import load as load
     from palpate.api import open as open
     from palpate.api import run as run
@@ -50,6 +52,7 @@ __all__ = [
     "Cell",
     "Estimate",
     "ExecutionAborted",
+    "Fusion",
     "InputError",
     "PalpateError",
     "Parameter",
@@ -66,6 +69,7 @@ __all__ = [
     "Twin",
     "Unavailable",
     "Vocabulary",
+    "fuse",
     "load",
     "open",
     "run",
@@ -75,6 +79,7 @@ _HOMES = {
     "Cell": "cells.cell",
     "Estimate": "estimation.estimate",
     "ExecutionAborted": "errors",
+    "Fusion": "api",
     "InputError": "errors",
     "PalpateError": "errors",
     "Parameter": "parameter",
@@ -91,6 +96,7 @@ _HOMES = {
     "Twin": "twin.twin",
     "Unavailable": "errors",
     "Vocabulary": "vocabulary.registry",
+    "fuse": "api",
     "load": "api",
     "open": "api",
     "run": "api",

@@ -29,6 +29,8 @@ from palpate.planning.planner import Planner
 from palpate.quantities.precision.within import Within
 from palpate.robots.owner.registered import own_arm
 from palpate.robots.registry import DEFAULT
+from palpate.runs.fuse import Fusion as InnerFusion
+from palpate.runs.fuse import write_fusion
 from palpate.runs.run import Run as InnerRun
 from palpate.scene.load import load_scene, parse_scene
 from palpate.scene.poses import read_poses
@@ -39,7 +41,7 @@ from palpate.settings import Settings
 if TYPE_CHECKING:
     from palpate.execution.runner import Observer
 
-__all__ = ["Plan", "Run", "Scene", "load", "open", "run"]
+__all__ = ["Fusion", "Plan", "Run", "Scene", "fuse", "load", "open", "run"]
 
 Widths = Mapping[str, str | float]
 """Half widths of intervals, by quantity or by parameter: `{"mass": "1g"}`, or SI numbers."""
@@ -244,6 +246,25 @@ class Run(InnerRun):
         return table(repr(self), ("estimates",), rows)
 
 
+@dataclass(frozen=True, eq=False, repr=False)
+class Fusion(InnerFusion):
+    """What several runs say together: `fusion["mug.mass"]`, `fusion.twin`. See
+    `palpate.runs.fuse.Fusion`."""
+
+    def save(self, folder: str | Path) -> Fusion:
+        """Write result and twin into a new folder.
+
+        Raises:
+            InputError: the folder exists or cannot be made.
+        """
+        write_fusion(self, Path(folder))
+        return replace(self, folder=Path(folder))
+
+    def _repr_html_(self) -> str:
+        rows = [(repr(estimate).strip("<>"),) for estimate in self.estimates]
+        return table(f"<Fusion of {len(self.runs)} runs>", ("estimates",), rows)
+
+
 class RunOptions(TypedDict, total=False):
     """The arguments of `Plan.run`, for those who pass them on."""
 
@@ -367,6 +388,23 @@ def open(folder: str | Path) -> Run:
         InputError: there is no such folder, or it is not a run's.
     """
     return _run_of(pipeline.reopen(Path(folder)))
+
+
+def fuse(runs: Sequence[str | Path | InnerRun]) -> Fusion:
+    """What several runs of one scene say together.
+
+    Each parameter gets the mean of least variance of the estimates that are identified; what runs of
+    one arm, or of one scene, have in common (gains, fingertips, poses) is not averaged away. Runs
+    that disagree make it *contradicted*.
+
+    Args:
+        runs: folders, or runs at hand.
+
+    Raises:
+        InputError: fewer than two runs, runs that are not of one scene, or the same recordings twice.
+    """
+    opened = [one if isinstance(one, InnerRun) else open(one) for one in runs]
+    return Fusion(**_contents(pipeline.fuse(opened)))
 
 
 def plan_settings(settings: Settings) -> Plan:

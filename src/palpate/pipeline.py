@@ -6,7 +6,7 @@ request + scene + pictures ─► parameters ─► plan ─► (check) ─► t
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator, Iterator, Mapping
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import replace
 from functools import partial
@@ -36,6 +36,7 @@ from palpate.twin.twin import build_twin as build
 
 if TYPE_CHECKING:
     from palpate.execution.runner import Keep, Observer
+    from palpate.runs.fuse import Fusion
 
 Progress = Callable[[str], None]
 """Told which stage begins."""
@@ -271,6 +272,17 @@ def build_twin(made: Run, progress: Progress = quiet) -> Run:
         scene = made.final_state.scene
     twin = build(scene, made.estimates, made.trace, replay)
     return replace(made, scene=scene, twin=twin)
+
+
+def fuse(runs: Sequence[Run]) -> Fusion:
+    """What several runs of one scene say together: one estimate a parameter, and the twin of them.
+
+    Raises:
+        InputError: fewer than two runs, runs that are not of one scene, or the same recordings twice.
+    """
+    from palpate.runs.fuse import fuse_runs
+
+    return fuse_runs(runs)
 
 
 def save(made: Run, folder: Path | None = None) -> Run:

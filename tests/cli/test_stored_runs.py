@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 
@@ -15,19 +16,29 @@ from .conftest import TABLE, Answer, cube
 
 Palpate = Callable[..., Answer]
 SCENE = TABLE.format(bodies=cube())
-WORLD = TABLE.format(bodies=cube(mass='mass="0.3"'))
+MASS = 0.3
+WORLD = TABLE.format(bodies=cube(mass=f'mass="{MASS}"'))
 
 
 @pytest.fixture(scope="module")
-def stored(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The folder of a run that weighed a cube of 0.3 kg."""
+def folders(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
+    """Folders of two runs that weighed a cube with two arms."""
     folder = tmp_path_factory.mktemp("runs")
-    scene = folder / "scene.xml"
+    scene, world = folder / "scene.xml", folder / "world.xml"
     scene.write_text(SCENE)
-    run = pp.run(scene, "how heavy is the cube?", world=WORLD, noise="none")
-    assert run[Parameter("cube", "mass")].identified
-    run.save(folder / "run")
-    return folder / "run"
+    world.write_text(WORLD)
+    found: list[Path] = []
+    for seed in (0, 1):
+        run = pp.run(scene, "how heavy is the cube?", world=world, seed=seed)
+        assert run[Parameter("cube", "mass")].identified
+        run.save(folder / f"run{seed}")
+        found.append(folder / f"run{seed}")
+    return found
+
+
+@pytest.fixture(scope="module")
+def stored(folders: list[Path]) -> Path:
+    return folders[0]
 
 
 def test_estimates_are_made_anew(palpate: Palpate, stored: Path) -> None:
@@ -49,3 +60,72 @@ def test_an_estimator_that_nobody_knows_is_bad_input(palpate: Palpate, stored: P
     assert "single-shot" in unknown.err
     assert palpate("estimate", stored, "--estimator", "guess").status == 2
     assert palpate("estimate", stored.parent).status == 2
+
+
+def test_two_runs_are_fused(palpate: Palpate, folders: list[Path], tmp_path: Path) -> None:
+    out = tmp_path / "fused"
+    answer = palpate("fuse", *folders, "--out", out, "--json")
+    assert answer.status == 0
+    result = json.loads(answer.out)
+    assert result == json.loads((out / "result.json").read_text())
+    (fused,) = result["parameters"]
+    parts = [json.loads((at / "result.json").read_text())["parameters"][0] for at in folders]
+    values = [part["value"] for part in parts]
+    assert min(values) < fused["value"] < max(values)
+    assert fused["std"] < min(part["std"] for part in parts)
+    assert fused["ci95"][0] < MASS < fused["ci95"][1]
+    assert [run["name"] for run in result["runs"]] == ["run0", "run1"]
+    twin = pp.load(out / "twin.xml")
+    assert twin.bodies["cube"].known["mass"] == pytest.approx((fused["value"],), abs=1e-4)
+    table = palpate("fuse", *folders)
+    assert "together" in table.out
+    assert palpate("fuse", *folders, "--out", out).status == 2
+
+
+def test_a_run_is_not_counted_twice_nor_one_of_another_scene(
+    palpate: Palpate, stored: Path, tmp_path: Path
+) -> None:
+    copy = tmp_path / "copy"
+    shutil.copytree(stored, copy)
+    twice = palpate("fuse", stored, copy)
+    assert (twice.status, twice.out) == (2, "")
+    assert "not counted twice" in twice.err
+    assert palpate("fuse", stored).status == 2
+    other = tmp_path / "other.xml"
+    other.write_text(SCENE.replace("0.35 0 -0.03", "0.36 0 -0.03"))
+    _edit(copy / "request.json", scene=str(other), world=None)
+    apart = palpate("fuse", stored, copy)
+    assert apart.status == 2
+    for word in ("not of one scene", "0.35 0 -0.03", "worlds differ"):
+        assert word in apart.err
+
+
+def test_what_is_contradicted_has_no_say(
+    palpate: Palpate, folders: list[Path], tmp_path: Path
+) -> None:
+    copy = tmp_path / "copy"
+    shutil.copytree(folders[1], copy)
+    result = json.loads((copy / "result.json").read_text())
+    pulled = {"name": "pulled", "statistic": 9.0, "limit": 1.0, "finding": "Something pulls."}
+    result["parameters"][0] |= {"verdict": "contradicted", "tests": [pulled]}
+    (copy / "result.json").write_text(json.dumps(result))
+    answer = json.loads(palpate("fuse", folders[0], copy, "--json").out)
+    stored = json.loads((folders[0] / "result.json").read_text())["parameters"][0]
+    assert answer["parameters"][0]["value"] == stored["value"]
+    assert answer["left_out"] == ["cube.mass of copy is contradicted: Something pulls."]
+    both = palpate("fuse", copy, _unknown(folders[0], tmp_path / "unknown"))
+    assert both.status == 1
+
+
+def _unknown(run: Path, copy: Path) -> Path:
+    """A copy of a run that identified nothing."""
+    shutil.copytree(run, copy)
+    result = json.loads((copy / "result.json").read_text())
+    nothing = {"value": None, "std": None, "ci95": None, "verdict": "not identified", "shared": []}
+    result["parameters"][0] |= nothing
+    (copy / "result.json").write_text(json.dumps(result))
+    return copy
+
+
+def _edit(file: Path, **changes: object) -> None:
+    file.write_text(json.dumps(json.loads(file.read_text()) | changes))

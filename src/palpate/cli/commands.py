@@ -259,6 +259,28 @@ def estimate(
 
 
 @command(app)
+def fuse(
+    folders: Annotated[
+        list[Path], typer.Argument(metavar="RUN RUN…", help="Run folders of one scene.")
+    ],
+    *,
+    out: Annotated[
+        Path | None, typer.Option("--out", metavar="DIR", help="Folder for result.json and twin.")
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Make one estimate of several runs; what they have in common is not averaged away."""
+    import palpate as pp
+    from palpate.cli.show import show_fusion
+
+    fusion = pp.fuse(folders)
+    if out is not None:
+        fusion = fusion.save(out)
+    show_fusion(fusion, as_json)
+    raise typer.Exit(0 if fusion.identified else 1)
+
+
+@command(app)
 def vocabulary(
     as_json: Annotated[bool, typer.Option("--json", help="The JSON schema of a plan.")] = False,
     btcpp: Annotated[bool, typer.Option("--btcpp", help="BT.CPP 4 TreeNodesModel.")] = False,

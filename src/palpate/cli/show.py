@@ -15,6 +15,7 @@ from rich.text import Text
 from palpate.cli.console import err, escape, out, plain_table, print_json, printing, say
 from palpate.cli.exits import EXIT
 from palpate.display import visible
+from palpate.live.console import SafeConsole
 from palpate.redaction import redact
 
 if TYPE_CHECKING:
@@ -25,11 +26,16 @@ if TYPE_CHECKING:
     from palpate.mjcf.body import Body
     from palpate.planning.check.check import Finding
     from palpate.planning.plan import Plan
+    from palpate.runs.fuse import Fusion
     from palpate.runs.run import Run
     from palpate.scenarios.catalogue import Scenario
     from palpate.settings import Settings
     from palpate.twin.held_out import Motion
     from palpate.vocabulary.base import Primitive
+
+
+FUSION_WIDTH = 130
+"""Characters of a table whose rows end in the name of a run, whatever the terminal has."""
 
 
 @contextmanager
@@ -98,6 +104,35 @@ def _show_estimates(run: Run) -> None:
     for estimate in run.estimates:
         _show_precision(run, estimate)
     _show_held_out(run)
+
+
+def show_fusion(fusion: Fusion, as_json: bool) -> None:
+    """What each run says of each parameter, and what they say together."""
+    from palpate.runs.fuse import fusion_json
+
+    if as_json:
+        print_json(fusion_json(fusion, fusion.folder))
+        return
+    headings = ["object", "quantity", "value", "± std", "95 % interval", "verdict", "by"]
+    table = plain_table(*headings, no_wrap=True)
+    for estimate in fusion.estimates:
+        for name, run in zip(fusion.names, fusion.runs, strict=True):
+            for one in run.estimates:
+                if one.parameter == estimate.parameter:
+                    table.add_row(*_estimate_cells(one), escape(name), style="dim")
+        table.add_row(*_estimate_cells(estimate), "[bold]together[/]")
+    wide = max(out.width, FUSION_WIDTH)
+    SafeConsole(highlight=False, width=wide).print(table)
+    for estimate in fusion.estimates:
+        if estimate.contradiction:
+            name, finding = escape(str(estimate.parameter)), escape(estimate.contradiction)
+            out.print(f"[bold red]contradicted[/] {name}: {finding}", soft_wrap=True)
+    for line in fusion.left_out:
+        out.print(f"[yellow]left out[/] {escape(line)}", soft_wrap=True)
+    for note in fusion.twin.notes:
+        out.print(f"[dim]note[/] {escape(note)}", soft_wrap=True)
+    if fusion.folder is not None:
+        out.print(f"[dim]twin[/] {fusion.folder / 'twin.xml'}", soft_wrap=True)
 
 
 def _show_held_out(run: Run) -> None:

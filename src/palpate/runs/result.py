@@ -15,6 +15,7 @@ from palpate.runs.held_out import held_out_json
 
 if TYPE_CHECKING:
     from palpate.runs.run import Run
+    from palpate.twin.twin import Twin
     from palpate.twin.validate import Residual, Validation
 
 
@@ -32,7 +33,7 @@ def result_json(run: Run, folder: Path | None) -> dict[str, Any]:
         "rehearsal": asdict(run.rehearsal) if run.rehearsal else None,
         "execution": _execution_json(run),
         "validation": {"held_out": held_out_json(run.held_out)},
-        "twin": _twin_json(run),
+        "twin": None if run.twin is None else twin_json(run.twin),
         "files": _files(run, folder),
         "provenance": {
             "palpate": __version__,
@@ -41,16 +42,16 @@ def result_json(run: Run, folder: Path | None) -> dict[str, Any]:
             "world": run.world,
         },
     }
-    return _finite(content)
+    return finite(content)
 
 
-def _finite(content: Any) -> Any:
-    """The same with null for what is no number, which JSON cannot say."""
+def finite(content: Any) -> Any:
+    """The same content with null for what is no number, which JSON cannot say."""
     if isinstance(content, dict):
         named = cast("dict[str, Any]", content)
-        return {name: _finite(value) for name, value in named.items()}
+        return {name: finite(value) for name, value in named.items()}
     if isinstance(content, list):
-        return [_finite(value) for value in cast("list[Any]", content)]
+        return [finite(value) for value in cast("list[Any]", content)]
     if isinstance(content, float) and not math.isfinite(content):
         return None
     return content
@@ -134,13 +135,12 @@ def _execution_json(run: Run) -> dict[str, Any] | None:
     }
 
 
-def _twin_json(run: Run) -> dict[str, Any] | None:
-    if run.twin is None:
-        return None
+def twin_json(twin: Twin) -> dict[str, Any]:
+    """What there is to say of a twin."""
     return {
-        "notes": list(run.twin.notes),
-        "unwritten": [str(parameter) for parameter in run.twin.unwritten],
-        "validation": _validation_json(run.twin.validation),
+        "notes": list(twin.notes),
+        "unwritten": [str(parameter) for parameter in twin.unwritten],
+        "validation": _validation_json(twin.validation),
     }
 
 

@@ -24,7 +24,7 @@ from palpate.estimation.load.segments import weighing
 from palpate.estimation.windows import load_of, mean_pose
 from palpate.geometry.pose import Array, Pose
 from palpate.parameter import Parameter
-from palpate.quantities.com import pose_in_hand
+from palpate.quantities.com import accuracy, pose_in_hand
 from palpate.quantities.estimators import estimate_all
 from palpate.scene.scene import Scene
 from palpate.trace.recording import Recording
@@ -265,7 +265,7 @@ def _hanging(
     place = tuning.GRASP_ACCURACY**2
     centre = _known(fitted, body.known.get("com"), signals)
     if fitted is None or centre is None:
-        place += tuning.PLACE_ACCURACY**2 + trace.hand.tip_offset_std**2
+        place += accuracy(body) ** 2 + trace.hand.tip_offset_std**2
     if centre is None:
         spread = tuning.COM_PRIOR * np.maximum(body.size, 1e-3)
         inferred = np.array(scene.spec().compile().body(name).ipos, dtype=np.float64)

@@ -73,8 +73,14 @@ class Twin:
         return [line[1:].strip() for line in added[1:]]
 
 
-def build_twin(scene: Scene, estimates: Sequence[Estimate], trace: Trace, replay: Replay) -> Twin:
-    """Inject what was measured, then check that the result behaves as recorded."""
+def build_twin(
+    scene: Scene,
+    estimates: Sequence[Estimate],
+    trace: Trace | None = None,
+    replay: Replay | None = None,
+) -> Twin:
+    """Inject what was measured, then check that the result rests and, where there is a `trace` and a
+    `replay`, that it behaves as recorded."""
     written = _written(estimates)
     made = complete(scene, written, {estimate.parameter for estimate in estimates})
     notes = (*_remarks(estimates), *made.notes)

@@ -61,9 +61,15 @@ class Validation:
     template: Residual
 
 
-def validate(twin: Scene, template: Scene, recorded: Trace, replay: Replay) -> Validation:
-    """All marks of a twin scene against what was recorded."""
+def validate(
+    twin: Scene, template: Scene, recorded: Trace | None, replay: Replay | None
+) -> Validation:
+    """All marks of a twin scene against what was recorded; without that or a replay, whether it
+    rests."""
     settled, drift = settle(twin)
+    if recorded is None or replay is None:
+        nothing = Residual(None, None, "not replayed")
+        return Validation(settled, drift, nothing, nothing)
     return Validation(
         settled,
         drift,

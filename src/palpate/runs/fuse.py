@@ -1,0 +1,240 @@
+"""Several runs of one scene made into one estimate a parameter."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from palpate import __version__
+from palpate.errors import InputError
+from palpate.estimation.estimate import Estimate, not_identified
+from palpate.estimation.fusion import Source, fuse
+from palpate.parameter import Parameter
+from palpate.runs.folder import new_folder, write_json, write_text
+from palpate.runs.result import finite, parameter_json, twin_json
+from palpate.runs.run import Run
+from palpate.twin.twin import Twin, build_twin
+
+if TYPE_CHECKING:
+    from palpate.settings import Settings
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Fusion:
+    """What several runs say together.
+
+    Attributes:
+        runs: those that were fused. names: of them, in words.
+        estimates: one a parameter that any run promised.
+        left_out: which estimates have no say, and why, a line each.
+        twin: the scene with what was fused. folder: where it was written.
+    """
+
+    runs: tuple[Run, ...]
+    names: tuple[str, ...]
+    estimates: tuple[Estimate, ...]
+    left_out: tuple[str, ...]
+    twin: Twin
+    folder: Path | None = None
+
+    @property
+    def identified(self) -> bool:
+        """Whether every parameter is."""
+        return all(estimate.identified for estimate in self.estimates)
+
+    def __getitem__(self, name: str | Parameter) -> Estimate:
+        """The estimate of a parameter: `fusion["mug.mass"]`.
+
+        Raises:
+            KeyError: no run promised it.
+        """
+        wanted = Parameter(name) if isinstance(name, str) else name
+        for estimate in self.estimates:
+            if estimate.parameter == wanted:
+                return estimate
+        known = ", ".join(str(estimate.parameter) for estimate in self.estimates)
+        raise KeyError(f"'{wanted}' is in none of the runs; in them: {known or 'nothing'}")
+
+    def __repr__(self) -> str:
+        said = ", ".join(repr(estimate).strip("<>") for estimate in self.estimates)
+        return f"<Fusion of {len(self.runs)} runs: {said}>"
+
+
+def fuse_runs(runs: Sequence[Run]) -> Fusion:
+    """One estimate a parameter, and the twin of them.
+
+    Raises:
+        InputError: fewer than two runs, runs that are not of one scene, or the same recordings twice.
+    """
+    if len(runs) < 2:
+        raise InputError("give two runs or more to fuse")
+    names = _names(runs)
+    for name, run in zip(names[1:], runs[1:], strict=True):
+        apart = list(_differences(runs[0], run))
+        if apart:
+            raise InputError(f"{names[0]} and {name} are not of one scene: {'; '.join(apart)}")
+    _require_different(runs, names)
+    estimates: list[Estimate] = []
+    left_out: list[str] = []
+    for parameter in _parameters(runs):
+        found = [(name, run, _of(run, parameter)) for name, run in zip(names, runs, strict=True)]
+        made = [(name, run, one) for name, run, one in found if one is not None]
+        for name, _, one in made:
+            if not one.identified:
+                left_out.append(f"{parameter} of {name} is {one.verdict}: {_why(one)}")
+        sources = [Source(name, arm_of(run), one) for name, run, one in made if one.identified]
+        told = [one for _, _, one in made]
+        estimates.append(fuse(sources) if sources else _unknown(parameter, told))
+    twin = build_twin(runs[0].scene, estimates)
+    return Fusion(tuple(runs), names, tuple(estimates), tuple(left_out), twin)
+
+
+def arm_of(run: Run) -> str:
+    """Which arm a run was made with. A simulated one is that of its noise model and seed; a real one
+    is known by its address."""
+    asked: Settings = run.settings
+    if asked.robot is not None:
+        return asked.robot
+    if not run.simulated:
+        return "an arm that is not known"
+    return f"the simulated {asked.arm} of {asked.noise}, seed {asked.seed}"
+
+
+def fusion_json(fusion: Fusion, folder: Path | None) -> dict[str, Any]:
+    """As `result.json`."""
+    files: dict[str, str] = {}
+    if folder is not None:
+        named = {"result": "result.json", "twin": "twin.xml"}
+        files = {kind: str((folder / name).absolute()) for kind, name in named.items()}
+    runs: list[dict[str, Any]] = []
+    for name, run in zip(fusion.names, fusion.runs, strict=True):
+        where = None if run.folder is None else str(run.folder.absolute())
+        runs.append({"name": name, "folder": where, "status": run.status, "arm": arm_of(run)})
+    content = {
+        "status": "complete" if fusion.identified else "failed",
+        "simulated": fusion.runs[0].simulated,
+        "runs": runs,
+        "parameters": [parameter_json(estimate) for estimate in fusion.estimates],
+        "left_out": list(fusion.left_out),
+        "twin": twin_json(fusion.twin),
+        "files": files,
+        "provenance": {"palpate": __version__},
+    }
+    return finite(content)
+
+
+def write_fusion(fusion: Fusion, folder: Path) -> None:
+    """Result and twin into a new folder.
+
+    Raises:
+        InputError: it exists or cannot be made.
+    """
+    try:
+        with new_folder(folder) as scratch:
+            write_text(scratch / "twin.xml", fusion.twin.xml)
+            write_json(scratch / "result.json", fusion_json(fusion, folder))
+    except OSError as error:
+        raise InputError(f"cannot write '{folder}': {error.strerror}") from error
+
+
+def _names(runs: Sequence[Run]) -> tuple[str, ...]:
+    """Folders by their last part, where those differ."""
+    folders = [run.folder for run in runs]
+    short = [f"run {i + 1}" if at is None else at.name for i, at in enumerate(folders)]
+    if len(set(short)) == len(short):
+        return tuple(short)
+    pairs = zip(short, folders, strict=True)
+    return tuple(name if at is None else str(at) for name, at in pairs)
+
+
+def _parameters(runs: Sequence[Run]) -> list[Parameter]:
+    """All that any run promised, in order."""
+    promised = [estimate.parameter for run in runs for estimate in run.estimates]
+    return list(dict.fromkeys(promised))
+
+
+def _of(run: Run, parameter: Parameter) -> Estimate | None:
+    for estimate in run.estimates:
+        if estimate.parameter == parameter:
+            return estimate
+    return None
+
+
+def _why(estimate: Estimate) -> str:
+    return estimate.contradiction or estimate.method
+
+
+def _unknown(parameter: Parameter, told: Sequence[Estimate]) -> Estimate:
+    """What is said where no run identified it. A prior is no evidence: it is not counted at all."""
+    return not_identified(parameter, told[0].unit, "No run identified it.")
+
+
+def _differences(one: Run, other: Run) -> Iterator[str]:
+    """Why two runs are not of one scene and one world, in words; nothing where they are."""
+    if not one.scene.bodies or not other.scene.bodies:
+        yield "the scene's file is gone"
+        return
+    if one.scene.text != other.scene.text:
+        yield f"their MJCF differ ({_changed(one.scene.text, other.scene.text)})"
+    elif _places(one) != _places(other):
+        yield "their poses differ"
+    if one.settings.arm != other.settings.arm:
+        yield f"their arms differ ({one.settings.arm}, {other.settings.arm})"
+    if one.simulated != other.simulated:
+        yield "one is simulated, one is not"
+    elif one.simulated:
+        yield from _other_world(one, other)
+
+
+def _other_world(one: Run, other: Run) -> Iterator[str]:
+    """Worlds of one file are one; those that are drawn from priors are one seed's and noise
+    model's."""
+    worlds = [run.settings.world and run.settings.world.absolute() for run in (one, other)]
+    drawn = [run.world is not None and "drawn from priors" in run.world for run in (one, other)]
+    if worlds[0] != worlds[1] or drawn[0] != drawn[1]:
+        yield f"their worlds differ ({one.world}, {other.world})"
+    elif all(drawn) and one.settings.seed != other.settings.seed:
+        seeds = f"{one.settings.seed} and {other.settings.seed}"
+        yield f"their worlds were drawn from priors with seeds {seeds}: they are two worlds"
+
+
+def _places(run: Run) -> list[tuple[str, tuple[float, ...]]]:
+    found: list[tuple[str, tuple[float, ...]]] = []
+    for body in run.scene.bodies.values():
+        pose = body.pose_world
+        numbers = np.round([*pose.position, *pose.quaternion], 9).tolist()
+        found.append((body.name, tuple(numbers)))
+    return found
+
+
+def _changed(text: str, other: str) -> str:
+    """The first line in which two texts differ."""
+    for line in difflib.ndiff(text.splitlines(), other.splitlines()):
+        if line[:2] in ("- ", "+ "):
+            return line[2:].strip()
+    return "in their white space"
+
+
+def _require_different(runs: Sequence[Run], names: Sequence[str]) -> None:
+    """Numbers that are equal to the last bit come from the same recordings.
+
+    Raises:
+        InputError: two runs are one.
+    """
+    seen: dict[tuple[Any, ...], str] = {}
+    for name, run in zip(names, runs, strict=True):
+        for estimate in run.estimates:
+            if not estimate.has_value:
+                continue
+            numbers = (estimate.parameter, *estimate.value.tolist(), *estimate.std.tolist())
+            if numbers in seen:
+                raise InputError(
+                    f"{seen[numbers]} and {name} hold the same recordings: a measurement is not counted "
+                    "twice"
+                )
+            seen[numbers] = name
