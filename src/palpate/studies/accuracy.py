@@ -15,6 +15,7 @@ from palpate.parameter import Parameter
 from palpate.runs.run import Run
 from palpate.scenarios.catalogue import scenario
 from palpate.settings import Settings
+from palpate.studies.bounds.bound import bounds_of
 from palpate.studies.engine.workers import spread
 
 CRASHED = "crashed"
@@ -33,7 +34,7 @@ class ScoredEstimate:
         single_shot: for masses, the naive mean of F_z/g from the same recording.
         unit: as printed. verdict: of this component.
         bound: the least standard deviation that the recording allows, see
-            `studies.scores.bound`; None where that is not known.
+            `studies.bounds`; None where that is not known.
     """
 
     parameter: Parameter
@@ -168,6 +169,7 @@ def _scored(run: Run, estimate: Estimate) -> Iterator[ScoredEstimate]:
     if truth is None or not estimate.has_value:
         return
     naive = estimate.parts.get("single-shot")
+    bounds = bounds_of(run, estimate) or (None,) * len(truth)
     for i, true_value in enumerate(truth):
         low, high = estimate.ci95[i].tolist()
         yield ScoredEstimate(
@@ -182,6 +184,7 @@ def _scored(run: Run, estimate: Estimate) -> Iterator[ScoredEstimate]:
             naive.value if naive else None,
             estimate.unit,
             estimate.verdict,
+            bounds[i],
         )
 
 

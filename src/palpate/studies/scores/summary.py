@@ -64,7 +64,7 @@ class Scores:
             truth.
         stated: one over the root mean square of the errors in stated standard deviations.
         worst: the largest of these. over_bound: root mean square of the errors over the bound
-            (`studies.scores.bound`), of those that have one; None without any.
+            (`studies.bounds`), of those that have one; None without any.
     """
 
     runs: int
