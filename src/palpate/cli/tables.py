@@ -18,8 +18,6 @@ from palpate.studies import faults, trials
 from palpate.studies.accuracy import SeedRun
 from palpate.studies.campaign import ledger
 from palpate.studies.campaign.page import counts
-from palpate.studies.deceptions.coverage import coverage
-from palpate.studies.deceptions.page import by_world, worst
 from palpate.studies.efficiency import Comparison, PublishedEffort
 from palpate.studies.faults import Ending
 from palpate.studies.scores.summary import Summary, summarise
@@ -173,36 +171,23 @@ def show_campaign(rows: Mapping[str, Sequence[ledger.Row]], as_json: bool) -> No
         print_json({kind: [asdict(row) for row in found] for kind, found in rows.items()})
         return
     table = plain_table("kind", "cases", "crashes", "beyond", "ended")
-    bad: list[Text] = []
     for kind, found in rows.items():
-        endings = Counter(row.outcome for row in found)
-        ended = ", ".join(f"{outcome} {count}" for outcome, count in endings.most_common())
-        table.add_row(kind, *map(str, counts(found).values()), ended)
-        bad += [Text(_beyond(row), "dim") for row in found if row.beyond or row.crash]
-    out.print(table, *bad, sep="\n")
+        table.add_row(kind, *_counts(found), _outcomes(found))
+    out.print(table)
+    for found in rows.values():
+        for row in found:
+            if row.beyond or row.crash:
+                out.print(Text(_beyond(row), "dim"))
 
 
-def show_deceptions(rows: Sequence[ledger.Row], as_json: bool) -> None:
-    """What was answered in every world, and how honest the intervals are."""
-    found = coverage(rows)
-    if as_json:
-        print_json({"coverage": [asdict(row) for row in found], "rows": [asdict(r) for r in rows]})
-        return
-    worlds = plain_table("world", "kind", "answers", "worst std")
-    for name, group in by_world(rows).items():
-        answers = Counter(row.outcome for row in group).most_common()
-        off = worst(group)
-        shown = "–" if off is None else f"{off:.1f}"
-        listed = ", ".join(f"{outcome} {count}" for outcome, count in answers)
-        worlds.add_row(name, str(group[0].figures["kind"]), listed, shown)
-    intervals = figure_table(
-        "identified", "values", "in 95 %", "in 50 %", "stated / actual", "worst"
-    )
-    for row in found:
-        parts = f"{row.covered95:.1%}", f"{row.covered50:.1%}", f"{row.stated:.2f}"
-        intervals.add_row(row.quantity, str(row.values), *parts, f"{row.worst:.1f}")
-    bad = [Text(_beyond(row), "dim") for row in rows if row.beyond or row.crash]
-    SafeConsole(highlight=False, width=WIDTH).print(worlds, intervals, *bad, sep="\n")
+def _counts(rows: Sequence[ledger.Row]) -> list[str]:
+    return [str(count) for count in counts(rows).values()]
+
+
+def _outcomes(rows: Sequence[ledger.Row]) -> str:
+    """How cases ended, the most frequent first."""
+    endings = Counter(row.outcome for row in rows)
+    return ", ".join(f"{outcome} {count}" for outcome, count in endings.most_common())
 
 
 def show_case(row: ledger.Row, as_json: bool) -> None:

@@ -43,6 +43,12 @@ def script() -> Markup:
 
 
 @cache
+def style() -> str:
+    """What all pages share: colours, light and dark, type, tables."""
+    return (files("palpate.report") / "style.css").read_text(encoding="utf-8")
+
+
+@cache
 def template(package: str, name: str) -> Template:
     """A page's template, from its package; `style.css` is there for all."""
     from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined, select_autoescape

@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from html import escape
 
+from palpate.report.assets import style as shared_style
 from palpate.studies.campaign.ledger import Row
 from palpate.studies.harm.touch import SHOWN, UNSEEN
 
@@ -31,29 +32,38 @@ WIDTH, HEIGHT, MARGIN = 640, 150, 24
 """Pixels of a histogram."""
 
 STYLE = """
-body { font: 15px/1.5 system-ui, sans-serif; max-width: 62rem; margin: 2rem auto; padding: 0 1rem; color: #1f2937; }
-h1, h2 { line-height: 1.2; } h2 { margin-top: 2.5rem; }
-table { border-collapse: collapse; width: 100%; margin: .5rem 0 1rem; }
-th, td { text-align: left; vertical-align: top; padding: .25rem .6rem .25rem 0; border-bottom: 1px solid #e5e7eb; }
+body { max-width: 62rem; margin: 2rem auto; padding: 0 1rem; }
+h2 { margin-top: 2.5rem; } h3 { margin-top: 1.5rem; } table { margin: .5rem 0 1rem; }
 td.number, th.number { text-align: right; font-variant-numeric: tabular-nums; }
-code { font-size: 12px; overflow-wrap: anywhere; }
-.beyond { color: #b91c1c; } .small { color: #6b7280; font-size: 13px; }
-svg text { font: 11px system-ui, sans-serif; fill: #6b7280; }
+th, td { padding: .3rem .6rem .3rem 0; }
+code { font: .8rem var(--mono); overflow-wrap: anywhere; }
+.beyond { color: var(--bad); } .small { color: var(--muted); }
+svg text { font: 11px var(--sans); fill: var(--muted); }
+rect { fill: var(--accent); } rect.beyond { fill: var(--bad); } line { stroke: var(--bad); }
 """
+"""Besides what all pages share."""
+
+
+def framed(title: str, heading: str, parts: Iterable[str]) -> str:
+    """A page of parts, light or dark."""
+    head = (
+        "<!doctype html><html lang=en><meta charset=utf-8>"
+        "<meta name=viewport content='width=device-width, initial-scale=1'>"
+        f"<title>{escape(title)}</title><style>{shared_style()}{STYLE}</style>"
+    )
+    return "\n".join([f"{head}<h1>{escape(heading)}</h1>", *parts]) + "</html>\n"
 
 
 def page(rows: Mapping[str, Sequence[Row]], about: str) -> str:
     """The page; `rows` by kind, `about` says what was run and on which version."""
     kinds = [kind for kind in TITLES if rows.get(kind)]
     parts = [
-        "<!doctype html><html lang=en><meta charset=utf-8><title>Faults</title>",
-        f"<style>{STYLE}</style><h1>Nothing hit, nothing dropped, nothing lost</h1>",
         f"<p class=small>{escape(about)}</p>",
         _summary({kind: rows[kind] for kind in kinds}),
     ]
     for kind in kinds:
         parts += _section(kind, rows[kind])
-    return "\n".join(parts) + "</html>\n"
+    return framed("Faults", "Nothing hit, nothing dropped, nothing lost", parts)
 
 
 def counts(rows: Sequence[Row]) -> dict[str, int]:
@@ -109,24 +119,21 @@ def histogram(forces: Sequence[float], limit: float) -> str:
         bins[min(int(force // STEP), len(bins) - 1)] += 1
     tallest = max(bins)
     across, up = (WIDTH - 2 * MARGIN) / len(bins), HEIGHT - 2 * MARGIN
-    bars: list[str] = []
+    drawn: list[str] = []
     for i, number in enumerate(bins):
         tall = up * number / tallest
         x, y = MARGIN + i * across, HEIGHT - MARGIN - tall
-        colour = "#b91c1c" if i * STEP >= limit else "#2563eb"
-        bars.append(
-            f'<rect x="{x:.1f}" y="{y:.1f}" width="{across - 1:.1f}" height="{tall:.1f}" fill="{colour}"/>'
-        )
+        place = f'x="{x:.1f}" y="{y:.1f}" width="{across - 1:.1f}" height="{tall:.1f}"'
+        mark = ' class="beyond"' if i * STEP >= limit else ""
+        drawn.append(f"<rect {place}{mark}/>")
         if number:
-            bars.append(f'<text x="{x:.1f}" y="{y - 3:.1f}">{number}</text>')
+            drawn.append(f'<text x="{x:.1f}" y="{y - 3:.1f}">{number}</text>')
         if i % 5 == 0:
-            bars.append(f'<text x="{x:.1f}" y="{HEIGHT - 8}">{i * STEP}</text>')
+            drawn.append(f'<text x="{x:.1f}" y="{HEIGHT - 8}">{i * STEP}</text>')
     at = MARGIN + across * limit / STEP
-    line = f'<line x1="{at:.1f}" x2="{at:.1f}" y1="4" y2="{HEIGHT - MARGIN}" stroke="#b91c1c"/>'
+    drawn.append(f'<line x1="{at:.1f}" x2="{at:.1f}" y1="4" y2="{HEIGHT - MARGIN}"/>')
     caption = "<p class=small>Contacts by their greatest 10 ms mean, N; the line is the limit.</p>"
-    return (
-        f'<svg viewBox="0 0 {WIDTH} {HEIGHT}" width="{WIDTH}">{"".join(bars)}{line}</svg>{caption}'
-    )
+    return f'<svg viewBox="0 0 {WIDTH} {HEIGHT}" width="{WIDTH}">{"".join(drawn)}</svg>{caption}'
 
 
 def _worst(rows: Sequence[Row]) -> str:

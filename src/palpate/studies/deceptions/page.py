@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from html import escape
 
 from palpate.studies.campaign.ledger import Row
-from palpate.studies.campaign.page import STYLE
+from palpate.studies.campaign.page import framed
 from palpate.studies.deceptions.coverage import Coverage, coverage
 from palpate.studies.deceptions.world import Deception, deceptions
 
@@ -21,11 +21,7 @@ TITLES = {
 
 def page(rows: Sequence[Row]) -> str:
     """The page of all rows."""
-    parts = [
-        "<!doctype html><html lang=en><meta charset=utf-8><title>Deceptions</title>",
-        f"<style>{STYLE}</style><h1>Who is deceived</h1>",
-        _covered(coverage(rows)),
-    ]
+    parts = [_covered(coverage(rows))]
     for kind, title in TITLES.items():
         found = [row for row in rows if row.figures.get("kind") == kind]
         if found:
@@ -33,7 +29,7 @@ def page(rows: Sequence[Row]) -> str:
     crashed = [row for row in rows if row.crash]
     for row in crashed:
         parts.append(f"<p class=beyond>{escape(row.case)}</p><pre>{escape(row.crash)}</pre>")
-    return "\n".join(parts) + "</html>\n"
+    return framed("Deceptions", "Who is deceived", parts)
 
 
 def by_world(rows: Sequence[Row]) -> dict[str, list[Row]]:
