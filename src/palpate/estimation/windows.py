@@ -80,6 +80,7 @@ def at_rest(samples: Samples) -> Mask:
     last_change = np.maximum.accumulate(np.where(changed, t, -np.inf))
     next_change = np.minimum.accumulate(np.where(changed, t, np.inf)[::-1])[::-1]
     slow = np.linalg.norm(samples.twist[:, :3], axis=1) < tuning.STILL_SPEED
+    slow &= np.linalg.norm(samples.twist[:, 3:], axis=1) < tuning.STILL_TURN
     return (t - last_change > tuning.SETTLE) & (next_change - t > tuning.START) & slow
 
 
@@ -100,9 +101,12 @@ def smoothed(values: Array, rows: int) -> Array:
 
 
 def commanded(samples: Samples) -> Mask:
-    """Rows where the commanded pose moves."""
-    step = np.linalg.norm(np.diff(samples.target_world_tcp[:, :3], axis=0), axis=1)
-    return np.concatenate([[False], step > 1e-6])
+    """Rows where the commanded pose moves or turns."""
+    target = samples.target_world_tcp
+    moved = np.linalg.norm(np.diff(target[:, :3], axis=0), axis=1)
+    # A quaternion and its opposite are one orientation.
+    turned = 1.0 - np.abs(np.sum(target[1:, 3:] * target[:-1, 3:], axis=1))
+    return np.concatenate([[False], (moved > 1e-6) | (turned > 1e-12)])
 
 
 def near(samples: Samples, pose: Pose) -> Mask:

@@ -12,10 +12,9 @@ from scipy.special import stdtrit
 from palpate.estimation import tuning
 from palpate.estimation.agreement import FitTest, chi_squared
 from palpate.estimation.estimate import Estimate, Part, not_identified
-from palpate.estimation.load.fit import Load, fit_load
-from palpate.estimation.load.segments import weighings
-from palpate.estimation.windows import load_of, mean_pose
-from palpate.geometry.pose import Array, Pose
+from palpate.estimation.holds import Held, held
+from palpate.estimation.load.fit import Load
+from palpate.geometry.pose import Array
 from palpate.mjcf.body import Body, BodyDescription
 from palpate.mjcf.document import UNKNOWN, tokens
 from palpate.mjcf.edits import Slot
@@ -133,13 +132,13 @@ def estimate_com(trace: Trace, parameter: Parameter, body: Body | None) -> Estim
     keeps the geometric centre with its prior spread, and the method says so. `parts` holds the `mass`
     from all grasps, and the `least torque`.
     """
-    held = _held_still(trace, parameter.object)
-    if body is None or not held:
+    found = None if body is None else held(trace, body)
+    if body is None or found is None:
         return not_identified(
             parameter, UNIT, "No recording shows the object held still in the air."
         )
-    load = fit_load(weighings(trace, held[0]), trace.gravity, trace.hand)
-    grasps = _grasps(trace, held, load, body)
+    load = found.load
+    grasps = _grasps(trace, found, body)
     centre, covariance, agree = _solve(grasps, body)
     weight, std = load.force / trace.gravity, load.force_std / trace.gravity
     torques = [float(np.hypot(*moment)) for moment in load.value[1:].reshape(-1, 2)]
@@ -147,42 +146,32 @@ def estimate_com(trace: Trace, parameter: Parameter, body: Body | None) -> Estim
         "mass": Part(weight, std, "kg"),
         "least torque": Part(min(torques), 0.0, "N·m"),
     }
-    found = centre, np.sqrt(np.diag(covariance))
+    value = centre, np.sqrt(np.diag(covariance))
     tests = (*load.tests, agree)
-    return _estimate(parameter, body, grasps, found, parts, tests)
+    return _estimate(parameter, body, grasps, value, parts, tests)
 
 
-def _held_still(trace: Trace, name: str) -> list[Recording]:
-    found: list[Recording] = []
-    for recording in trace.recordings:
-        context = recording.context
-        still = recording.buffer == FORCES and context.activity == "still"
-        if still and context.holding == name:
-            found.append(recording)
-    return found
-
-
-def _grasps(trace: Trace, held: Sequence[Recording], load: Load, body: Body) -> _Grasps:
+def _grasps(trace: Trace, held: Held, body: Body) -> _Grasps:
     """The equations for the centre of mass c in the body frame.
 
     The load hangs at r = (-M_y, M_x) / F from the TCP, seen from above, because its moment about
     the TCP is M = r x (0, 0, F). That point is p + R c in the world, with p and R the position and
-    rotation of the object in the hand: two rows of R c = TCP + r - p.
+    rotation of the object in the hand: two rows of R c = TCP + r - p. A tilted hand turns R, and with
+    it what was along gravity.
     """
+    load = held.load
     recordings: list[Recording] = []
     rows: list[Array] = []
     right: list[Array] = []
     along: list[Array] = []
-    for i, grasp in enumerate(load.grasps):
-        recording = next(one for one in held if one.start >= grasp)
+    for i, hold in enumerate(held.holds):
         moment = load.value[1 + 2 * i : 3 + 2 * i]
         offset = np.array([-moment[1], moment[0]]) / load.force
-        pose_world_tcp = mean_pose(trace.of(recording))
-        pose_world_body = pose_world_tcp @ pose_in_hand(trace, recording, body)
-        recordings.append(recording)
+        pose_world_body = hold.pose_world_tcp @ hold.pose_tcp_body
+        recordings.append(hold.recording)
         rows.append(pose_world_body.rotation[:2])
-        along.append(pose_world_tcp.rotation[:2, 0])
-        right.append(pose_world_tcp.position[:2] + offset - pose_world_body.position[:2])
+        along.append(hold.pose_world_tcp.rotation[:2])
+        right.append(hold.pose_world_tcp.position[:2] + offset - pose_world_body.position[:2])
     covariance = _offsets(load) + _places(along, accuracy(body), trace.hand)
     loose = tuning.ARM_WEIGHT * trace.hand.pose_repeatability / load.force
     return _Grasps(
@@ -195,19 +184,19 @@ def accuracy(body: Body) -> float:
     return tuning.PLACE_ACCURACY if body.accuracy is None else body.accuracy
 
 
-def _places(along: Sequence[Array], accuracy: float, hand: Hand) -> Array:
+def _places(tools: Sequence[Array], accuracy: float, hand: Hand) -> Array:
     """(2n, 2n) m²: covariance of where the object is in the hand: what each grasp shifts, and by how
-    much the scene and the arm disagree on where it stands, which is the same in all of them.
+    much the scene and the arm disagree on where it stands, which is the same in all of them; `tools`
+    (2, 3) say where the tool's axes point, seen from above.
 
-    The fingers centre it between them as they close; `along` (2,) them, seen from above in each
-    grasp, they leave it where it is, and nothing that is felt shows by how much that is off.
+    The fingers centre it between them as they close; along them, they leave it where it is, and
+    nothing that is felt shows by how much that is off.
     """
-    flat = np.concatenate(along)
-    across = np.concatenate([np.array([-y, x]) for x, y in along])
-    own = tuning.GRASP_ACCURACY**2 * np.eye(len(flat))
-    found = own + (accuracy**2 + hand.tip_offset_std**2) * np.outer(flat, flat)
-    beside = tuning.PLACE_ACCURACY**2 + hand.tip_offset_std**2
-    return found + beside * np.outer(across, across)
+    seen = np.vstack(tools)
+    own = tuning.GRASP_ACCURACY**2 * np.eye(len(seen))
+    known = np.array([accuracy, tuning.PLACE_ACCURACY, tuning.PLACE_ACCURACY])
+    common = seen * np.hypot(known, hand.tip_offset_std)
+    return own + common @ common.T
 
 
 def _offsets(load: Load) -> Array:
@@ -220,17 +209,6 @@ def _offsets(load: Load) -> Array:
         slopes[x, 0], slopes[x + 1, 0] = moments[x + 1] / load.force, -moments[x] / load.force
     slopes /= load.force
     return slopes @ load.covariance @ slopes.T
-
-
-def pose_in_hand(trace: Trace, recording: Recording, body: Body) -> Pose:
-    """The object in the hand: where it was believed to stand when the measured hand closed on
-    it."""
-    grasps = load_of(trace, body.name).grasps
-    before = [time for time in grasps if time <= recording.start]
-    if not before:
-        return mean_pose(trace.of(recording)).inverse() @ body.pose_world
-    at_grasp = trace.samples.between(before[-1] - tuning.AT_GRASP, before[-1] + tuning.AT_GRASP)
-    return mean_pose(at_grasp).inverse() @ body.pose_world
 
 
 def _solve(grasps: _Grasps, body: Body) -> tuple[Array, Array, FitTest]:

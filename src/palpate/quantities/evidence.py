@@ -23,6 +23,7 @@ class Evidence:
         buffer: what is logged.
         how: how that is done, in words for prompts and explanations.
         activity: what goes on meanwhile; anything when empty.
+        empty: whether it is made with an empty hand where it would hold the object.
         holding: whether it is about the object held; otherwise it is about the surface touched, or
             about what moves, held object or gripper.
         distinct: what of the context tells several such recordings apart, the grasp or the place;
@@ -38,12 +39,15 @@ class Evidence:
     distinct: Literal["grasp", "place"] | None = None
     count: int = 1
     better: int = 1
+    empty: bool = False
 
     def about(self, context: Context) -> str | None:
         """The object or surface that a recording made in `context` is evidence of; None when it is
         none."""
         if self.activity and context.activity not in self.activity:
             return None
+        if self.empty:
+            return context.place_of if context.holding is None else None
         if self.holding:
             return context.holding
         if context.activity == "contact":

@@ -1,19 +1,30 @@
-"""Rotational inertia of an object, which nothing in the vocabulary excites."""
+"""Rotational inertia of a held object, from swings of the hand with it and without."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from typing import ClassVar
 
-from palpate.estimation.estimate import Estimate, not_identified
+import numpy as np
+from scipy.optimize import least_squares
+
+from palpate.estimation import tuning
+from palpate.estimation.agreement import FitTest, chi_squared
+from palpate.estimation.estimate import Estimate, Part, not_identified
+from palpate.estimation.holds import Held, held, pose_in_hand
+from palpate.estimation.rigid import MASS, about_centre, linear, moved, of_box, pseudo_inertia
+from palpate.estimation.swung import contrast, swings
 from palpate.geometry.inertia import inertia_components
+from palpate.geometry.pose import Array, Pose
 from palpate.mjcf.body import Body, BodyDescription
 from palpate.mjcf.edits import Slot
 from palpate.mjcf.inertial import Statement, com_of, inertia_for, inertia_is_open, mass_of
 from palpate.mjcf.roles import Elements
 from palpate.parameter import Parameter
+from palpate.quantities.evidence import Evidence
 from palpate.quantities.quantity import Prior, Quantity, Status, Values
-from palpate.trace.samples import Trace
+from palpate.trace.samples import FORCES, Trace
 
 UNIT = "kg·m²"
 
@@ -32,9 +43,28 @@ class Inertia(Quantity):
         "en": ("inertia", "moment of inertia", "moments of inertia", "inertia tensor")
     }
     size = 6
-    how = "needs dynamic excitation, which no primitive offers"
-    identifiable = False
-    estimators: ClassVar = {"none": "palpate.quantities.inertia:estimate_inertia"}
+    evidence = (
+        Evidence(
+            FORCES,
+            "MeasureForces while held still in free air",
+            activity=("still",),
+            holding=True,
+        ),
+        Evidence(
+            FORCES,
+            "in a Parallel with Swing while it is held there",
+            activity=("swinging",),
+            holding=True,
+        ),
+        Evidence(
+            FORCES,
+            "in a Parallel with Swing at the same pose with the empty hand",
+            activity=("swinging",),
+            empty=True,
+        ),
+    )
+    derived = True
+    estimators: ClassVar = {"swings": "palpate.quantities.inertia:estimate_inertia"}
 
     def status(self, body: BodyDescription) -> Status:
         if body.elements.inertial is None:
@@ -64,10 +94,174 @@ class Inertia(Quantity):
         yield Statement(inertia=value, std=std)
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class _Evidence:
+    """What tells of an object's ten inertial parameters.
+
+    Attributes:
+        felt, variance: for each swing (m,) what the load makes of the signals; load: (m, 10) what
+            unit parameters in the tool's axes make of them.
+        rates: rad/s of each swing. axes: which axis of the tool each is about.
+        poses: of the object in the tool's frame, swung. held: as it was held still.
+    """
+
+    felt: Sequence[Array]
+    variance: Sequence[Array]
+    load: Sequence[Array]
+    rates: Sequence[float]
+    axes: Sequence[int]
+    poses: Sequence[Pose]
+    held: Held
+    gravity: float
+
+
 def estimate_inertia(trace: Trace, parameter: Parameter, body: Body | None) -> Estimate:
-    """Never identified: an inertia shows in the torque of an angular acceleration only."""
-    return not_identified(
+    """Mass, centre of mass and inertia together, of a body that there can be (`estimation.rigid`):
+    from what the object resists being swung with (`estimation.swung`), and how it hangs.
+
+    What gives way between pads and object makes it seem to resist with more the faster it swings, by
+    the square of the frequency; that is fitted beside it, about each axis of the hand. Components
+    that the swings say little of keep the box's with its prior spread, and the method says so.
+    """
+    found = None if body is None else _evidence(trace, body)
+    if body is None or found is None:
+        return not_identified(
+            parameter,
+            UNIT,
+            "The recordings hold no swing of the object with one of the empty hand at the same pose, "
+            "so its inertia is not excited.",
+        )
+    theta, covariance, test = _fit(found, body)
+    slopes = _slopes(theta)
+    value, std = about_centre(theta), np.sqrt(np.diag(slopes @ covariance @ slopes.T))
+    believed = np.sqrt(np.diag(slopes @ np.diag(_spread(body)[:10] ** 2) @ slopes.T))
+    blind = std > tuning.BLIND * believed
+    mass = float(np.exp(2.0 * theta[MASS]))
+    parts = {"mass": Part(mass, 2.0 * mass * float(np.sqrt(covariance[0, 0])), "kg")}
+    for name, place in zip("xyz", range(7, 10), strict=True):
+        deviation = float(np.sqrt(covariance[place, place]))
+        parts[f"com {name}"] = Part(float(theta[place]), deviation, "m")
+    return Estimate.normal(
         parameter,
         UNIT,
-        "The recordings hold no rotation of the object, so its inertia is not excited.",
+        value,
+        std,
+        _method(len(found.rates), blind.tolist()),
+        tuple(hold.recording for hold in found.held.holds),
+        "prior-dominated" if bool(blind[:3].all()) else "identified",
+        parts,
+        tests=(*found.held.load.tests, test),
     )
+
+
+def _evidence(trace: Trace, body: Body) -> _Evidence | None:
+    still = held(trace, body)
+    swung = [one for one in trace.recordings if one.context.activity == "swinging"]
+    if still is None or not swung:
+        return None
+    noise = still.weighings[0].noise
+    empty = [one for r in swung if r.context.holding is None for one in swings(trace, r, noise)]
+    felt: list[Array] = []
+    variance: list[Array] = []
+    load: list[Array] = []
+    rates: list[float] = []
+    axes: list[int] = []
+    poses: list[Pose] = []
+    for recording in swung:
+        if recording.context.holding != body.name:
+            continue
+        pose = pose_in_hand(trace, recording, body)
+        for swing, difference, spread in contrast(swings(trace, recording, noise), empty):
+            gain = trace.hand.torque_gain / np.sqrt(3.0) * difference
+            felt.append(difference)
+            variance.append(spread + gain**2 + tuning.SWING_FLOOR**2)
+            load.append(swing.load)
+            rates.append(swing.rate)
+            axes.append(int(np.abs(swing.pose.rotation.T @ swing.axis).argmax()))
+            poses.append(pose)
+    if not felt:
+        return None
+    return _Evidence(felt, variance, load, rates, axes, poses, still, trace.gravity)
+
+
+def _fit(found: _Evidence, body: Body) -> tuple[Array, Array, FitTest]:
+    """The ten numbers of the object in its own frame (and how it gives way about three axes), their
+    covariance, and whether the swings agree: Gauss-Newton from the box's (e.g. Nocedal and Wright,
+    Numerical Optimization, section 10.3)."""
+    mass = found.held.load.force / found.gravity
+    start = np.concatenate([of_box(max(mass, 1e-3), body.centre, body.size), np.zeros(3)])
+    spread = _spread(body)
+
+    def misfit(numbers: Array) -> Array:
+        swung = _swung(numbers, found)
+        return np.concatenate([*swung, _hanging(numbers, found), (numbers - start) / spread])
+
+    solved = least_squares(misfit, start, x_scale=spread)
+    numbers, slopes = np.asarray(solved["x"], float), np.asarray(solved["jac"], float)
+    covariance = np.linalg.inv(slopes.T @ slopes)
+    left = np.concatenate(_swung(numbers, found))
+    test = chi_squared(
+        "swings agree",
+        float(left @ left),
+        max(1, len(left) - len(start)),
+        "The swings do not fit one rigid body: something in the object moves, or it moves in the "
+        "fingers.",
+        found.held.load.freedom,
+    )
+    return numbers[:10], covariance[:10, :10].astype(np.float64), test
+
+
+def _spread(body: Body) -> Array:
+    """(13,) 1 sigma of what is believed of the numbers before they are measured."""
+    radii = body.size / np.sqrt(12.0)
+    skew = tuning.SKEW_PRIOR * radii[[0, 0, 1]]
+    centre = tuning.COM_PRIOR * np.maximum(body.size, 1e-3)
+    mass, radius = [tuning.LOG_MASS_PRIOR], [tuning.RADIUS_PRIOR] * 3
+    return np.concatenate([mass, radius, skew, centre, [tuning.GIVE_PRIOR] * 3])
+
+
+def _swung(numbers: Array, found: _Evidence) -> list[Array]:
+    """What the numbers leave of each swing, in standard deviations."""
+    pseudo = pseudo_inertia(numbers[:10])
+    left: list[Array] = []
+    each = zip(
+        found.felt, found.variance, found.load, found.rates, found.axes, found.poses, strict=True
+    )
+    for felt, variance, load, rate, axis, pose in each:
+        gives = 1.0 + numbers[10 + axis] * rate**2
+        left.append((felt - gives * load @ linear(moved(pseudo, pose))) / np.sqrt(variance))
+    return left
+
+
+def _hanging(numbers: Array, found: _Evidence) -> Array:
+    """What the numbers leave of how the object hung, in standard deviations."""
+    pseudo, load = pseudo_inertia(numbers[:10]), found.held.load
+    made = [float(pseudo[3, 3]) * found.gravity]
+    for hold in found.held.holds:
+        tool = linear(moved(pseudo, hold.pose_tcp_body))
+        x, y, _ = hold.pose_world_tcp.rotation @ tool[1:4] * found.gravity
+        made += [y, -x]
+    root = np.linalg.cholesky(load.covariance)
+    left: Array = np.linalg.solve(root, load.value - np.array(made)).astype(np.float64)
+    return left
+
+
+def _slopes(theta: Array) -> Array:
+    """(6, 10) of the inertia about the centre of mass, by the ten numbers."""
+    step = 1e-6
+    columns: list[Array] = []
+    for one in step * np.eye(10):
+        columns.append((about_centre(theta + one) - about_centre(theta - one)) / (2.0 * step))
+    return np.stack(columns, axis=1)
+
+
+def _method(swings: int, blind: Sequence[bool]) -> str:
+    method = (
+        f"What the object resists {swings} swings about three axes of the hand with, against the same "
+        "swings of the empty hand, and how it hangs, fitted together by a rigid body that there can be"
+    )
+    names = ("xx", "yy", "zz", "xy", "xz", "yz")
+    weak = [name for name, unseen in zip(names, blind, strict=True) if unseen]
+    if weak:
+        method += f"; of {', '.join(weak)} they say little: the box's, prior-dominated"
+    return method + "."

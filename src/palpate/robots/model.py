@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from itertools import combinations
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -10,11 +11,12 @@ import mujoco
 import numpy as np
 
 from palpate.errors import InputError, unknown_name
+from palpate.geometry.inertia import components
 from palpate.geometry.pose import Array, Pose
 from palpate.mjcf.bounds import require_bounded
 from palpate.mjcf.reading import read_document
 from palpate.robots.sheet import ParallelHand, Sheet
-from palpate.trace.recording import Chain, Triple
+from palpate.trace.recording import Chain, Link, Triple
 
 if TYPE_CHECKING:
     from palpate.robots.description import RobotDescription
@@ -72,7 +74,28 @@ def chain(model: mujoco.MjModel, sheet: Sheet) -> Chain:
         tuple(_triple(data.xanchor[i]) for i in ids),
         _triple(tool.position),
         (_triple(tool.rotation[0]), _triple(tool.rotation[1]), _triple(tool.rotation[2])),
+        tuple(_links(model, data, ids)),
     )
+
+
+def _links(model: mujoco.MjModel, data: mujoco.MjData, hinges: Sequence[int]) -> Iterator[Link]:
+    """What the hinges move, where it is now."""
+    mujoco.mj_comPos(model, data)
+    for body in range(1, model.nbody):
+        moved_by = [i for i, hinge in enumerate(hinges) if _carries(model, hinge, body)]
+        if moved_by and model.body_mass[body] > 0.0:
+            axes = data.ximat[body].reshape(3, 3)
+            xx, yy, zz, xy, xz, yz = components(axes @ np.diag(model.body_inertia[body]) @ axes.T)
+            mass, com = float(model.body_mass[body]), _triple(data.xipos[body])
+            yield Link(moved_by[-1], mass, com, (xx, yy, zz, xy, xz, yz))
+
+
+def _carries(model: mujoco.MjModel, joint: int, body: int) -> bool:
+    """Whether a joint moves a body."""
+    carried = int(model.jnt_bodyid[joint])
+    while body > carried:
+        body = int(model.body_parentid[body])
+    return body == carried
 
 
 def _triple(vector: Array) -> Triple:

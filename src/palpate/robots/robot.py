@@ -109,6 +109,14 @@ class Robot(Protocol):
         the orientation kept."""
         ...
 
+    def swing(self, about: Array, angle: float, frequency: float, cycles: int) -> None:
+        """Start turning the commanded pose of the TCP to and fro about itself: a sine of `angle`
+        rad and `frequency` Hz about the unit axis `about` (3,) of the tool, for `cycles` periods,
+        between one in which it grows and one in which it fades. It begins at rest and ends where it
+        began. `state.moving` until then.
+        """
+        ...
+
     def open_gripper(self) -> None:
         """Start opening the fingers fully. `state.gripper_moving` until they have stopped."""
         ...

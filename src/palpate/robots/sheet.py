@@ -185,6 +185,8 @@ class Pace(Section):
     Attributes:
         impulse: N s that the arm may give to what it runs into, which bounds the speed where its
             effective mass is large. restitution: of such contacts, 0 to 1.
+        swinging_acceleration: of the TCP, turned to and fro in free air; None where the arm is not to
+            swing.
         cautious: what stands in the place of those of the same name where nothing may be hurt that
             no scene shows.
     """
@@ -198,6 +200,7 @@ class Pace(Section):
     impulse: Size
     restitution: Share
     cautious: Cautious
+    swinging_acceleration: Size | None = None
 
 
 class Accuracy(Section):

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-Activity = Literal["still", "moving", "sliding", "contact"]
+Activity = Literal["still", "moving", "sliding", "contact", "tilting", "swinging"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -14,7 +14,9 @@ class Context:
 
     Attributes:
         activity: `still` in free air, `moving` in free air, `sliding` (a held object dragged along
-            its support) or `contact` (pressing on a surface after a guarded motion).
+            its support), `contact` (pressing on a surface after a guarded motion), `tilting` (held
+            still in free air at several tilts, one after the other) or `swinging` (turned to and fro
+            there).
         at: the pose expression last reached.
         holding: the object between the fingers, if any.
         grasp: the pose expression at which it was grasped.
@@ -26,6 +28,12 @@ class Context:
     holding: str | None = None
     grasp: str | None = None
     support: str | None = None
+
+    @property
+    def place_of(self) -> str | None:
+        """The object at whose grasp pose, or above it, the hand was."""
+        name, _, _ = (self.at or "").partition(" ")
+        return name.removesuffix("_pose") if name.endswith("_pose") else None
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,18 +84,35 @@ Triple = tuple[float, float, float]
 
 
 @dataclass(frozen=True, slots=True)
+class Link:
+    """A part of an arm that moves, at joint angles 0, in the axes of its base.
+
+    Attributes:
+        joint: index of the last hinge that moves it. mass: kg. com: m.
+        inertia: about its centre of mass, xx yy zz xy xz yz, kg m².
+    """
+
+    joint: int
+    mass: float
+    com: Triple
+    inertia: tuple[float, float, float, float, float, float]
+
+
+@dataclass(frozen=True, slots=True)
 class Chain:
     """The nominal kinematics of a serial arm, at joint angles 0, in the axes of its base.
 
     Attributes:
         axes: unit axis of each hinge, from the base on. anchors: a point on it, m.
         tcp: m. tool: the rows of the tool's rotation matrix.
+        links: what moves, hand and fingers among it; none in a trace that does not say.
     """
 
     axes: tuple[Triple, ...]
     anchors: tuple[Triple, ...]
     tcp: Triple
     tool: tuple[Triple, Triple, Triple]
+    links: tuple[Link, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

@@ -20,11 +20,12 @@ from scipy.special import fdtrc
 from palpate.estimation import tuning
 from palpate.estimation.agreement import FitTest, chi_squared
 from palpate.estimation.estimate import Estimate
+from palpate.estimation.holds import pose_in_hand
 from palpate.estimation.load.segments import weighing
 from palpate.estimation.windows import load_of, mean_pose
 from palpate.geometry.pose import Array, Pose
 from palpate.parameter import Parameter
-from palpate.quantities.com import accuracy, pose_in_hand
+from palpate.quantities.com import accuracy
 from palpate.quantities.estimators import estimate_all
 from palpate.scene.scene import Scene
 from palpate.trace.recording import Recording

@@ -18,7 +18,7 @@ from palpate.mjcf.body import Body
 from palpate.parameter import Parameter
 from palpate.robots.kinematics import forward_kinematics
 from palpate.scene.scene import Scene
-from palpate.trace.recording import Context
+from palpate.trace.recording import Activity, Context
 from palpate.vocabulary.admissible.grip import Grip, grip
 from palpate.vocabulary.admissible.solids import digits, solids
 
@@ -79,7 +79,7 @@ class SymbolicState:
     lifted: bool = False
     contact: str | None = None
     moved: Mapping[str, Pose] = field(default_factory=dict[str, Pose])
-    activity: Literal["still", "moving", "sliding", "contact"] = "still"
+    activity: Activity = "still"
     buffers: Mapping[str, Context] = field(default_factory=dict[str, Context])
     logged: tuple[tuple[str, Context], ...] = ()
     converted: frozenset[Parameter] = frozenset()

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from palpate.estimation import tuning
+from palpate.geometry.inertia import tensor_of
 from palpate.geometry.pose import Array, Pose
 from palpate.trace.recording import Chain
 from palpate.trace.samples import Samples, Trace
@@ -41,6 +42,13 @@ class Feeling:
         _, _, jacobian = _kinematics(self.chain, q)
         turned = np.concatenate([self.turn @ jacobian[:, :3], self.turn @ jacobian[:, 3:]], axis=1)
         return turned.transpose(0, 2, 1)
+
+    def inertia(self, q: Array) -> Array | None:
+        """(m, m) kg m² of the arm's links at joint angles `q` (7,); None where nothing is known of
+        them."""
+        if self.chain is None or not self.chain.links:
+            return None
+        return _inertia(self.chain, q)
 
 
 def feeling(trace: Trace) -> Feeling:
@@ -99,6 +107,31 @@ def _kinematics(chain: Chain, q: Array) -> tuple[Array, Array, Array]:
     for axis, anchor in zip(axes, anchors, strict=True):
         columns.append(np.concatenate([np.cross(axis, tcp - anchor), axis], axis=1))
     return tcp, rotation @ np.array(chain.tool), np.stack(columns, axis=2)
+
+
+def _inertia(chain: Chain, q: Array) -> Array:
+    """(m, m): the sum of all links' m Jv^T Jv + Jw^T I Jw (Lynch and Park, as above, chapter 8)."""
+    rotation, shift = np.eye(3), np.zeros(3)
+    axes: list[Array] = []
+    anchors: list[Array] = []
+    found = np.zeros((len(q), len(q)))
+    for joint, angle in enumerate(q):
+        own = np.array(chain.axes[joint])
+        axes.append(rotation @ own)
+        anchors.append(rotation @ np.array(chain.anchors[joint]) + shift)
+        rotation = rotation @ _about(own, np.array([angle]))[0]
+        shift = anchors[-1] - rotation @ np.array(chain.anchors[joint])
+        for link in chain.links:
+            if link.joint == joint:
+                com = rotation @ np.array(link.com) + shift
+                turning = np.stack(axes, axis=1)
+                moving = np.stack(
+                    [np.cross(a, com - p) for a, p in zip(axes, anchors, strict=True)], axis=1
+                )
+                tensor = rotation @ tensor_of(link.inertia) @ rotation.T
+                part = link.mass * moving.T @ moving + turning.T @ tensor @ turning
+                found[: joint + 1, : joint + 1] += part
+    return found
 
 
 def _about(axis: Array, angle: Array) -> Array:

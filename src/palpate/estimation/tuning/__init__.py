@@ -19,4 +19,5 @@ from palpate.estimation.tuning.load import *
 from palpate.estimation.tuning.noise import *
 from palpate.estimation.tuning.position import *
 from palpate.estimation.tuning.shared import *
+from palpate.estimation.tuning.swung import *
 from palpate.estimation.tuning.windows import *

@@ -12,6 +12,9 @@ STILL_SPEED = 0.001
 """m/s: below this the TCP counts as at rest. Sensitive: mass 0.1 σ; friction 0.2 σ, std
 ×1.0–1.1; com 0.2 σ."""
 
+STILL_TURN = 0.01
+"""rad/s: likewise, of the hand's turning. Sensitive: no."""
+
 NEAR = 0.012
 """m off the measured pose that a rest may be and still count as the same pose (a loaded arm sags
 by m g / k). Sensitive: no."""

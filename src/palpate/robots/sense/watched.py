@@ -84,6 +84,10 @@ class Watched:
         """See `Robot`."""
         self._robot.move_axis(direction, speed, travel)
 
+    def swing(self, about: Array, angle: float, frequency: float, cycles: int) -> None:
+        """See `Robot`."""
+        self._robot.swing(about, angle, frequency, cycles)
+
     def open_gripper(self) -> None:
         """See `Robot`."""
         self._robot.open_gripper()

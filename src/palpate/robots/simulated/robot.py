@@ -213,6 +213,15 @@ class MujocoRobot:
         ahead = Pose(now.p[:3] + travel * np.asarray(direction, dtype=float), origin)
         self.move_pose(ahead, speed)
 
+    def swing(self, about: Array, angle: float, frequency: float, cycles: int) -> None:
+        """See `Robot`."""
+        self._reflex = None
+        t, (now, origin) = self._world.t, self._pose_motion()
+        amplitude = np.concatenate([np.zeros(3), angle * np.asarray(about, dtype=float)])
+        path = trajectory.swing(t, now, amplitude, frequency, cycles)
+        posture = trajectory.still(t, self._readout.q)
+        self._follow_pose(trajectory.PosePath(path, origin), posture)
+
     def open_gripper(self) -> None:
         """See `Robot`."""
         self._gripper.open(self._world.t)

@@ -112,6 +112,10 @@ class FaultyRobot:
         if self._call("move_axis"):
             self._robot.move_axis(*args, **more)
 
+    def swing(self, *args: Any, **more: Any) -> None:
+        if self._call("swing"):
+            self._robot.swing(*args, **more)
+
     def open_gripper(self, *args: Any, **more: Any) -> None:
         if self._call("open_gripper"):
             self._robot.open_gripper(*args, **more)

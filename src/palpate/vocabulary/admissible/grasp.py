@@ -52,7 +52,7 @@ def _twisting(state: SymbolicState, body: Body, pose_world_tcp: Pose) -> list[Vi
     centre = state.pose_of(body.name).apply(shapes.centre_of_mass(body.name))
     beside = abs(float((centre - pose_world_tcp.position) @ pose_world_tcp.rotation[:, 0]))
     moment = shapes.mass(body.name) * scene.gravity * beside
-    most = _torsion(scene, shapes)
+    most = torsion(scene, shapes)
     if moment <= most:
         return []
     return [
@@ -74,10 +74,10 @@ def most_sideways(state: SymbolicState, way: Array) -> float:
     bottom = scene.body(state.holding).bottom_z(state.pose_of(state.holding))
     across = abs(float(way @ pose.rotation[:, 0])) / max(float(np.linalg.norm(way)), 1e-9)
     lever = max(float(pose.position[2]) - bottom, 0.0) * across
-    return _torsion(scene, solids(scene)) / max(lever, 1e-9)
+    return torsion(scene, solids(scene)) / max(lever, 1e-9)
 
 
-def _torsion(scene: Scene, shapes: Solids) -> float:
+def torsion(scene: Scene, shapes: Solids) -> float:
     """N m with which the two pads resist turning about the line between them: friction times force
     times the mean lever of a pad."""
     (pad, *_) = shapes.pads(LEFT)

@@ -1,0 +1,125 @@
+"""Where and how an object was held still in free air, level and tilted, with the load that it was."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from palpate.estimation import tuning
+from palpate.estimation.load.fit import Load, fit_load
+from palpate.estimation.load.segments import Segment, Weighing, weighing, weighings
+from palpate.estimation.windows import at_rest, load_of, mean_pose, runs
+from palpate.geometry.pose import Pose
+from palpate.mjcf.body import Body
+from palpate.trace.recording import Recording
+from palpate.trace.samples import FORCES, Trace
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Hold:
+    """An object held still.
+
+    Attributes:
+        recording: of it. pose_world_tcp: of the hand meanwhile.
+        pose_tcp_body: the object in the hand: where it was believed to stand when the measured hand
+            closed on it.
+    """
+
+    recording: Recording
+    pose_world_tcp: Pose
+    pose_tcp_body: Pose
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Held:
+    """All holds of one object.
+
+    Attributes:
+        load: what hung on the hand; of its `grasps`, each is one of the holds. weighings: what that
+            rests on.
+    """
+
+    load: Load
+    holds: Sequence[Hold]
+    weighings: Sequence[Weighing]
+
+
+def held(trace: Trace, body: Body) -> Held | None:
+    """All holds of `body`; None where it was never held still in the air."""
+    still = _recordings(trace, body.name, "still")
+    if not still:
+        return None
+    found = [_before(trace, body.name, one) for one in weighings(trace, still[0])]
+    levels = [grasp for one in found for grasp in one.grasps]
+    recordings = [next(one for one in still if one.start >= grasp) for grasp in levels]
+    for recording, tilted in _tilted(trace, body.name):
+        recordings.append(recording)
+        found.append(tilted)
+    load = fit_load(found, trace.gravity, trace.hand)
+    keys = [grasp for one in found for grasp in one.grasps]
+    by_key = dict(zip(keys, recordings, strict=True))
+    holds: list[Hold] = []
+    for grasp in load.grasps:
+        recording = by_key[grasp]
+        here = mean_pose(trace.of(recording))
+        holds.append(Hold(recording, here, pose_in_hand(trace, recording, body)))
+    return Held(load, holds, found)
+
+
+def _before(trace: Trace, name: str, found: Weighing) -> Weighing:
+    """Without what was felt of the load after it was turned to and fro: it may have turned in the
+    fingers, and hang otherwise."""
+    turned = [*_recordings(trace, name, "tilting"), *_recordings(trace, name, "swinging")]
+    kept: list[Segment] = []
+    for segment in found.segments:
+        since = [one for one in turned if segment.grasp < one.start < segment.start]
+        if not (segment.loaded and since):
+            kept.append(segment)
+    return replace(found, segments=kept)
+
+
+def _recordings(trace: Trace, name: str, activity: str) -> list[Recording]:
+    found: list[Recording] = []
+    for recording in trace.recordings:
+        context = recording.context
+        if recording.buffer == FORCES and context.activity == activity and context.holding == name:
+            found.append(recording)
+    return found
+
+
+def _tilted(trace: Trace, name: str) -> Iterator[tuple[Recording, Weighing]]:
+    """Every rest at a tilt, as a recording of its own, with what tells about the load in it."""
+    resting = at_rest(trace.samples)
+    t = trace.samples.t
+    for recording in _recordings(trace, name, "tilting"):
+        inside = (t >= recording.start) & (t <= recording.end)
+        level = mean_pose(trace.samples.where(np.flatnonzero(inside)[:1]))
+        for rows in runs(resting & inside):
+            rest = trace.samples.where(rows)
+            if len(rest) < tuning.REST_ROWS or mean_pose(rest).angle_to(level) < tuning.NEAR_ANGLE:
+                continue
+            context = replace(recording.context, activity="still")
+            start, end = float(rest.t[0]), float(rest.t[-1])
+            part = replace(recording, start=start, end=end, context=context)
+            yield part, _as_own(weighing(trace, part), start)
+
+
+def _as_own(found: Weighing, time: float) -> Weighing:
+    """As if the load had been grasped at `time`: about a tilted hand it has another moment."""
+    segments = [
+        replace(segment, grasp=time) if segment.loaded else segment for segment in found.segments
+    ]
+    return replace(found, segments=segments)
+
+
+def pose_in_hand(trace: Trace, recording: Recording, body: Body) -> Pose:
+    """The object in the hand: where it was believed to stand when the measured hand closed on
+    it."""
+    grasps = load_of(trace, body.name).grasps
+    before = [time for time in grasps if time <= recording.start]
+    if not before:
+        return mean_pose(trace.of(recording)).inverse() @ body.pose_world
+    at_grasp = trace.samples.between(before[-1] - tuning.AT_GRASP, before[-1] + tuning.AT_GRASP)
+    return mean_pose(at_grasp).inverse() @ body.pose_world

@@ -1,0 +1,221 @@
+"""What a load resists being turned with: swings with it against swings without.
+
+A hand that turns to and fro about its TCP with the angle A sin(wt) makes every joint's torque swing
+along, as what the arm itself weighs and resists with, and as the load's wrench does: about the TCP,
+
+    f = m (a + g) + alpha x h        n = h x (a + g) + I alpha
+
+with the TCP's acceleration a, the hand's angular acceleration alpha, gravity g (upwards, as it is
+held), the load's first moment h = m c and its inertia I about the TCP: linear in all ten. Each
+signal is fitted by a constant, a trend and a sine of that frequency (a lock-in): constants, drift and
+all noise at other frequencies drop out, friction is a quarter of a period off, and the acceleration
+is -w² times the place. The arm's own part is that of the empty hand's swing, in proportion to how far
+the hand turned.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.estimation import tuning
+from palpate.estimation.load.feeling import Feeling, feeling
+from palpate.estimation.load.noise import Noise
+from palpate.estimation.windows import commanded, mean_pose, runs
+from palpate.geometry.pose import Array, Pose
+from palpate.trace.recording import Recording
+from palpate.trace.samples import Samples, Trace
+
+Complex = NDArray[np.complex128]
+
+INERTIA = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
+"""Rows and columns of xx yy zz xy xz yz."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Swing:
+    """A swing about one axis, in phase with how far the hand turned.
+
+    Attributes:
+        pose: where the hand turned. axis: (3,) unit, world. angle: rad, amplitude. rate: rad/s.
+        felt: (m,) amplitudes of the signals, N m. variance: (m,) that white noise has in them.
+        own: (m,) of them, what moves the arm's own links, as far as their inertias are known.
+        load: (m, 10) what unit mass, first moment and inertia (about the TCP, tool axes) make of them.
+    """
+
+    pose: Pose
+    axis: Array
+    angle: float
+    rate: float
+    felt: Array
+    variance: Array
+    own: Array
+    load: Array
+
+
+def swings(trace: Trace, recording: Recording, noise: Noise) -> Sequence[Swing]:
+    """All swings in a recording, in order."""
+    samples, felt = trace.of(recording), feeling(trace)
+    signals = felt.signals[_rows(trace, recording)]
+    found: list[Swing] = []
+    for rows in _turning(samples):
+        found.append(_swing(samples.where(rows), signals[rows], felt, noise, trace.gravity))
+    return found
+
+
+def contrast(
+    loaded: Sequence[Swing], empty: Sequence[Swing]
+) -> Iterator[tuple[Swing, Array, Array]]:
+    """Each swing with the load that has one without, with what the load makes of the signals (m,),
+    and its variance (m,)."""
+    for swing in loaded:
+        own = _counterpart(swing, empty)
+        if own is None:
+            continue
+        ratio = swing.angle / own.angle
+        # The load bends the arm a little, whose joints then share the swing otherwise.
+        bent = swing.own - ratio * own.own
+        inexact = tuning.ARM_SWING * own.felt, tuning.ARM_BENT * bent
+        variance = swing.variance + ratio**2 * own.variance + inexact[0] ** 2 + inexact[1] ** 2
+        yield swing, swing.felt - ratio * own.felt - bent, variance
+
+
+def _counterpart(swing: Swing, empty: Sequence[Swing]) -> Swing | None:
+    """The swing of the empty hand about the same axis at the same pose and frequency."""
+    for own in empty:
+        near = own.pose.distance_to(swing.pose) < tuning.NEAR
+        alike = abs(float(own.axis @ swing.axis)) > tuning.SAME_AXIS
+        if near and alike and abs(own.rate - swing.rate) < tuning.SAME_RATE * swing.rate:
+            return own
+    return None
+
+
+def _rows(trace: Trace, recording: Recording) -> slice:
+    first, last = np.searchsorted(trace.samples.t, [recording.start, recording.end + 1e-9])
+    return slice(int(first), int(last))
+
+
+def _turning(samples: Samples) -> Iterator[slice]:
+    """Rows of each swing: the commanded pose turns, but for moments at its turning points."""
+    told = commanded(samples)
+    turning = told.copy()
+    period = float(np.median(np.diff(samples.t))) if len(samples) > 1 else 1.0
+    gap = max(1, round(tuning.TURNING_POINT / period))
+    for rows in runs(~told):
+        inside = rows.start > 0 and rows.stop < len(told)
+        if inside and rows.stop - rows.start < gap:
+            turning[rows] = True
+    for rows in runs(turning):
+        if samples.t[rows.stop - 1] - samples.t[rows.start] > tuning.SHORTEST_SWING:
+            yield rows
+
+
+def _swing(samples: Samples, signals: Array, felt: Feeling, noise: Noise, gravity: float) -> Swing:
+    rate = _rate(samples)
+    period = 2.0 * np.pi / rate
+    # It grows in its first period and fades in its last.
+    steady = (samples.t > samples.t[0] + period) & (samples.t < samples.t[-1] - period)
+    samples, signals = samples.where(steady), signals[steady]
+    pose = mean_pose(samples)
+    turned = _rotation_vectors(samples.pose_world_tcp[:, 3:], pose)
+    lock = _Lock.of(samples.t, rate)
+    turn = lock.of_signal(turned)
+    along = np.linalg.svd(np.stack([turn.real, turn.imag]))[2][0]
+    phase = complex(turn @ along)
+    angle = abs(phase)
+    unit = phase / angle
+
+    def in_phase(values: Array) -> Array:
+        """(…,) of (n, …): its amplitude in phase with the angle."""
+        flat = lock.of_signal(values.reshape(len(values), -1)) / unit
+        return flat.real.reshape(values.shape[1:])
+
+    maps = felt.maps(samples.q)
+    rotations = np.array([Pose(np.zeros(3), row).rotation for row in samples.pose_world_tcp[:, 3:]])
+    alpha = -(rate**2) * in_phase(turned)
+    a = -(rate**2) * in_phase(samples.pose_world_tcp[:, :3])
+    inertial = maps.mean(axis=0) @ _resisting(pose.rotation, a, alpha)
+    hanging = in_phase(np.einsum("nij,njk->nik", maps, _hanging(rotations, gravity)))
+    variance = 2.0 * noise.white / len(samples.t)
+    links = felt.inertia(samples.q.mean(axis=0))
+    own = np.zeros(signals.shape[1])
+    if links is not None:
+        own = -(rate**2) * links @ in_phase(samples.q)
+    return Swing(pose, along, angle, rate, in_phase(signals), variance, own, inertial + hanging)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Lock:
+    """A fit of a constant, a trend and a sine."""
+
+    inverse: Array
+
+    @classmethod
+    def of(cls, t: Array, rate: float) -> _Lock:
+        """At times `t` (n,), s, and `rate`, rad/s."""
+        since = t - t.mean()
+        design = np.column_stack(
+            [np.cos(rate * since), np.sin(rate * since), np.ones_like(since), since]
+        )
+        return cls(np.linalg.pinv(design))
+
+    def of_signal(self, values: Array) -> Complex:
+        """(k,) complex amplitudes of signals (n, k)."""
+        cosine, sine = (self.inverse @ values)[:2]
+        return cosine - 1j * sine
+
+
+def _rate(samples: Samples) -> float:
+    """rad/s of the commanded swing: the one whose sine leaves least of it, to a hundredth of a
+    period over its whole length."""
+    middle = Pose(np.zeros(3), samples.target_world_tcp[0, 3:])
+    turned = _rotation_vectors(samples.target_world_tcp[:, 3:], middle)
+    along = turned @ np.linalg.svd(turned, full_matrices=False)[2][0]
+    crossings = np.flatnonzero(np.diff(np.signbit(along)))
+    inner = samples.t[crossings[1:-1]]
+    rate = np.pi * (len(inner) - 1) / max(float(inner[-1] - inner[0]), 1e-9)
+    for finer in tuning.RATE_SEARCH:
+        rates = rate * np.linspace(1.0 - finer, 1.0 + finer, tuning.RATE_STEPS)
+        rate = max(
+            rates.tolist(),
+            key=lambda one: abs(_Lock.of(samples.t, one).of_signal(along[:, None])[0]),
+        )
+    return float(rate)
+
+
+def _rotation_vectors(quaternions: Array, about: Pose) -> Array:
+    """(n, 3) rad, world axes: how far poses are turned from `about`, for small angles."""
+    rotations = np.array([Pose(np.zeros(3), row).rotation for row in quaternions])
+    relative = rotations @ about.rotation.T
+    skew = relative - relative.transpose(0, 2, 1)
+    vectors = np.stack([skew[:, 2, 1], skew[:, 0, 2], skew[:, 1, 0]], axis=1) / 2.0
+    sines = np.minimum(np.linalg.norm(vectors, axis=1, keepdims=True), 1.0)
+    return vectors * np.where(sines > 1e-9, np.arcsin(sines) / np.maximum(sines, 1e-9), 1.0)
+
+
+def _resisting(rotation: Array, a: Array, alpha: Array) -> Array:
+    """(6, 10) wrench about the TCP of unit mass, first moment and inertia in the tool's axes, by
+    accelerations."""
+    found = np.zeros((6, 10))
+    found[:3, 0] = a
+    for k in range(3):
+        found[:3, 1 + k] = np.cross(alpha, rotation[:, k])
+        found[3:, 1 + k] = np.cross(rotation[:, k], a)
+    for k, (i, j) in enumerate(INERTIA):
+        unit = np.zeros((3, 3))
+        unit[i, j] = unit[j, i] = 1.0
+        found[3:, 4 + k] = rotation @ unit @ rotation.T @ alpha
+    return found
+
+
+def _hanging(rotations: Array, gravity: float) -> Array:
+    """(n, 6, 10) likewise, by gravity."""
+    up = np.array([0.0, 0.0, gravity])
+    found = np.zeros((len(rotations), 6, 10))
+    found[:, :3, 0] = up
+    for k in range(3):
+        found[:, 3:, 1 + k] = np.cross(rotations[:, :, k], up)
+    return found
