@@ -152,7 +152,7 @@ def test_a_plan_shows_itself_its_tree_and_its_reason() -> None:
 
 
 def test_what_cannot_be_planned_is_a_rejection_that_says_why() -> None:
-    plan = pp.load(DESK).plan("the inertia of the mug")
+    plan = pp.load(DESK).plan("the temperature of the mug")
     assert plan.tree is None
     assert repr(plan) == "<Plan by symbolic: rejected>"
     rejected = plan.run()
@@ -268,7 +268,7 @@ def test_an_opened_run_can_be_saved_again(folder: Path, tmp_path: Path) -> None:
 
 
 def test_a_rejection_is_kept_and_read_too(tmp_path: Path) -> None:
-    rejected = pp.load(DESK).plan("the inertia of the mug").run(out=tmp_path / "run")
+    rejected = pp.load(DESK).plan("the temperature of the mug").run(out=tmp_path / "run")
     again = pp.open(tmp_path / "run")
     assert (again.status, again.plan) == ("rejected", rejected.plan)
     assert again.trace is again.twin is again.execution is None

@@ -37,8 +37,8 @@ def test_a_word_means_one_quantity() -> None:
     assert sorted(set(words)) == sorted(words)
 
 
-def test_what_cannot_be_excited_is_marked() -> None:
-    assert [q.id for q in catalogue().values() if not q.identifiable] == ["inertia"]
+def test_all_of_them_can_be_measured() -> None:
+    assert all(q.identifiable and q.evidence for q in catalogue().values())
 
 
 def test_an_unknown_quantity_lists_the_valid_ones() -> None:

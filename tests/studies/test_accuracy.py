@@ -60,5 +60,5 @@ def test_a_run_that_identifies_nothing_has_no_estimates(settings: Settings) -> N
 
 
 def test_a_rejected_plan_moves_nothing(settings: Settings) -> None:
-    run = run_seed(replace(settings, request="the inertia of the cup"), 0)
+    run = run_seed(replace(settings, request="the temperature of the cup"), 0)
     assert run == SeedRun(0, "rejected", 0, 0.0, ())

@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
-import numpy as np
-
 from palpate.estimation import tuning
 from palpate.estimation.load.fit import Load, fit_load
 from palpate.estimation.load.segments import Segment, Weighing, weighing, weighings
@@ -95,7 +93,7 @@ def _tilted(trace: Trace, name: str) -> Iterator[tuple[Recording, Weighing]]:
     t = trace.samples.t
     for recording in _recordings(trace, name, "tilting"):
         inside = (t >= recording.start) & (t <= recording.end)
-        level = mean_pose(trace.samples.where(np.flatnonzero(inside)[:1]))
+        level = mean_pose(trace.of(recording).where(slice(0, 1)))
         for rows in runs(resting & inside):
             rest = trace.samples.where(rows)
             if len(rest) < tuning.REST_ROWS or mean_pose(rest).angle_to(level) < tuning.NEAR_ANGLE:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -196,8 +196,8 @@ def _fit(found: _Evidence, body: Body) -> tuple[Array, Array, FitTest]:
         swung = _swung(numbers, found)
         return np.concatenate([*swung, _hanging(numbers, found), (numbers - start) / spread])
 
-    solved = least_squares(misfit, start, x_scale=spread)
-    numbers, slopes = np.asarray(solved["x"], float), np.asarray(solved["jac"], float)
+    solved: Any = least_squares(misfit, start, x_scale=spread)
+    numbers, slopes = np.asarray(solved.x, float), np.asarray(solved.jac, float)
     covariance = np.linalg.inv(slopes.T @ slopes)
     left = np.concatenate(_swung(numbers, found))
     test = chi_squared(

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from itertools import combinations
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import mujoco
 import numpy as np
@@ -84,10 +84,12 @@ def _links(model: mujoco.MjModel, data: mujoco.MjData, hinges: Sequence[int]) ->
     for body in range(1, model.nbody):
         moved_by = [i for i, hinge in enumerate(hinges) if _carries(model, hinge, body)]
         if moved_by and model.body_mass[body] > 0.0:
-            axes = data.ximat[body].reshape(3, 3)
-            xx, yy, zz, xy, xz, yz = components(axes @ np.diag(model.body_inertia[body]) @ axes.T)
-            mass, com = float(model.body_mass[body]), _triple(data.xipos[body])
-            yield Link(moved_by[-1], mass, com, (xx, yy, zz, xy, xz, yz))
+            here: Any = data.body(body)
+            mass = float(model.body_mass[body])
+            axes = np.asarray(here.ximat, dtype=np.float64).reshape(3, 3)
+            moments = np.asarray(model.body_inertia[body], dtype=np.float64)
+            xx, yy, zz, xy, xz, yz = components((axes * moments) @ axes.T)
+            yield Link(moved_by[-1], mass, _triple(here.xipos), (xx, yy, zz, xy, xz, yz))
 
 
 def _carries(model: mujoco.MjModel, joint: int, body: int) -> bool:

@@ -27,6 +27,8 @@ RAMP_WAY = 0.75
 """Way of such a change of speed, times acceleration, over the difference of the squared speeds."""
 NOTHING = 1e-9
 """s: pieces of a motion that are shorter are none."""
+SWING_PEAK = 1.12
+"""Peak acceleration of a swing over that of its sine: as it grows and fades."""
 SWING_PIECES = 16
 """Pieces of a period of a sine: a quintic each is off by less than a millionth of its amplitude."""
 LONGEST_BRAKING = 1.0

@@ -74,13 +74,11 @@ def complete(
     for estimate in estimates:
         values[estimate.parameter] = tuple(estimate.value.tolist())
     notes: list[str] = []
-    for parameter, part in _found_besides(scene, estimates):
+    for parameter, found in _found_besides(scene, estimates):
         if parameter not in values and parameter not in asked:
-            values[parameter] = (part.value,)
-            value, std = rounded(part.value, part.std)
+            values[parameter] = tuple(part.value for part in found)
             notes.append(
-                f"{parameter} was not asked for; the twin holds {value} ± {std} {part.unit or ''}".rstrip()
-                + ", found besides"
+                f"{parameter} was not asked for; the twin holds {_told(found)}, found besides"
             )
     description = _without_poses(scene)
     marked = _marked(description, scene.catalogue)
@@ -135,14 +133,29 @@ def _misread(
             yield parameter, str(error)
 
 
-def _found_besides(scene: Scene, estimates: Sequence[Estimate]) -> Iterator[tuple[Parameter, Part]]:
+def _found_besides(
+    scene: Scene, estimates: Sequence[Estimate]
+) -> Iterator[tuple[Parameter, Sequence[Part]]]:
     """Missing quantities of which another's estimate says a value in passing: the mass of an object
-    whose centre of mass was asked for."""
+    whose centre of mass was asked for; of a vector, all its components, `com x` and so on."""
     for estimate in estimates:
         body = scene.bodies.get(estimate.parameter.object)
-        for name, part in estimate.parts.items():
-            if body is not None and name in body.missing:
-                yield Parameter(body.name, name), part
+        for name in sorted(body.missing) if body is not None else ():
+            size = scene.catalogue[name].size
+            names = [name] if size == 1 else [f"{name} {axis}" for axis in "xyz"[:size]]
+            found = [estimate.parts[one] for one in names if one in estimate.parts]
+            if len(found) == size:
+                yield Parameter(estimate.parameter.object, name), found
+
+
+def _told(found: Sequence[Part]) -> str:
+    """`0.3410 ± 0.0010 kg`, or several in brackets."""
+    told: list[str] = []
+    for part in found:
+        value, std = rounded(part.value, part.std)
+        told.append(f"{value} ± {std}")
+    text = told[0] if len(told) == 1 else f"({', '.join(told)})"
+    return f"{text} {found[0].unit or ''}".rstrip()
 
 
 def unfilled(text: str, folder: Path | None = None) -> list[Parameter]:

@@ -19,7 +19,7 @@ from palpate.geometry.pose import Array, Pose
 from palpate.robots.kinematics import reachable
 from palpate.robots.safety import Expectation
 from palpate.robots.sheet import Pace
-from palpate.robots.trajectory import turned
+from palpate.robots.trajectory import SWING_PEAK, turned
 from palpate.trace.recording import Activity
 from palpate.vocabulary.admissible import motion
 from palpate.vocabulary.admissible.grasp import torsion
@@ -53,7 +53,8 @@ SLACK = 0.9
 def swing_angle(pace: Pace, frequency: float) -> float:
     """rad: amplitude of a swing at `frequency`, Hz, within the pace's speed and acceleration."""
     rate = 2.0 * math.pi * frequency
-    return min(SLACK * pace.turning_speed / rate, (pace.swinging_acceleration or 0.0) / rate**2)
+    acceleration = (pace.swinging_acceleration or 0.0) / SWING_PEAK
+    return min(SLACK * pace.turning_speed / rate, acceleration / rate**2)
 
 
 class _Turning(Primitive):

@@ -145,7 +145,6 @@ def test_an_object_that_is_not_there_is_bad_input_and_those_that_are_get_listed(
     [
         ("measure the water temperature", "temperature"),
         ("how hot is the mug", "temperature"),
-        ("inertia of the mug", "inertia"),
         ("the wetness of the bottle", "wetness"),
         ("height of the bottle", "height"),
         ("mass of the bench", "mass"),

@@ -110,7 +110,7 @@ def _would_take(
     if after.is_bent:
         # The joints move with a free hand.
         return not (before.contact or before.holding or _straddles(before))
-    if after.at == before.at and not before.contact:
+    if after.at == before.at and not before.contact and not (primitive.tilts and recorded):
         return False
     if _slides(before, after) and not _slides_well(before, after, recorded):
         return False

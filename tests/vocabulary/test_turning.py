@@ -1,0 +1,114 @@
+"""Tilting and swinging the hand where it is."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import palpate as pp
+from palpate.geometry.pose import Pose
+from palpate.scene.load import parse_scene
+from palpate.vocabulary.state import SymbolicState
+from palpate.vocabulary.turning import SWINGS, Swing, Tilt, swing_angle
+
+SIZE = np.array([0.24, 0.02, 0.024])
+BAR = """<mujoco><worldbody>
+  <site name="robot_base"/>
+  <body name="table" pos="0.4 0 -0.03"><geom type="box" size=".6 .6 .03"/></body>
+  <body name="bar" pos="0.5 0 0.012"><freejoint/>{inertial}
+    <geom type="box" size=".12 .01 .012" {mass}/></body>
+</worldbody></mujoco>"""
+MASS = 0.4
+
+
+@pytest.fixture(scope="module")
+def scene():
+    return parse_scene(BAR.format(inertial="", mass=""))
+
+
+def above(scene, height, holding=None):
+    """The hand over the bar, by `height` m, with it or without."""
+    grasp = scene.symbols.resolve("bar_pose")
+    pose = Pose(grasp.position + [0.0, 0.0, height], grasp.quaternion)
+    state = SymbolicState(scene, at="bar_pose + z_offset", pose_world_tcp=pose, gripper="open")
+    if holding is None:
+        return state
+    held = grasp.inverse() @ scene.body("bar").pose_world
+    return replace(
+        state,
+        gripper="closed",
+        holding="bar",
+        grasp="bar_pose",
+        pose_tcp_object=held,
+        lifted=True,
+        moved={"bar": pose @ held},
+    )
+
+
+@pytest.mark.parametrize("primitive", [Tilt(), Tilt(about="x"), Swing()])
+@pytest.mark.parametrize("holding", [None, "bar"])
+def test_in_free_air_nothing_speaks_against_it_and_all_is_as_it_was(scene, primitive, holding):
+    state = above(scene, 0.15, holding)
+    assert primitive.violations(state) == []
+    after = primitive.effects(primitive.during(state))
+    assert after.pose_world_tcp is state.pose_world_tcp
+    assert (after.at, after.holding, after.moved) == (state.at, state.holding, state.moved)
+
+
+def test_what_it_holds_must_not_come_near_anything(scene):
+    rules = {violation.rule for violation in Tilt().violations(above(scene, 0.05, "bar"))}
+    assert rules == {"collision"}
+    assert Tilt(degrees=5.0).violations(above(scene, 0.05, "bar")) == []
+
+
+def test_it_turns_at_a_pose_in_free_air(scene):
+    state = above(scene, 0.15, "bar")
+    for wrong in (
+        replace(state, pose_world_tcp=None),
+        replace(state, lifted=False),
+        replace(state, contact="table"),
+    ):
+        assert Swing().violations(wrong)
+
+
+def test_a_load_that_would_turn_in_the_grip_is_not_swung():
+    heavy = parse_scene(
+        BAR.format(inertial="", mass="").replace('size=".12 .01 .012"', 'size=".5 .01 .012" mass="2.9"')
+    )
+    rules = {violation.rule for violation in Swing().violations(above(heavy, 0.6, "bar"))}
+    assert "twist" in rules
+
+
+def test_what_is_recorded_beside_it_tells_what_went_on(scene):
+    state = above(scene, 0.15, "bar")
+    assert Swing().during(state).context().activity == "swinging"
+    assert Tilt().during(state).context().activity == "tilting"
+
+
+def test_swings_keep_within_the_arms_pace(scene):
+    pace = scene.arm.pace
+    for frequency, _ in SWINGS:
+        rate = 2 * np.pi * frequency
+        angle = swing_angle(pace, frequency)
+        assert 0.01 < angle
+        assert angle * rate < pace.turning_speed
+        assert angle * rate**2 < pace.swinging_acceleration
+
+
+def test_the_inertia_of_a_bar_is_swung_out_of_it():
+    """From the words to the value: the two large axes within their intervals, and some per cent."""
+    run = pp.run(
+        BAR.format(inertial='<inertial pos="0 0 0" mass="?" diaginertia="? ? ?"/>', mass=""),
+        "the inertia of the bar",
+        world=BAR.format(inertial="", mass=f'mass="{MASS}"'),
+        noise="lab",
+        seed=3,
+    )
+    found = run["bar.inertia"]
+    squares = SIZE**2
+    truth = MASS / 12 * (squares.sum() - squares)
+    assert found.verdict == "identified"
+    assert found.value[1:3] == pytest.approx(truth[1:], rel=0.12)
+    assert (np.abs(found.value[1:3] - truth[1:]) < 3 * found.std[1:3]).all()
+    assert "xx" in found.method.partition("say little")[0]
+    assert found.parts["mass"].value == pytest.approx(MASS, rel=0.02)
