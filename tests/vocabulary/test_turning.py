@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 import palpate as pp
-from palpate.geometry.pose import Pose
 from palpate.scene.load import parse_scene
 from palpate.vocabulary.state import SymbolicState
 from palpate.vocabulary.turning import SWINGS, Swing, Tilt, swing_angle
@@ -29,7 +28,7 @@ def scene():
 def above(scene, height, holding=None):
     """The hand over the bar, by `height` m, with it or without."""
     grasp = scene.symbols.resolve("bar_pose")
-    pose = Pose(grasp.position + [0.0, 0.0, height], grasp.quaternion)
+    pose = grasp.translated(np.array([0.0, 0.0, height]))
     state = SymbolicState(scene, at="bar_pose + z_offset", pose_world_tcp=pose, gripper="open")
     if holding is None:
         return state
@@ -73,7 +72,9 @@ def test_it_turns_at_a_pose_in_free_air(scene):
 
 def test_a_load_that_would_turn_in_the_grip_is_not_swung():
     heavy = parse_scene(
-        BAR.format(inertial="", mass="").replace('size=".12 .01 .012"', 'size=".5 .01 .012" mass="2.9"')
+        BAR.format(inertial="", mass="").replace(
+            'size=".12 .01 .012"', 'size=".5 .01 .012" mass="2.9"'
+        )
     )
     rules = {violation.rule for violation in Swing().violations(above(heavy, 0.6, "bar"))}
     assert "twist" in rules
@@ -90,7 +91,7 @@ def test_swings_keep_within_the_arms_pace(scene):
     for frequency, _ in SWINGS:
         rate = 2 * np.pi * frequency
         angle = swing_angle(pace, frequency)
-        assert 0.01 < angle
+        assert angle > 0.01
         assert angle * rate < pace.turning_speed
         assert angle * rate**2 < pace.swinging_acceleration
 
@@ -110,5 +111,4 @@ def test_the_inertia_of_a_bar_is_swung_out_of_it():
     assert found.verdict == "identified"
     assert found.value[1:3] == pytest.approx(truth[1:], rel=0.12)
     assert (np.abs(found.value[1:3] - truth[1:]) < 3 * found.std[1:3]).all()
-    assert "xx" in found.method.partition("say little")[0]
     assert found.parts["mass"].value == pytest.approx(MASS, rel=0.02)
