@@ -15,6 +15,7 @@ from palpate.robots.safety import Expectation
 from palpate.trace.samples import STANDARD_GRAVITY
 from palpate.vocabulary.admissible.clearance import Motion
 from palpate.vocabulary.admissible.probe import touch, untouchable
+from palpate.vocabulary.admissible.profile import POSE_ERROR
 from palpate.vocabulary.base import (
     Blackboard,
     LeafFailure,
@@ -23,7 +24,6 @@ from palpate.vocabulary.base import (
     Steps,
     Surroundings,
 )
-from palpate.vocabulary.profile import POSE_ERROR
 from palpate.vocabulary.state import SymbolicState
 from palpate.vocabulary.touch import Feeling, feel, finish, guarded, settle
 from palpate.vocabulary.violation import PRECONDITION, Violation

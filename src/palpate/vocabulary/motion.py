@@ -15,6 +15,15 @@ from palpate.robots.accuracy import doubt
 from palpate.robots.reflex import Reflex, Reflexes
 from palpate.robots.safety import Expectation
 from palpate.vocabulary.admissible.grasp import most_sideways
+from palpate.vocabulary.admissible.profile import (
+    GUARDED_SPEED,
+    POSE_ERROR,
+    Span,
+    leaves,
+    spans,
+    speed,
+    stretches,
+)
 from palpate.vocabulary.admissible.reach import beyond_joint_limits, out_of_reach
 from palpate.vocabulary.admissible.support import clear_of_support, slides, would_be_dragged
 from palpate.vocabulary.base import (
@@ -26,15 +35,6 @@ from palpate.vocabulary.base import (
     Surroundings,
 )
 from palpate.vocabulary.load import ROUGHEST, UNFELT, Load
-from palpate.vocabulary.profile import (
-    GUARDED_SPEED,
-    POSE_ERROR,
-    Span,
-    leaves,
-    spans,
-    speed,
-    stretches,
-)
 from palpate.vocabulary.state import HOME_CONFIG, SymbolicState, pose_of_joints
 from palpate.vocabulary.touch import (
     BRIEF,

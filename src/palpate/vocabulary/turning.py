@@ -23,6 +23,7 @@ from palpate.robots.trajectory import SWING_PEAK, turned
 from palpate.trace.recording import Activity
 from palpate.vocabulary.admissible import motion
 from palpate.vocabulary.admissible.grasp import torsion
+from palpate.vocabulary.admissible.profile import POSE_ERROR
 from palpate.vocabulary.admissible.solids import solids
 from palpate.vocabulary.admissible.sweep import near_spans
 from palpate.vocabulary.base import (
@@ -33,7 +34,6 @@ from palpate.vocabulary.base import (
     Steps,
     Surroundings,
 )
-from palpate.vocabulary.profile import POSE_ERROR
 from palpate.vocabulary.state import SymbolicState
 from palpate.vocabulary.touch import BRIEF, DWELL, feel, finish, settle
 from palpate.vocabulary.violation import Violation

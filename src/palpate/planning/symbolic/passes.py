@@ -11,9 +11,9 @@ from palpate.planning.symbolic.steps import Step, is_away, is_clear
 from palpate.quantities.precision.effort import Effort, Site
 from palpate.quantities.precision.within import Within, noise_std
 from palpate.scene.scene import Scene
+from palpate.vocabulary.admissible.profile import NEAR_SPEED
 from palpate.vocabulary.gripper import CloseGripper, OpenGripper
 from palpate.vocabulary.motion import MovePose
-from palpate.vocabulary.profile import NEAR_SPEED
 from palpate.vocabulary.state import SymbolicState
 
 Efforts = Mapping[Parameter, Effort]

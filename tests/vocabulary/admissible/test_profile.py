@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 
 from palpate.geometry.pose import Pose
-from palpate.vocabulary.profile import (
+from palpate.vocabulary.admissible.profile import (
     GUARDED_SPEED,
     NEAR_SPEED,
     Span,
