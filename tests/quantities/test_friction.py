@@ -144,6 +144,20 @@ def test_a_magnet_presses_and_is_not_felt(bench, noises, force):
     assert (found.verdict == "contradicted") == (force > 10)
 
 
+def test_what_pulls_on_the_object_in_the_air_contradicts_its_friction(bench, noises):
+    """The drags are measured against the object hanging free."""
+    trace = drag(bench, noises["lab"], 1)
+    samples = trace.samples
+    held = samples.width < 0.06
+    pull = 30.0 * (samples.pose_world_tcp[:, 2] - GRASP[2]) * held
+    wrench = samples.wrench + np.outer(pull, np.eye(6)[2])
+    found = estimate_friction(
+        replace(trace, samples=replace(samples, wrench=wrench)), PARAMETER, None
+    )
+    assert found.verdict == "contradicted"
+    assert "along the lift" in {test.name for test in found.tests if not test.passed}
+
+
 def test_two_zones_are_not_one_friction(bench, noises):
     found = slid(bench, noises["lab"], dynamic=zones(0.2, 0.5))
     assert found.verdict == "contradicted"

@@ -16,6 +16,7 @@ from palpate.estimation.friction.columns import AXES, HELD, PLACES, SPEED, WAYS
 from palpate.estimation.friction.drags import Drag, steady_drags
 from palpate.estimation.friction.fit import Sliding, fit_sliding
 from palpate.estimation.load.feeling import feeling
+from palpate.estimation.load.weighing import hangs_free
 from palpate.geometry.pose import Array
 from palpate.mjcf.body import Body, BodyDescription
 from palpate.mjcf.defaults import MUJOCO_FRICTION
@@ -128,7 +129,8 @@ def estimate_friction(trace: Trace, parameter: Parameter, body: Body | None) -> 
     value, std = found.friction
     normal = _normal_forces(drags)
     method = _method(len(drags), float(normal.min()), float(normal.max()))
-    tests = _tests(drags, found)
+    # What pulls on the object in the air pulls on what the drags are measured against.
+    tests = (*_tests(drags, found), *hangs_free(trace, parameter.object))
     if value <= tuning.SIGNIFICANT * std:
         reasons = [test.finding for test in tests if not test.passed]
         none = f"The result, {value:.2g} ± {std:.2g}, cannot be told from none."

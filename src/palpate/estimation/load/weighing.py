@@ -16,7 +16,7 @@ from palpate.estimation.load.fit import fit_load
 from palpate.estimation.load.segments import Segment, Weighing, referenced, weighings
 from palpate.geometry.pose import Array
 from palpate.trace.recording import Recording
-from palpate.trace.samples import Trace
+from palpate.trace.samples import FORCES, Trace
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -81,6 +81,17 @@ def shared_gains(effects: Array) -> tuple[Shared, ...]:
     for i, effect in enumerate(effects.T.tolist()):
         found.append(Shared(f"gain of joint {i + 1}", "arm", tuple(effect)))
     return tuple(found)
+
+
+def hangs_free(trace: Trace, name: str) -> tuple[FitTest, ...]:
+    """The tests of what else than its weight acts on an object that is held in the air; none where
+    nothing was recorded of that."""
+    for recording in trace.recordings:
+        context = recording.context
+        still = recording.buffer == FORCES and context.activity == "still"
+        if still and context.holding == name:
+            return fit_load(weighings(trace, recording), trace.gravity, trace.hand).tests
+    return ()
 
 
 def single_shot(trace: Trace, recording: Recording) -> Part:
