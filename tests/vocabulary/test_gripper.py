@@ -133,3 +133,21 @@ def test_a_can_beside_the_middle_of_the_pads_is_carried_as_it_was_grasped(perfor
     stands = done.robot.world.true_pose("can")
     assert stands.rotation[2, 2] > 0.9999
     assert stands.distance_to(true.body("can").pose_world) < 1e-3
+
+
+def test_folded_fingers_touch_the_top_of_what_is_narrower_than_they_open(perform, scene) -> None:
+    above = ("MovePose", "cup_top")
+    done = perform("OpenGripper", above, "FoldFingers", ("MoveUntilContact", "-z"))
+    assert done.execution.status == "complete"
+    assert done.execution.final_state.contact == "cup"
+    tip = done.robot.world.true_tcp().position[2] - done.robot.hand.tip_offset
+    assert tip == pytest.approx(0.1, abs=5e-4)
+
+
+def test_fingers_fold_on_nothing_alone(start, make, after) -> None:
+    fold = make("FoldFingers")
+    at = after(start, "OpenGripper", ("MovePose", "cup_pose + z_offset"), ("MovePose", "cup_pose"))
+    assert "something is between the fingers" in fold.requires(at)[0].message
+    folded = after(start, "OpenGripper", ("MovePose", "cup_top"), "FoldFingers")
+    assert (folded.gripper, folded.holding) == ("closed", None)
+    assert "must be open" in fold.requires(folded)[0].message

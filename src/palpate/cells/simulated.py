@@ -106,7 +106,11 @@ class SimulatedCell:
         if parameter in self.drawn:
             return self.drawn[parameter]
         body = self.world.bodies.get(parameter.object)
-        return body.known.get(parameter.quantity) if body else None
+        if body is None:
+            return None
+        quantity = self.world.catalogue.get(parameter.quantity)
+        shown = quantity.shown(body) if quantity is not None else None
+        return body.known.get(parameter.quantity, shown)
 
 
 def simulated_cell(

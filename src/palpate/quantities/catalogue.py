@@ -17,6 +17,7 @@ from palpate.quantities.mass import Mass
 from palpate.quantities.momentum import Momentum
 from palpate.quantities.position import Position
 from palpate.quantities.quantity import Piece, Quantity
+from palpate.quantities.size import Size
 from palpate.quantities.stiffness import Stiffness
 from palpate.quantities.velocity import Velocity
 from palpate.trace.recording import Context
@@ -35,6 +36,7 @@ OWN: tuple[type[Quantity], ...] = (
     Velocity,
     Momentum,
     Stiffness,
+    Size,
 )
 """In the order in which beliefs build on one another and results are listed."""
 

@@ -30,6 +30,8 @@ class Evidence:
             None when they are all alike.
         count: how many different ones it takes.
         better: how many different ones are worth having where they come easily.
+        place: X, of evidence that is recorded at `<object>_X`; anywhere when empty.
+        optional: it is recorded where the scene has room for it, and told without it.
     """
 
     buffer: str
@@ -40,6 +42,8 @@ class Evidence:
     count: int = 1
     better: int = 1
     empty: bool = False
+    place: str = ""
+    optional: bool = False
 
     def about(self, context: Context) -> str | None:
         """The object or surface that a recording made in `context` is evidence of; None when it is
@@ -49,10 +53,17 @@ class Evidence:
         if self.empty:
             return context.place_of if context.holding is None else None
         if self.holding:
-            return context.holding
-        if context.activity == "contact":
-            return context.support
-        return context.holding or GRIPPER
+            subject = context.holding
+        elif context.activity == "contact":
+            subject = context.support
+        else:
+            subject = context.holding or GRIPPER
+        return subject if self._is_there(context, subject) else None
+
+    def _is_there(self, context: Context, subject: str | None) -> bool:
+        """Whether a recording about `subject` is made where it has to be."""
+        at = context.grasp if self.holding else context.at
+        return not self.place or (at or "").split(" ")[0] == f"{subject}_{self.place}"
 
     def key(self, context: Context) -> str | None:
         """What tells a recording made in `context` apart from others of its kind; None when nothing

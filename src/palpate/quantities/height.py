@@ -24,7 +24,6 @@ from palpate.mjcf.shapes import RESTING
 from palpate.parameter import Parameter
 from palpate.quantities.evidence import Evidence
 from palpate.quantities.quantity import Prior, Quantity, Status, Values
-from palpate.trace.recording import Hand
 from palpate.trace.samples import POSE, Trace
 
 UNIT = "m"
@@ -59,6 +58,7 @@ class Height(Quantity):
     unit = UNIT
     subject = "surface"
     words: ClassVar = {"en": ("height", "elevation", "level", "high", "tall")}
+    elsewhere = "size"
     evidence = (
         Evidence(
             POSE,
@@ -202,7 +202,7 @@ def estimate_height(trace: Trace, parameter: Parameter, body: Body | None) -> Es
     if not found:
         return not_identified(parameter, UNIT, NOTHING, tuple(recordings))
     spots = np.array([touch.spot for touch in found])
-    stds = [_std(touch, trace.hand) for touch in found]
+    stds = [touch.height_std(trace.hand) for touch in found]
     plane = fit_plane(spots, [touch.height for touch in found], stds)
     made = Estimate.normal(
         parameter,
@@ -218,34 +218,9 @@ def estimate_height(trace: Trace, parameter: Parameter, body: Body | None) -> Es
     return replace(made, shared=(tip,))
 
 
-def _std(touch: Touch, hand: Hand) -> float:
-    """m: of one touch, without the length of the tips, which all share: of the pose, of the way
-    back to no force, and of what stays of something soft."""
-    compliance = touch.penetration / touch.full
-    stiff = compliance <= tuning.STIFF
-    correction = tuning.CORRECTION if stiff else tuning.YIELDING
-    parts = (
-        hand.pose_repeatability,
-        tuning.UNSEEN,
-        correction * touch.penetration,
-        compliance * hand.force_repeatability,
-        tuning.SOLID * touch.soft,
-        touch.first_std if touch.gives_way else 0.0,
-    )
-    return float(np.linalg.norm(parts))
-
-
 def _tests(found: Sequence[Touch], plane: Plane) -> Iterator[FitTest]:
     """Whether what was met is one rigid surface."""
-    softest = max(found, key=lambda touch: touch.yields)
-    yield FitTest(
-        "rigid",
-        softest.yields,
-        tuning.RIGID,
-        f"The surface gives way: pressed with {softest.full:.1f} N, the tip was held "
-        f"{1e3 * softest.penetration:.1f} mm below where it met it, and how far something rigid is "
-        "below that is not known.",
-    )
+    yield max(found, key=lambda touch: touch.yields).firm()
     for touch in found:
         yield from touch.sides()
     if plane.freedom:

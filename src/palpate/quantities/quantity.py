@@ -64,6 +64,7 @@ class Quantity:
         words: by language, what a request may call it, singular, lower case.
         size: number of components of its value.
         evidence: the recordings that it is read from, all of them needed.
+        elsewhere: id of the quantity that its words mean of things which cannot have it.
         derived: whether those recordings are all it takes; otherwise a conversion primitive has to
             say which of them stands for it.
         how: for prompts and explanations, how it is acquired; what `evidence` says unless declared.
@@ -79,6 +80,7 @@ class Quantity:
     words: ClassVar[Mapping[str, tuple[str, ...]]] = MappingProxyType({})
     size: ClassVar[int] = 1
     evidence: ClassVar[tuple[Evidence, ...]] = ()
+    elsewhere: ClassVar[str] = ""
     derived: ClassVar[bool] = False
     how: ClassVar[str]
     identifiable: ClassVar[bool] = True
@@ -109,7 +111,20 @@ class Quantity:
     def is_evidenced(self, parameter: Parameter, logged: Iterable[Logged]) -> bool:
         """Whether recordings hold all the evidence that `parameter` takes."""
         kinds = Counter(kind for kind, _ in self.pieces(parameter, logged))
-        return all(kinds[i] >= evidence.count for i, evidence in enumerate(self.evidence))
+        for i, evidence in enumerate(self.evidence):
+            if kinds[i] < evidence.count and not evidence.optional:
+                return False
+        return True
+
+    def needs(self, body: Body, bodies: Mapping[str, Body]) -> Iterable[Parameter]:
+        """What has to be measured of other `bodies` of the scene for it to be told of `body`."""
+        del body, bodies
+        return ()
+
+    def shown(self, body: Body) -> tuple[float, ...] | None:
+        """What the shapes of a body have of it, of what no file states; None for nothing."""
+        del body
+        return None
 
     def status(self, body: BodyDescription) -> Status:
         """Whether the file states it of `body`, which is of its subject."""

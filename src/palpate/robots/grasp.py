@@ -85,6 +85,27 @@ def derive_grasp(
     return best or _nothing(cloud, yaw, base)
 
 
+def turned_grasp(
+    arm: RobotDescription,
+    geoms: Sequence[Convex],
+    obstacles: Sequence[Obstacle],
+    pose_world_tcp: Pose,
+    base: Pose,
+) -> Grasp:
+    """The grasp at the height of another one, at `pose_world_tcp`, with the fingers a quarter turn
+    on."""
+    height, closing = float(pose_world_tcp.position[2]), pose_world_tcp.rotation[:, 1]
+    lowest, highest = height - arm.tip, height + arm.tip
+    outlines = [o for g in geoms if len(o := slab(g, lowest, highest)) > 2]
+    cloud = np.concatenate([g.points for g in geoms])
+    obstacles = _around(arm, cloud, obstacles)
+    if not outlines:
+        return _nothing(cloud, 0.0, base)
+    angle = float(np.arctan2(closing[1], closing[0])) + np.pi / 2
+    nearby, tall = above(obstacles, lowest), above(obstacles, height + arm.hand.palm)
+    return _along(arm, outlines, angle, height, nearby, tall, base)
+
+
 def _around(arm: RobotDescription, cloud: Array, obstacles: Sequence[Obstacle]) -> list[Obstacle]:
     """Those that the hand could touch while it grasps."""
     width = 2 * arm.hand.half_extents[1]

@@ -137,7 +137,10 @@ def slowed(one: Sequence[Stretch], other: Sequence[Stretch]) -> list[Stretch]:
     """What both of two divisions of a way allow; where the second has none, the first."""
     both: list[Stretch] = []
     for end in sorted({part.end for part in (*one, *other)}):
-        speeds = [next(p.speed for p in parts if p.end >= end) for parts in (one, other) if parts]
+        speeds: list[float] = []
+        for parts in filter(None, (one, other)):
+            # What is beyond the last part is gone like it.
+            speeds.append(next((p.speed for p in parts if p.end >= end), parts[-1].speed))
         both.append(Stretch(end, min(speeds)))
     return both
 

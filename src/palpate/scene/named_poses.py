@@ -27,7 +27,7 @@ from palpate.geometry.pose import Array, Pose
 from palpate.mjcf.body import Body
 from palpate.mjcf.shapes import RESTING
 from palpate.robots.description import RobotDescription
-from palpate.robots.grasp import Grasp, derive_grasp
+from palpate.robots.grasp import Grasp, derive_grasp, turned_grasp
 from palpate.scene.places import APPROACH, approach_pose, free_spot
 from palpate.scene.poses import Poses
 from palpate.scene.resolve import ResolvedScene
@@ -41,6 +41,9 @@ USUAL_LIFT = 0.12
 
 CORRIDOR = 0.15
 """m: half width of the way from the arm to an object, in which neighbours must be cleared."""
+
+LEVEL_TOP = 0.001
+"""m: what is so little lower than the highest point is an object's top, too."""
 
 CLEAR = 0.02
 """m: between a carried object's bottom and the top of a neighbour."""
@@ -170,13 +173,34 @@ def _poses(geometry: Geometry, grasps: Mapping[str, Grasp], entries: Poses) -> d
 
 
 def _later(geometry: Geometry, poses: Mapping[str, Pose]) -> dict[str, Callable[[], Pose | None]]:
-    """Temporary places that poses.yaml does not give: looked for when they are asked for."""
+    """What poses.yaml does not give of temporary places, poses above objects and grasps a quarter turn
+    on: worked out when they are asked for."""
     later: dict[str, Callable[[], Pose | None]] = {}
     for name in geometry.objects:
-        if f"{name}_temporary" not in poses:
-            pose = poses[f"{name}_pose"]
-            later[f"{name}_temporary"] = partial(free_place, geometry, name, pose)
-    return later
+        pose = poses[f"{name}_pose"]
+        later[f"{name}_temporary"] = partial(free_place, geometry, name, pose)
+        later[f"{name}_top"] = partial(above_top, geometry, name, pose)
+        later[f"{name}_across"] = partial(grasp_across, geometry, name, pose)
+    return {name: find for name, find in later.items() if name not in poses}
+
+
+def above_top(geometry: Geometry, name: str, pose_world_tcp: Pose) -> Pose:
+    """TCP pose above the middle of an object's highest part, turned as it is grasped."""
+    cloud = geometry.clouds[name]
+    highest = float(cloud[:, 2].max())
+    part = cloud[cloud[:, 2] > highest - LEVEL_TOP]
+    return Pose.of((*_middle(part), highest + APPROACH), pose_world_tcp.quaternion)
+
+
+def grasp_across(geometry: Geometry, name: str, pose_world_tcp: Pose) -> Pose | None:
+    """The grasp of an object with the fingers a quarter turn on; None where it does not fit the
+    hand."""
+    support = geometry.support(name)
+    names = (name,) if support is None else (name, support)
+    found = turned_grasp(
+        geometry.arm, geometry.objects[name], geometry.others(*names), pose_world_tcp, geometry.base
+    )
+    return None if found.problem else found.pose
 
 
 def _subjects(geometry: Geometry, names: Collection[str]) -> dict[str, str]:
@@ -185,6 +209,8 @@ def _subjects(geometry: Geometry, names: Collection[str]) -> dict[str, str]:
     for name in geometry.objects:
         subjects[f"{name}_pose"] = name
         subjects[f"{name}_temporary"] = name
+        subjects[f"{name}_top"] = name
+        subjects[f"{name}_across"] = name
     for name in geometry.tops:
         subjects[f"{name}_approach"] = name
     return {name: subject for name, subject in subjects.items() if name in names}

@@ -4,7 +4,8 @@ expressions.
 Names come from the scene and `poses.yaml`; what is absent there is derived from the geometry:
 
 - `<object>_pose`: TCP pose of a top-down grasp; `<object>_temporary`: TCP pose at which the held
-  object, grasped there, stands on a free spot of its surface.
+  object, grasped there, stands on a free spot of its surface; `<object>_across`: a grasp a quarter
+  turn on, where that fits; `<object>_top`: TCP pose above its top.
 - `<surface>_approach`: TCP pose above a free spot of the surface.
 - `home_config`: joint configuration, the arm's own unless poses.yaml names another.
 - `x_offset`, `y_offset`: along the tool's x and y at the base pose, horizontal, scaled to the

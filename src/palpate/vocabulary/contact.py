@@ -9,8 +9,8 @@ from typing import Annotated, ClassVar, Literal
 import numpy as np
 from pydantic import Field
 
-from palpate.geometry.pose import Array
-from palpate.robots.robot import RobotState
+from palpate.geometry.pose import Array, Pose
+from palpate.robots.robot import Robot, RobotState
 from palpate.robots.safety import Expectation
 from palpate.trace.samples import STANDARD_GRAVITY
 from palpate.vocabulary.admissible.clearance import Motion
@@ -47,6 +47,9 @@ RELIEF = 8.0
 """N by which the arm's springs let go of it again at a time, until it is less than `CONTACT_FORCE`."""
 ASKEW = 3e-4
 """rad that the hand leans over then: a third of what `CONTACT_FORCE` on one finger does."""
+SOFT_DEPTH = 5e-4
+"""m that the hand goes on between `SIDE_FORCE` and `CONTACT_FORCE` on what gives way, 12 kN/m or less:
+the fingers sink in by what they are out of level, and nothing is gained by pressing."""
 SIDE_FORCE = 2.0
 """N: the threshold where something that stands freely may be met sideways: the least that is told
 from the joints' friction for certain."""
@@ -150,17 +153,18 @@ class MoveUntilContact(Primitive):
     def run(self, blackboard: Blackboard) -> Steps:
         robot, state = blackboard.robot, blackboard.state
         direction = self.direction
-        start, feeling = robot.state.pose_world_tcp, Feeling(robot)
-        upright = _leaning(robot.state)
+        start, upright = robot.state.pose_world_tcp, _leaning(robot.state)
         threshold = SIDE_FORCE if self._beside(state) else CONTACT_FORCE
+        contact = _Contact(robot, direction)
         robot.set_reflex(robot.limits.reflexes.probing)
         for speed, travel in self._stages(state, float(start.position[2])):
             robot.move_axis(direction, speed, travel)
-            if (yield from guarded(blackboard, lambda: _touching(feeling, direction, threshold))):
+            if (yield from guarded(blackboard, lambda: contact.exceeds(threshold))):
                 travelled = robot.state.pose_world_tcp.distance_to(start)
+                firm = self.axis == "-z" and contact.depth() < SOFT_DEPTH
                 yield from settle(blackboard)
-                if self.axis == "-z" and abs(_leaning(robot.state) - upright) > ASKEW:
-                    yield from self._press(blackboard, feeling)
+                if firm and abs(_leaning(robot.state) - upright) > ASKEW:
+                    yield from self._press(blackboard, contact)
                     yield from settle(blackboard)
                 return f"contact after {1e3 * travelled:.0f} mm"
         raise LeafFailure(
@@ -168,15 +172,13 @@ class MoveUntilContact(Primitive):
             "start nearer, or probe another direction"
         )
 
-    def _press(self, blackboard: Blackboard, feeling: Feeling) -> Generator[None, None, None]:
+    def _press(self, blackboard: Blackboard, contact: _Contact) -> Generator[None, None, None]:
         """Firmly, to see whether the other finger comes to stand, and lightly again."""
         robot, direction = blackboard.robot, self.direction
         robot.move_axis(direction, PROBE_SPEED, PROBE_TRAVEL)
-        yield from guarded(blackboard, lambda: _touching(feeling, direction, FIRM_FORCE))
+        yield from guarded(blackboard, lambda: contact.exceeds(FIRM_FORCE))
         eased = RELIEF / blackboard.scene.arm.stiffness.translation
-        while (
-            float(((yield from feel(blackboard)) - feeling.first)[:3] @ direction) > CONTACT_FORCE
-        ):
+        while contact.along((yield from feel(blackboard))) > CONTACT_FORCE:
             robot.move_axis(-direction, PROBE_SPEED, eased)
             yield from finish(blackboard)
 
@@ -206,10 +208,30 @@ def withstands(state: SymbolicState, name: str, z: float) -> float:
     return mass * STANDARD_GRAVITY * min(SLIPPERIEST, half / height)
 
 
-def _touching(feeling: Feeling, direction: Array, threshold: float) -> bool:
-    change = feeling.now() - feeling.first
-    along, turning = float(change[:3] @ direction), float(np.linalg.norm(change[3:]))
-    return along > threshold or turning > CONTACT_TORQUE
+class _Contact:
+    """What is felt of a contact along the direction of a probe; to be asked once a tick."""
+
+    def __init__(self, robot: Robot, direction: Array) -> None:
+        self._robot, self._direction = robot, direction
+        self._feeling = Feeling(robot)
+        self._met: Pose | None = None
+
+    def along(self, wrench: Array) -> float:
+        """N that press back, of a wrench (6,), against what was felt first."""
+        return float((wrench - self._feeling.first)[:3] @ self._direction)
+
+    def exceeds(self, threshold: float) -> bool:
+        """Whether more than `threshold` N press back, or something twists the hand."""
+        wrench = self._feeling.now()
+        along, turning = self.along(wrench), wrench[3:] - self._feeling.first[3:]
+        if self._met is None and along > SIDE_FORCE:
+            self._met = self._robot.state.pose_world_tcp
+        return along > threshold or float(np.linalg.norm(turning)) > CONTACT_TORQUE
+
+    def depth(self) -> float:
+        """m that the hand has gone on since a force was felt for certain."""
+        here = self._robot.state.pose_world_tcp
+        return 0.0 if self._met is None else here.distance_to(self._met)
 
 
 def _leaning(state: RobotState) -> float:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator
+from collections.abc import Generator, Iterator
 from dataclasses import replace
 from typing import ClassVar
 
@@ -10,12 +10,21 @@ from palpate.robots.safety import Expectation
 from palpate.vocabulary.admissible.collision import finger_collisions
 from palpate.vocabulary.admissible.grasp import ungraspable
 from palpate.vocabulary.admissible.support import would_fall
-from palpate.vocabulary.base import Blackboard, LeafFailure, Primitive, Resource, Steps
+from palpate.vocabulary.base import (
+    Blackboard,
+    LeafFailure,
+    Primitive,
+    Resource,
+    Steps,
+    Surroundings,
+)
 from palpate.vocabulary.load import Load
 from palpate.vocabulary.state import SymbolicState
 from palpate.vocabulary.touch import feel
 from palpate.vocabulary.violation import Violation
 
+TOP = "_top"
+"""Ending of the name of the pose above an object's top."""
 GRIP_SETTLE = 0.1
 """s: fingers at rest on an object before the grasp counts."""
 GENTLE = 10.0
@@ -160,6 +169,42 @@ class CloseGripper(Primitive):
         """Open again; nothing was lifted."""
         blackboard.robot.open_gripper()
         return (yield from finish_fingers(blackboard))
+
+
+class FoldFingers(Primitive):
+    """Close the empty fingers on each other, so that both make one narrow tip; fails when something is
+    between them. Fold them at `<object>_top`, then touch the object's top with MoveUntilContact -z;
+    OpenGripper afterwards."""
+
+    claims: ClassVar[frozenset[Resource]] = frozenset({"gripper"})
+    group: ClassVar = "gripper"
+    timeout: ClassVar[float] = 10.0
+
+    @classmethod
+    def groundings(cls, around: Surroundings) -> Iterator[FoldFingers]:
+        # Nothing but what is touched from above is worth it.
+        if any(pose.endswith(TOP) for pose in around.poses):
+            yield cls()
+
+    def requires(self, state: SymbolicState) -> list[Violation]:
+        problem = None
+        if state.gripper != "open":
+            problem = "the gripper must be open before the fingers fold; OpenGripper first"
+        elif state.pose_world_tcp is None or state.activity == "contact":
+            problem = "the gripper is not in free air; MovePose to `<object>_top` first"
+        elif state.object_at(state.pose_world_tcp) is not None:
+            problem = f"something is between the fingers at '{state.at}'; MovePose away first"
+        return [Violation("gripper-state", problem)] if problem else []
+
+    def effects(self, state: SymbolicState) -> SymbolicState:
+        return replace(state, gripper="closed")
+
+    def run(self, blackboard: Blackboard) -> Steps:
+        blackboard.robot.close_gripper(GENTLE)
+        yield from finish_fingers(blackboard)
+        if blackboard.robot.state.gripping:
+            raise LeafFailure("the fingers met something: what is between them is not believed")
+        return f"folded to {1e3 * blackboard.robot.state.width:.0f} mm"
 
 
 def _believed_width(state: SymbolicState) -> float:

@@ -104,7 +104,8 @@ def probes(trace: Trace, parameter: Parameter) -> list[Recording]:
     found: list[Recording] = []
     for recording in trace.recordings:
         context = recording.context
-        on_it = context.activity == "contact" and context.support == parameter.object
+        empty = context.activity == "contact" and context.holding is None
+        on_it = empty and context.support == parameter.object
         if recording.buffer == POSE and on_it:
             found.append(recording)
     return found
@@ -220,7 +221,9 @@ def _change_point(z: Array, force: Array, weight: Array, rows: NDArray[np.intp])
     problem; the best of a few is refined."""
     height, share, begin = z[rows] - z[rows[0]], weight[rows], float(z[rows[0]])
     wanted = force[rows] * share
-    believed = np.diag([0.0, tuning.FREE_SLOPE**-2.0, 0.0]) * tuning.SOFT_FORCE**2
+    believed = (
+        np.diag([0.0, tuning.FREE_SLOPE**-2.0, 0.0]) * tuning.SOFT_FORCE**2 * tuning.WANDERING
+    )
 
     def at(row: int) -> _ChangePoint:
         columns = (np.ones(len(rows)), height, np.maximum(height[row] - height, 0.0))

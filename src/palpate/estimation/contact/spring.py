@@ -165,11 +165,15 @@ def _curve(descent: Descent, touch: Touch, hand: Hand) -> _Curve:
 
 
 def _rows(descent: Descent, touch: Touch, noise: float) -> Mask:
-    """From when the arm has set out to the end, without wild samples; and without what is stiff
-    below something soft."""
+    """From when the arm has set out to the end, without wild samples; without what is stiff below
+    something soft; and without what comes after the greatest force of a probe that was eased, for the
+    joints' friction turns round there."""
     samples = descent.samples
     rows = samples.t > descent.leaf.start + tuning.SWING
     rows &= np.abs(descent.force - descent.smooth) < tuning.WILD * noise
+    most = int(np.argmax(descent.smooth))
+    if descent.smooth[most] > tuning.EASED * descent.full:
+        rows &= np.arange(len(rows)) <= most
     if touch.bottomed is None:
         return rows
     return rows & (descent.z > touch.bottomed)

@@ -77,6 +77,22 @@ class Touch:
         """m, of what stopped the tip, at no force; of what gives way, where it was met."""
         return self.first if self.gives_way else self.held + self.penetration
 
+    def height_std(self, hand: Hand) -> float:
+        """m: of one touch, without the length of the tips, which all share: of the pose, of the way
+        back to no force, and of what stays of something soft."""
+        compliance = self.penetration / self.full
+        stiff = compliance <= tuning.STIFF
+        correction = tuning.CORRECTION if stiff else tuning.YIELDING
+        parts = (
+            hand.pose_repeatability,
+            tuning.UNSEEN,
+            correction * self.penetration,
+            compliance * hand.force_repeatability,
+            tuning.SOLID * self.soft,
+            self.first_std if self.gives_way else 0.0,
+        )
+        return float(np.linalg.norm(parts))
+
     @property
     def penetration(self) -> float:
         """m, how far the pressed tip was below that.
@@ -126,6 +142,17 @@ class Touch:
         """m, thickness of what was pressed through before something stiff was met; 0 for none."""
         thickness = self.first - self.height
         return thickness if thickness > tuning.SOFT and not self.gives_way else 0.0
+
+    def firm(self) -> FitTest:
+        """Whether it is rigid."""
+        return FitTest(
+            "rigid",
+            self.yields,
+            tuning.RIGID,
+            f"It gives way: pressed with {self.full:.1f} N, the tip was held "
+            f"{1e3 * self.penetration:.1f} mm below where it met it, and how far something rigid is "
+            "below that is not known.",
+        )
 
     def sides(self) -> Iterator[FitTest]:
         """Whether both fingers stand on what was touched, as far as the lean and the moment tell.
@@ -257,8 +284,8 @@ def _lever(descent: Descent, hand: Hand) -> tuple[float, float]:
     At a lever p from there the force F turns the hand about the tips by p x F; about the TCP the
     tips' own lever r adds r x F. As the arm is stopped, the joints' friction lets go of about as
     much as it showed when the arm set out, about whichever axis; friction that changes with the
-    place showed on the way down; and a moment repeats to `TORQUE_LEVER` times the repeatability of
-    a force.
+    place showed on the way down, and may do as much on the way through what gives way; and a moment
+    repeats to `TORQUE_LEVER` times the repeatability of a force.
     """
     samples, pressed = descent.samples, descent.pressed
     wrench = samples.wrench
@@ -270,7 +297,7 @@ def _lever(descent: Descent, hand: Hand) -> tuple[float, float]:
     about = np.cross(tool, closing)
     friction = float(np.linalg.norm(descent.set_out[3:5]))
     wander = float(np.linalg.norm(descent.wander[3:] * about))
-    doubt = float(
-        np.linalg.norm([tuning.TORQUE_LEVER * hand.force_repeatability, friction, wander])
-    )
+    through = tuning.FREE_SLOPE * abs(float(descent.z[descent.onset]) - descent.held)
+    stuck = tuning.TORQUE_LEVER * float(np.hypot(hand.force_repeatability, through))
+    doubt = float(np.linalg.norm([stuck, friction, wander]))
     return float(place @ closing), doubt / descent.full

@@ -19,5 +19,6 @@ from palpate.estimation.tuning.load import *
 from palpate.estimation.tuning.noise import *
 from palpate.estimation.tuning.position import *
 from palpate.estimation.tuning.shared import *
+from palpate.estimation.tuning.size import *
 from palpate.estimation.tuning.swung import *
 from palpate.estimation.tuning.windows import *

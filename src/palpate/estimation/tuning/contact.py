@@ -138,3 +138,10 @@ LEAN = 3.3e-3
 a level surface an arm that nobody calibrated is out by 1.2 mrad (1 sigma: 1 mrad in each joint that
 turns it over, and a base levelled to 0.5); 30 N on one finger lean it over by 4.2 mrad at 280 N m/rad.
 Sensitive: no."""
+
+EASED = 1.8
+"""times the force that is held, from which a greater one before it was eased on purpose; an impact is
+some 1.3 times it. Sensitive: no."""
+WANDERING = 100.0
+"""rows of a descent per independent one of what wanders in free air: half a second, or 10 mm, over which
+the joints' friction changes with the place. Sensitive: no, where noise is white."""

@@ -49,7 +49,7 @@ UNMEASURABLE = _by_word(_NOT_FELT)
 
 ADJECTIVES = word_set(
     "heavy high tall slippery hot warm cold stiff soft hard elastic bouncy viscous full empty rough "
-    "wet expensive old strong transparent sharp"
+    "wide long thick big large wet expensive old strong transparent sharp"
 )
 """Words that ask for a quantity only after "how"."""
 

@@ -65,7 +65,7 @@ class SymbolicPlanner:
         asked = _asked(request, scene)
         known, wanted = _known_apart(asked.asked, scene, self.remeasure)
         cannot = [*asked.cannot, *_unidentifiable(wanted)]
-        found = _identifiable(wanted)
+        found = _with_needs(scene, _identifiable(wanted))
         made = assemble(scene, found, efforts=efforts(scene, found, self.within))
         if made.failed and not made.measured:
             raise PlanRejected(" ".join([*made.failed, *cannot]))
@@ -97,7 +97,7 @@ def requested(
     except (InputError, PlanRejected):
         return None
     _, unknown = _known_apart(asked.asked, scene, remeasure)
-    wanted = _identifiable(unknown)
+    wanted = _with_needs(scene, _identifiable(unknown))
     if asked.remarks or asked.cannot or not wanted or assemble(scene, wanted).failed:
         return None
     return tuple(wanted)
@@ -123,6 +123,16 @@ def assemble(
     chainer.go_home()
     tree = chainer.tree() if measured else None
     return Assembled(tree, tuple(measured), tuple(dict.fromkeys(failed)))
+
+
+def _with_needs(scene: Scene, wanted: Sequence[Parameter]) -> list[Parameter]:
+    """Those that are wanted, and what they rest on."""
+    found = list(wanted)
+    for parameter in wanted:
+        body = scene.bodies.get(parameter.object)
+        if body is not None:
+            found += catalogue()[parameter.quantity].needs(body, scene.bodies)
+    return list(dict.fromkeys(found))
 
 
 def _asked(request: str | None, scene: Scene) -> Grounded:

@@ -32,7 +32,7 @@ class Resolver:
         Raises:
             InputError: an object that the scene does not have. PlanRejected: one of several.
         """
-        id = quantity.names[0]
+        id = self._meant(quantity.names[0], objects)
         if quantity.kind == "unmeasurable" or not self.catalogue[id].identifiable:
             self.cannot.append(self._not_measurable(id))
             return []
@@ -50,9 +50,17 @@ class Resolver:
             self.cannot.append(self._wrong_subject(id, objects))
         return found
 
+    def _meant(self, id: str, objects: Sequence[Item]) -> str:
+        """The quantity that a word means of `objects`: the height of a crate is part of its size."""
+        elsewhere = self.catalogue[id].elsewhere if id in self.catalogue else ""
+        names = [name for item in objects for name in item.names]
+        if not elsewhere or any(self._carries(name, id) for name in names):
+            return id
+        return elsewhere if any(self._carries(name, elsewhere) for name in names) else id
+
     def can_have(self, objects: Sequence[Item], quantity: Item) -> bool:
         """Whether one of `objects` can have `quantity`."""
-        id = quantity.names[0]
+        id = self._meant(quantity.names[0], objects)
         for item in objects:
             if item.kind in ("everything", "unknown") or id not in self.catalogue:
                 return True

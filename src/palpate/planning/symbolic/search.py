@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -120,6 +121,7 @@ class Backchainer:
             while not measured(parameter, self.state):
                 self._acquire(parameter)
             self._improve(parameter)
+            self._enrich(parameter)
         operators = self._operators(name, next(self._domains(name)))
         self._reach(operators, _when(_at_rest(name)), f"'{name}' cannot be put back")
         if not away:
@@ -130,7 +132,7 @@ class Backchainer:
     def _acquire(self, parameter: Parameter) -> None:
         """One more piece of evidence, with as few places to go to as will do."""
         self._hindrance = ""
-        for expressions in self._domains(parameter.object):
+        for expressions in self._places(parameter):
             operators = self._operators(parameter.object, expressions)
             around = self._around(parameter.object, expressions)
             if self._reach(operators, _yielding(parameter, operators, self.words, around)):
@@ -150,6 +152,15 @@ class Backchainer:
                 self.steps += steps
                 for step in steps:
                     self.state = step.effect(self.state)
+
+    def _enrich(self, parameter: Parameter) -> None:
+        """What more there is to record of it, where there is room for that."""
+        quantity = self.scene.catalogue[parameter.quantity]
+        for evidence in quantity.evidence:
+            if not evidence.optional or not self._exists(f"{parameter.object}_{evidence.place}"):
+                continue
+            with suppress(PlanRejected):
+                self._acquire(parameter)
 
     def _mute(self, parameter: Parameter) -> str:
         """Which primitives would have to say with which arguments they are to be tried."""
@@ -219,6 +230,19 @@ class Backchainer:
         """Pose expressions above a thing and at it."""
         spot = f"{name}_pose" if name in self.scene.objects else f"{name}_approach"
         return f"{spot} + z_offset", spot
+
+    def _places(self, parameter: Parameter) -> Iterator[list[str]]:
+        """Pose expressions where the evidence that is missing has to be recorded, if it says so; else
+        around the thing."""
+        quantity, name = self.scene.catalogue[parameter.quantity], parameter.object
+        if not any(evidence.place for evidence in quantity.evidence):
+            yield from self._domains(name)
+            return
+        done = {kind for kind, _ in quantity.pieces(parameter, self.state.logged)}
+        for kind, evidence in enumerate(quantity.evidence):
+            spot = f"{name}_{evidence.place}"
+            if kind not in done:
+                yield [f"{spot} + z_offset", spot] if evidence.holding else [spot]
 
     def _domains(self, name: str) -> Iterator[list[str]]:
         """Pose expressions around a thing, few first: above and at it, then shifted along its

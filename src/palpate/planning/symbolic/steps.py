@@ -11,11 +11,21 @@ from palpate.planning.plan import Node
 from palpate.vocabulary.admissible import motion
 from palpate.vocabulary.admissible.clearance import straddled
 from palpate.vocabulary.base import Primitive
-from palpate.vocabulary.state import HOME_CONFIG, RESTORED_POSITION, SymbolicState, during, parallel
+from palpate.vocabulary.gripper import TOP
+from palpate.vocabulary.state import (
+    HOME_CONFIG,
+    RESTORED_POSITION,
+    SAME_POSE,
+    SymbolicState,
+    during,
+    parallel,
+)
 from palpate.vocabulary.violation import Violation
 
 TEMPORARY = "_temporary"
 """Ending of the name of the free place to which an object is carried out of the way."""
+TURNED = 0.1
+"""rad by which an object may be turned and still be as it was."""
 SLIDE = 0.06
 """m: how far an object is slid for its friction, at least."""
 ASIDE = 0.03
@@ -103,7 +113,9 @@ def _would_take(
     if before.pose_world_tcp is None:
         return after.at == HOME_CONFIG
     if "gripper" in primitive.claims:
-        return _closes_on_something(after) if after.gripper == "closed" else _lets_go_well(before)
+        folds = after.gripper == "closed" and after.at is not None and after.at.endswith(TOP)
+        closes = folds or _closes_on_something(after)
+        return closes if after.gripper == "closed" else _lets_go_well(before)
     if after.contact:
         # A guarded motion begins in free air.
         return not before.contact and not _straddles(before)
@@ -127,11 +139,14 @@ def _closes_on_something(after: SymbolicState) -> bool:
 
 
 def _lets_go_well(before: SymbolicState) -> bool:
-    """Objects are let go of where the scene has them, or at their temporary place."""
+    """Objects are let go of where and as the scene has them, or at their temporary place."""
     held = before.holding
     if before.gripper == "open":
         return False
-    if held is None or not is_away(before, held):
+    if held is None:
+        return True
+    turned = before.pose_of(held).angle_to(before.scene.body(held).pose_world)
+    if not is_away(before, held) and turned < TURNED:
         return True
     return before.at == f"{held}{TEMPORARY}"
 
@@ -141,8 +156,10 @@ def _slides(before: SymbolicState, after: SymbolicState) -> bool:
 
 
 def _slides_well(before: SymbolicState, after: SymbolicState, recorded: bool) -> bool:
-    """Objects are slid far enough to be felt, or back to where they were."""
+    """Objects are slid straight, far enough to be felt, or back to where they were."""
     if before.pose_world_tcp is None or after.pose_world_tcp is None:
+        return False
+    if after.pose_world_tcp.angle_to(before.pose_world_tcp) > SAME_POSE:
         return False
     travel = after.pose_world_tcp.distance_to(before.pose_world_tcp)
     if recorded:

@@ -1,0 +1,285 @@
+"""Size of an object: its three extents, as the fingers and a touch of its top tell them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from palpate.errors import InputError
+from palpate.estimation import tuning
+from palpate.estimation.agreement import FitTest
+from palpate.estimation.contact.descent import probes
+from palpate.estimation.contact.plane import fit_plane
+from palpate.estimation.contact.touch import Touch, touches_of
+from palpate.estimation.estimate import Estimate, not_identified
+from palpate.estimation.windows import mean_pose
+from palpate.geometry.pose import Array
+from palpate.mjcf.body import Body, BodyDescription
+from palpate.mjcf.document import Element, label
+from palpate.mjcf.edits import Edit, number
+from palpate.parameter import Parameter
+from palpate.quantities.evidence import Evidence
+from palpate.quantities.quantity import Quantity
+from palpate.trace.recording import Hand, Recording
+from palpate.trace.samples import POSE, Trace
+
+UNIT = "m"
+
+ROUND = frozenset(("cylinder", "sphere", "capsule"))
+"""Shapes that are as wide whichever way they are taken."""
+
+AXES = "xyz"
+
+
+class Size(Quantity):
+    """Full extents along the axes of the object's own frame. The fingers' opening tells its width
+    where they hold it, a touch of its top how high it is."""
+
+    id = "size"
+    unit = UNIT
+    subject = "object"
+    words: ClassVar = {
+        "en": (
+            "size",
+            "dimension",
+            "extent",
+            "width",
+            "length",
+            "breadth",
+            "thickness",
+            "wide",
+            "long",
+            "thick",
+            "big",
+            "large",
+        )
+    }
+    size = 3
+    evidence = (
+        Evidence(
+            POSE,
+            "with the fingers folded above `<object>_top` MoveUntilContact -z, MeasureGripperPose",
+            activity=("contact",),
+            place="top",
+        ),
+        Evidence(
+            POSE,
+            "MeasureGripperPose while the object is held at its grasp pose",
+            holding=True,
+            place="pose",
+        ),
+        Evidence(
+            POSE,
+            "MeasureGripperPose while it is held at `<object>_across`, a quarter turn on, where "
+            "that fits the hand",
+            holding=True,
+            place="across",
+            optional=True,
+        ),
+    )
+    derived = True
+    estimators: ClassVar = {"touch": "palpate.quantities.size:estimate_size"}
+
+    def needs(self, body: Body, bodies: Mapping[str, Body]) -> Iterator[Parameter]:
+        """The height of what it stands on, where nobody knows it."""
+        for other in bodies.values():
+            if body.name in other.carries and "height" in other.missing:
+                yield Parameter(other.name, "height")
+
+    def shown(self, body: Body) -> tuple[float, ...]:
+        return tuple(body.size.tolist())
+
+    def write(
+        self, body: BodyDescription, value: tuple[float, ...], std: float | None
+    ) -> Iterator[Edit]:
+        """Into its shapes, which grow from the middle of what it stands on."""
+        centre, extents = body.box()
+        scale = np.array(value) / np.maximum(extents, 1e-9)
+        if np.abs(scale - 1.0).max() < 1e-6:
+            return
+        down = -body.pose_world.rotation[2]
+        anchor = centre + extents / 2 * np.where(np.abs(down) > tuning.ALIGNED, down, 0.0)
+        for geom in body.elements.geoms:
+            yield from _scaled(body, geom, scale, anchor, std)
+
+
+def _scaled(
+    body: BodyDescription, geom: Element, scale: Array, anchor: Array, std: float | None
+) -> Iterator[Edit]:
+    """The changes that scale a geom about a point of its body.
+
+    Raises:
+        InputError: a mesh, or a shape that does not lie along the body's axes.
+    """
+    model, index = body.shapes.model, body.shapes.geom_ids[geom]
+    kind = body.defaults.attribute(geom, "type") or "sphere"
+    in_body = body.pose_world.inverse() @ body.shapes.geom_pose(geom)
+    turned = np.abs(in_body.rotation)
+    if kind not in _RADII or geom.get("fromto") or (turned.max(axis=0) < tuning.ALIGNED).any():
+        raise InputError(
+            f"{label(geom)} of '{body.name}' has no numbers that state its extents; shapes along "
+            "the axes of their body have"
+        )
+    own = scale @ turned
+    wanted = model.geom_size[index] * [float(np.mean(own[list(which)])) for which in _RADII[kind]]
+    texts = {i: number(float(wanted[i]), std) for i in range(_SIZES[kind])}
+    stated = " ".join(number(float(value)) for value in model.geom_size[index][: _SIZES[kind]])
+    yield Edit(geom, "size", texts, stated)
+    shifted = (in_body.position - anchor) * (scale - 1.0)
+    if geom is body.elements.element or np.abs(shifted).max() < 1e-7:
+        return
+    middle = in_body.position + shifted
+    place = {i: number(float(middle[i]), std) for i in range(3)}
+    yield Edit(geom, "pos", place, "0 0 0")
+
+
+_RADII: Mapping[str, tuple[tuple[int, ...], ...]] = {
+    "box": ((0,), (1,), (2,)),
+    "ellipsoid": ((0,), (1,), (2,)),
+    "cylinder": ((0, 1), (2,), (2,)),
+    "capsule": ((0, 1), (2,), (2,)),
+    "sphere": ((0, 1, 2), (0,), (0,)),
+}
+"""By type, along which of a geom's axes each of its sizes lies."""
+_SIZES: Mapping[str, int] = {"box": 3, "ellipsoid": 3, "cylinder": 2, "capsule": 2, "sphere": 1}
+
+
+@dataclass(frozen=True, slots=True)
+class _Extent:
+    """One measured extent: along which axis of the object, m, and its standard deviation."""
+
+    axis: int
+    value: float
+    std: float
+
+
+def estimate_size(trace: Trace, parameter: Parameter, body: Body | None) -> Estimate:
+    """Extents of an object from how far the fingers stayed open as they held it, and from a touch
+    of its top.
+
+    An extent that nothing told stays as the scene has it, with its prior deviation, and the method
+    says so.
+
+    Raises:
+        ValueError: a recording holds no samples, or no guarded descent comes before it.
+    """
+    name, held = parameter.object, _held(trace, parameter.object)
+    touches = touches_of(trace, probes(trace, parameter))
+    if body is None or not (held or touches):
+        return not_identified(parameter, UNIT, f"Nothing was recorded that tells of '{name}'.")
+    found = [*_widths(trace, held, body), *_heights(trace, touches, body)]
+    if not found:
+        why = f"'{name}' was touched across its own axes only, along which its size is told."
+        return not_identified(parameter, UNIT, why, tuple(held))
+    value, std = body.size.copy(), tuning.EXTENT_PRIOR * body.size
+    for axis in range(3):
+        told = [extent for extent in found if extent.axis == axis]
+        if told:
+            weights = np.array([extent.std for extent in told]) ** -2.0
+            value[axis] = np.average([extent.value for extent in told], weights=weights)
+            std[axis] = max(float(weights.sum() ** -0.5), min(extent.std for extent in told) / 2)
+    return Estimate.normal(
+        parameter,
+        UNIT,
+        value,
+        std,
+        _method({extent.axis for extent in found}),
+        (*held, *(touch.recording for touch in touches)),
+        least=0.0,
+        tests=tuple(_tests(touches)),
+    )
+
+
+def _held(trace: Trace, name: str) -> list[Recording]:
+    found: list[Recording] = []
+    for recording in trace.recordings:
+        if recording.buffer == POSE and recording.context.holding == name:
+            found.append(recording)
+    return found
+
+
+def _widths(trace: Trace, held: Sequence[Recording], body: Body) -> Iterator[_Extent]:
+    """Where the fingers closed along an axis of the object, or the object is round."""
+    for recording in held:
+        closing = mean_pose(trace.of(recording)).rotation[:, 1]
+        width, std = _width(trace, recording)
+        along = np.abs(body.pose_world.rotation.T @ closing)
+        level = np.abs(body.pose_world.rotation[2]) < 1.0 - tuning.ALIGNED
+        axes = np.flatnonzero(along > tuning.ALIGNED)
+        if body.words & ROUND and level.sum() == 2:
+            axes = np.flatnonzero(level)
+        for axis in axes.tolist():
+            yield _Extent(axis, width, std)
+
+
+def _width(trace: Trace, recording: Recording) -> tuple[float, float]:
+    """m, and its standard deviation: how far the fingers were open as they met the object, before
+    they took hold of it, and by how much they came nearer then."""
+    held = float(np.median(trace.of(recording).width))
+    before = [leaf for leaf in trace.leaf_runs("CloseGripper") if leaf.end <= recording.start]
+    if not before:
+        return held, tuning.OPENING_HELD
+    samples = trace.samples.between(before[-1].start, before[-1].end)
+    resting = np.abs(np.gradient(samples.width, samples.t)) < tuning.FINGERS_REST
+    met = samples.width[resting & (samples.width < held + tuning.GRASP_YIELDS)]
+    if not len(met):
+        return held, tuning.OPENING_HELD
+    squeezed = max(float(np.quantile(met, tuning.FIRST_MET)) - held, 0.0)
+    share = tuning.FIRST_SQUEEZE
+    width = held + (1.0 + share) * squeezed
+    return width, float(np.hypot(tuning.OPENING, share * squeezed))
+
+
+def _heights(trace: Trace, touches: Sequence[Touch], body: Body) -> Iterator[_Extent]:
+    """What was touched of its top, less what it stands on."""
+    upright = np.flatnonzero(np.abs(body.pose_world.rotation[2]) > tuning.ALIGNED)
+    if not touches or not len(upright):
+        return
+    top, top_std = _height(touches, trace.hand)
+    below, below_std = _support(trace, body)
+    yield _Extent(int(upright[0]), top - below, float(np.hypot(top_std, below_std)))
+
+
+def _height(touches: Sequence[Touch], hand: Hand) -> tuple[float, float]:
+    """World z, m, and its standard deviation without the length of the tips."""
+    spots = np.array([touch.spot for touch in touches])
+    stds = [touch.height_std(hand) for touch in touches]
+    plane = fit_plane(spots, [touch.height for touch in touches], stds)
+    return plane.height, plane.std
+
+
+def _support(trace: Trace, body: Body) -> tuple[float, float]:
+    """World z of what the object stands on: of the surface that was touched nearest to where the
+    scene has its bottom, else that; m, with its standard deviation.
+
+    The length of the tips is in both touches, and so in neither extent; in one alone it counts.
+    """
+    bottom = body.bottom_z()
+    told = [(bottom, float(np.hypot(tuning.PLACE_ACCURACY, trace.hand.tip_offset_std)))]
+    names = {r.context.support for r in trace.recordings} - {None, body.name}
+    for name in sorted(filter(None, names)):
+        touches = touches_of(trace, probes(trace, Parameter(name, "height")))
+        if touches:
+            told.append(_height(touches, trace.hand))
+    near = [found for found in told[1:] if abs(found[0] - bottom) < tuning.SAME_SUPPORT]
+    return min(near, key=lambda found: abs(found[0] - bottom)) if near else told[0]
+
+
+def _tests(touches: Iterable[Touch]) -> Iterator[FitTest]:
+    for touch in touches:
+        yield touch.firm()
+
+
+def _method(axes: set[int]) -> str:
+    told = ", ".join(AXES[axis] for axis in sorted(axes))
+    text = (
+        f"Along {told}: how far the fingers stayed open as they held it, and how high its top was touched above "
+        "what it stands on."
+    )
+    blind = [AXES[axis] for axis in range(3) if axis not in axes]
+    if not blind:
+        return text
+    return f"{text} Along {', '.join(blind)} nothing told, and it is as the scene has it."

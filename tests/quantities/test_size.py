@@ -1,0 +1,160 @@
+"""Size: how wide the fingers find an object, how high its top is, and its shapes in the twin."""
+
+import numpy as np
+import pytest
+
+from palpate.cells.simulated import simulated_cell
+from palpate.errors import InputError
+from palpate.execution.runner import run
+from palpate.parameter import Parameter
+from palpate.planning.symbolic.grounding import ground
+from palpate.planning.symbolic.planner import SymbolicPlanner
+from palpate.quantities.estimators import estimate_all
+from palpate.quantities.size import Size, estimate_size
+from palpate.scene.load import parse_scene
+
+SIZE = Parameter("crate", "size")
+D = """<mujoco><worldbody>
+  <site name="robot_base"/>
+  <body name="table" pos="0.5 0 -0.02"><geom type="box" size=".4 .5 .02"/></body>
+  <body name="crate" pos="0.5 0.1 0.06"><freejoint/><geom type="box" size=".03 .025 .06"/></body>
+  <body name="can" pos="0.5 -0.15 0.05"><freejoint/><geom type="cylinder" size=".03 .05"/></body>
+</worldbody></mujoco>"""
+WORLD = D.replace(
+    'pos="0.5 0.1 0.06"><freejoint/><geom type="box" size=".03 .025 .06"',
+    'pos="0.5 0.1 0.054"><freejoint/><geom type="box" size=".0305 .0245 .054" mass="0.3"',
+)
+TABLE, TOP = 0.0, 0.111
+
+
+@pytest.fixture(scope="module")
+def scene():
+    return parse_scene(D)
+
+
+def recorded(bench, noise, *, support=True, across=True):
+    """A touch of the table, one of the crate's top, and two grasps."""
+    b = bench(noise, 1)
+    if support:
+        b.go("table_approach", (0.4, 0.0, 0.1))
+        b.descend(lambda z: max(0.0, TABLE - z) * 4e4, "table")
+    b.width = 0.0
+    b.go("crate_top", (0.5, 0.1, TOP + 0.08))
+    b.descend(lambda z: max(0.0, TOP - z) * 4e4, "crate")
+    b.width = 0.08
+    b.go("crate_pose", (0.5, 0.1, 0.07))
+    b.close("crate", 0.0)
+    b.measure(0.3, "contact", "table", "gripper_pose")
+    b.open()
+    if across:
+        b.go("crate_across", (0.5, 0.1, 0.07))
+        b.close("crate", 0.0)
+        b.width = 0.062
+        b.measure(0.3, "contact", "table", "gripper_pose")
+    return b
+
+
+def turned(trace, scene, quarter_from):
+    """The hand along the crate's y, and a quarter turn on from a time on."""
+    pose = scene.symbols.resolve("crate_pose")
+    across = scene.symbols.resolve("crate_across")
+    for i, t in enumerate(trace.samples.t.tolist()):
+        orientation = across if t >= quarter_from else pose
+        trace.samples.pose_world_tcp[i, 3:] = orientation.quaternion
+        trace.samples.target_world_tcp[i, 3:] = orientation.quaternion
+    return trace
+
+
+def start_of_last_grasp(b):
+    return [leaf for leaf in b.leaves if leaf.primitive == "MovePose"][-1].start
+
+
+@pytest.mark.parametrize("noise", ["none", "lab", "datasheet"])
+def test_the_fingers_tell_two_widths_and_a_touch_of_the_top_the_height(bench, noises, scene, noise):
+    b = recorded(bench, noises[noise])
+    trace = turned(b.trace(), scene, start_of_last_grasp(b))
+    found = estimate_size(trace, SIZE, scene.bodies["crate"])
+    assert found.value == pytest.approx([0.062, 0.05, TOP - TABLE], abs=5e-4)
+    assert (found.std < 1.5e-3).all()
+    assert found.verdict == "identified"
+    assert "nothing told" not in found.method
+
+
+def test_the_length_of_the_tips_cancels_where_the_support_was_touched_too(bench, noises, scene):
+    both = recorded(bench, noises["lab"], across=False)
+    alone = recorded(bench, noises["lab"], support=False, across=False)
+    crate = scene.bodies["crate"]
+    stds = [estimate_size(b.trace(), SIZE, crate).std[2] for b in (both, alone)]
+    assert stds[0] < 2.1e-4 < stds[1]
+
+
+def test_an_extent_that_nothing_told_stays_as_the_scene_has_it(bench, noises, scene):
+    b = recorded(bench, noises["lab"], across=False)
+    found = estimate_size(turned(b.trace(), scene, np.inf), SIZE, scene.bodies["crate"])
+    assert found.value[0] == scene.bodies["crate"].size[0] == pytest.approx(0.06)
+    assert found.std[0] == pytest.approx(0.015)
+    assert "Along x nothing told" in found.method
+
+
+def test_nothing_recorded_is_not_identified(bench, noises, scene):
+    b = bench(noises["none"])
+    b.go("home", (0.5, 0.0, 0.3))
+    assert estimate_size(b.trace(), SIZE, scene.bodies["crate"]).verdict == "not identified"
+
+
+def grown(text, name, value):
+    """The scene with a body's size written in."""
+    scene = parse_scene(text)
+    spec = scene.spec({Parameter(name, "size"): value})
+    model = spec.compile()
+    geom = model.body(name).geomadr[0]
+    return model.geom_size[geom], model.geom_pos[geom]
+
+
+def test_a_box_grows_from_what_it_stands_on():
+    size, pos = grown(D, "crate", (0.061, 0.049, 0.108))
+    assert size == pytest.approx([0.0305, 0.0245, 0.054])
+    assert pos == pytest.approx([0.0, 0.0, -0.006])
+
+
+def test_a_cylinder_has_one_radius():
+    size, _ = grown(D, "can", (0.0604, 0.0602, 0.104))
+    assert size[:2] == pytest.approx([0.03015, 0.052])
+
+
+def test_a_shape_that_lies_askew_has_no_numbers_for_it():
+    askew = D.replace('size=".03 .025 .06"', 'size=".03 .025 .06" euler="0 0 30"')
+    with pytest.raises(InputError, match="no numbers that state its extents"):
+        grown(askew, "crate", (0.061, 0.049, 0.108))
+
+
+@pytest.mark.parametrize(
+    "request_", ["how tall is the crate?", "the height of the crate", "how wide is the crate"]
+)
+def test_the_height_of_an_object_is_part_of_its_size(scene, request_):
+    assert ground(request_, scene).asked == (SIZE,)
+
+
+def test_the_height_of_a_table_is_none(scene):
+    assert ground("how high is the table?", scene).asked == (Parameter("table", "height"),)
+
+
+def test_what_it_stands_on_is_touched_where_nobody_knows_its_height():
+    scene = parse_scene(D.replace('pos="0.5 0 -0.02"', 'pos="0.5 0 ?"'))
+    needed = list(Size().needs(scene.bodies["crate"], scene.bodies))
+    assert needed == [Parameter("table", "height")]
+
+
+def test_a_crate_is_measured_from_a_sentence(scene):
+    """A smaller one than the scene has, at the noise of a well kept arm."""
+    plan = SymbolicPlanner().plan("how tall is the crate?", scene)
+    cell = simulated_cell(scene, parse_scene(WORLD), noise="lab", seed=1, tolerance=0.05)
+    done = run(plan, scene, cell.robot())
+    assert done.status == "complete"
+    (found,) = estimate_all(plan.parameters, done.trace, scene.bodies)
+    assert found.value == pytest.approx(cell.truth(SIZE), abs=1e-3)
+    assert np.abs(found.z_score(cell.truth(SIZE))).max() < 3.0
+    kinds = [leaf.primitive for leaf in done.trace.leaves]
+    touched = kinds.index("MoveUntilContact")
+    assert kinds.index("FoldFingers") < touched < kinds.index("CloseGripper")
+    assert kinds.count("CloseGripper") == 2
