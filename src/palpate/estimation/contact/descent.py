@@ -154,8 +154,10 @@ def descent_before(trace: Trace, recording: Recording) -> Descent | None:
 def steady(samples: Samples) -> Mask:
     """Rows long enough after the last change of the commanded speed for the arm to have stopped
     swinging: its own inertia is felt before."""
-    told = np.gradient(samples.target_world_tcp[:, 2], samples.t)
-    changes = np.abs(np.gradient(told, samples.t)) > tuning.SPEED_CHANGE
+    told = running_median(np.gradient(samples.target_world_tcp[:, 2], samples.t))
+    half = tuning.SUSTAINED // 2
+    ends = np.pad(told, half, mode="edge")
+    changes = np.abs(ends[2 * half :] - ends[: len(told)]) > tuning.SPEED_CHANGE
     last = np.maximum.accumulate(np.where(changes, samples.t, -np.inf))
     return samples.t - last > tuning.SWING
 

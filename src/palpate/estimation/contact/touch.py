@@ -164,7 +164,7 @@ class Touch:
         yield FitTest(
             "both fingers stand",
             abs(self.lean),
-            tuning.LEAN,
+            tuning.LEANS_OVER,
             f"One finger alone stands on something: the hand leans over by {1e3 * abs(self.lean):.1f} "
             f"mrad, and the other finger, {1e3 * lower:.1f} mm lower for it, meets nothing.",
         )

@@ -11,9 +11,9 @@ SOFT_FORCE = 0.15
 """N: a lower force is none; the repeatability of a force that the datasheet states. Sensitive:
 hardly."""
 
-SPEED_CHANGE = 0.05
-"""m/s² of the commanded motion from which it changes its speed; a steady descent has none.
-Sensitive: no."""
+SPEED_CHANGE = 1e-3
+"""m/s within `SUSTAINED` rows from which the commanded motion changes its speed; a steady descent has
+none, though stamps jitter and samples are missing. Sensitive: no."""
 
 SWING = 0.3
 """s after a change of the commanded speed in which the arm still swings on its springs. Sensitive:
@@ -133,7 +133,7 @@ APART = 0.05
 """m: three touches so far from one another show how a surface leans; 0.1 mm between two touches is
 2 mrad. Sensitive: no."""
 
-LEAN = 3.3e-3
+LEANS_OVER = 3.3e-3
 """rad by which a contact makes the hand lean over where one finger alone stands on something. Against
 a level surface an arm that nobody calibrated is out by 1.2 mrad (1 sigma: 1 mrad in each joint that
 turns it over, and a base levelled to 0.5); 30 N on one finger lean it over by 4.2 mrad at 280 N m/rad.
