@@ -146,7 +146,7 @@ def test_an_object_that_is_not_there_is_bad_input_and_those_that_are_get_listed(
         ("measure the water temperature", "temperature"),
         ("how hot is the mug", "temperature"),
         ("the wetness of the bottle", "wetness"),
-        ("height of the bottle", "height"),
+        ("size of the bench", "size"),
         ("mass of the bench", "mass"),
     ],
 )
