@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import inf, nan
 from pathlib import Path
 
 import pytest
@@ -18,6 +19,12 @@ def test_rows_come_back_in_order(tmp_path: Path) -> None:
     lines.add({"a": 1}, {"b": "Ü\n"})
     lines.add({"c": [None, 2.5]})
     assert lines.read() == [{"a": 1}, {"b": "Ü\n"}, {"c": [None, 2.5]}]
+
+
+def test_what_is_no_number_is_a_word_that_any_reader_of_json_takes(tmp_path: Path) -> None:
+    lines = Lines(tmp_path / "rows.jsonl")
+    lines.add({"widths": (inf, -inf), "of": {"nothing": nan}})
+    assert lines.read() == [{"widths": ["inf", "-inf"], "of": {"nothing": "nan"}}]
 
 
 def test_a_line_that_a_kill_cut_short_is_left_out_and_overwritten(tmp_path: Path) -> None:

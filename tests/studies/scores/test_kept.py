@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
+from math import inf
 from pathlib import Path
 from typing import Any
 
@@ -129,6 +130,19 @@ def test_another_noise_file_of_the_same_name_is_refused(tmp_path: Path) -> None:
     noise.write_text("palpate_noise: 1\nextends: datasheet\n", encoding="utf-8")
     with pytest.raises(InputError, match="at mine with another noise"):
         measure([question], range(1), Pretenders(), tmp_path / "out")
+
+
+def test_an_interval_without_an_end_comes_back(tmp_path: Path) -> None:
+    boundless = ScoredEstimate(MASS, 0, 0, 0.3, inf, -inf, inf, 0.3, None, "kg", "prior-dominated")
+    run = SeedRun(0, "failed", 12, 20.0, (), (boundless,))
+
+    class Once(Pretenders):
+        def each(self, *_: Any) -> Iterator[tuple[int, SeedRun | Lost]]:
+            yield 0, run
+
+    measure([LAB], [0], Once(), tmp_path)
+    (row,) = read(tmp_path)
+    assert row.run == run
 
 
 def test_bad_settings_are_bad_input_before_anything_runs(tmp_path: Path) -> None:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import json
+import math
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, BinaryIO, cast
@@ -40,7 +41,7 @@ class Lines:
         Raises:
             InputError: the file cannot be written.
         """
-        lines = [json.dumps(row, ensure_ascii=False, allow_nan=False) + "\n" for row in rows]
+        lines = [json.dumps(_strict(row), ensure_ascii=False) + "\n" for row in rows]
         try:
             self.file.parent.mkdir(parents=True, exist_ok=True)
             with self.file.open("ab+") as file:
@@ -65,6 +66,18 @@ class Lines:
         if not isinstance(found, dict):
             raise self.other()
         return cast("dict[str, Any]", found)
+
+
+def _strict(content: Any) -> Any:
+    """The same with words (`inf`, `nan`) for what JSON has no numbers for; pydantic reads them."""
+    if isinstance(content, Mapping):
+        named = cast("Mapping[str, Any]", content)
+        return {name: _strict(value) for name, value in named.items()}
+    if isinstance(content, list | tuple):
+        return [_strict(value) for value in cast("Sequence[Any]", content)]
+    if isinstance(content, float) and not math.isfinite(content):
+        return str(content)
+    return content
 
 
 def _end_cleanly(file: BinaryIO) -> None:

@@ -128,7 +128,9 @@ def _overall(runs: Runs, figures: dict[str, Figure]) -> Sequence[tuple[str, Sequ
         figures["coverage"] = plots.coverage(everything)
     for noise, quantities in pooled.items():
         lines = [_pooled_line(name, group) for name, group in quantities.items()]
-        tables.append((noise, [*lines, _pooled_line("all", everything[noise])]))
+        if len(lines) > 1:
+            lines.append(_pooled_line("all", everything[noise]))
+        tables.append((noise, lines))
     return tables
 
 
