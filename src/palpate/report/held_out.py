@@ -74,7 +74,7 @@ def _said(motion: Motion) -> str:
     return (
         f"The joint torques were predicted to {1e3 * motion.rms:.2g} mN·m (root mean square), where "
         f"the scene as given would have been {1e3 * motion.rms_template:.3g} mN·m off. Against what noise "
-        f"and uncertainty allow, χ² is {motion.chi2:.0f} of {motion.dof} (p = {motion.p:.2g}), and "
+        f"and uncertainty allow, χ² is {motion.chi2:.0f} at {motion.dof} degrees of freedom (p = {motion.p:.2g}), and "
         f"{motion.chi2_template:.0f} for the scene as given. The {motion.object} weighed {weight} ± {std} g "
         f"{way} than predicted."
     )
@@ -124,4 +124,8 @@ def _parts(t: Array) -> Sequence[slice]:
 
 
 def _line(x: Array, y: Array, rows: slice) -> str:
-    return " ".join(f"{a:g},{b:g}" for a, b in zip(x[rows], y[rows], strict=True))
+    points = list(zip(x[rows].tolist(), y[rows].tolist(), strict=True))
+    if len(points) == 1:
+        middle, height = points[0]
+        points = [(middle - EDGE, height), (middle + EDGE, height)]
+    return " ".join(f"{a:g},{b:g}" for a, b in points)

@@ -195,6 +195,8 @@ def _judged(
     signals = len(trace.hand.joints)
 
     mass = _known(again.get("mass"), body.known.get("mass"), signals)
+    if mass is None and "com" in again:
+        mass = _besides(again["com"], signals)
     if mass is None:
         return "its mass is not known well enough to predict another motion"
     along = weighing(trace, cut.recording)
@@ -241,6 +243,14 @@ def _known(
     nothing = (0.0,) * len(own)
     columns = [effects.get(f"gain of joint {i + 1}", nothing) for i in range(signals)]
     return _Known(estimate.value, own, np.array(columns).T)
+
+
+def _besides(com: Estimate, signals: int) -> _Known | None:
+    """The mass that was found together with a centre of mass."""
+    found = com.parts.get("mass")
+    if not com.identified or found is None:
+        return None
+    return _Known(np.array([found.value]), np.array([found.std]), np.zeros((1, signals)))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
