@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from palpate.estimation.fusion import Source, fuse
 from palpate.parameter import Parameter
 from palpate.quantities.com import estimate_com
 from palpate.scene.load import parse_scene
@@ -130,3 +131,19 @@ def test_how_well_poses_are_known_is_in_the_interval(bench, noises):
     assert found.std[0] > 5 * usual.std[0]
     assert "here 10 mm" in found.method
     assert "here 0.5 mm" in usual.method
+
+
+def test_runs_of_one_scene_share_its_poses_and_what_was_believed(bench, noises, scene):
+    """Averaging shrinks what is a grasp's and a sensor's own, and neither the poses nor the prior."""
+    body = scene.body("hammer")
+    sources = []
+    for seed in range(4):
+        trace = lift_at(bench, noises["lab"], [0.0, 0.05, -0.05], seed)
+        sources.append(Source(f"run {seed}", "the arm", estimate_com(trace, PARAMETER, body)))
+    first = sources[0].estimate
+    fused = fuse(sources)
+    assert fused.identified
+    assert fused.value[:2] == pytest.approx(COM, abs=3e-3)
+    assert np.all(fused.std[:2] < 0.8 * first.std[:2])
+    assert np.all(fused.std[:2] > 5e-4), "poses are known to half a millimetre"
+    assert fused.std[2] == pytest.approx(first.std[2], rel=0.02)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
@@ -11,9 +11,10 @@ from scipy.special import stdtrit
 
 from palpate.estimation import tuning
 from palpate.estimation.agreement import FitTest, chi_squared
-from palpate.estimation.estimate import Estimate, Part, not_identified
+from palpate.estimation.estimate import Estimate, Part, Shared, not_identified
 from palpate.estimation.holds import Held, held
 from palpate.estimation.load.fit import Load
+from palpate.estimation.load.weighing import shared_gains
 from palpate.geometry.pose import Array
 from palpate.mjcf.body import Body, BodyDescription
 from palpate.mjcf.document import UNKNOWN, tokens
@@ -27,6 +28,9 @@ from palpate.trace.recording import Hand, Recording
 from palpate.trace.samples import FORCES, Trace
 
 UNIT = "m"
+
+BELIEVED = "what was believed before"
+"""Name of a cause that all runs of a scene share: a prior is not counted once a run."""
 
 TRUE_SHIFT = 0.1
 """Part of the object's extent by which a hidden centre of mass is off, at most, per axis."""
@@ -115,6 +119,7 @@ class _Grasps:
         rows: (2n, 3) and right: (2n,), m. covariance: (2n, 2n) m² of them. loose: m, by how much each
             may be off besides, as the arm is not where it says: its own weight is then felt.
         freedom: degrees of freedom of the noise.
+        shared: causes that other runs share, with what they do to `right`.
     """
 
     recordings: Sequence[Recording]
@@ -123,6 +128,7 @@ class _Grasps:
     covariance: Array
     loose: float
     freedom: float
+    shared: tuple[Shared, ...]
 
 
 def estimate_com(trace: Trace, parameter: Parameter, body: Body | None) -> Estimate:
@@ -139,7 +145,7 @@ def estimate_com(trace: Trace, parameter: Parameter, body: Body | None) -> Estim
         )
     load = found.load
     grasps = _grasps(trace, found, body)
-    centre, covariance, agree = _solve(grasps, body)
+    centre, covariance, agree, shared = _solve(grasps, body)
     weight, std = load.force / trace.gravity, load.force_std / trace.gravity
     torques = [float(np.hypot(*moment)) for moment in load.value[1:].reshape(-1, 2)]
     parts = {
@@ -148,7 +154,8 @@ def estimate_com(trace: Trace, parameter: Parameter, body: Body | None) -> Estim
     }
     value = centre, np.sqrt(np.diag(covariance))
     tests = (*load.tests, agree)
-    return _estimate(parameter, body, grasps, value, parts, tests)
+    made = _estimate(parameter, body, grasps, value, parts, tests)
+    return replace(made, shared=shared, freedom=grasps.freedom)
 
 
 def _grasps(trace: Trace, held: Held, body: Body) -> _Grasps:
@@ -172,10 +179,16 @@ def _grasps(trace: Trace, held: Held, body: Body) -> _Grasps:
         rows.append(pose_world_body.rotation[:2])
         along.append(hold.pose_world_tcp.rotation[:2])
         right.append(hold.pose_world_tcp.position[:2] + offset - pose_world_body.position[:2])
-    covariance = _offsets(load) + _places(along, accuracy(body), trace.hand)
+    slopes, places = _slopes(load), _places(along, accuracy(body), trace.hand)
+    covariance = slopes @ load.covariance @ slopes.T + tuning.GRASP_ACCURACY**2 * np.eye(
+        len(slopes)
+    )
+    for place in places:
+        covariance += np.outer(place.effect, place.effect)
+    shared = (*shared_gains(slopes @ load.gains), *places)
     loose = tuning.ARM_WEIGHT * trace.hand.pose_repeatability / load.force
     return _Grasps(
-        recordings, np.vstack(rows), np.concatenate(right), covariance, loose, load.freedom
+        recordings, np.vstack(rows), np.concatenate(right), covariance, loose, load.freedom, shared
     )
 
 
@@ -184,47 +197,54 @@ def accuracy(body: Body) -> float:
     return tuning.PLACE_ACCURACY if body.accuracy is None else body.accuracy
 
 
-def _places(tools: Sequence[Array], accuracy: float, hand: Hand) -> Array:
-    """(2n, 2n) m²: covariance of where the object is in the hand: what each grasp shifts, and by how
-    much the scene and the arm disagree on where it stands, which is the same in all of them; `tools`
-    (2, 3) say where the tool's axes point, seen from above.
+def _places(tools: Sequence[Array], accuracy: float, hand: Hand) -> list[Shared]:
+    """By how much the scene and the arm disagree on where the object stands, which is the same in all
+    grasps, with what that does to where it is in the hand, (2n,) m; `tools` (2, 3) say where the tool's
+    axes point, seen from above.
 
     The fingers centre it between them as they close; along them, they leave it where it is, and
     nothing that is felt shows by how much that is off.
     """
     seen = np.vstack(tools)
-    own = tuning.GRASP_ACCURACY**2 * np.eye(len(seen))
-    known = np.array([accuracy, tuning.PLACE_ACCURACY, tuning.PLACE_ACCURACY])
-    common = seen * np.hypot(known, hand.tip_offset_std)
-    return own + common @ common.T
+    known = (accuracy, tuning.PLACE_ACCURACY, tuning.PLACE_ACCURACY)
+    found: list[Shared] = []
+    for axis, column, std in zip("xyz", seen.T, known, strict=True):
+        place, tip = (std * column).tolist(), (hand.tip_offset_std * column).tolist()
+        found.append(Shared(f"place in the scene along the tool's {axis}", "scene", tuple(place)))
+        found.append(Shared(f"fingertips along the tool's {axis}", "arm", tuple(tip)))
+    return found
 
 
-def _offsets(load: Load) -> Array:
-    """(2n, 2n) m²: covariance of where the load hangs, of first order in that of force and
-    moments."""
+def _slopes(load: Load) -> Array:
+    """(2n, 1 + 2n) how where the load hangs changes with its force and moments."""
     moments = load.value[1:]
     slopes = np.zeros((len(moments), 1 + len(moments)))
     for x in range(0, len(moments), 2):
         slopes[x, 2 + x], slopes[x + 1, 1 + x] = -1.0, 1.0
         slopes[x, 0], slopes[x + 1, 0] = moments[x + 1] / load.force, -moments[x] / load.force
-    slopes /= load.force
-    return slopes @ load.covariance @ slopes.T
+    return slopes / load.force
 
 
-def _solve(grasps: _Grasps, body: Body) -> tuple[Array, Array, FitTest]:
-    """The centre of mass (3,) m, its covariance, and whether the grasps agree on it: generalised
-    least squares around a prior at the geometric centre, with the covariance inflated where they do
-    not (Birge ratio)."""
+def _solve(grasps: _Grasps, body: Body) -> tuple[Array, Array, FitTest, tuple[Shared, ...]]:
+    """The centre of mass (3,) m, its covariance, whether the grasps agree on it, and what it shares
+    with other runs: generalised least squares around a prior at the geometric centre, with the
+    covariance inflated where they do not (Birge ratio)."""
     weight = np.linalg.inv(grasps.covariance)
     spread = tuning.COM_PRIOR * np.maximum(body.size, 1e-3)
     prior: Array = np.diag(spread**-2.0).astype(np.float64)
     information: Array = grasps.rows.T @ weight @ grasps.rows + prior
     covariance: Array = np.linalg.inv(information).astype(np.float64)
-    centre = covariance @ (grasps.rows.T @ weight @ grasps.right + prior @ body.centre)
+    carried = covariance @ grasps.rows.T @ weight
+    centre = carried @ grasps.right + covariance @ prior @ body.centre
     left = grasps.right - grasps.rows @ centre
     freedom = max(1, len(left) - int(np.linalg.matrix_rank(grasps.rows, tol=tuning.SEEN)))
     inflated: Array = covariance * max(1.0, float(left @ weight @ left) / freedom)
-    return centre, inflated, _agreement(grasps, left, freedom)
+    shared: list[Shared] = []
+    for one in grasps.shared:
+        shared.append(replace(one, effect=tuple((carried @ np.array(one.effect)).tolist())))
+    for axis, column in zip("xyz", (covariance / spread).T, strict=True):
+        shared.append(Shared(f"{BELIEVED} of {axis}", "scene", tuple(column.tolist())))
+    return centre, inflated, _agreement(grasps, left, freedom), tuple(shared)
 
 
 def _agreement(grasps: _Grasps, left: Array, freedom: int) -> FitTest:

@@ -25,7 +25,7 @@ from palpate.estimation.load.segments import weighing
 from palpate.estimation.windows import load_of, mean_pose
 from palpate.geometry.pose import Array, Pose
 from palpate.parameter import Parameter
-from palpate.quantities.com import accuracy
+from palpate.quantities.com import BELIEVED, accuracy
 from palpate.quantities.estimators import estimate_all
 from palpate.scene.scene import Scene
 from palpate.trace.recording import Recording
@@ -238,7 +238,10 @@ def _known(
         return _Known(np.array(stated), np.zeros(len(stated)), np.zeros((len(stated), signals)))
     if estimate is None or not estimate.identified:
         return None
-    own = np.sqrt(np.maximum(estimate.std**2 - estimate.shared_std**2, 0.0))
+    # What all grasps have in common is in the motion as well, but for what was believed before.
+    common = tuple(one for one in estimate.shared if not one.cause.startswith(BELIEVED))
+    alike = replace(estimate, shared=common).shared_std
+    own = np.sqrt(np.maximum(estimate.std**2 - alike**2, 0.0))
     effects = {shared.cause: shared.effect for shared in estimate.shared}
     nothing = (0.0,) * len(own)
     columns = [effects.get(f"gain of joint {i + 1}", nothing) for i in range(signals)]
