@@ -32,6 +32,9 @@ log = logging.getLogger(__name__)
 MAX_ROUNDS = 5
 """How often what is too wide is measured again, at most."""
 
+FUTILE = 0.98
+"""Part of an interval that a round must leave at most, for another one to be worth it."""
+
 Lacking = dict[Parameter, Precision]
 """What is wider than asked, and how far."""
 
@@ -47,12 +50,14 @@ def repeat(
 ) -> Execution:
     """The execution with all further rounds joined to it that `within` makes necessary; `say` is
     told what each is for."""
-    done = first
+    done, before = first, Lacking()
     asked = [parameter for parameter in plan.parameters if within.of(parameter) is not None]
     for count in range(1, MAX_ROUNDS + 1):
         if not asked or done.status != "complete":
             break
         lacking = dict(_lacking(asked, done, scene, within))
+        asked = [parameter for parameter in lacking if _is_worth_it(parameter, lacking, before)]
+        before = lacking = {parameter: lacking[parameter] for parameter in asked}
         again = _planned(lacking, scene, done, plan.planner)
         if again is None:
             break
@@ -71,6 +76,11 @@ def _lacking(
             continue
         if precision.outcome == "rounds used up":
             yield estimate.parameter, precision
+
+
+def _is_worth_it(parameter: Parameter, now: Lacking, before: Lacking) -> bool:
+    """Whether another round may narrow it: the last one has, if there was any."""
+    return parameter not in before or now[parameter].reached < FUTILE * before[parameter].reached
 
 
 def _planned(
