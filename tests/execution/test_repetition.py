@@ -24,22 +24,26 @@ def rounds(run) -> int:
 
 @pytest.fixture(scope="module")
 def narrowed(tmp_path_factory):
-    return weighed("1.4g", out=tmp_path_factory.mktemp("within") / "run")
+    """Its signals are noisier than the arm's description says."""
+    folder = tmp_path_factory.mktemp("within")
+    loud = folder / "loud.yaml"
+    loud.write_text("palpate_noise: 1\nname: loud\nextends: lab\ntorque: {white: 0.3}\n")
+    return weighed("4g", noise=str(loud), out=folder / "run")
 
 
 def test_a_mass_is_weighed_until_it_is_as_narrow_as_asked(narrowed) -> None:
     assert rounds(narrowed) > 1
     assert narrowed.status == "complete"
     low, high = narrowed["cup.mass"].ci95[0]
-    assert (high - low) / 2 <= 0.0014
+    assert (high - low) / 2 <= 0.004
     assert low < 0.3 < high
-    assert "Within 1.4 g was asked: " in narrowed["cup.mass"].method
+    assert "Within 4 g was asked: " in narrowed["cup.mass"].method
     assert narrowed.execution.setbacks == ()
 
 
 def test_the_result_says_what_was_asked_and_what_came_of_it(narrowed) -> None:
     (row,) = json.loads((narrowed.folder / "result.json").read_text())["parameters"]
-    assert row["within"]["asked"] == 0.0014
+    assert row["within"]["asked"] == 0.004
     assert row["within"]["outcome"] == "reached"
     again = pp.open(narrowed.folder)
     assert again.status == "complete"

@@ -50,10 +50,10 @@ SENSED = 1000.0
 SLOWEST = 1.5 * tuning.PASS_SPEED
 """m/s of a pass, at which joints still slide all the way."""
 
-SPEEDS = 20
+SPEEDS = 8
 """Speeds of a pass that are weighed against each other."""
 
-MOST_CYCLES = 6
+MOST_CYCLES = 4
 """In one tree; what they do not reach is measured again."""
 
 
@@ -108,19 +108,22 @@ class Mass(Quantity):
     def floor(self, site: Site) -> float:
         """By the gains of the joints' sensors."""
         weight, gravity, hand = site.believed[0] * site.gravity, site.gravity, site.arm.nominal
-        return _lift(site, None).std(site.arm.pace.speed, weight, gravity, hand)[1] / gravity
+        return _lift(site, None).std(1, site.arm.pace.speed, weight, gravity, hand)[1] / gravity
 
     def effort(self, site: Site, std: float, trace: Trace | None) -> Effort:
         """Cycles of an empty and a loaded pass each way, as fast and as few as will do: slow passes
         average white noise, and more of them what is slower."""
         lift, gravity, hand = _lift(site, trace), site.gravity, site.arm.nominal
+        weight = site.believed[0] * gravity
         choices: list[tuple[float, Effort]] = []
         for speed in np.geomspace(SLOWEST, site.arm.pace.speed, SPEEDS).round(3).tolist():
-            # Cycles one after another are as good as independent.
-            alone = lift.std(speed, 0.0, gravity, hand)[0] / gravity
-            cycles = min(max(1, int(np.ceil((alone / std) ** 2))), MOST_CYCLES)
-            missed = max(alone / np.sqrt(cycles) / std, 1.0)
-            choices.append((cycles * lift.seconds(speed) * missed**2, Effort(cycles, speed)))
+            for cycles in range(1, MOST_CYCLES + 1):
+                left = lift.std(cycles, speed, weight, gravity, hand)[0] / gravity
+                # What is missed takes as much again, and again.
+                missed = max((left / std) ** 2, 1.0)
+                choices.append((cycles * lift.seconds(speed) * missed, Effort(cycles, speed)))
+                if missed == 1.0:
+                    break
         return min(choices, key=lambda choice: choice[0])[1]
 
     def write(

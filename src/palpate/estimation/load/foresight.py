@@ -16,7 +16,7 @@ from palpate.estimation.load.segments import Segment, Weighing
 from palpate.geometry.pose import Array
 from palpate.trace.recording import Hand
 
-HANDLING = 0.75
+HANDLING = 1.0
 """s between two passes: the arm settles and feels what it bears, the fingers take or let go."""
 NEAR = 2.0 * tuning.CLEARANCE
 """m of a pass that are near a support."""
@@ -49,21 +49,24 @@ class Lift:
         slowly = near / min(speed, self.near_speed) + speed / self.acceleration
         return len(PASSES) * ((self.length - near) / speed + slowly + HANDLING)
 
-    def std(self, speed: float, weight: float, gravity: float, hand: Hand) -> tuple[float, float]:
-        """N, 1 sigma of a load of `weight` N after one cycle at `speed` m/s: by noise, and by what
+    def std(
+        self, cycles: int, speed: float, weight: float, gravity: float, hand: Hand
+    ) -> tuple[float, float]:
+        """N, 1 sigma of a load of `weight` N after some cycles at `speed` m/s: by noise, and by what
         no further one makes smaller."""
-        return foreseen(self._cycle(speed), weight, gravity, hand)
+        return foreseen(self._weighing(cycles, speed), weight, gravity, hand)
 
-    def _cycle(self, speed: float) -> Weighing:
+    def _weighing(self, cycles: int, speed: float) -> Weighing:
         segments: list[Segment] = []
         start = 0.0
-        for kind, loaded in PASSES:
-            segments.append(self._pass(kind, loaded, start, speed))
-            start += self.length / speed + HANDLING
+        for grasp in range(cycles):
+            for kind, loaded in PASSES:
+                segments.append(self._pass(kind, loaded, float(grasp), start, speed))
+                start += self.length / speed + HANDLING
         noise = Noise(self.white, self.flicker, KNOWN)
         return Weighing(segments, noise, self.felt.scale)
 
-    def _pass(self, kind: str, loaded: bool, start: float, speed: float) -> Segment:
+    def _pass(self, kind: str, loaded: bool, grasp: float, start: float, speed: float) -> Segment:
         """The steady part of a pass, in bins."""
         clear = min(tuning.CLEARANCE, tuning.SHORT_LIFT * self.length) / self.length
         edges = np.linspace(clear, 1.0, tuning.BINS + 1)
@@ -76,7 +79,7 @@ class Lift:
         return Segment(
             kind,
             loaded,
-            0.0,
+            grasp,
             start,
             start + self.length / speed,
             start + gone * self.length / speed,

@@ -94,3 +94,6 @@ ENCODER_PLAY = 1e-5
 
 RUBBING_ROWS = 4
 """rows, 20 ms, over whose mean angles a joint's motion is followed. Sensitive: no."""
+
+FORESEEN_DRAWS = 4
+"""draws of noise that passes to come are judged by. Sensitive: no, it decides on work alone."""
