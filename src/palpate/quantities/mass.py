@@ -115,16 +115,18 @@ class Mass(Quantity):
         average white noise, and more of them what is slower."""
         lift, gravity, hand = _lift(site, trace), site.gravity, site.arm.nominal
         weight = site.believed[0] * gravity
-        choices: list[tuple[float, Effort]] = []
+        least, best = np.inf, Effort()
         for speed in np.geomspace(SLOWEST, site.arm.pace.speed, SPEEDS).round(3).tolist():
             for cycles in range(1, MOST_CYCLES + 1):
                 left = lift.std(cycles, speed, weight, gravity, hand)[0] / gravity
                 # What is missed takes as much again, and again.
                 missed = max((left / std) ** 2, 1.0)
-                choices.append((cycles * lift.seconds(speed) * missed, Effort(cycles, speed)))
-                if missed == 1.0:
+                takes = cycles * lift.seconds(speed)
+                if takes * missed < least:
+                    least, best = takes * missed, Effort(cycles, speed)
+                if missed == 1.0 or takes + lift.seconds(speed) > least:
                     break
-        return min(choices, key=lambda choice: choice[0])[1]
+        return best
 
     def write(
         self, body: BodyDescription, value: tuple[float, ...], std: float | None

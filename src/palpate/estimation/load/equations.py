@@ -95,13 +95,6 @@ class Model:
             covariance += weight * own
         return mean, covariance
 
-    def sure(self) -> Model:
-        """With the first factor of all that is unsure."""
-        prior = self.prior.copy()
-        for each in self.unsure:
-            prior[each.columns] *= each.factors[0]
-        return replace(self, prior=prior, unsure=())
-
     def _solve(
         self, choice: tuple[int, ...], told: Array, gram: Array
     ) -> tuple[Array, Array, float]:

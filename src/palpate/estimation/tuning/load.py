@@ -95,5 +95,5 @@ ENCODER_PLAY = 1e-5
 RUBBING_ROWS = 4
 """rows, 20 ms, over whose mean angles a joint's motion is followed. Sensitive: no."""
 
-FORESEEN_DRAWS = 4
+FORESEEN_DRAWS = 2
 """draws of noise that passes to come are judged by. Sensitive: no, it decides on work alone."""
