@@ -37,8 +37,8 @@ SPREAD = np.array([0.8, 0.6, 0.6, 0.7, 1.0, 0.8, 1.2])
 """rad about home, evenly."""
 CLEAR = 0.25
 """m that the TCP stays above the plane on which the arm stands."""
-TELLING = 0.05
-"""Part of what was believed of a gain that the weight must have told, to be compared with it."""
+WIDE = 0.1
+"""Relative (1 sigma): no sensor's gain is off by more."""
 MARGIN = 0.1
 """rad to the joints' limits."""
 UP = np.array([0.0, 0.0, 1.0])
@@ -72,12 +72,15 @@ def weighed_itself(trace: Trace, arm: RobotDescription) -> GainBelief:
         InputError: too few rests, or what was felt is not what such an arm may weigh.
     """
     q, felt, maps = _rests(trace)
-    columns = _columns(trace, arm, q)
-    mean, covariance = _fit(columns, felt, _noise(arm, trace.hand, maps))
-    mean, covariance = mean[:JOINTS], covariance[:JOINTS, :JOINTS]
-    _require_agreement(mean, covariance)
     root = gain_root(trace.hand, JOINTS)
-    return GainBelief(root @ mean, root @ covariance @ root.T)
+    heavy, others = _columns(trace, arm, q)
+    # How far rests scatter is seen where a wrong belief in the gains cannot pass for it.
+    free, noise = _scattering(
+        np.concatenate([WIDE * heavy, others], axis=2), felt, _noise(arm, trace.hand, maps)
+    )
+    _require_agreement(WIDE * free.mean, WIDE**2 * free.covariance, root @ root.T)
+    found = _solved(np.concatenate([heavy @ root, others], axis=2), felt, noise)
+    return GainBelief(root @ found.mean, root @ found.covariance @ root.T)
 
 
 def _noise(arm: RobotDescription, hand: Hand, maps: Array) -> Array:
@@ -87,25 +90,41 @@ def _noise(arm: RobotDescription, hand: Hand, maps: Array) -> Array:
     return np.diag(own) + stuck @ stuck.transpose(0, 2, 1)
 
 
-def _fit(columns: Array, felt: Array, noise: Array) -> tuple[Array, Array]:
-    """Mean (p,) and covariance (p, p) of unknowns with a standard normal prior, of which `columns`
-    (n, 7, p) make `felt` (n, 7). How large the `noise` (n, 7, 7) is in each joint is seen in what the
-    fit leaves."""
+def _scattering(columns: Array, felt: Array, noise: Array) -> tuple[GainBelief, Array]:
+    """The gains, and the `noise` (n, 7, 7) as large in each joint as what the fit leaves."""
     size = np.ones(JOINTS)
-    count = columns.shape[2]
-    mean, covariance = np.zeros(count), np.eye(count)
     for _ in range(ROUNDS):
-        roots = np.linalg.cholesky(noise * np.outer(size, size))
-        white: Array = np.linalg.solve(roots, columns).astype(np.float64)
-        seen: Array = np.linalg.solve(roots, felt[:, :, None]).astype(np.float64)[:, :, 0]
-        information = np.einsum("nip,niq->pq", white, white) + np.eye(count)
-        covariance = _inverse(information)
-        mean = covariance @ np.einsum("nip,ni->p", white, seen)
+        roots: Array = np.linalg.cholesky(noise * np.outer(size, size)).astype(np.float64)
+        white, seen = _white(roots, columns, felt)
+        mean, covariance = _posterior(white, seen)
         left = seen - white @ mean
         told = np.einsum("nip,pq,niq->i", white, covariance, white)
         free = np.maximum(len(felt) - told, 1.0)
         size = size * np.sqrt((left**2).sum(axis=0) / free)
-    return mean, covariance
+    noise = noise * np.outer(size, size)
+    return _solved(columns, felt, noise), noise
+
+
+def _solved(columns: Array, felt: Array, noise: Array) -> GainBelief:
+    """The first unknowns, in units of their prior deviations, of which `columns` (n, 7, p) make `felt`
+    (n, 7)."""
+    roots: Array = np.linalg.cholesky(noise).astype(np.float64)
+    mean, covariance = _posterior(*_white(roots, columns, felt))
+    return GainBelief(mean[:JOINTS], covariance[:JOINTS, :JOINTS])
+
+
+def _white(roots: Array, columns: Array, felt: Array) -> tuple[Array, Array]:
+    """(n, 7, p) and (n, 7) in rows of unit variance."""
+    white: Array = np.linalg.solve(roots, columns).astype(np.float64)
+    seen: Array = np.linalg.solve(roots, felt[:, :, None]).astype(np.float64)
+    return white, seen[:, :, 0]
+
+
+def _posterior(white: Array, seen: Array) -> tuple[Array, Array]:
+    """Mean (p,) and covariance (p, p) of unknowns with a standard normal prior."""
+    information = np.einsum("nip,niq->pq", white, white) + np.eye(white.shape[2])
+    covariance = _inverse(information)
+    return covariance @ np.einsum("nip,ni->p", white, seen), covariance
 
 
 def _inverse(information: Array) -> Array:
@@ -134,31 +153,31 @@ def _rests(trace: Trace) -> tuple[Array, Array, Array]:
     return q, torque, feeling(trace).maps(q)
 
 
-def _columns(trace: Trace, arm: RobotDescription, q: Array) -> Array:
-    """(n, 7, p) N m: what one standard deviation of each unknown makes of each joint: gains, what
-    zeroing left, links' masses and centres."""
+def _columns(trace: Trace, arm: RobotDescription, q: Array) -> tuple[Array, Array]:
+    """(n, 7, 7) N m that gains of one make, and (n, 7, p) what one standard deviation of each other
+    unknown makes: what zeroing left, links' masses and centres."""
     nominal = Links(arm, trace.gravity)
-    start = trace.samples.q[0]
-    weight = nominal.weight(q) - nominal.weight(start[None])
-    links = nominal.sensitivity(q) - nominal.sensitivity(start[None])
-    gains = weight[:, :, None] * gain_root(trace.hand, JOINTS)
-    offset = np.broadcast_to(OFFSET * np.eye(JOINTS), gains.shape)
-    return np.concatenate([gains, offset, links], axis=2)
+    start = trace.samples.q[:1]
+    weight = nominal.weight(q) - nominal.weight(start)
+    links = nominal.sensitivity(q) - nominal.sensitivity(start)
+    heavy = weight[:, :, None] * np.eye(JOINTS)
+    offset = np.broadcast_to(OFFSET * np.eye(JOINTS), heavy.shape)
+    return heavy, np.concatenate([offset, links], axis=2)
 
 
-def _require_agreement(mean: Array, covariance: Array) -> None:
-    """That the gains found are such as were believed possible. `mean` (7,) and `covariance` (7, 7)
-    are in units of that belief; what the weight tells nothing of is left out."""
-    told, axes = np.linalg.eigh(np.eye(JOINTS) - covariance)
-    along, seen = axes.T @ mean, told > TELLING
-    worst = int(np.argmax(np.abs(mean)))
+def _require_agreement(mean: Array, covariance: Array, believed: Array) -> None:
+    """That gains of which nothing was believed, `mean` (7,) ± `covariance` (7, 7), are such as the
+    `believed` covariance (7, 7) allows."""
+    spread = covariance + believed
+    apart = np.abs(mean) / np.sqrt(spread.diagonal())
+    worst = int(np.argmax(apart))
     same = chi_squared(
         "own weight",
-        float((along[seen] ** 2 / told[seen]).sum()),
-        int(seen.sum()),
+        float(mean @ np.linalg.solve(spread, mean)),
+        JOINTS,
         f"The arm feels its own weight otherwise than what is known of its sensors allows, most of all "
-        f"in joint {worst + 1} ({abs(mean[worst]):.1f} standard deviations): they were calibrated "
-        "wrongly, or the arm carries something.",
+        f"in joint {worst + 1} ({apart[worst]:.1f} standard deviations): they were calibrated wrongly, "
+        "or the arm carries something.",
     )
     require([same], "the arm's own weight")
 
