@@ -16,7 +16,7 @@ from palpate.estimation.gains import gain_root
 from palpate.geometry.pose import Array, Pose
 from palpate.robots.nominal import NominalArm
 from palpate.robots.owner.calibrated import as_measured, calibrated
-from palpate.robots.owner.config import Gains, RobotConfig, Value, read_config, write_config
+from palpate.robots.owner.config import Gains, Lean, RobotConfig, Value, read_config, write_config
 from palpate.robots.registry import load_description
 from palpate.robots.simulated.robot import MujocoRobot
 from palpate.settings import Settings, request_json, settings_from
@@ -30,6 +30,7 @@ arm: fr3
 gravity: {value: 9.8123}
 torque_gain: {value: [0, 1e-2, 0, -1e-2, 0, 0, 0], std: 1e-3 1e-3}
 tip_offset: {value: 0.0095, std: 5e-5, date: 2026-11-20, by: a gauge of 50 mm}
+base_lean: {value: [1e-3, -5e-4], std: [1e-4, 1e-4]}
 tip_compliance: {value: 2e-5, std: 5e-6}
 end_effector: {mass: 0.8, centre: [0, 0, 0.05]}
 stiffness: {translation: 800, rotation: 60, joints: [600, 600, 600, 600, 250, 150, 50]}
@@ -203,6 +204,18 @@ def test_the_world_keeps_its_truth_whatever_is_believed(tmp_path: Path) -> None:
     plain, believed = (robot(arm, tmp_path, hidden) for arm in (ARM, calibrated(ARM, config)))
     assert believed.hand.tip_offset == 0.02
     assert believed.world.model.geom_pos == pytest.approx(plain.world.model.geom_pos)
+
+
+def test_a_base_that_leans_is_reported_so(tmp_path: Path) -> None:
+    """dz = r_x y - r_y x, of a base at the origin; the hand is half a metre ahead."""
+    config = RobotConfig(base_lean=Lean(value=np.array([0.0, 2e-3]), std=np.zeros(2)))
+    plain, leaning = (
+        robot(arm, tmp_path, "name: perfect") for arm in (ARM, calibrated(ARM, config))
+    )
+    here, there = plain.state.pose_world_tcp.position, leaning.state.pose_world_tcp.position
+    assert there[2] - here[2] == pytest.approx(-2e-3 * here[0], rel=1e-2)
+    leaning.advance(0.5)
+    assert np.abs(leaning.drain().wrench[-1]).max() < 0.2, "held up as it is"
 
 
 def test_a_prediction_is_made_with_what_was_measured(tmp_path: Path) -> None:

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from palpate.robots.description import RobotDescription
 
 JOINTS = 7
-MEASURED = ("torque_gain", "tip_offset", "tip_compliance")
+MEASURED = ("torque_gain", "tip_offset", "base_lean", "tip_compliance")
 """What a calibration writes; all other keys of a file stay."""
 
 
@@ -176,6 +176,15 @@ def _compared(start: RobotDescription, end: RobotDescription) -> Iterator[Found]
         before, after = _gain_values(start), _gain_values(end)
         for i in range(JOINTS):
             yield Found(f"torque_gain {i + 1}", "1", before[i], after[i], gains.by or "")
+    lean = end.config.base_lean
+    if lean is not None and lean is not getattr(start.config, "base_lean", None):
+        before = (0.0, 0.0), (told.tip_offset_std / start.reach.stretched,) * 2
+        if start.config is not None and start.config.base_lean is not None:
+            before = start.config.base_lean.value.tolist(), start.config.base_lean.std.tolist()
+        for i, axis in enumerate("xy"):
+            one = (before[0][i], before[1][i])
+            now = (float(lean.value[i]), float(lean.std[i]))
+            yield Found(f"base_lean {axis}", "rad", one, now, lean.by or "")
     for name, unit in (("tip_offset", "m"), ("tip_compliance", "m/N")):
         figure = getattr(end.config, name)
         if figure is not None and figure is not getattr(start.config, name, None):

@@ -18,7 +18,7 @@ from palpate.geometry.pose import Array
 from palpate.parameter import Parameter
 from palpate.planning.plan import Node, Plan
 from palpate.planning.symbolic.planner import assemble
-from palpate.robots.owner.config import Gains, Value
+from palpate.robots.owner.config import Gains, Lean, Value
 from palpate.scene.load import load_scene, parse_scene
 from palpate.scene.scene import Scene
 from palpate.trace.samples import STANDARD_GRAVITY
@@ -86,16 +86,27 @@ def gauge(session: Session, known: Known) -> None:
     for estimate in run.estimates:
         if estimate.verdict == "contradicted":
             raise InputError(f"the gauge contradicts: {estimate.contradiction} Nothing is written.")
-    found = gauged(run.trace, heights, known.size)
+    arm = session.arm
+    base = arm.stands(scene.pose_world_base)
+    found = gauged(run.trace, heights, known.size, base, arm.reach.stretched)
     by = f"{found.touches} touches of gauges of {known.size.text}"
     today = datetime.date.today()
     tips = {
         "tip_offset": Value(value=found.offset, std=found.offset_std, date=today, by=by),
+        "base_lean": Lean(
+            value=found.lean + _leaning(session), std=found.lean_std, date=today, by=by
+        ),
         "tip_compliance": Value(
             value=found.compliance, std=found.compliance_std, date=today, by=by
         ),
     }
     session.config = session.config.model_copy(update=tips)
+
+
+def _leaning(session: Session) -> Array:
+    """(2,) rad, what was known of it before."""
+    lean = session.config.base_lean
+    return np.zeros(2) if lean is None else lean.value
 
 
 def _weigh_once(

@@ -1,13 +1,16 @@
-"""Where the fingertips end, from heights that are known.
+"""Where the fingertips end, and how the arm's frame leans, from heights that are known.
 
-What the arm's frame adds to a height (its base, its links, its encoders' zeros) cannot be told from
-the tips' length at one place. Over several it shows in how far the touches disagree, and stays in the
-standard deviation: what is gauged here holds over the places that were touched.
+What a fingertip touches h too high, at x and y from the base, tells
+
+    h = c + s_x x + s_y y
+
+c: the tips are longer than was thought, or the base lower; s: the base leans, or the joints' zeros and
+links make it seem so, which over a few decimetres is the same. What such a plane leaves of the frames
+of arms that nobody calibrated is `BENT`.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -20,61 +23,120 @@ from palpate.estimation import tuning
 from palpate.estimation.agreement import chi_squared
 from palpate.estimation.contact.descent import probes
 from palpate.estimation.contact.touch import Touch, touched
-from palpate.geometry.pose import Array
+from palpate.geometry.pose import Array, Pose
 from palpate.parameter import Parameter
 from palpate.trace.samples import Trace
 
 FEWEST = 3
 """Places that show how the arm's frame leans."""
+BENT = 6e-5
+"""m (1 sigma): of arms whose joints' zeros are off by 1 mrad and whose links by 0.3 mm, what a plane
+through the gauges of the bench leaves beside them and between, root mean square of 200."""
+AROUND = 0.1
+"""m above and below the gauges, in which a frame changes as if what is wrong with it grew evenly over
+the arm's reach."""
 STIFF = 1e-6
 """m/N: what a gauge of steel, and what it stands on, give way by themselves."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Tips:
-    """Of the fingertips: m and m/N.
+    """Of the fingertips, m and m/N, and the base, rad.
 
     Attributes:
-        offset: from the TCP to their end, along the tool, with offset_std.
+        offset: from the TCP to their end, along the tool. offset_std: of what they and the frame add
+            to a height where the gauges stood.
+        lean: (2,) about the base's x and y axes, beyond what was known of it, with lean_std.
         compliance: of pads and joints beyond the encoders, with compliance_std.
         touches: how many it rests on.
     """
 
     offset: float
     offset_std: float
+    lean: Array
+    lean_std: Array
     compliance: float
     compliance_std: float
     touches: int
 
 
-def gauged(trace: Trace, surfaces: Sequence[Parameter], known: Stated) -> Tips:
-    """What is known of the fingertips after touches of `surfaces`, all of which are `known` m high.
+def gauged(
+    trace: Trace, surfaces: Sequence[Parameter], known: Stated, base: Pose, reach: float
+) -> Tips:
+    """What is known after touches of `surfaces`, all of which are `known` m high, by an arm that
+    stands at `base` and reaches `reach` m.
 
     Raises:
-        InputError: too few touches, or what was met is not as high as it is said to be.
+        InputError: too few touches, or what was met is not as high as it is said to be, or not in one
+            plane.
     """
-    found = _touches(trace, surfaces)
-    places = _places(found)
-    hand = trace.hand
-    longer = np.array([place.mean() for place in places]) - known.value
+    found, hand = _touches(trace, surfaces), trace.hand
+    places = _places(found, base)
+    high = np.array([float(np.mean(place.heights)) for place in places]) - known.value
     single = float(np.hypot(hand.pose_repeatability, tuning.UNSEEN))
-    # What the places disagree beyond the repeatability of touches is the frame, which is another one
-    # elsewhere.
-    chance = float(np.mean([single**2 / len(place) for place in places]))
-    between = float(longer.var(ddof=1))
-    frame = max(0.0, between - chance)
-    mean = float(longer.mean())
-    std = math.sqrt(max(between, chance) / len(places) + frame + known.std**2)
-    apart = chi_squared(
-        "gauge",
-        mean**2 / (std**2 + hand.tip_offset_std**2),
-        1,
-        f"It was met {1e3 * abs(mean):.2f} mm {'above' if mean > 0 else 'below'} the height that it is "
-        f"said to have ({known.text}): it is another one, or the fingers are not the description's.",
+    spread = np.array([np.hypot(BENT, single / np.sqrt(len(place.heights))) for place in places])
+    spots = np.array([place.spot for place in places])
+    middle = spots.mean(axis=0)
+    # About the middle of the gauges, where height and lean are told apart best.
+    design = np.column_stack([np.ones(len(spots)), spots - middle])
+    leaning = hand.tip_offset_std / reach
+    prior = np.array([hand.tip_offset_std, leaning, leaning])
+    white = design / spread[:, None]
+    covariance = _inverse(white.T @ white + np.diag(prior**-2.0))
+    mean = covariance @ (white.T @ (high / spread))
+    _require_plane(high, design, mean, spread, prior, known)
+    here = float(np.trace(design @ covariance @ design.T)) / len(places)
+    away = hand.tip_offset_std * AROUND / reach
+    along = np.sqrt(covariance.diagonal()[1:])
+    return Tips(
+        hand.tip_offset + float(mean[0] - mean[1:] @ middle),
+        float(np.linalg.norm([here**0.5, BENT, away, known.std])),
+        np.array([-mean[2], mean[1]]),
+        np.array([along[1], along[0]]),
+        *_compliance(found),
+        len(found),
     )
-    require([apart], "the gauge")
-    touches = sum(len(place) for place in places)
-    return Tips(hand.tip_offset + mean, std, *_compliance(found), touches)
+
+
+def _require_plane(
+    high: Array, design: Array, mean: Array, spread: Array, prior: Array, known: Stated
+) -> None:
+    """That the gauges lie in one plane, and not farther off than what was known of the arm allows."""
+    apart = float(mean[0])
+    side = "above" if apart > 0 else "below"
+    tests = [
+        chi_squared(
+            "gauge",
+            apart**2 / (prior[0] ** 2 + known.std**2),
+            1,
+            f"It was met {1e3 * abs(apart):.2f} mm {side} the height that it is said to have "
+            f"({known.text}): it is another one, or the fingers are not the description's.",
+        )
+    ]
+    if len(high) > len(mean):
+        left = (high - design @ mean) / spread
+        tests.append(
+            chi_squared(
+                "gauge against gauge",
+                float(left @ left),
+                len(high),
+                "The gauges do not lie in one plane: one is another one, or something lies on it.",
+            )
+        )
+    require(tests, "the gauge")
+
+
+def _inverse(information: Array) -> Array:
+    inverse: Array = np.linalg.inv(information).astype(np.float64)
+    return inverse
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Place:
+    """Touches at one place: `spot` (2,) m in the base's axes, `heights` (k,) m in the world."""
+
+    spot: Array
+    heights: Array
 
 
 def _touches(trace: Trace, surfaces: Sequence[Parameter]) -> list[Touch]:
@@ -91,8 +153,8 @@ def _touches(trace: Trace, surfaces: Sequence[Parameter]) -> list[Touch]:
     return found
 
 
-def _places(found: Sequence[Touch]) -> list[Array]:
-    """Heights (k,), m, of the touches at each place.
+def _places(found: Sequence[Touch], base: Pose) -> list[_Place]:
+    """The touches, place by place.
 
     Raises:
         InputError: too few places.
@@ -109,10 +171,14 @@ def _places(found: Sequence[Touch]) -> list[Array]:
     if len(spots) < FEWEST:
         raise InputError(
             f"gauges were touched at {len(spots)} places, and {FEWEST} are needed, {1e3 * tuning.APART:g} "
-            "mm apart: one alone does not tell the fingers' length from what the arm's frame adds to "
-            "a height there; give a scene with gauges of that height at several places"
+            "mm apart: fewer do not tell the fingers' length from how the arm's frame leans; give a "
+            "scene with gauges of that height at several places"
         )
-    return [np.array(place) for place in heights]
+    found_places: list[_Place] = []
+    for spot, high in zip(spots, heights, strict=True):
+        local = base.local(np.array([*spot, high[0]]))
+        found_places.append(_Place(local[:2], np.array(high)))
+    return found_places
 
 
 def _is_near(spot: Array, other: Array) -> bool:

@@ -10,7 +10,12 @@ from palpate.cli.console import figure_table, out, print_json, printing
 if TYPE_CHECKING:
     from palpate.calibration.calibrate import Calibration, Found
 
-SHOWN = {"1": (100.0, "%", 3), "m": (1e3, "mm", 3), "m/N": (1e6, "µm/N", 1)}
+SHOWN = {
+    "1": (100.0, "%", 3),
+    "m": (1e3, "mm", 3),
+    "rad": (1e3, "mrad", 2),
+    "m/N": (1e6, "µm/N", 1),
+}
 """For people: what a figure is multiplied by, in which unit, with how many decimals."""
 
 

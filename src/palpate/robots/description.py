@@ -15,7 +15,7 @@ import mujoco
 import numpy as np
 
 from palpate.errors import InputError
-from palpate.geometry.pose import Array
+from palpate.geometry.pose import Array, Pose
 from palpate.robots.model import TCP, chain, compiled, prepared, require_arm, tool_pose
 from palpate.robots.reflex import Reflex, Reflexes
 from palpate.robots.sheet import (
@@ -30,6 +30,7 @@ from palpate.robots.sheet import (
     Stiffness,
     read_sheet,
 )
+from palpate.robots.trajectory import turned
 from palpate.trace.recording import Hand
 from palpate.trace.samples import STANDARD_GRAVITY
 
@@ -131,6 +132,16 @@ class RobotDescription:
         """m/s^2 where it stands, where somebody measured that."""
         measured = self.config.gravity if self.config is not None else None
         return measured.value if measured is not None else None
+
+    def stands(self, pose_world_base: Pose) -> Pose:
+        """Where the base stands that a scene puts there, with how it leans as far as somebody
+        measured that."""
+        lean = self.config.base_lean if self.config is not None else None
+        if lean is None:
+            return pose_world_base
+        turn = np.array([*lean.value, 0.0])
+        quaternion = turned(pose_world_base.quaternion, turn[None])[0]
+        return Pose(pose_world_base.position, quaternion)
 
     def cautious(self) -> RobotDescription:
         """The same arm, slow enough everywhere for things that no scene shows."""

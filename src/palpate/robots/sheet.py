@@ -47,6 +47,7 @@ SPARE = 0.005
 Seven = Annotated[Array, PlainValidator(_numbers(7))]
 """One number a joint."""
 Vector = Annotated[Array, PlainValidator(_numbers(3))]
+Pair = Annotated[Array, PlainValidator(_numbers(2))]
 Size = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Share = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 Name = Annotated[str, Field(min_length=1, max_length=100)]

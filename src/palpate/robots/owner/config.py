@@ -29,7 +29,7 @@ from palpate.files.plain_yaml import plain_yaml, yaml_text
 from palpate.files.read import read_text
 from palpate.files.worded import Section, plain_number, worded
 from palpate.geometry.pose import Array
-from palpate.robots.sheet import Name, ReflexSheet, Seven, Stiffness, Vector, Workspace
+from palpate.robots.sheet import Name, Pair, ReflexSheet, Seven, Stiffness, Vector, Workspace
 
 JOINTS = 7
 MAX_BYTES = 100_000
@@ -104,6 +104,13 @@ class Gains(Figure):
         return np.diag(self.std**2)
 
 
+class Lean(Figure):
+    """rad about the base's x and y axes, and standard deviations."""
+
+    value: Pair
+    std: Pair
+
+
 class Gravity(Figure):
     """m/s^2, of the place where the arm stands."""
 
@@ -134,7 +141,8 @@ class RobotConfig(Section):
         arm: its description's name. simulated: None for a real arm.
         gravity: where it stands. torque_gain: of the joints' sensors.
         tip_offset: m, from the TCP to the pads' end along the tool, with all that the arm's frame
-            adds to a height where it was measured.
+            adds to a height where it was measured. base_lean: by how much the base leans more than
+            the scene says, or seems to: it was measured with tip_offset, and both hold together.
         tip_compliance: m/N, of pads and joints beyond the encoders, under a force along the tool.
         end_effector: what hangs on the flange. stiffness: of the controller's springs.
         reflex: at what the arm stops itself. workspace: a box that the TCP stays in.
@@ -148,6 +156,7 @@ class RobotConfig(Section):
     gravity: Gravity | None = None
     torque_gain: Gains | None = None
     tip_offset: Value | None = None
+    base_lean: Lean | None = None
     tip_compliance: Value | None = None
     end_effector: EndEffector | None = None
     stiffness: Stiffness | None = None

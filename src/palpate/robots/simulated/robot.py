@@ -17,6 +17,7 @@ from palpate.robots import trajectory
 from palpate.robots.description import Limits, RobotDescription
 from palpate.robots.nominal import NominalArm, wrench
 from palpate.robots.owner.calibrated import known, unmeasured
+from palpate.robots.owner.config import RobotConfig
 from palpate.robots.pace import free_speeds, joint_rates
 from palpate.robots.reflex import Reflex
 from palpate.robots.robot import RobotState
@@ -94,7 +95,7 @@ class MujocoRobot:
         self._arm = arm
         self._gravity = float(-assumed[2])
         self._world = World(world, stands or pose_world_base, unmeasured(arm), truth)
-        self._nominal = NominalArm(arm, pose_world_base, assumed)
+        self._nominal = NominalArm(arm, arm.stands(pose_world_base), assumed)
         self._sensors = Sensors(model, arm.limits.tau_max, streams)
         self._encoders = Encoders(model, self._sensors.rests, streams)
         self._world.feels = bool(self._encoders.soft)
@@ -107,8 +108,9 @@ class MujocoRobot:
         self._due = 0.0
         self._logged: list[Samples] = []
         # The controller holds up what was measured of the arm, MuJoCo what its description says.
-        weighed = arm.gravity is not None or arm.end_effector is not None
-        self._start(arm.home, truth.askew or weighed)
+        config = arm.config or RobotConfig()
+        measured = config.gravity or config.end_effector or config.base_lean
+        self._start(arm.home, truth.askew or measured is not None)
 
     def _start(self, q: Array, askew: bool) -> None:
         """At rest at the configuration `q`, sensors zeroed."""
