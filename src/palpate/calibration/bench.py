@@ -15,7 +15,7 @@ BLOCK = "block"
 PLACES = (0.45, 0.60, 0.35)
 """m from the base to the weight's place, on one visit each: the joints bear it in other proportions,
 and what is known of their gains then holds between and around them."""
-GAUGES = ((0.40, -0.18), (0.40, 0.18), (0.60, -0.18), (0.60, 0.18), (0.50, 0.0))
+GAUGES = ((0.50, -0.18), (0.50, 0.18), (0.66, -0.18), (0.66, 0.18), (0.58, 0.0))
 """m: places of the gauge blocks on the plate, over which the arm's frame may lean."""
 HALF = 0.02
 """m: half the width of the weight."""

@@ -150,6 +150,8 @@ def _touches(trace: Trace, surfaces: Sequence[Parameter]) -> list[Touch]:
                 f"the gauge gives way by {1e6 * touch.yields:.0f} µm/N where it was touched: put it "
                 "on something rigid; nothing is written"
             )
+    sides = [test for touch in found for test in touch.sides()]
+    require(sides, "the gauge")
     return found
 
 
