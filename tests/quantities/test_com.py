@@ -67,6 +67,7 @@ def test_along_gravity_only_the_prior_speaks(bench, noises, scene):
     assert found.std[2] > 0.005
     assert "z lies along gravity" in found.method
     assert "prior-dominated" in found.method
+    assert found.verdicts == ("identified", "identified", "prior-dominated")
 
 
 def test_laboratory_noise(bench, noises, scene):

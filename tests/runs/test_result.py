@@ -149,6 +149,7 @@ def test_a_scalar_is_a_number_and_a_vector_a_list() -> None:
         "ci95": [0.2525, 0.2557],
         "method": "Weighed.",
         "verdict": "identified",
+        "verdicts": None,
         "contradiction": None,
         "tests": [],
         "components": {"single-shot": {"value": 0.262, "std": 0.02}},
@@ -160,6 +161,17 @@ def test_a_scalar_is_a_number_and_a_vector_a_list() -> None:
     )
     assert com["value"] == [0.1, 0.0, 0.2]
     assert com["ci95"] == [[0.0, 0.2]] * 3
+    assert com["verdicts"] == ["identified"] * 3
+
+
+def test_what_no_recording_tells_of_a_vector_has_a_verdict_of_its_own() -> None:
+    com = Estimate(COM, "m", (0.1, 0.0, 0.2), (0.01,) * 3, ((0.0, 0.2),) * 3, "", (), unseen=(2,))
+    found = parameter_json(com)
+    assert found["verdict"] == "identified"
+    assert found["verdicts"] == ["identified", "identified", "prior-dominated"]
+    assert estimate_from(found) == com
+    guessed = parameter_json(replace(com, verdict="prior-dominated"))
+    assert guessed["verdicts"] == ["prior-dominated"] * 3
 
 
 def test_what_is_contradicted_says_what_disagrees() -> None:

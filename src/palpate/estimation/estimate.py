@@ -70,6 +70,8 @@ class Estimate:
         tests: the tests of fit that were made, passed or not.
         shared: what of `std` it has in common with other runs, cause by cause.
         freedom: degrees of freedom of the noise in the rest of it, with which `ci95` was made.
+        unseen: components that its recordings say nothing of, which are as they were believed to
+            be; the verdict is that of the others.
     """
 
     parameter: Parameter
@@ -84,6 +86,7 @@ class Estimate:
     tests: tuple[FitTest, ...] = ()
     shared: tuple[Shared, ...] = ()
     freedom: float = math.inf
+    unseen: tuple[int, ...] = ()
 
     @classmethod
     def normal(
@@ -98,12 +101,21 @@ class Estimate:
         parts: Mapping[str, Part] | None = None,
         least: float = -math.inf,
         tests: tuple[FitTest, ...] = (),
+        unseen: tuple[int, ...] = (),
     ) -> Estimate:
         """With the interval of a normal distribution, cut off below `least`."""
-        ci95 = interval95(value, std, least)
-        values, stds = np.atleast_1d(value), np.atleast_1d(std)
         return cls(
-            parameter, unit, values, stds, ci95, method, evidence, verdict, parts or {}, tests
+            parameter,
+            unit,
+            np.atleast_1d(value),
+            np.atleast_1d(std),
+            interval95(value, std, least),
+            method,
+            evidence,
+            verdict,
+            parts or {},
+            tests,
+            unseen=unseen,
         )
 
     def __post_init__(self) -> None:
@@ -129,6 +141,15 @@ class Estimate:
     def identified(self) -> bool:
         """Whether it counts as measured."""
         return self.verdict == "identified"
+
+    @property
+    def verdicts(self) -> tuple[Verdict, ...]:
+        """(n,) of each component."""
+        found: list[Verdict] = [self.verdict] * len(self.value)
+        if self.identified:
+            for component in self.unseen:
+                found[component] = "prior-dominated"
+        return tuple(found)
 
     @property
     def shared_std(self) -> Array:
@@ -157,7 +178,8 @@ class Estimate:
 
     def _plain(self) -> tuple[object, ...]:
         about = (self.parameter, self.unit, self.method, self.evidence)
-        return *about, self.verdict, self.parts, self.tests, self.shared, self.freedom
+        fit = (self.tests, self.shared, self.freedom, self.unseen)
+        return *about, self.verdict, self.parts, *fit
 
     def __repr__(self) -> str:
         if not self.has_value:

@@ -285,6 +285,7 @@ def _estimate(
         "prior-dominated" if bool(blind.all()) else "identified",
         parts,
         tests,
+        unseen=tuple(np.flatnonzero(blind).tolist()),
     )
 
 

@@ -151,6 +151,7 @@ def estimate_inertia(trace: Trace, parameter: Parameter, body: Body | None) -> E
         "prior-dominated" if bool(blind[:3].all()) else "identified",
         parts,
         tests=(*found.held.load.tests, test),
+        unseen=tuple(np.flatnonzero(blind).tolist()),
     )
 
 

@@ -190,6 +190,7 @@ def estimate_size(trace: Trace, parameter: Parameter, body: Body | None) -> Esti
         (*held, *(touch.recording for touch in touches)),
         least=0.0,
         tests=tuple(_tests(touches)),
+        unseen=tuple(sorted({0, 1, 2} - {extent.axis for extent in found})),
     )
 
 

@@ -164,7 +164,14 @@ def estimate_from(row: Mapping[str, Any]) -> Estimate:
         tests=tuple(fit_test(test) for test in row.get("tests", ())),
         shared=tuple(_shared(one) for one in row.get("shared", ())),
         freedom=_limitless(row.get("freedom")),
+        unseen=_unseen(row),
     )
+
+
+def _unseen(row: Mapping[str, Any]) -> tuple[int, ...]:
+    """Components whose verdict is not that of the others."""
+    verdicts = enumerate(row.get("verdicts") or ())
+    return tuple(place for place, verdict in verdicts if verdict != row["verdict"])
 
 
 def _shared(document: Mapping[str, Any]) -> Shared:

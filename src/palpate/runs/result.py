@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
 from palpate import __version__
-from palpate.estimation.estimate import Estimate
+from palpate.estimation.estimate import Estimate, Verdict
 from palpate.planning.plan import dump_plan
 from palpate.robots.simulated.noise.models import noise_models
 from palpate.runs.held_out import held_out_json
@@ -99,6 +99,7 @@ def parameter_json(estimate: Estimate) -> dict[str, Any]:
         "ci95": _shaped(estimate.ci95.tolist()),
         "method": estimate.method,
         "verdict": estimate.verdict,
+        "verdicts": _several(estimate.verdicts),
         "contradiction": estimate.contradiction or None,
         "tests": [asdict(test) | {"passed": test.passed} for test in estimate.tests],
         "components": {
@@ -107,6 +108,11 @@ def parameter_json(estimate: Estimate) -> dict[str, Any]:
         "shared": [asdict(one) | {"effect": list(one.effect)} for one in estimate.shared],
         "freedom": estimate.freedom if math.isfinite(estimate.freedom) else None,
     }
+
+
+def _several(verdicts: tuple[Verdict, ...]) -> list[Verdict] | None:
+    """Of a vector's components; a scalar has its verdict already."""
+    return list(verdicts) if len(verdicts) > 1 else None
 
 
 def _shaped(numbers: list[Any]) -> Any:

@@ -183,7 +183,7 @@ def _scored(run: Run, estimate: Estimate) -> Iterator[ScoredEstimate]:
             true_value,
             naive.value if naive else None,
             estimate.unit,
-            estimate.verdict,
+            estimate.verdicts[i],
             bounds[i],
         )
 
