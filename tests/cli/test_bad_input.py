@@ -97,6 +97,24 @@ def test_unusable_request(
     assert nothing_written(tmp_path)
 
 
+@pytest.mark.parametrize(
+    ("width", "words"),
+    [
+        ("mass", ["--within", "QUANTITY=VALUE"]),
+        ("weight=1g", ["weight", "mass", "friction"]),
+        ("mass=1mm", ["mm", "kg", "mg"]),
+        ("mass=-1g", ["positive"]),
+        ("teapot.mass=1g", ["teapot", "mug"]),
+    ],
+)
+def test_unusable_width(
+    palpate: Palpate, scene: SceneMaker, tmp_path: Path, width: str, words: list[str]
+) -> None:
+    answer = palpate("run", "--scene", scene(cube("mug")), "--within", width, "--out", "out")
+    refused(answer, 2, *words)
+    assert nothing_written(tmp_path)
+
+
 def test_object_that_is_not_there_lists_those_that_are(palpate: Palpate, scene: SceneMaker) -> None:
     answer = palpate(
         "run", "-r", "the mass of the teapot", "--scene", scene(cube("mug"), cube("brick", y=0.2))

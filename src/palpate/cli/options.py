@@ -243,18 +243,18 @@ class ModelOptions:
         )
 
 
-def by_quantity(option: str, entries: Sequence[str]) -> dict[str, str]:
-    """What `QUANTITY=WORD` entries of an option say, by quantity.
+def by_quantity(option: str, entries: Sequence[str], word: str = "NAME") -> dict[str, str]:
+    """What `QUANTITY=WORD` entries of an option say, by quantity; `word` is what its help calls it.
 
     Raises:
         InputError: an entry that is none.
     """
     found: dict[str, str] = {}
     for entry in entries:
-        quantity, equals, word = (part.strip() for part in entry.partition("="))
-        if not (quantity and equals and word):
-            raise InputError(f"--{option} takes QUANTITY=NAME, not '{entry}'")
-        found[quantity] = word
+        quantity, equals, said = (part.strip() for part in entry.partition("="))
+        if not (quantity and equals and said):
+            raise InputError(f"--{option} takes QUANTITY={word}, not '{entry}'")
+        found[quantity] = said
     return found
 
 
@@ -266,4 +266,4 @@ def widths(entries: Sequence[str] | None) -> Within:
     """
     from palpate.tools import widths as read
 
-    return read(by_quantity("within", entries or ()))
+    return read(by_quantity("within", entries or (), "VALUE"))
