@@ -70,7 +70,7 @@ def estimate(std: float, gain: float = 0.0) -> Estimate:
     [
         (0.0004, 0.0, "reached", "Within 1 g was asked: 0.8 g is reached."),
         (0.001, 0.0005, "rounds used up", "2 g is reached, and more work would narrow it."),
-        (0.001, 0.00099, "floor", "at the floor of 1.9 g by the arm's gain; calibrate the arm"),
+        (0.001, 0.00099, "floor", "at the floor of 1.9 g (gain of the joints); calibrate the arm"),
     ],
 )
 def test_an_interval_is_reached_at_its_floor_or_could_be_narrower(std, gain, outcome, said) -> None:

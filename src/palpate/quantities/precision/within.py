@@ -30,6 +30,11 @@ NEAR_FLOOR = 1.1
 floor: all further work together would narrow it by a tenth."""
 SPARE = 0.9
 """Part of the noise that may be left, at which work aims: what is foreseen is not quite what comes."""
+JOINT = re.compile(r"joint \d+$")
+CURES = {
+    "arm": "; calibrate the arm to go below",
+    "scene": "; the scene would have to say more to go below",
+}
 NUMBER = re.compile(r"([0-9.]+(?:[eE][-+]?[0-9]+)?)\s*(.*)")
 
 Outcome = Literal["reached", "floor", "rounds used up"]
@@ -43,13 +48,15 @@ class Precision:
         asked, reached, floor: half widths of the 95 % interval in the estimate's unit: as asked, as
             it is (infinite without a value), and what would be left after any number of
             repetitions.
-        cause: what sets the floor, in words; empty where nothing does.
+        cause: what sets the floor most, in words; empty where nothing does. of: whose it is, the
+            `arm`'s or the `scene`'s.
     """
 
     asked: float
     reached: float
     floor: float
     cause: str = ""
+    of: str = ""
 
     @property
     def outcome(self) -> Outcome:
@@ -67,10 +74,11 @@ class Precision:
         if self.outcome == "reached":
             return f"Within {asked} was asked: {reached} is reached."
         if self.outcome == "floor":
+            cure = CURES.get(self.of, "")
             floor = shown(self.floor, unit)
             return (
-                f"Within {asked} was asked: {reached} is reached, at the floor of {floor} by the arm's "
-                f"{self.cause}; calibrate the arm to go below."
+                f"Within {asked} was asked: {reached} is reached, at the floor of {floor} "
+                f"({self.cause}){cure}."
             )
         return f"Within {asked} was asked: {reached} is reached, and more work would narrow it."
 
@@ -135,7 +143,7 @@ class Within:
         half = (estimate.ci95[:, 1] - estimate.ci95[:, 0]) / 2.0
         widest = int(half.argmax())
         floor = Z95 * float(estimate.shared_std[widest])
-        return Precision(asked, float(half[widest]), floor, _cause(estimate, widest))
+        return Precision(asked, float(half[widest]), floor, *_cause(estimate, widest))
 
     def told(self, estimate: Estimate) -> Estimate:
         """The estimate; where something was asked of it, its method says what came of that."""
@@ -152,13 +160,14 @@ def noise_std(width: float, floor: float) -> float:
     return SPARE * math.sqrt(aim**2 - floor**2)
 
 
-def _cause(estimate: Estimate, component: int) -> str:
-    """What most of the floor of a component comes from: `gain` of all that are a gain of a joint."""
-    squares: dict[str, float] = {}
+def _cause(estimate: Estimate, component: int) -> tuple[str, str]:
+    """What most of the floor of a component comes from, causes that differ in the joint alone taken
+    together, and whose it is."""
+    squares: dict[tuple[str, str], float] = {}
     for shared in estimate.shared:
-        kind = shared.cause.partition(" of ")[0]
+        kind = JOINT.sub("the joints", shared.cause), shared.of
         squares[kind] = squares.get(kind, 0.0) + shared.effect[component] ** 2
-    return max(squares, key=lambda kind: squares[kind], default="")
+    return max(squares, key=lambda kind: squares[kind], default=("", ""))
 
 
 def shown(width: float, unit: str) -> str:
