@@ -34,8 +34,8 @@ class Rows:
         way: (n,) 1 up, -1 down, 0 at rest. rest: (n,) 1 at rest.
         rubbed: (n, p) what a level of friction in each joint makes of them, and what it had at the
             start (`estimation.load.rubbing`).
-        left: (n, k) what each pass may be off by as a whole, for what an approach leaves: as forces
-            at the TCP of a newton an axis, and in each signal.
+        left: what each pass may be off by as a whole, for what an approach leaves: (n, 3 passes) as
+            forces at the TCP of a newton an axis, and (n, m passes) in each signal.
         signal: (n,) which signal a row is of. freedom: degrees of freedom of the noise.
     """
 
@@ -47,7 +47,7 @@ class Rows:
     way: Array
     rest: Array
     rubbed: Array
-    left: Array
+    left: tuple[Array, Array]
     signal: NDArray[np.intp]
     freedom: float
 
@@ -173,22 +173,28 @@ def in_each(row: Rows, grasps: Sequence[float], components: Sequence[int]) -> Ar
     return np.concatenate(columns, axis=1)
 
 
-def _left(weighing: Weighing, maps: Array) -> Array:
-    """(n, passes x (3 + m)): the columns of `Rows.left`."""
-    signals = int(maps.shape[1])
+def _left(weighing: Weighing, maps: Array) -> tuple[Array, Array]:
+    """The columns of `Rows.left`."""
+    signals, count = int(maps.shape[1]), len(maps)
     own = np.eye(signals) * weighing.scale[:, None]
-    columns: list[Array] = []
+    at_hand: list[Array] = [np.zeros((signals, count, 0))]
+    in_signals: list[Array] = [np.zeros((signals, count, 0))]
     at = 0
     for segment in weighing.segments:
         here = slice(at, at + len(segment.t))
         at = here.stop
         if segment.at_rest:
             continue
-        column = np.zeros((signals, len(maps), 3 + signals))
-        column[:, here, :3] = maps[here, :, :3].transpose(1, 0, 2)
-        column[:, here, 3:] = own[:, None, :]
-        columns.append(column.reshape(-1, 3 + signals))
-    return np.concatenate([np.zeros((signals * len(maps), 0)), *columns], axis=1)
+        forces, offsets = np.zeros((signals, count, 3)), np.zeros((signals, count, signals))
+        forces[:, here] = maps[here, :, :3].transpose(1, 0, 2)
+        offsets[:, here] = own[:, None, :]
+        at_hand.append(forces)
+        in_signals.append(offsets)
+    rows = signals * count
+    return (
+        np.concatenate(at_hand, axis=2).reshape(rows, -1),
+        np.concatenate(in_signals, axis=2).reshape(rows, -1),
+    )
 
 
 def _covariance(weighing: Weighing, maps: Array, hand: Hand) -> Array:

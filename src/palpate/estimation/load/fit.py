@@ -161,29 +161,42 @@ def load_model(rows: Sequence[Rows], grasps: Sequence[float], about: Array, hand
     gains = gain_root(hand, signals)
     aside = (tilt, tilt, tilt * tuning.TORQUE_LEVER)
     levels = np.full(rows[0].rubbed.shape[1], tuning.JOINT_LEVEL)
-    passes = sum(row.left.shape[1] for row in rows)
+    left = [_each_its_own([row.left[i] for row in rows]) for i in (0, 1)]
+    forces, offsets = left[0][0].shape[1], left[1][0].shape[1]
     first = count + len(SIDEWAYS) * len(grasps)
+    most = hand.force_repeatability + tuning.FLOOR
     prior = [np.full(count, tuning.LOAD_PRIOR), *[aside] * len(grasps)]
-    prior += [np.full(passes, hand.force_repeatability + tuning.FLOOR), levels, np.ones(signals)]
+    prior += [np.full(forces + offsets, most), levels, np.ones(signals)]
     designs: list[Array] = []
-    at = 0
-    for row in rows:
-        own = np.zeros((len(row.felt), passes))
-        own[:, at : at + row.left.shape[1]] = row.left
-        at += row.left.shape[1]
+    for row, at_hand, in_signals in zip(rows, *left, strict=True):
         vertical = np.column_stack(
             [row.wrench[:, FORCE_Z], in_each(row, grasps, (TORQUE_X, TORQUE_Y))]
         )
         borne = (vertical @ about)[:, None] * gains[row.signal]
         sideways = in_each(row, grasps, SIDEWAYS)
-        design = np.column_stack([vertical, sideways, own, row.rubbed, borne])
+        design = np.column_stack([vertical, sideways, at_hand, in_signals, row.rubbed, borne])
         designs.append(row.white(design))
     y = np.concatenate([row.white(row.felt) for row in rows])
     freedom = min(row.freedom for row in rows)
     deviations = np.concatenate(prior)
     shares = tuning.LEFT_SHARES
+    even = [1.0 / len(shares)] * len(shares)
     unsure = (
-        Unsure(slice(first, first + passes), shares, [1.0 / len(shares)] * len(shares)),
+        Unsure(slice(first, first + forces), shares, even),
+        Unsure(slice(first + forces, first + forces + offsets), shares, even),
         Unsure(slice(len(deviations) - signals, len(deviations)), *tuning.GAINS_OFF),
     )
     return Model(np.concatenate(designs), y, deviations, freedom, unsure)
+
+
+def _each_its_own(blocks: Sequence[Array]) -> list[Array]:
+    """The columns of each weighing beside those of the others, which are zero there."""
+    width = sum(block.shape[1] for block in blocks)
+    wide: list[Array] = []
+    at = 0
+    for block in blocks:
+        own = np.zeros((len(block), width))
+        own[:, at : at + block.shape[1]] = block
+        at += block.shape[1]
+        wide.append(own)
+    return wide

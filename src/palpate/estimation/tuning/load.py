@@ -50,9 +50,10 @@ REST_FRICTION = 0.1
 """N (1 sigma): friction that is another at every rest, though the arm came the same way. Sensitive:
 mass 0.08 σ."""
 
-LEFT_SHARES = tuple(0.5 ** (6 - i) for i in range(7))
+LEFT_SHARES = tuple(0.25 ** (3 - i) for i in range(4))
 """parts of the datasheet's `force_repeatability` that an approach may leave in the joints while they
-move: from next to nothing to all of it, each as likely before anything is recorded. Sensitive: no."""
+move, as forces at the hand and in each joint: from next to nothing to all of it, each as likely
+before anything is recorded. Sensitive: no."""
 
 GAINS_OFF = ((1.0, 3.0), (0.95, 0.05))
 """by how much more than the datasheet says gains may be off, and how likely each is before anything is
