@@ -36,6 +36,10 @@ from palpate.twin.prediction import Predicted, Wrench, predicted
 WEIGHT, BALANCE, TORQUES = "held-out weight", "held-out balance", "held-out torques"
 """The tests; the first two are tests of a mass and of a centre of mass."""
 JUDGED = {WEIGHT: "mass", BALANCE: "com"}
+IN_THE_AIR = ("still", "swinging")
+"""Activities of recordings that such an estimate rests on."""
+FITTED = ("mass", "com", "inertia")
+"""Quantities that tell how an object weighs on the hand."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -189,14 +193,12 @@ def _judged(
     if body is None or cut is None:
         return "nothing was recorded of it that could be held out"
     wanted = [e.parameter for e in estimates if e.parameter.object == name and e.identified]
-    wanted = [parameter for parameter in wanted if parameter.quantity in JUDGED.values()]
+    wanted = [parameter for parameter in wanted if parameter.quantity in FITTED]
     fitted = estimate_all(wanted, trace.without(cut.start, cut.end), scene.bodies, choice)
     again = {estimate.parameter.quantity: estimate for estimate in fitted}
     signals = len(trace.hand.joints)
 
-    mass = _known(again.get("mass"), body.known.get("mass"), signals)
-    if mass is None and "com" in again:
-        mass = _besides(again["com"], signals)
+    mass = _known(again.get("mass"), body.known.get("mass"), signals) or _besides(fitted, signals)
     if mass is None:
         return "its mass is not known well enough to predict another motion"
     along = weighing(trace, cut.recording)
@@ -219,15 +221,20 @@ def _cut(trace: Trace, name: str) -> _Cut | None:
     for start, end in list(pairwise(ends))[::2]:
         measured = [one for one in _still(trace, name) if start <= one.start and one.end <= end]
         if measured:
-            lifts.append(_Cut("", start, end, measured[-1]))
+            # Along the way up to where it was measured first: later it may be tilted.
+            lifts.append(_Cut("", start, end, measured[0]))
     if not lifts:
         return None
     last = lifts[-1]
     if len(lifts) > 1:
         return replace(last, words=f"the last of {len(lifts)} lifts of the {name}")
     words = f"the way down with the {name}, after it was measured"
-    # The recording itself stays.
-    return replace(last, words=words, start=float(np.nextafter(last.recording.end, np.inf)))
+    # What was recorded of it in the air stays.
+    stays = [last.recording.end]
+    for one in trace.recordings:
+        if one.context.activity in IN_THE_AIR and last.start <= one.start and one.end <= last.end:
+            stays.append(one.end)
+    return replace(last, words=words, start=float(np.nextafter(max(stays), np.inf)))
 
 
 def _known(
@@ -248,12 +255,13 @@ def _known(
     return _Known(estimate.value, own, np.array(columns).T)
 
 
-def _besides(com: Estimate, signals: int) -> _Known | None:
-    """The mass that was found together with a centre of mass."""
-    found = com.parts.get("mass")
-    if not com.identified or found is None:
-        return None
-    return _Known(np.array([found.value]), np.array([found.std]), np.zeros((1, signals)))
+def _besides(fitted: Sequence[Estimate], signals: int) -> _Known | None:
+    """The mass that was found together with a centre of mass or an inertia."""
+    for estimate in fitted:
+        found = estimate.parts.get("mass")
+        if estimate.identified and found is not None:
+            return _Known(np.array([found.value]), np.array([found.std]), np.zeros((1, signals)))
+    return None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
