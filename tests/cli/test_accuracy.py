@@ -54,6 +54,26 @@ def test_seeds_are_kept_and_gone_on_with(
     assert "green_bottle.mass" in (tmp_path / "kept" / "index.html").read_text(encoding="utf-8")
 
 
+def test_what_is_done_when_it_is_interrupted_is_kept_and_shown(
+    palpate: Callable[..., Any],
+    asked: list[Settings],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    made_up = accuracy.run_seed
+
+    def interrupted(settings: Settings, seed: int) -> SeedRun:
+        if seed == 2:
+            raise KeyboardInterrupt
+        return made_up(settings, seed)
+
+    monkeypatch.setattr(accuracy, "run_seed", interrupted)
+    study = ("study", "accuracy", "one_missing_mass", "--workers", 1, "--out", "kept")
+    assert palpate(*study, "--seeds", 5).status == 4
+    assert len((tmp_path / "kept" / "rows.jsonl").read_text(encoding="utf-8").splitlines()) == 2
+    assert "2 runs against" in (tmp_path / "kept" / "index.html").read_text(encoding="utf-8")
+
+
 def test_other_settings_are_refused_in_the_words_of_the_command_line(
     palpate: Callable[..., Any], asked: list[Settings]
 ) -> None:

@@ -208,8 +208,10 @@ def accuracy(
 
     chosen = comparable() if every else names or ["bottle_and_table"]
     changes = tuple(asked.changes().items())
-    runs = over.runs([Question(name, changes) for name in chosen])
-    over.page()
+    try:
+        runs = over.runs([Question(name, changes) for name in chosen])
+    finally:
+        over.page()
     found = {group.scenario: seeds for group, seeds in runs.items()}
     show_seed_runs(found, f"--noise {asked.noise}", as_json)
 
