@@ -174,6 +174,49 @@ def test_two_axes_that_differ_are_not_one_friction(bench, noises):
     assert "between axes" in found.contradiction
 
 
+CORNER = (0.55, 0.15, 0.2)
+
+
+def triangle(bench, noise, seed=0, frictions=(DYNAMIC,) * 3, fast=1.0):
+    """A plan's slides: along one axis and back aside, each slow, then twice as fast, where friction is
+    `fast` times what it is."""
+    b = grasped(bench, noise, seed)
+    for place, dynamic in zip((GOAL, CORNER, GRASP), frictions, strict=True):
+        middle = (np.array(b.position) + place) / 2
+        b.drag("middle", middle, STATIC, dynamic, PRESSED[:2])
+        b.drag("place", place, STATIC, fast * dynamic, PRESSED[1:], speed=0.04)
+    return estimate_friction(released(b), PARAMETER, None)
+
+
+@pytest.mark.parametrize("world", ["lab", "datasheet"])
+def test_what_is_alike_in_a_triangle_is_known_well(bench, noises, world):
+    found = [triangle(bench, noises[world], seed) for seed in range(6)]
+    assert all(is_right(each) for each in found)
+    errors = np.array([each.value[0] - DYNAMIC for each in found])
+    assert np.sqrt(np.mean(errors**2)) < 0.008
+
+
+@pytest.mark.parametrize("frictions", [(0.25, 0.4, 0.4), (0.5, 0.4, 0.4)])
+def test_a_triangle_shows_that_axes_differ(bench, noises, frictions):
+    found = triangle(bench, noises["lab"], frictions=frictions)
+    assert found.verdict == "contradicted"
+    assert "between axes" in found.contradiction
+
+
+def test_what_differs_by_a_few_per_cent_is_in_the_interval(bench, noises):
+    alike = triangle(bench, noises["lab"])
+    found = triangle(bench, noises["lab"], frictions=(0.36, 0.33, 0.33))
+    assert found.verdict == "identified"
+    assert found.std[0] > alike.std[0]
+    assert found.ci95[0, 0] < 0.345 < found.ci95[0, 1]
+
+
+def test_friction_that_changes_with_the_speed_is_not_one(bench, noises):
+    found = triangle(bench, noises["lab"], fast=0.7)
+    assert found.verdict == "contradicted"
+    assert "twice as fast" in found.contradiction
+
+
 def test_a_steep_support_is_met_both_ways(bench, noises):
     steep = 0.017
     b = grasped(bench, noises["lab"])

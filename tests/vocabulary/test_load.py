@@ -70,3 +70,12 @@ def test_what_is_too_light_to_be_felt_must_be_pressed_on_its_support(
 ) -> None:
     load = Load(wrench(0.0), 0.06, wrench(0.8))
     assert (load.too_much(wrench(felt)) is None) == opens
+
+
+def test_how_rough_a_support_may_be_is_felt_while_the_load_is_dragged():
+    load = Load(wrench(0.0), 0.06, wrench(3.0))
+    assert load.rough == 1.0
+    dragged = load.dragged(np.array([4.0, 3.0, -7.0, 0, 0, 0]))
+    assert dragged.rough == pytest.approx(1.3 * 5.0 / 10.0)
+    assert load.dragged(np.array([4.0, 0.0, 0.0, 0, 0, 0])) is load, "hardly pressed: not known"
+    assert Load(wrench(0.0), 0.06).dragged(np.array([1.0, 0, -9.0, 0, 0, 0])).rough == 1.0

@@ -12,6 +12,7 @@ from pydantic import ValidationError
 from palpate.geometry.pose import Pose, rotations
 from palpate.robots.registry import load_description
 from palpate.scene.load import parse_scene
+from palpate.vocabulary.admissible.grasp import most_sideways
 from palpate.vocabulary.admissible.support import clear_of_support
 from palpate.vocabulary.contact import (
     CONTACT_FORCE,
@@ -192,6 +193,28 @@ def test_a_slide_presses_hardest_halfway(perform, reached) -> None:
     part, pressing = way / way[-1], -samples.wrench[:, 2]
     first, halfway, last = (pressing[np.abs(part - at) < 0.05].mean() for at in (0.1, 0.5, 0.9))
     assert halfway > max(first, last) + 4.0
+
+
+def test_across_its_pads_a_hand_presses_no_harder_than_they_hold(reached, start, after) -> None:
+    """What is dragged at its foot would turn about the line between them."""
+    held = after(start, *reached, "CloseGripper")
+    along, across = held.pose_world_tcp.rotation[:, 1], held.pose_world_tcp.rotation[:, 0]
+    assert most_sideways(held, along) > 1e3
+    most = most_sideways(held, across)
+    assert 0.0 < most < 60.0
+    assert most_sideways(held, 0.05 * (along + across)) == pytest.approx(np.sqrt(2.0) * most)
+    assert most_sideways(start, across) == np.inf, "nothing is held"
+
+
+def test_a_slide_is_slow_while_it_presses_and_then_twice_as_fast(perform, reached) -> None:
+    done = perform(*reached, "CloseGripper", LIFT, AT, ("MovePose", "cup_pose + 3*y_offset"))
+    slide = done.execution.trace.leaf_runs("MovePose")[-1]
+    samples = done.execution.trace.samples.between(slide.start, slide.end)
+    way = samples.target_world_tcp[:, 1] - samples.target_world_tcp[0, 1]
+    speed = np.abs(np.gradient(way, samples.t))
+    first, last = (np.median(speed[np.abs(way / way[-1] - at) < 0.1]) for at in (0.25, 0.75))
+    assert first == pytest.approx(0.02, rel=0.05)
+    assert first < last <= 0.041
 
 
 def test_a_probe_stops_at_its_threshold_on_the_surface(perform) -> None:

@@ -58,7 +58,7 @@ def repeat(
         lacking = dict(_lacking(asked, done, scene, within))
         asked = [parameter for parameter in lacking if _is_worth_it(parameter, lacking, before)]
         before = lacking = {parameter: lacking[parameter] for parameter in asked}
-        again = _planned(lacking, scene, done, plan.planner)
+        again = _planned(lacking, scene, done, plan.planner, mirrored=count % 2 == 1)
         if again is None:
             break
         say(f"measuring again, {_in_words(lacking, scene)}")
@@ -84,15 +84,15 @@ def _is_worth_it(parameter: Parameter, now: Lacking, before: Lacking) -> bool:
 
 
 def _planned(
-    lacking: Lacking, scene: Scene, done: Execution, planner: str
+    lacking: Lacking, scene: Scene, done: Execution, planner: str, mirrored: bool
 ) -> tuple[Plan, Scene] | None:
-    """A checked plan for them in the scene as it is now; what was executed outlives a planning that
-    fails."""
+    """A checked plan for them in the scene as it is now, `mirrored` every other time; what was
+    executed outlives a planning that fails."""
     if not lacking:
         return None
     try:
         around = rearranged(scene, done.final_state.not_restored())
-        made = assemble(around, lacking, efforts=_efforts(lacking, around, done))
+        made = assemble(around, lacking, None, _efforts(lacking, around, done), mirrored)
         if made.tree is None:
             return None
         why = "Measured again: the intervals are wider than asked."

@@ -64,6 +64,8 @@ PRESSES = 1.0
 POSITION_TOLERANCE = 0.010
 """m: an impedance-controlled arm with 1.5 kg on it sags by several millimetres."""
 ANGLE_TOLERANCE = np.radians(3.0)
+FIRMLY = 0.8
+"""part of what keeps an object from turning between the pads that a slide may take: they creep."""
 LIGHTLY = 0.001
 """m by which the equilibrium is lowered at least, lest a slide lifts what it drags."""
 PRESSED = (
@@ -143,11 +145,12 @@ def _sliding(blackboard: Blackboard) -> Reflex:
 
 def _pressed(blackboard: Blackboard, way: Array, depth: float) -> float:
     """m by which the equilibrium is lowered on a slide along `way` (3,): `depth`, or less where what
-    it then takes to drag the object would turn it between the pads."""
+    it then takes to drag the object would turn it between the pads; at most half of its weight is
+    taken off its support."""
     load, stiffness = blackboard.load, blackboard.scene.arm.stiffness.translation
-    bearable = most_sideways(blackboard.state, way) / load.rough
+    bearable = FIRMLY * most_sideways(blackboard.state, way) / load.rough
     spare = (bearable - _weight(blackboard)) / stiffness
-    return min(depth, max(spare, LIGHTLY))
+    return min(depth, max(spare, -0.5 * load.weight / stiffness))
 
 
 def _drag(blackboard: Blackboard) -> Generator[None, None, Array]:

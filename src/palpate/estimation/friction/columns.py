@@ -21,6 +21,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import Literal
 
 import numpy as np
 
@@ -30,6 +31,8 @@ from palpate.estimation.gains import gain_root
 from palpate.estimation.load.feeling import Feeling
 from palpate.geometry.pose import Array
 from palpate.trace.recording import Hand
+
+Origin = Literal["arm", "scene"]
 
 MU = 0
 WAYS, AXES, PLACES, SPEED = slice(1, 3), slice(3, 5), slice(5, 7), slice(7, 8)
@@ -62,13 +65,18 @@ class Columns:
         """(p,) standard deviations where friction is so uneven."""
         return self.fixed + share * self.uneven
 
-    def shared(self, covariance: Array) -> Iterator[tuple[str, float]]:
-        """Causes that are the same whenever the arm measures, and what one standard deviation of each
-        does to an unknown, by its `covariance` (p,) with all of them."""
-        for what, which in (("gain", self.gains), ("friction", self.joints)):
+    def shared(self, covariance: Array) -> Iterator[tuple[str, Origin, float]]:
+        """Causes that are the same in other runs, whose they are, and what one standard deviation of
+        each does to an unknown, by its `covariance` (p,) with all of them."""
+        kinds: tuple[tuple[str, Origin, slice], ...] = (
+            ("gain of joint", "arm", self.gains),
+            ("friction of joint", "arm", self.joints),
+            ("lean of support", "scene", WAYS),
+        )
+        for what, of, which in kinds:
             effects = -covariance[which] / self.fixed[which]
             for i, effect in enumerate(effects.tolist()):
-                yield f"{what} of joint {i + 1}", effect
+                yield f"{what} {i + 1}", of, effect
 
 
 def columns(drags: Sequence[Drag], felt: Feeling, hand: Hand, mu: float) -> Columns:

@@ -113,7 +113,7 @@ class Sliding:
     def shared(self) -> tuple[Shared, ...]:
         """What of mu_d's error all measurements with that arm have in common."""
         effects = self.columns.shared(self.found.covariance[MU])
-        return tuple(Shared(cause, "arm", (effect,)) for cause, effect in effects)
+        return tuple(Shared(cause, of, (effect,)) for cause, of, effect in effects)
 
     @property
     def friction(self) -> tuple[float, float]:

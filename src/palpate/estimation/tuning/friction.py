@@ -50,7 +50,7 @@ DOWN = 0.006
 HANGING = 0.02
 """m above the grasp from which the object hangs free. Sensitive: no."""
 
-HORIZONTAL_MASS = 5.0
+HORIZONTAL_MASS = 6.0
 """kg, of a 7-axis arm at its TCP, horizontally: what its acceleration at breakaway takes of the
 force. Sensitive: friction 0.6 σ; `static` 1.5 σ."""
 

@@ -108,10 +108,11 @@ def assemble(
     parameters: Iterable[Parameter],
     words: Vocabulary | None = None,
     efforts: Efforts | None = None,
+    mirrored: bool = False,
 ) -> Assembled:
     """One tree of `words` for all parameters that can be measured, those of one thing together, each
-    with the effort that it takes."""
-    chainer = Backchainer(scene, words or vocabulary())
+    with the effort that it takes; `mirrored` as in `Backchainer`."""
+    chainer = Backchainer(scene, words or vocabulary(), mirrored)
     chainer.go_home()
     measured: list[Parameter] = []
     failed: list[str] = []

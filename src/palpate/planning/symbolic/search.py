@@ -56,11 +56,14 @@ class Backchainer:
     Attributes:
         scene: where it is to run.
         words: the vocabulary that it may use.
+        mirrored: things are slid aside to the other side first. What is dragged lags behind, and is
+            left a little to where it came from: in turn, that evens out.
         state, steps: the plan so far, and what is believed after it.
     """
 
     scene: Scene
     words: Vocabulary = field(default_factory=vocabulary)
+    mirrored: bool = False
     state: SymbolicState = field(init=False)
     steps: list[Step] = field(default_factory=list[Step], init=False)
     _found: dict[frozenset[str], tuple[str, list[Step]]] = field(
@@ -271,7 +274,11 @@ class Backchainer:
         for axis, other in (SIDEWAYS, SIDEWAYS[::-1]):
             there, aside = self._times(axis, spot, SLIDE), self._times(other, spot, ASIDE)
             if self.state.at in [f"{spot} {sign} {there}*{axis}" for sign in "+-"]:
-                yield from (f"{spot} {sign} {aside}*{other}" for sign in "+-")
+                yield from (f"{spot} {sign} {aside}*{other}" for sign in self._sides)
+
+    @property
+    def _sides(self) -> str:
+        return "-+" if self.mirrored else "+-"
 
     def _times(self, axis: str, spot: str, way: float) -> int:
         """How often an offset makes a way of so many m, at least."""
