@@ -176,6 +176,21 @@ def test_contact_corrects_heights_and_with_them_shapes_and_places() -> None:
     assert before.learned(Parameter("can", "mass"), (0.3,)) is before
 
 
+def test_touched_sizes_correct_the_shapes_of_what_was_seen() -> None:
+    """A block that the picture has 20 mm too tall and 2 mm too wide stays where it stands."""
+    scene = DetectedScene(SceneBuilder(poses()), things()).scene()
+    told = {
+        Parameter("table", "height"): (0.01,),
+        Parameter("block", "size"): (0.058, 0.06, 0.06),
+    }
+    model = scene.spec(told).compile()
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    geom = model.body("block").geomadr[0]
+    assert model.geom_size[geom] == pytest.approx([0.029, 0.03, 0.03], abs=1e-4)
+    assert data.geom_xpos[geom][2] - 0.03 == pytest.approx(0.01, abs=2e-4)
+
+
 def test_a_scene_that_was_given_learns_nothing_new(tmp_path) -> None:
     file = tmp_path / "scene.xml"
     file.write_text(DetectedScene(SceneBuilder(poses()), things()).scene().text, encoding="utf-8")

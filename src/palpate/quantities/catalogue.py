@@ -19,6 +19,7 @@ from palpate.quantities.position import Position
 from palpate.quantities.quantity import Piece, Quantity
 from palpate.quantities.size import Size
 from palpate.quantities.stiffness import Stiffness
+from palpate.quantities.tilt import Tilt
 from palpate.quantities.velocity import Velocity
 from palpate.trace.recording import Context
 
@@ -37,6 +38,7 @@ OWN: tuple[type[Quantity], ...] = (
     Momentum,
     Stiffness,
     Size,
+    Tilt,
 )
 """In the order in which beliefs build on one another and results are listed."""
 

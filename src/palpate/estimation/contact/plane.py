@@ -19,6 +19,7 @@ class Plane:
         height: m, of its middle among the touches. std: m, without what all touches share.
         tilt: rad, from level, and its standard deviation; None where the touches do not span a
             plane.
+        slope: (2,) rise along x and along y, and slope_std; None where they do not.
         misfit: sum of the squared residuals over their variances. freedom: how many touches are
             more than it takes.
     """
@@ -28,6 +29,8 @@ class Plane:
     tilt: tuple[float, float] | None
     misfit: float
     freedom: int
+    slope: Array | None = None
+    slope_std: Array | None = None
 
 
 def fit_plane(spots: Array, heights: Sequence[float], stds: Sequence[float]) -> Plane:
@@ -47,12 +50,16 @@ def fit_plane(spots: Array, heights: Sequence[float], stds: Sequence[float]) -> 
     solution: Array = covariance @ weighted.T @ (z * weight)
     misfit = float(np.sum(((z - design @ solution) * weight) ** 2))
     variance, tilt = float(covariance[0, 0]), None
+    slope: Array | None = None
+    slope_std: Array | None = None
     if design.shape[1] == 3:
-        slope = solution[1:]
-        tilt = (float(np.linalg.norm(slope)), float(np.sqrt(covariance[[1, 2], [1, 2]].mean())))
+        slope, slope_std = solution[1:], np.sqrt(np.diag(covariance)[1:])
+        tilt = (float(np.linalg.norm(slope)), float(np.sqrt(np.mean(slope_std**2))))
         rise: Array = (spots - middle) @ slope
         variance += float(np.mean(rise**2))
-    return Plane(float(solution[0]), float(np.sqrt(variance)), tilt, misfit, len(z) - len(solution))
+    freedom = len(z) - len(solution)
+    height, std = float(solution[0]), float(np.sqrt(variance))
+    return Plane(height, std, tilt, misfit, freedom, slope, slope_std)
 
 
 def spans_plane(spots: Array) -> bool:

@@ -32,6 +32,9 @@ from palpate.vocabulary.motion import HOME_CONFIG
 from palpate.vocabulary.registry import Vocabulary, vocabulary
 from palpate.vocabulary.state import RESTORED_POSITION, SymbolicState, during
 
+SPOT = 1.5
+"""Offsets between the spots of a surface that are touched: 75 mm, of which three make a plane."""
+
 MAX_STATES = 5000
 """States that one search looks at before it gives up."""
 
@@ -238,6 +241,9 @@ class Backchainer:
         """Pose expressions where the evidence that is missing has to be recorded, if it says so; else
         around the thing."""
         quantity, name = self.scene.catalogue[parameter.quantity], parameter.object
+        if any(one.distinct == "place" and one.count > 1 for one in quantity.evidence):
+            yield from self._spots(name)
+            return
         if not any(evidence.place for evidence in quantity.evidence):
             yield from self._domains(name)
             return
@@ -246,6 +252,14 @@ class Backchainer:
             spot = f"{name}_{evidence.place}"
             if kind not in done:
                 yield [f"{spot} + z_offset", spot] if evidence.holding else [spot]
+
+    def _spots(self, name: str) -> Iterator[list[str]]:
+        """Three spots of a surface that are not in line, in four ways."""
+        _, spot = self._above(name)
+        first, other = SIDEWAYS
+        for sign in "+-":
+            for across in "+-":
+                yield [spot, f"{spot} {sign} {SPOT}*{first}", f"{spot} {across} {SPOT}*{other}"]
 
     def _domains(self, name: str) -> Iterator[list[str]]:
         """Pose expressions around a thing, few first: above and at it, then shifted along its
@@ -295,9 +309,11 @@ class Backchainer:
             yield expressions
 
     def _around(self, subject: str, expressions: Iterable[str]) -> Surroundings:
-        """The surroundings of a thing, and of where an object is held."""
+        """The surroundings of a thing, and of where an object is held or something is touched."""
         grasp = self.state.grasp
         here = [grasp, f"{grasp} + z_offset"] if grasp else []
+        if self.state.contact and self.state.at:
+            here.append(self.state.at)
         poses = [name for name in dict.fromkeys([*expressions, *here]) if self._exists(name)]
         return Surroundings(self.state, subject, tuple(poses))
 
