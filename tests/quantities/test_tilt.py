@@ -6,7 +6,7 @@ import pytest
 from palpate.parameter import Parameter
 from palpate.planning.nodes import leaves
 from palpate.planning.symbolic.planner import SymbolicPlanner
-from palpate.quantities.tilt import estimate_tilt
+from palpate.quantities.shape.tilt import estimate_tilt
 from palpate.scene.load import parse_scene
 
 TILT = Parameter("table", "tilt")

@@ -17,9 +17,9 @@ from palpate.quantities.mass import Mass
 from palpate.quantities.momentum import Momentum
 from palpate.quantities.position import Position
 from palpate.quantities.quantity import Piece, Quantity
-from palpate.quantities.size import Size
+from palpate.quantities.shape.size import Size
+from palpate.quantities.shape.tilt import Tilt
 from palpate.quantities.stiffness import Stiffness
-from palpate.quantities.tilt import Tilt
 from palpate.quantities.velocity import Velocity
 from palpate.trace.recording import Context
 

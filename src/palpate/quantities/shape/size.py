@@ -81,7 +81,7 @@ class Size(Quantity):
         ),
     )
     derived = True
-    estimators: ClassVar = {"touch": "palpate.quantities.size:estimate_size"}
+    estimators: ClassVar = {"touch": "palpate.quantities.shape.size:estimate_size"}
 
     def needs(self, body: Body, bodies: Mapping[str, Body]) -> Iterator[Parameter]:
         """The height of what it stands on, where nobody knows it."""

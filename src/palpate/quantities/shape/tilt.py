@@ -44,7 +44,7 @@ class Tilt(Quantity):
         ),
     )
     derived = True
-    estimators: ClassVar = {"plane": "palpate.quantities.tilt:estimate_tilt"}
+    estimators: ClassVar = {"plane": "palpate.quantities.shape.tilt:estimate_tilt"}
 
 
 def estimate_tilt(trace: Trace, parameter: Parameter, body: Body | None) -> Estimate:
