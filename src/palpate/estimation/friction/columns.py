@@ -20,7 +20,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import Literal
 
 import numpy as np
@@ -85,31 +84,28 @@ def columns(drags: Sequence[Drag], felt: Feeling, hand: Hand, mu: float) -> Colu
     middle = (places.max(axis=0) + places.min(axis=0)) / 2
     speeds = np.concatenate([np.log2(drag.speed[drag.steady]) for drag in drags])
     usual = float(np.exp2(speeds.mean()))
-    parts: list[tuple[Array, ...]] = []
+    whole: list[Array] = []
+    rubbed: list[Array] = []
     for drag, mine in zip(drags, np.eye(len(drags)), strict=True):
-        each = np.ones((len(drag.t), 1)) * mine
-        joints, gains = _arm(drag, drags, felt, hand, mu)
-        parts.append((_of_support(drag, middle, usual), joints, each, gains))
+        rubbing, gains = _arm(drag, drags, felt, hand, mu)
+        own = np.ones((len(drag.t), 1)) * mine
+        whole.append(np.hstack([_of_support(drag, middle, usual), rubbing, own, gains]))
+        rubbed.append(rubbing[drag.steady].mean(axis=0))
 
-    ends = np.cumsum([part.shape[1] for part in parts[0]]).tolist()
-    joints, each, gains = (slice(first, last) for first, last in pairwise(ends))
-    friction, unsure = _friction(drags[0], felt, ends[1] - ends[0])
-    seen = [
-        float((part[1] @ friction)[drag.steady].mean())
-        for drag, part in zip(drags, parts, strict=True)
-    ]
-    expected, fixed, uneven = np.zeros((3, ends[-1]))
-    expected[joints] = friction
-    fixed[MU], fixed[WAYS] = tuning.FRICTION_PRIOR, tuning.LEAN
-    fixed[HELD] = tuning.HELD
+    # After those of the support: friction of the joints, one for each drag, gains.
+    friction, unsure = _friction(drags[0], felt, len(rubbed[0]))
+    joints = slice(FIRST, FIRST + len(friction))
+    each = slice(joints.stop, joints.stop + len(drags))
+    gains = slice(each.stop, whole[0].shape[1])
+    expected, fixed, uneven = np.zeros((3, gains.stop))
+    fixed[MU], fixed[WAYS], fixed[HELD] = tuning.FRICTION_PRIOR, tuning.LEAN, tuning.HELD
     fixed[BIAS], fixed[SPRING], fixed[CURVE] = tuning.REFERRED, tuning.PULL, tuning.CURVE
-    fixed[joints] = np.hypot(unsure, tuning.ANOTHER * friction)
-    fixed[each] = np.hypot(tuning.DRAG_BIAS, tuning.ANOTHER_DRAG * np.array(seen))
-    fixed[gains] = 1.0
     uneven[AXES] = uneven[PLACES] = uneven[SPEED] = mu
+    expected[joints], fixed[joints] = friction, np.hypot(unsure, tuning.ANOTHER * friction)
+    fixed[each] = np.hypot(tuning.DRAG_BIAS, tuning.ANOTHER_DRAG * (np.array(rubbed) @ friction))
+    fixed[gains] = 1.0
     levers = tuple(_lever(drag.q, drag, felt, mu) for drag in drags)
-    whole = tuple(np.hstack(part) for part in parts)
-    return Columns(whole, levers, expected, fixed, uneven, joints, gains)
+    return Columns(tuple(whole), levers, expected, fixed, uneven, joints, gains)
 
 
 def _friction(drag: Drag, felt: Feeling, count: int) -> tuple[Array, Array]:

@@ -80,38 +80,42 @@ PRESLIDING = 2e-3
 Sensitive: `static` hardly, std ×0.9–1.1."""
 
 JOINT_ERROR = 0.03
-"""N m (1 sigma): how well free motions show the friction behind a joint's sensor. Sensitive: ."""
+"""N m (1 sigma): how well free motions show the friction behind a joint's sensor. Sensitive:
+friction 0.3 σ, std ×1.0–1.1."""
 
 CORRELATED_ROWS = 20
-"""rows, 0.1 s, of free motion in which what is left of a joint's torque is the same. Sensitive: ."""
+"""rows, 0.1 s, of free motion in which what is left of a joint's torque is the same. Sensitive:
+hardly."""
 
 SLOWLY = 0.5
-"""rad/s²: a joint that changes its speed faster feels its inertia more than its friction. Sensitive:
-."""
+"""rad/s²: a joint that changes its speed faster feels its inertia more than its friction.
+Sensitive: friction 0.2 σ."""
 
 FREE_MOTION = 300
 """rows, 1.5 s, of motion through free air that show the friction of joints. Sensitive: no."""
 
 UNEVEN = (0.0, 0.03, 0.1, 0.3)
-"""parts (1 sigma) by which friction may differ between axes, places or speeds ... Sensitive: ."""
+"""parts (1 sigma) by which friction may differ between axes, places or speeds ... Sensitive:
+friction 0.07 σ, std ×0.7–1.2."""
 
 LIKELY_UNEVEN = (0.91, 0.03, 0.03, 0.03)
-"""... and how likely that is before it is felt. Sensitive: ."""
+"""... and how likely that is before it is felt. Sensitive: friction 0.1 σ, std ×0.8–1.2."""
 
 ANOTHER = 0.2
-"""part (1 sigma) of a joint's friction that is another where things are dragged. Sensitive: ."""
+"""part (1 sigma) of a joint's friction that is another where things are dragged. Sensitive:
+friction 0.1 σ, std ×0.9–1.1."""
 
 ANOTHER_DRAG = 0.1
-"""part (1 sigma) of it that is another in every drag. Sensitive: ."""
+"""part (1 sigma) of it that is another in every drag. Sensitive: friction 0.1 σ, std ×0.9–1.1."""
 
 DRAG_BIAS = 0.01
-"""N (1 sigma) of a drag's own. Sensitive: ."""
+"""N (1 sigma) of a drag's own. Sensitive: hardly."""
 
 HELD = 0.1
-"""N (1 sigma) that hold an object, however hard it is pressed. Sensitive: ."""
+"""N (1 sigma) that hold an object, however hard it is pressed. Sensitive: friction 0.2 σ."""
 
 FRICTION_RANGE = 1.0
-"""1 sigma by which a coefficient may differ where it does. Sensitive: ."""
+"""1 sigma by which a coefficient may differ where it does. Sensitive: no."""
 
 HELD_RANGE = 10.0
 """N (1 sigma) that hold an object where something does. Sensitive: no."""
@@ -148,17 +152,18 @@ SIGNIFICANT = 2.0
 """standard deviations from zero from which a friction is identified. Sensitive: no."""
 
 ALIKE_FRICTION = 0.05
-"""part (1 sigma) of a coefficient by which it may differ between directions, places and speeds and
-still be one. Sensitive: ."""
+"""part (1 sigma) of a coefficient by which it may differ between directions, places and speeds
+and still be one. Sensitive: no."""
 
 SLOW = 0.08
-"""m/s below which the arm's own motion leaves little in its torques. Sensitive: ."""
+"""m/s below which the arm's own motion leaves little in its torques. Sensitive: friction 0.3 σ,
+std ×0.9–1.2."""
 
 LEAN = 0.005
-"""rad (1 sigma): how far a support is out of level; floors may be by 3 mm/m (DIN 18202, quoted from
-memory), and tables stand on them. Sensitive: ."""
+"""rad (1 sigma): how far a support is out of level; floors may be by 3 mm/m (DIN 18202, quoted
+from memory), and tables stand on them. Sensitive: friction 0.3 σ, std ×0.8–1.2."""
 
 REFERRED = 0.2
-"""N (1 sigma): bias of a force on the support that is referred to one some cm above: what the model
-of the arm's links leaves, half a per cent of some 40 N m at levers of half a metre, changes by a
-fifth or so. Sensitive: ."""
+"""N (1 sigma): bias of a force on the support that is referred to one some cm above: what the
+model of the arm's links leaves, half a per cent of some 40 N m at levers of half a metre,
+changes by a fifth or so. Sensitive: friction 0.1 σ, std ×0.9–1.2."""
