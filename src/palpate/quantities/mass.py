@@ -53,6 +53,9 @@ SLOWEST = 1.5 * tuning.PASS_SPEED
 SPEEDS = 8
 """Speeds of a pass that are weighed against each other."""
 
+ROUND = 8.0
+"""s that another round takes besides its passes: from home to the object, and back."""
+
 MOST_CYCLES = 4
 """In one tree; what they do not reach is measured again."""
 
@@ -119,12 +122,12 @@ class Mass(Quantity):
         for speed in np.geomspace(SLOWEST, site.arm.pace.speed, SPEEDS).round(3).tolist():
             for cycles in range(1, MOST_CYCLES + 1):
                 left = lift.std(cycles, speed, weight, gravity, hand)[0] / gravity
-                # What is missed takes as much again, and again.
-                missed = max((left / std) ** 2, 1.0)
-                takes = cycles * lift.seconds(speed)
-                if takes * missed < least:
-                    least, best = takes * missed, Effort(cycles, speed)
-                if missed == 1.0 or takes + lift.seconds(speed) > least:
+                enough, takes = left <= std, cycles * lift.seconds(speed)
+                # What is missed takes as much again and again, in another round.
+                cost = takes if enough else takes * (left / std) ** 2 + ROUND
+                if cost < least:
+                    least, best = cost, Effort(cycles, speed)
+                if enough or takes + lift.seconds(speed) > least:
                     break
         return best
 
