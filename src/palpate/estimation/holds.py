@@ -4,15 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 from palpate.estimation import tuning
 from palpate.estimation.load.fit import Load, fit_load
-from palpate.estimation.load.segments import Segment, Weighing, weighing, weighings
-from palpate.estimation.windows import at_rest, load_of, mean_pose, runs
-from palpate.geometry.pose import Pose
+from palpate.estimation.load.segments import Cut, Segment, Weighing, compared, weighings
+from palpate.estimation.windows import at_rest, commanded, load_of, mean_pose, runs
+from palpate.geometry.pose import Array, Pose
 from palpate.mjcf.body import Body
 from palpate.trace.recording import Recording
-from palpate.trace.samples import FORCES, Trace
+from palpate.trace.samples import FORCES, Samples, Trace
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -88,20 +89,59 @@ def _recordings(trace: Trace, name: str, activity: str) -> list[Recording]:
 
 
 def _tilted(trace: Trace, name: str) -> Iterator[tuple[Recording, Weighing]]:
-    """Every rest at a tilt, as a recording of its own, with what tells about the load in it."""
-    resting = at_rest(trace.samples)
-    t = trace.samples.t
+    """Every bit of a turn to a tilt, and every rest there, as a recording of its own, with what tells
+    about the load in it: the same bit of the empty hand's turn."""
+    empty = [
+        one
+        for one in trace.recordings
+        if one.context.activity == "tilting" and one.context.holding is None
+    ]
     for recording in _recordings(trace, name, "tilting"):
-        inside = (t >= recording.start) & (t <= recording.end)
-        level = mean_pose(trace.of(recording).where(slice(0, 1)))
-        for rows in runs(resting & inside):
-            rest = trace.samples.where(rows)
-            if len(rest) < tuning.REST_ROWS or mean_pose(rest).angle_to(level) < tuning.NEAR_ANGLE:
-                continue
-            context = replace(recording.context, activity="still")
-            start, end = float(rest.t[0]), float(rest.t[-1])
-            part = replace(recording, start=start, end=end, context=context)
-            yield part, _as_own(weighing(trace, part), start)
+        here = mean_pose(trace.of(recording).where(slice(0, 1)))
+        for own in empty:
+            there = mean_pose(trace.of(own).where(slice(0, 1)))
+            if here.distance_to(there) < tuning.NEAR:
+                yield from _bits(trace, recording, own)
+                break
+
+
+def _bits(
+    trace: Trace, loaded: Recording, empty: Recording
+) -> Iterator[tuple[Recording, Weighing]]:
+    t = trace.samples.t
+    pairs = zip(_parts(trace, loaded), _parts(trace, empty), strict=False)
+    for i, (mine, theirs) in enumerate(pairs):
+        cuts = [Cut(f"tilt {i}", True, mine), Cut(f"tilt {i}", False, theirs)]
+        context = replace(loaded.context, activity="still")
+        start, end = float(t[mine.start]), float(t[mine.stop - 1])
+        part = replace(loaded, start=start, end=end, context=context)
+        yield part, _as_own(compared(trace, loaded.context.holding or "", cuts), start)
+
+
+def _parts(trace: Trace, recording: Recording) -> Iterator[slice]:
+    """Rows of a tilting in order: each turn in bins, the same of its way in every recording, without
+    its ends, where the arm changes its speed; and each rest."""
+    samples = trace.samples
+    t, told, resting = samples.t, commanded(samples), at_rest(samples)
+    inside = (t >= recording.start) & (t <= recording.end)
+    parts: list[slice] = []
+    for turn in runs(told & inside):
+        if turn.stop - turn.start > tuning.TURN_BINS * tuning.REST_ROWS:
+            edges = np.linspace(0.0, 1.0, tuning.TURN_BINS + 1)[1:-1]
+            cuts = _reached(samples.where(turn), edges) + turn.start
+            parts += [slice(int(a), int(b)) for a, b in pairwise(cuts.tolist())]
+    for rest in runs(resting & inside):
+        if t[rest.stop - 1] - t[rest.start] > tuning.TILT_HELD:
+            parts.append(rest)
+    yield from sorted(parts, key=lambda rows: rows.start)
+
+
+def _reached(samples: Samples, shares: Array) -> NDArray[np.intp]:
+    """Rows at which shares of a turn are gone."""
+    first = Pose(np.zeros(3), samples.pose_world_tcp[0, 3:])
+    gone = [first.angle_to(Pose(np.zeros(3), row)) for row in samples.pose_world_tcp[:, 3:]]
+    progress = np.maximum.accumulate(np.array(gone))
+    return np.searchsorted(progress, shares * progress[-1])
 
 
 def _as_own(found: Weighing, time: float) -> Weighing:

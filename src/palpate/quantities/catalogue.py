@@ -9,7 +9,7 @@ from typing import TypeGuard
 from palpate.errors import unknown_name
 from palpate.extensions import extensions, public
 from palpate.parameter import Parameter
-from palpate.quantities.com import CentreOfMass
+from palpate.quantities.com import CentreOfMass, CentreOfMassInSpace
 from palpate.quantities.friction import Friction
 from palpate.quantities.height import Height
 from palpate.quantities.inertia import Inertia
@@ -39,6 +39,7 @@ OWN: tuple[type[Quantity], ...] = (
     Stiffness,
     Size,
     Tilt,
+    CentreOfMassInSpace,
 )
 """In the order in which beliefs build on one another and results are listed."""
 

@@ -110,6 +110,49 @@ class CentreOfMass(Quantity):
         yield Statement(com=value, std=std)
 
 
+def _in_space(centres: tuple[str, ...]) -> Iterator[str]:
+    """What people call a centre of mass of which they want the height, too."""
+    for centre in centres:
+        for whose in ("its", "the"):
+            yield f"height of {whose} {centre}"
+        for where in ("in 3d", "in three dimensions", "in all three axes", "along all three axes"):
+            yield f"{centre} {where}"
+        for kind in ("3d", "three dimensional", "full"):
+            yield f"{kind} {centre}"
+
+
+class CentreOfMassInSpace(CentreOfMass):
+    """Centre of mass along gravity, too, which takes holds at a tilt; it stands where `com`
+    does."""
+
+    id = "com_3d"
+    label = "centre of mass in all three axes"
+    words: ClassVar = {"en": tuple(_in_space(CentreOfMass.words["en"]))}
+    evidence = (
+        *CentreOfMass.evidence,
+        Evidence(
+            FORCES,
+            "in a Parallel with Tilt while it is held in free air",
+            activity=("tilting",),
+            holding=True,
+        ),
+        Evidence(
+            FORCES,
+            "in a Parallel with Tilt at the same pose with the empty hand",
+            activity=("tilting",),
+            empty=True,
+        ),
+    )
+    stands_for = "com"
+
+    def status(self, body: BodyDescription) -> Status:
+        """The file's centre of mass is `com`'s."""
+        return "not applicable"
+
+    def slots(self, elements: Elements) -> Iterator[Slot]:
+        yield from ()
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class _Grasps:
     """What all grasps say: two linear equations each for the centre of mass in the body frame.

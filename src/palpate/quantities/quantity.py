@@ -68,6 +68,8 @@ class Quantity:
         derived: whether those recordings are all it takes; otherwise a conversion primitive has to
             say which of them stands for it.
         how: for prompts and explanations, how it is acquired; what `evidence` says unless declared.
+        stands_for: id of the quantity that it is another way to measure: a value of it is one of
+            that, and stands where that does.
         identifiable: whether the vocabulary can measure it at all.
         estimators: by name, the default first; each `package.module:function`, which is imported
             when it is used, and keeps to the contract of `palpate.estimation.estimator.Estimator`.
@@ -83,6 +85,7 @@ class Quantity:
     elsewhere: ClassVar[str] = ""
     derived: ClassVar[bool] = False
     how: ClassVar[str]
+    stands_for: ClassVar[str | None] = None
     identifiable: ClassVar[bool] = True
     estimators: ClassVar[Mapping[str, str]] = MappingProxyType({})
 
@@ -94,6 +97,10 @@ class Quantity:
 
     def __repr__(self) -> str:
         return f"<{type(self).__name__}: {self.label} of a {self.subject}, {self.unit}>"
+
+    def known_as(self) -> str:
+        """The id under which the file states it."""
+        return self.stands_for or self.id
 
     def piece(self, parameter: Parameter, buffer: str, context: Context) -> Piece | None:
         """Which piece of evidence for `parameter`, which is of this quantity, a recording is."""

@@ -7,7 +7,7 @@ What is written where, each quantity says (`palpate.scene.fill`); every estimate
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from palpate.errors import InputError
@@ -70,6 +70,7 @@ def complete(
 ) -> Completed:
     """The scene's text with the estimates in it, as MuJoCo reads them back. What an estimate says in
     passing of a quantity that was `asked` for is not written in the place of its own estimate."""
+    estimates = [_in_its_place(estimate, scene.catalogue) for estimate in estimates]
     values: dict[Parameter, tuple[float, ...]] = {}
     for estimate in estimates:
         values[estimate.parameter] = tuple(estimate.value.tolist())
@@ -105,6 +106,14 @@ def complete(
             )
     unwritten = tuple(parameter for parameter in reasons if parameter.object in scene.bodies)
     return Completed(text, tuple(notes), unwritten)
+
+
+def _in_its_place(estimate: Estimate, quantities: Catalogue) -> Estimate:
+    """As one of the quantity that the file states for it."""
+    name, quantity = estimate.parameter.object, quantities.get(estimate.parameter.quantity)
+    if quantity is None or quantity.stands_for is None:
+        return estimate
+    return replace(estimate, parameter=Parameter(name, quantity.stands_for))
 
 
 def _filled(

@@ -73,8 +73,8 @@ class Segment:
 
 
 @dataclass(frozen=True, slots=True)
-class _Cut:
-    """Rows of one rest or pass."""
+class Cut:
+    """Rows of one rest or pass; `kind` as a `Segment`'s."""
 
     kind: str
     loaded: bool
@@ -128,9 +128,29 @@ def weighing(trace: Trace, recording: Recording) -> Weighing:
     rests = list(_rests(trace, recording, load, path))
     quiet = [cut for cut in rests if not told[cut.rows].any()]
     passes = _passes(trace, load, path, steady) if path is not None else []
+    signals = _signals(trace, load, path)
+    found = [_segment(signals, cut, [cut.rows]) for cut in quiet]
+    binned = _binned(signals, passes)
+    found += [one for one in binned if _has_counterpart(one, binned)]
+    if not any(segment.loaded for segment in found):
+        # A recording of a motion is all there is.
+        found = [_segment(signals, cut, [cut.rows]) for cut in rests]
+    return Weighing(found, signals.noise, signals.felt.scale)
+
+
+def compared(trace: Trace, name: str, cuts: Sequence[Cut]) -> Weighing:
+    """What tells about the load `name` in cuts of which those of one kind compare, at one place
+    each."""
+    signals = _signals(trace, load_of(trace, name), None)
+    found = [_segment(signals, cut, [cut.rows]) for cut in cuts]
+    return Weighing(found, signals.noise, signals.felt.scale)
+
+
+def _signals(trace: Trace, load: Load, path: Path | None) -> _Signals:
+    samples = trace.samples
     felt, rising = feeling(trace), acceleration(samples, tuning.SPEED_SHORT)[:, 2]
-    calm = (at_rest(samples) | (steady & _moves(samples))) & (load.loaded | load.empty)
-    signals = _Signals(
+    calm = (at_rest(samples) | (_steady(samples) & _moves(samples))) & (load.loaded | load.empty)
+    return _Signals(
         samples,
         felt,
         block_noise(felt.signals, samples.t, rising, list(runs(calm))),
@@ -140,13 +160,6 @@ def weighing(trace: Trace, recording: Recording) -> Weighing:
         load.grasps,
         _rubbed(felt, samples),
     )
-    found = [_segment(signals, cut, [cut.rows]) for cut in quiet]
-    binned = _binned(signals, passes)
-    found += [one for one in binned if _has_counterpart(one, binned)]
-    if not any(segment.loaded for segment in found):
-        # A recording of a motion is all there is.
-        found = [_segment(signals, cut, [cut.rows]) for cut in rests]
-    return Weighing(found, signals.noise, felt.scale)
 
 
 def _rubbed(felt: Feeling, samples: Samples) -> Array:
@@ -206,7 +219,7 @@ def _loaded_and_empty(load: Load) -> tuple[tuple[bool, Mask], tuple[bool, Mask]]
     return (True, load.loaded), (False, load.empty)
 
 
-def _rests(trace: Trace, recording: Recording, load: Load, path: Path | None) -> Iterator[_Cut]:
+def _rests(trace: Trace, recording: Recording, load: Load, path: Path | None) -> Iterator[Cut]:
     """Rests at the pose of `recording`, and `recording` itself, however much the arm swung."""
     samples = trace.samples
     measured = (samples.t >= recording.start) & (samples.t <= recording.end)
@@ -214,7 +227,7 @@ def _rests(trace: Trace, recording: Recording, load: Load, path: Path | None) ->
     for loaded, mask in _loaded_and_empty(load):
         for rows in runs(here & mask):
             if rows.stop - rows.start >= tuning.REST_ROWS:
-                yield _Cut(f"rest {_arrival(samples, rows.start, path)}", loaded, rows)
+                yield Cut(f"rest {_arrival(samples, rows.start, path)}", loaded, rows)
 
 
 def _arrival(samples: Samples, row: int, path: Path | None) -> str:
@@ -241,13 +254,13 @@ def _moves(samples: Samples) -> Mask:
     return np.linalg.norm(samples.twist[:, :3], axis=1) > tuning.PASS_SPEED
 
 
-def _passes(trace: Trace, load: Load, path: Path, steady: Mask) -> list[_Cut]:
+def _passes(trace: Trace, load: Load, path: Path, steady: Mask) -> list[Cut]:
     """Motions along the path that cover enough of it, up and down; where the arm goes steadily, if
     that is enough of this way both with the load and without."""
     samples, anyhow = trace.samples, np.ones_like(steady)
     speed = np.gradient(path.progress(samples), samples.t)
     ways = {"up": speed > tuning.PASS_SPEED, "down": speed < -tuning.PASS_SPEED}
-    found: list[_Cut] = []
+    found: list[Cut] = []
     for kind, moving in ways.items():
         calm = list(_motions(samples, load, path, kind, moving & steady))
         if {cut.loaded for cut in calm} == {True, False}:
@@ -257,12 +270,12 @@ def _passes(trace: Trace, load: Load, path: Path, steady: Mask) -> list[_Cut]:
     return found
 
 
-def _motions(samples: Samples, load: Load, path: Path, kind: str, which: Mask) -> Iterator[_Cut]:
+def _motions(samples: Samples, load: Load, path: Path, kind: str, which: Mask) -> Iterator[Cut]:
     progress, inside = path.progress(samples), path.inside(samples) & which
     for loaded, mask in _loaded_and_empty(load):
         for rows in _joined(inside & mask, samples.t):
             if np.ptp(progress[rows]) > tuning.COVERED * path.length:
-                yield _Cut(kind, loaded, rows)
+                yield Cut(kind, loaded, rows)
 
 
 def _joined(moving: Mask, t: Array) -> Iterator[NDArray[np.intp]]:
@@ -278,7 +291,7 @@ def _joined(moving: Mask, t: Array) -> Iterator[NDArray[np.intp]]:
     yield from found
 
 
-def _binned(signals: _Signals, passes: Sequence[_Cut]) -> list[Segment]:
+def _binned(signals: _Signals, passes: Sequence[Cut]) -> list[Segment]:
     """Passes in bins along the stretch of the path that all of them cover."""
     if not passes:
         return []
@@ -294,7 +307,7 @@ def _binned(signals: _Signals, passes: Sequence[_Cut]) -> list[Segment]:
     return found
 
 
-def _segment(signals: _Signals, cut: _Cut, bins: Sequence[Rows]) -> Segment:
+def _segment(signals: _Signals, cut: Cut, bins: Sequence[Rows]) -> Segment:
     """A cut's means over `bins`."""
     samples, t = signals.samples, signals.samples.t[cut.rows]
     return Segment(

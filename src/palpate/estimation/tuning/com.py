@@ -25,3 +25,9 @@ measuring. Sensitive: com std ×0.5–2.0."""
 BLIND = 0.5
 """part of that 1 sigma that must be left for a coordinate to count as not measured. Sensitive:
 no."""
+
+TURN_BINS = 8
+"""parts of a turn to a tilt, of which the first and the last are left out. Sensitive: no."""
+
+TILT_HELD = 0.5
+"""s that a tilt is held at least. Sensitive: no."""

@@ -32,8 +32,8 @@ Kind = Literal[
 GRIPPER = "gripper"
 """The subject of quantities that the empty hand itself has."""
 
-LONGEST_PHRASE = 3
-"""Words of the longest synonym of a quantity: "centre of mass"."""
+LONGEST_PHRASE = 7
+"""Words of the longest synonym of a quantity: "centre of mass in all three axes"."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -220,12 +220,13 @@ def _obstacle(scene: Scene, name: str) -> str:
 
 def _is_known(parameter: Parameter, scene: Scene) -> bool:
     body = scene.bodies.get(parameter.object)
-    return body is not None and parameter.quantity in body.known
+    return body is not None and catalogue()[parameter.quantity].known_as() in body.known
 
 
 def _known_note(parameter: Parameter, scene: Scene) -> str:
-    value = ", ".join(f"{v:.6g}" for v in scene.bodies[parameter.object].known[parameter.quantity])
     quantity = catalogue()[parameter.quantity]
+    stated = scene.bodies[parameter.object].known[quantity.known_as()]
+    value = ", ".join(f"{v:.6g}" for v in stated)
     unit = "" if quantity.unit == "1" else f" {quantity.unit}"
     return (
         f"{_spoken([parameter])} is stated by the scene ({value}{unit}) and not measured again "
