@@ -105,19 +105,14 @@ class SimulatedCell:
         """What is true in the world, or None where it is not defined. Ask after estimating."""
         if parameter in self.drawn:
             return self.drawn[parameter]
-        quantity = self.world.catalogue.get(parameter.quantity)
-        name = parameter.quantity if quantity is None else quantity.known_as()
         body = self.world.bodies.get(parameter.object)
-<<<<<<< HEAD
         if body is None:
             return None
         quantity = self.world.catalogue.get(parameter.quantity)
         shown = quantity.shown(body) if quantity is not None else None
+        if quantity is not None and quantity.stands_for is not None:
+            return self.truth(Parameter(parameter.object, quantity.stands_for))
         return body.known.get(parameter.quantity, shown)
-=======
-        stated = self.drawn.get(Parameter(parameter.object, name))
-        return stated or (body.known.get(name) if body else None)
->>>>>>> 2a2283a (com_3d: a centre of mass in all three axes, from holds at a tilt)
 
 
 def simulated_cell(

@@ -6,6 +6,9 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
+import numpy as np
+from numpy.typing import NDArray
+
 from palpate.estimation import tuning
 from palpate.estimation.load.fit import Load, fit_load
 from palpate.estimation.load.segments import Cut, Segment, Weighing, compared, weighings
@@ -129,11 +132,22 @@ def _parts(trace: Trace, recording: Recording) -> Iterator[slice]:
         if turn.stop - turn.start > tuning.TURN_BINS * tuning.REST_ROWS:
             edges = np.linspace(0.0, 1.0, tuning.TURN_BINS + 1)[1:-1]
             cuts = _reached(samples.where(turn), edges) + turn.start
-            parts += [slice(int(a), int(b)) for a, b in pairwise(cuts.tolist())]
+            for first, last in pairwise(cuts.tolist()):
+                if _steady(samples, slice(int(first), int(last))):
+                    parts.append(slice(int(first), int(last)))
     for rest in runs(resting & inside):
         if t[rest.stop - 1] - t[rest.start] > tuning.TILT_HELD:
             parts.append(rest)
     yield from sorted(parts, key=lambda rows: rows.start)
+
+
+def _steady(samples: Samples, rows: slice) -> bool:
+    """Whether the hand turns evenly: what the load resists a change of that with is no weight."""
+    if rows.stop - rows.start < tuning.REST_ROWS:
+        return False
+    turning, t = samples.twist[rows, 3:], samples.t[rows]
+    trend = np.polyfit(t - t.mean(), turning, 1)[0]
+    return float(np.linalg.norm(trend)) < tuning.TURN_STEADY
 
 
 def _reached(samples: Samples, shares: Array) -> NDArray[np.intp]:
@@ -141,7 +155,8 @@ def _reached(samples: Samples, shares: Array) -> NDArray[np.intp]:
     first = Pose(np.zeros(3), samples.pose_world_tcp[0, 3:])
     gone = [first.angle_to(Pose(np.zeros(3), row)) for row in samples.pose_world_tcp[:, 3:]]
     progress = np.maximum.accumulate(np.array(gone))
-    return np.searchsorted(progress, shares * progress[-1])
+    found: NDArray[np.intp] = np.searchsorted(progress, shares * progress[-1])
+    return found
 
 
 def _as_own(found: Weighing, time: float) -> Weighing:

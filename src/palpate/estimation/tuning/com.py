@@ -31,3 +31,6 @@ TURN_BINS = 8
 
 TILT_HELD = 0.5
 """s that a tilt is held at least. Sensitive: no."""
+
+TURN_STEADY = 0.5
+"""rad/s², up to which the hand turns evenly: 3 mN m of a load of 0.006 kg m². Sensitive: no."""
