@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 import palpate as pp
+from palpate.parameter import Parameter
+from palpate.planning.symbolic.grounding import ground
 from palpate.scene.load import parse_scene
 from palpate.vocabulary.state import SymbolicState
 from palpate.vocabulary.turning import SWINGS, Swing, Tilt, swing_angle
@@ -112,3 +114,35 @@ def test_the_inertia_of_a_bar_is_swung_out_of_it():
     assert found.value[1:3] == pytest.approx(truth[1:], rel=0.12)
     assert (np.abs(found.value[1:3] - truth[1:]) < 3 * found.std[1:3]).all()
     assert found.parts["mass"].value == pytest.approx(MASS, rel=0.02)
+
+
+@pytest.mark.parametrize(
+    "request_",
+    [
+        "the height of the centre of mass of the bar",
+        "the 3d centre of mass of the bar",
+        "the centre of gravity in all three axes of the bar",
+    ],
+)
+def test_a_height_of_a_centre_of_mass_is_asked_for_in_words(scene, request_):
+    (asked,) = ground(request_, scene).asked
+    assert asked == Parameter("bar", "com_3d")
+
+
+def test_a_centre_of_mass_is_found_along_gravity():
+    """From the words to the twin: its height, which top-down grasps do not show."""
+    run = pp.run(
+        BAR.format(inertial='<inertial pos="? ? ?" mass="?" diaginertia="? ? ?"/>', mass=""),
+        "the height of the centre of mass of the bar",
+        world=BAR.format(
+            inertial=f'<inertial pos="0.02 0 0.006" mass="{MASS}" diaginertia="4e-5 2e-3 2e-3"/>',
+            mass="",
+        ),
+        noise="none",
+    )
+    assert [leaf.primitive for leaf in run.trace.leaves].count("Tilt") == 2
+    found = run["bar.com_3d"]
+    assert found.value == pytest.approx([0.02, 0.0, 0.006], abs=0.002)
+    assert found.std[2] < 0.004
+    assert run.truth[found.parameter] == pytest.approx((0.02, 0.0, 0.006))
+    assert run.twin.scene.body("bar").known["com"] == pytest.approx(found.value, abs=1e-4)

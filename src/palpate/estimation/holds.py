@@ -111,34 +111,41 @@ def _tilted(trace: Trace, name: str) -> Iterator[tuple[Recording, Weighing]]:
 def _bits(
     trace: Trace, loaded: Recording, empty: Recording
 ) -> Iterator[tuple[Recording, Weighing]]:
-    t = trace.samples.t
-    pairs = zip(_parts(trace, loaded), _parts(trace, empty), strict=False)
-    for i, (mine, theirs) in enumerate(pairs):
-        cuts = [Cut(f"tilt {i}", True, mine), Cut(f"tilt {i}", False, theirs)]
-        context = replace(loaded.context, activity="still")
-        start, end = float(t[mine.start]), float(t[mine.stop - 1])
+    t, own = trace.samples.t, _parts(trace, empty)
+    mine = {kind: rows for kind, rows in _parts(trace, loaded).items() if kind in own}
+    cuts = [Cut(kind, True, rows) for kind, rows in mine.items()]
+    cuts += [Cut(kind, False, own[kind]) for kind in mine]
+    all_of_them = compared(trace, loaded.context.holding or "", cuts)
+    context = replace(loaded.context, activity="still")
+    for kind, rows in mine.items():
+        start, end = float(t[rows.start]), float(t[rows.stop - 1])
+        here = [segment for segment in all_of_them.segments if segment.kind == kind]
         part = replace(loaded, start=start, end=end, context=context)
-        yield part, _as_own(compared(trace, loaded.context.holding or "", cuts), start)
+        yield part, _as_own(replace(all_of_them, segments=here), start)
 
 
-def _parts(trace: Trace, recording: Recording) -> Iterator[slice]:
-    """Rows of a tilting in order: each turn in bins, the same of its way in every recording, without
-    its ends, where the arm changes its speed; and each rest."""
+def _parts(trace: Trace, recording: Recording) -> dict[str, slice]:
+    """Rows of a tilting: each turn in bins, the same of its way in every recording, as far as it is
+    steady; and each rest."""
     samples = trace.samples
     t, told, resting = samples.t, commanded(samples), at_rest(samples)
     inside = (t >= recording.start) & (t <= recording.end)
-    parts: list[slice] = []
-    for turn in runs(told & inside):
+    parts: dict[str, slice] = {}
+    for i, turn in enumerate(runs(told & inside)):
         if turn.stop - turn.start > tuning.TURN_BINS * tuning.REST_ROWS:
             edges = np.linspace(0.0, 1.0, tuning.TURN_BINS + 1)[1:-1]
             cuts = _reached(samples.where(turn), edges) + turn.start
-            for first, last in pairwise(cuts.tolist()):
+            for k, (first, last) in enumerate(pairwise(cuts.tolist())):
                 if _steady(samples, slice(int(first), int(last))):
-                    parts.append(slice(int(first), int(last)))
-    for rest in runs(resting & inside):
-        if t[rest.stop - 1] - t[rest.start] > tuning.TILT_HELD:
-            parts.append(rest)
-    yield from sorted(parts, key=lambda rows: rows.start)
+                    parts[f"turn {i} {k}"] = slice(int(first), int(last))
+    rests = [rows for rows in runs(resting & inside) if _lasts(t[rows])]
+    for i, rest in enumerate(rests):
+        parts[f"rest {i}"] = rest
+    return parts
+
+
+def _lasts(t: Array) -> bool:
+    return float(t[-1] - t[0]) > tuning.TILT_HELD
 
 
 def _steady(samples: Samples, rows: slice) -> bool:
@@ -146,7 +153,8 @@ def _steady(samples: Samples, rows: slice) -> bool:
     if rows.stop - rows.start < tuning.REST_ROWS:
         return False
     turning, t = samples.twist[rows, 3:], samples.t[rows]
-    trend = np.polyfit(t - t.mean(), turning, 1)[0]
+    since = t - t.mean()
+    trend = since @ turning / float(since @ since)
     return float(np.linalg.norm(trend)) < tuning.TURN_STEADY
 
 
@@ -155,8 +163,7 @@ def _reached(samples: Samples, shares: Array) -> NDArray[np.intp]:
     first = Pose(np.zeros(3), samples.pose_world_tcp[0, 3:])
     gone = [first.angle_to(Pose(np.zeros(3), row)) for row in samples.pose_world_tcp[:, 3:]]
     progress = np.maximum.accumulate(np.array(gone))
-    found: NDArray[np.intp] = np.searchsorted(progress, shares * progress[-1])
-    return found
+    return np.asarray(np.searchsorted(progress, shares * progress[-1]), dtype=np.intp)
 
 
 def _as_own(found: Weighing, time: float) -> Weighing:
