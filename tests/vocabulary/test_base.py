@@ -47,6 +47,8 @@ class Smell(ConversionPrimitive):
 OWN = [
     "MovePose",
     "MoveJoints",
+    "Tilt",
+    "Swing",
     "OpenGripper",
     "CloseGripper",
     "MoveUntilContact",
@@ -84,14 +86,14 @@ def installed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Calla
 
 
 def test_palpates_own_come_first_in_reading_order() -> None:
-    assert list(vocabulary().primitives)[:12] == OWN
+    assert list(vocabulary().primitives)[: len(OWN)] == OWN
     assert list(vocabulary().composites) == ["Sequence", "Parallel"]
 
 
 def test_a_vocabulary_is_a_value(installed: Callable[[str], None]) -> None:
     alone = load_vocabulary()
     assert list(alone.primitives) == OWN
-    assert repr(alone) == "<Vocabulary: 12 primitives, 2 composites>"
+    assert repr(alone) == "<Vocabulary: 14 primitives, 2 composites>"
     installed(THIRD_PARTY)
     more = load_vocabulary(extensions("palpate.primitives"))
     assert list(more.primitives) == [*OWN, "Smell", "Sniff"]

@@ -142,7 +142,9 @@ def test_a_centre_of_mass_is_found_along_gravity():
     )
     assert [leaf.primitive for leaf in run.trace.leaves].count("Tilt") == 2
     found = run["bar.com_3d"]
-    assert found.value == pytest.approx([0.02, 0.0, 0.006], abs=0.002)
+    assert found.value[:2] == pytest.approx([0.02, 0.0], abs=0.002)
+    assert found.value[2] == pytest.approx(0.006, abs=2 * found.std[2])
+    assert found.value[2] > 0.002
     assert found.std[2] < 0.004
     assert run.truth[found.parameter] == pytest.approx((0.02, 0.0, 0.006))
     assert run.twin.scene.body("bar").known["com"] == pytest.approx(found.value, abs=1e-4)
