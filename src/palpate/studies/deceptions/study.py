@@ -263,7 +263,7 @@ def scored(run: Run, world: Deception) -> list[Scored]:
             score = Scored(
                 str(estimate.parameter),
                 i,
-                estimate.verdict,
+                estimate.verdicts[i],
                 value,
                 std,
                 low,
