@@ -48,7 +48,7 @@ RELIEF = 8.0
 ASKEW = 3e-4
 """rad that the hand leans over then: a third of what `CONTACT_FORCE` on one finger does."""
 SOFT_DEPTH = 5e-4
-"""m that the hand goes on between `SIDE_FORCE` and `CONTACT_FORCE` on what gives way, 12 kN/m or less:
+"""m that the hand goes on from half of `CONTACT_FORCE` to all of it on what gives way, 8 kN/m or less:
 the fingers sink in by what they are out of level, and nothing is gained by pressing."""
 SIDE_FORCE = 2.0
 """N: the threshold where something that stands freely may be met sideways: the least that is told
@@ -224,12 +224,14 @@ class _Contact:
         """Whether more than `threshold` N press back, or something twists the hand."""
         wrench = self._feeling.now()
         along, turning = self.along(wrench), wrench[3:] - self._feeling.first[3:]
-        if self._met is None and along > SIDE_FORCE:
+        if along < CONTACT_FORCE / 2:
+            self._met = None  # the joints' friction on the way
+        elif self._met is None:
             self._met = self._robot.state.pose_world_tcp
         return along > threshold or float(np.linalg.norm(turning)) > CONTACT_TORQUE
 
     def depth(self) -> float:
-        """m that the hand has gone on since a force was felt for certain."""
+        """m that the hand has gone on since half of `CONTACT_FORCE` pressed back."""
         here = self._robot.state.pose_world_tcp
         return 0.0 if self._met is None else here.distance_to(self._met)
 
