@@ -141,8 +141,10 @@ def _show_held_out(run: Run) -> None:
         return
     for motion in run.held_out.motions:
         heading, said = "[green]validation agrees[/]", _prediction(motion)
+        if motion.disagreement:
+            said += f". {motion.disagreement}"
         if not motion.agrees:
-            heading, said = "[bold red]validation disagrees[/]", f"{said}. {motion.disagreement}"
+            heading = "[bold red]validation disagrees[/]"
         out.print(f"{heading} {escape(said)}", soft_wrap=True)
     for note in run.held_out.notes:
         out.print(f"[dim]not validated[/] {escape(note)}", soft_wrap=True)

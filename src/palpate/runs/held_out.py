@@ -21,7 +21,7 @@ def held_out_json(held: HeldOut | None) -> dict[str, Any] | None:
         "dof": sum(motion.dof for motion in held.motions),
         "p": min((motion.p for motion in held.motions), default=None),
         "agrees": held.agrees if held.motions else None,
-        "disagreement": " ".join(m.disagreement for m in held.motions if not m.agrees) or None,
+        "disagreement": " ".join(m.disagreement for m in held.motions).strip() or None,
         "notes": list(held.notes),
         "motions": [_motion_json(motion) for motion in held.motions],
     }

@@ -86,12 +86,13 @@ class Motion:
 
     @property
     def agrees(self) -> bool:
-        """Whether it was as predicted."""
-        return all(test.passed for test in self.tests)
+        """Whether the object weighs and hangs as predicted. What is left in the torques besides may be
+        the arm's own."""
+        return all(test.passed for test in self.tests if test.name in JUDGED)
 
     @property
     def disagreement(self) -> str:
-        """What was not, in words."""
+        """What was not as predicted, in words; what is left in the torques among it."""
         return " ".join(test.finding for test in self.tests if not test.passed)
 
 
