@@ -16,8 +16,6 @@ from palpate.estimation.load.segments import Segment, Weighing
 from palpate.geometry.pose import Array
 from palpate.trace.recording import Hand
 
-HANDLING = 1.0
-"""s between two passes: the arm settles and feels what it bears, the fingers take or let go."""
 NEAR = 2.0 * tuning.CLEARANCE
 """m of a pass that are near a support."""
 PASSES = (("down", False), ("up", True), ("down", True), ("up", False))
@@ -47,7 +45,7 @@ class Lift:
         """Robot time of one cycle at `speed` m/s."""
         near = min(NEAR, self.length)
         slowly = near / min(speed, self.near_speed) + speed / self.acceleration
-        return len(PASSES) * ((self.length - near) / speed + slowly + HANDLING)
+        return len(PASSES) * ((self.length - near) / speed + slowly + tuning.HANDLING)
 
     def std(
         self, cycles: int, speed: float, weight: float, gravity: float, hand: Hand
@@ -62,7 +60,7 @@ class Lift:
         for grasp in range(cycles):
             for kind, loaded in PASSES:
                 segments.append(self._pass(kind, loaded, float(grasp), start, speed))
-                start += self.length / speed + HANDLING
+                start += self.length / speed + tuning.HANDLING
         noise = Noise(self.white, self.flicker, KNOWN)
         return Weighing(segments, noise, self.felt.scale)
 

@@ -98,3 +98,7 @@ RUBBING_ROWS = 4
 
 FORESEEN_DRAWS = 2
 """draws of noise that passes to come are judged by. Sensitive: no, it decides on work alone."""
+
+HANDLING = 1.0
+"""s between two passes, as foreseen: the arm settles and feels what it bears, the fingers take or
+let go. Sensitive: robot time alone, by as much a pass."""
