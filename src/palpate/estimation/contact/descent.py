@@ -138,7 +138,9 @@ def descent_before(trace: Trace, recording: Recording) -> Descent | None:
     calm = on_the_way & steady(samples) & (z > met.height)
     free = calm if calm.any() else on_the_way & (z >= met.height)
     noise = _spread((down - free_air)[free])
-    onset = _onset(smooth - free_air, _spread((smooth - free_air)[free]), on_the_way)
+    # A probe that pressed firmly is eased afterwards, and may then press hardly at all.
+    before = on_the_way & (np.arange(len(smooth)) <= int(np.argmax(smooth - free_air)))
+    onset = _onset(smooth - free_air, _spread((smooth - free_air)[free]), before)
     felt = float(np.mean((smooth - free_air)[pressed]))
     if felt < tuning.CONTACT_NOISE * max(noise, trace.hand.force_repeatability):
         return None
