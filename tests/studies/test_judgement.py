@@ -19,9 +19,14 @@ def recording(
     holding: str | None = "cup",
     grasp: str = "cup_pose",
     buffer: str = FORCES,
+    at: str | None = None,
 ) -> Recording:
     return Recording(
-        buffer, start, start + 1, Context(activity, holding=holding, grasp=grasp), f"node {start:g}"
+        buffer,
+        start,
+        start + 1,
+        Context(activity, at=at, holding=holding, grasp=grasp),
+        f"node {start:g}",
     )  # type: ignore[arg-type]
 
 
@@ -84,7 +89,7 @@ def test_what_blocks_may_be_touched_where_the_task_says_so() -> None:
 
 
 def test_friction_takes_a_log_while_sliding() -> None:
-    slid = recording(2.0, "sliding")
+    slid = recording(2.0, "sliding", at="cup_pose + x_offset")
     assert judge(trace([ONE, slid], [weighed(ONE)]), [MASS, FRICTION]).success
     assert "cup.friction" in judge(trace([ONE], [weighed(ONE)]), [MASS, FRICTION]).reason
 

@@ -18,6 +18,8 @@ from palpate.studies import faults, trials
 from palpate.studies.accuracy import SeedRun
 from palpate.studies.campaign import ledger
 from palpate.studies.campaign.page import counts
+from palpate.studies.deceptions.coverage import Coverage, coverage
+from palpate.studies.deceptions.page import by_world, worst
 from palpate.studies.efficiency import Comparison, PublishedEffort
 from palpate.studies.faults import Ending
 from palpate.studies.scores.summary import Summary, summarise
@@ -178,6 +180,30 @@ def show_campaign(rows: Mapping[str, Sequence[ledger.Row]], as_json: bool) -> No
         for row in found:
             if row.beyond or row.crash:
                 out.print(Text(_beyond(row), "dim"))
+
+
+def show_deceptions(rows: Sequence[ledger.Row], as_json: bool) -> None:
+    """What was answered in every world, and how honest the intervals are."""
+    found = coverage(rows)
+    if as_json:
+        print_json({"coverage": [asdict(row) for row in found], "rows": [asdict(r) for r in rows]})
+        return
+    worlds = plain_table("world", "kind", "answers", "worst std")
+    for name, group in by_world(rows).items():
+        off = worst(group)
+        shown = "–" if off is None else f"{off:.1f}"
+        worlds.add_row(name, str(group[0].figures["kind"]), _outcomes(group), shown)
+    bad = [Text(_beyond(row), "dim") for row in rows if row.beyond or row.crash]
+    shown_wide = SafeConsole(highlight=False, width=max(out.width, WIDTH))
+    shown_wide.print(worlds, _coverage_table(found), *bad, sep="\n")
+
+
+def _coverage_table(found: Sequence[Coverage]) -> Table:
+    table = figure_table("identified", "values", "in 95 %", "in 50 %", "stated / actual", "worst")
+    for row in found:
+        parts = f"{row.covered95:.1%}", f"{row.covered50:.1%}", f"{row.stated:.2f}"
+        table.add_row(row.quantity, str(row.values), *parts, f"{row.worst:.1f}")
+    return table
 
 
 def _counts(rows: Sequence[ledger.Row]) -> list[str]:
