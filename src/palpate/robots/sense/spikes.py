@@ -14,7 +14,8 @@ from palpate.robots.sense.fault import Fault
 
 FORCE, TORQUE = 4.0, 2.0
 """N, N m by which a contact may grow from one state to the next and be believed at once: at 20 mm/s
-it grows by 1 N. A hard one grows by more, and is believed 20 ms late; the robot's own reflex is not."""
+it grows by 1 N. A hard one grows by more, and is believed 20 ms late; the robot's own reflex is not.
+What is pressed and rubbed may let go and hold again: as much as is felt may come and go, too."""
 LOAD = 0.25
 """Of a joint's torque limit: the same for what it bears."""
 MOST, WINDOW = 4, 1.0
@@ -33,15 +34,13 @@ class Spikes:
 
     def follow(self, state: RobotState) -> Fault | None:
         """Take the next state."""
-        new = self._scaled(state)
         if self._doubted is not None and self._believed is not None:
-            told, before = self._scaled(self._doubted), self._scaled(self._believed)
-            if _apart(new, told) <= _apart(new, before):
+            if self._apart(state, self._doubted) <= self._apart(state, self._believed):
                 self._believed = state
             else:
                 self._times.append(self._doubted.t)
         self._doubted = None
-        if self._believed is None or _apart(new, self._scaled(self._believed)) <= 1.0:
+        if self._believed is None or self._apart(state, self._believed) <= 1.0:
             self._believed = state
         else:
             self._doubted = state
@@ -63,10 +62,20 @@ class Spikes:
         what = f"the forces jumped and came back {MOST} times within {t - times[0]:.2f} s"
         return Fault("spikes", what, times[0])
 
-    def _scaled(self, state: RobotState) -> Array:
-        """(13,) what is felt, in units of what is believed at once."""
-        return np.concatenate([state.contact, state.tau]) / self._scale
+    def _apart(self, state: RobotState, other: RobotState) -> float:
+        """How far apart two states' forces are, in units of what is believed at once."""
+        scale = self._scale.copy()
+        if self._believed is not None:
+            scale[:6] = np.maximum(scale[:6], _sizes(self._believed.contact))
+        return float(np.abs((_felt(state) - _felt(other)) / scale).max())
 
 
-def _apart(a: Array, b: Array) -> float:
-    return float(np.abs(a - b).max())
+def _felt(state: RobotState) -> Array:
+    """(13,) the contact's wrench, and what the joints bear."""
+    return np.concatenate([state.contact, state.tau])
+
+
+def _sizes(wrench: Array) -> Array:
+    """(6,) the sizes of a wrench's force and torque, for each of their components."""
+    force, torque = np.linalg.norm(wrench[:3]), np.linalg.norm(wrench[3:])
+    return np.repeat([float(force), float(torque)], 3).astype(np.float64)
