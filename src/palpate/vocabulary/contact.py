@@ -25,7 +25,7 @@ from palpate.vocabulary.base import (
     Surroundings,
 )
 from palpate.vocabulary.state import SymbolicState
-from palpate.vocabulary.touch import Feeling, feel, finish, guarded, settle
+from palpate.vocabulary.touch import BRIEF, Feeling, feel, finish, guarded, settle
 from palpate.vocabulary.violation import PRECONDITION, Violation
 
 PROBE_SPEED = 0.012
@@ -43,8 +43,11 @@ motion."""
 FIRM_FORCE = 30.0
 """N: the threshold where the hand leans over as it touches: one finger alone may stand on something, or
 the arm may only be out of level by so little that the other one follows."""
-RELIEF = 8.0
-"""N by which the arm's springs let go of it again at a time, until it is less than `CONTACT_FORCE`."""
+RELIEF = 4.0
+"""N by which the arm's springs let go of it again at a time."""
+EASED = 10.0
+"""N from which on that is enough: no more than a hand that stands on something may feel, and no less than
+is certainly there, as what the joints' friction makes of a force turns round with the arm."""
 ASKEW = 3e-4
 """rad that the hand leans over then: a third of what `CONTACT_FORCE` on one finger does."""
 SOFT_DEPTH = 5e-4
@@ -178,9 +181,11 @@ class MoveUntilContact(Primitive):
         robot.move_axis(direction, PROBE_SPEED, PROBE_TRAVEL)
         yield from guarded(blackboard, lambda: contact.exceeds(FIRM_FORCE))
         eased = RELIEF / blackboard.scene.arm.stiffness.translation
-        while contact.along((yield from feel(blackboard))) > CONTACT_FORCE:
+        yield from settle(blackboard, BRIEF)
+        while contact.along((yield from feel(blackboard))) > EASED:
             robot.move_axis(-direction, PROBE_SPEED, eased)
             yield from finish(blackboard)
+            yield from settle(blackboard, BRIEF)
 
     def _stages(self, state: SymbolicState, z: float) -> list[tuple[float, float]]:
         """Speed, m/s, and travel, m, of one part of the way after the other."""

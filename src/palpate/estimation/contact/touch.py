@@ -271,10 +271,14 @@ def _bottomed(descent: Descent, late: int, first: float) -> float | None:
 
 
 def _lean(descent: Descent) -> float:
-    """rad: the most for several rows, against free air."""
+    """rad: the most for several rows until it pressed most, or while the pose was recorded, against
+    free air; in between the hand swings."""
     lean = leans(descent.samples)
-    touching = running_median(lean[descent.onset :] - np.median(lean[descent.free]))
-    return float(touching[int(np.argmax(np.abs(touching)))])
+    lean = lean - np.median(lean[descent.free])
+    most = max(int(np.argmax(descent.smooth)), descent.onset + 1)
+    pressing = running_median(lean[descent.onset : most])
+    seen = np.append(pressing, np.median(lean[descent.pressed]))
+    return float(seen[int(np.argmax(np.abs(seen)))])
 
 
 def _lever(descent: Descent, hand: Hand) -> tuple[float, float]:
