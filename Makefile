@@ -8,8 +8,9 @@ BIN := $(VENV)/bin
 demo: $(VENV)/.run
 	$(BIN)/palpate demo
 
+# The workers' matrices are small: threads of several of them would only wait for each other.
 test: $(VENV)/.dev
-	$(BIN)/pytest -n auto
+	OPENBLAS_NUM_THREADS=1 $(BIN)/pytest -n auto
 
 bench: $(VENV)/.dev
 	$(BIN)/python -m palpate.studies.bench

@@ -1,8 +1,10 @@
-"""The entry point: it takes the signals before anything heavy is loaded."""
+"""The entry point: it takes the signals, and sees to the threads of linear algebra, before anything heavy
+is loaded."""
 
 from __future__ import annotations
 
 import atexit
+import os
 import sys
 from typing import Any, NoReturn
 
@@ -14,6 +16,8 @@ INTERRUPTED = 130
 
 def main() -> None:
     """What palpate refuses is told by the commands; here is the rest."""
+    # Small matrices: the threads of processes side by side wait for each other, ten times as long.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     with interrupts(ending_signals()) as signals, signals.noted():
         try:
             from palpate.cli.commands import app
