@@ -105,5 +105,5 @@ def _assert_static(estimate: Estimate, run: Run) -> None:
     truth = run.footage.model.numeric(f"static_friction_{estimate.parameter.object}").data[0]
     static = estimate.parts["static"]
     assert abs(static.value - truth) <= max(STATIC, 2.0 * static.std), (static, truth)
-    assert static.std < 0.25 * truth
+    assert static.std < 0.5 * truth  # one breakaway tells little
     assert static.value > estimate.value[0]
