@@ -70,21 +70,22 @@ def bounds_of(run: Run, estimate: Estimate) -> Bounds | None:
 
 
 def _mass(seen: _Seen) -> Bounds | None:
-    mass = seen.about("mass")
-    if mass is None:
-        return None
-    name = seen.parameter.object
-    found = of_load(seen.trace, name, seen.standing, mass, seen.arm, seen.noise)
+    found = _load(seen)
     return None if found is None else (found[0],)
 
 
 def _com(seen: _Seen) -> Bounds | None:
+    found = _load(seen)
+    return None if found is None else tuple(found[1].tolist())
+
+
+def _load(seen: _Seen) -> tuple[float, Array] | None:
+    """Of the mass and of the centre of mass of what was held."""
     mass = seen.about("mass")
     if mass is None:
         return None
     name = seen.parameter.object
-    found = of_load(seen.trace, name, seen.standing, mass, seen.arm, seen.noise)
-    return None if found is None else tuple(found[1].tolist())
+    return of_load(seen.trace, name, seen.standing, mass, seen.arm, seen.noise)
 
 
 def _friction(seen: _Seen) -> Bounds | None:
