@@ -331,9 +331,8 @@ def _executed(
 def _estimated(cell: Cell | None, progress: Progress, made: Run) -> Iterator[Run]:
     """The run after every estimate, and then with what is true."""
     progress("estimating")
-    made = replace(
-        made, estimates=(), held_out=None, recorded=made.trace
-    )  # read once, not for every estimate
+    # The trace is read once, not for every estimate.
+    made = replace(made, estimates=(), held_out=None, recorded=made.trace)
     for parameter in made.plan.parameters:
         found = stages.estimate_of(made, parameter)
         made = replace(made, estimates=(*made.estimates, found))
