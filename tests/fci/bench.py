@@ -1,0 +1,72 @@
+"""A Franka in palpate's hidden world, put together from a scene."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from palpate.cells.simulated import SimulatedCell, simulated_cell
+from palpate.robots.owner.calibrated import known, unmeasured
+from palpate.robots.simulated.noise.models import noise_models
+from palpate.robots.simulated.noise.true_arm import Truth
+from palpate.robots.simulated.noise.values import Streams
+from palpate.scene.load import load_scene
+
+from .believed import BelievedArm
+from .hand import FrankaHand
+from .plant import Fingers, Plant
+from .robot import FrankaRobot
+from .sensing import Sensing
+from .server import Server
+
+
+@dataclass(frozen=True)
+class Setup:
+    """What is served where.
+
+    Attributes:
+        scene: what the user knows, a file. world: the hidden world, a file; the scene itself with
+            its unknowns drawn, by default. poses: where things are, a file.
+        address: of both ports. q: joint angles to start at, rad; home by default.
+        lockstep, pace: see `Server`. homed: the hand knows its opening.
+    """
+
+    scene: str
+    world: str | None = None
+    poses: str | None = None
+    noise: str = "lab"
+    seed: int = 0
+    visit: int = 0
+    address: str = "127.0.0.1"
+    lockstep: bool = True
+    pace: float = 1.0
+    q: list[float] | None = None
+    homed: bool = True
+
+
+class Workbench:
+    """Everything behind the sockets."""
+
+    def __init__(self, setup: Setup) -> None:
+        poses = Path(setup.poses) if setup.poses else None
+        scene = load_scene(Path(setup.scene), poses)
+        world = Path(setup.world) if setup.world else None
+        self.cell: SimulatedCell = simulated_cell(scene, world, noise=setup.noise, seed=setup.seed)
+        noise = noise_models().load(setup.noise, scene.arm)
+        streams = Streams(setup.seed, setup.visit)
+        arm, truth = unmeasured(known(scene.arm, noise.datasheet)), Truth(noise.model, streams)
+        spec = self.cell.world.spec(self.cell.drawn)
+        q = None if setup.q is None else np.array(setup.q)
+        self.plant = Plant(spec, self.cell.world.pose_world_base, arm, truth, q)
+        self.believed = BelievedArm(arm)
+        sensing = Sensing(self.plant, self.believed, arm, noise, streams)
+        fingers = Fingers(self.plant, arm, truth.width())
+        self.hand = FrankaHand(fingers, setup.homed)
+        self.robot = FrankaRobot(
+            self.plant, self.believed, sensing, arm, fingers.command, setup.seed
+        )
+        self.server = Server(
+            setup.address, self.robot, self.hand, lockstep=setup.lockstep, pace=setup.pace
+        )

@@ -1,0 +1,35 @@
+"""A bottle on a table, and a Franka before them: one server for the tests of a module."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import pytest
+
+from palpate.scenarios.catalogue import ROOT
+
+from .served import Served, served
+
+franky = pytest.importorskip("franky", reason="franky-control has no wheel for this machine")
+BOTTLE = ROOT / "bottle_and_table"
+
+
+@pytest.fixture(scope="module")
+def bench() -> Iterator[Served]:
+    """Bottle and table; time passes four times as fast where nobody is in command."""
+    with served(BOTTLE / "scene.xml", BOTTLE / "world.xml", pace=4.0) as running:
+        yield running
+
+
+@pytest.fixture
+def robot(bench: Served) -> franky.Robot:
+    """A client, newly connected."""
+    return connected(bench)
+
+
+def connected(bench: Served) -> franky.Robot:
+    """A client with thresholds that no motion of these tests comes near."""
+    robot = franky.Robot(bench.address, realtime_config=franky.RealtimeConfig.Ignore)
+    robot.set_collision_behavior(60.0, 60.0)
+    robot.relative_dynamics_factor = 0.3
+    return robot

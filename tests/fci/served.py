@@ -1,0 +1,78 @@
+"""A served robot in a process of its own, for tests that talk to it over the network."""
+
+from __future__ import annotations
+
+import json
+import os
+import socket
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import Any
+
+from .bench import Setup
+
+ROOT = Path(__file__).parents[2]
+STARTS = 60.0
+"""s in which a server is there."""
+
+
+def own_address() -> str:
+    """A loopback address for this test worker alone: libfranka's ports are fixed."""
+    worker = os.environ.get("PYTEST_XDIST_WORKER", "gw0").removeprefix("gw")
+    return f"127.0.0.{10 + int(worker)}"
+
+
+class Served:
+    """A running server, and its side door.
+
+    `served.ask("truth", name="bottle.mass")` asks any question of `door.Door`.
+    """
+
+    def __init__(self, setup: Setup) -> None:
+        self.setup, self.address = setup, setup.address
+        mine, theirs = socket.socketpair()
+        paths = [str(ROOT), str(ROOT / "src"), os.environ.get("PYTHONPATH", "")]
+        environment = {**os.environ, "PYTHONPATH": os.pathsep.join(paths), "OMP_NUM_THREADS": "1"}
+        command = [sys.executable, "-m", "tests.fci", str(theirs.fileno())]
+        self.process = subprocess.Popen(
+            [*command, json.dumps(asdict(setup))],
+            cwd=ROOT,
+            env=environment,
+            pass_fds=[theirs.fileno()],
+        )
+        theirs.close()
+        mine.settimeout(STARTS)
+        self._line, self._reader = mine, mine.makefile("rb")
+        if self._reader.readline() != b"true\n":
+            raise RuntimeError(f"the server at {setup.address} did not start")
+
+    def ask(self, question: str, **arguments: Any) -> Any:
+        """At the side door."""
+        self._line.sendall(json.dumps({"ask": question, "with": arguments}).encode() + b"\n")
+        answer = self._reader.readline()
+        return json.loads(answer) if answer else None
+
+    def close(self) -> None:
+        """Stop it, if it is still there."""
+        self._line.close()
+        self._reader.close()
+        try:
+            self.process.wait(5)
+        except subprocess.TimeoutExpired:
+            self.process.kill()
+            self.process.wait()
+
+
+@contextmanager
+def served(scene: Path | str, world: Path | str | None = None, **changes: Any) -> Iterator[Served]:
+    """Serve a scene on this worker's own address; `changes` are fields of `Setup`."""
+    setup = Setup(str(scene), None if world is None else str(world))
+    running = Served(replace(setup, address=own_address(), **changes))
+    try:
+        yield running
+    finally:
+        running.close()
