@@ -61,11 +61,11 @@ class Workbench:
         q = None if setup.q is None else np.array(setup.q)
         self.plant = Plant(spec, self.cell.world.pose_world_base, arm, truth, q)
         self.believed = BelievedArm(arm)
-        sensing = Sensing(self.plant, self.believed, arm, noise, streams)
+        self.sensing = Sensing(self.plant, self.believed, arm, noise, streams)
         fingers = Fingers(self.plant, arm, truth.width())
         self.hand = FrankaHand(fingers, setup.homed)
         self.robot = FrankaRobot(
-            self.plant, self.believed, sensing, arm, fingers.command, setup.seed
+            self.plant, self.believed, self.sensing, arm, fingers.command, setup.seed
         )
         self.server = Server(
             setup.address, self.robot, self.hand, lockstep=setup.lockstep, pace=setup.pace

@@ -6,18 +6,15 @@ from collections.abc import Iterator
 
 import pytest
 
-from palpate.scenarios.catalogue import ROOT
-
-from .served import Served, served
+from .served import Served, files, served
 
 franky = pytest.importorskip("franky", reason="franky-control has no wheel for this machine")
-BOTTLE = ROOT / "bottle_and_table"
 
 
 @pytest.fixture(scope="module")
 def bench() -> Iterator[Served]:
     """Bottle and table; time passes four times as fast where nobody is in command."""
-    with served(BOTTLE / "scene.xml", BOTTLE / "world.xml", pace=4.0) as running:
+    with served(**files("bottle_and_table"), pace=4.0) as running:
         yield running
 
 

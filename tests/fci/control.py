@@ -48,12 +48,10 @@ class Controller:
         self.K_theta, self.K_x = JOINT_STIFFNESS.copy(), CARTESIAN_STIFFNESS.copy()
         self.hold()
 
-    def hold(self, torque: Array | None = None) -> None:
-        """Come to rest, and stay; from torques (7,), N m, that acted so far nothing jumps."""
+    def hold(self) -> None:
+        """Come to rest, and stay."""
         self._stiffness = HOLDING
         self.desired = Desired(self._sensing.q)
-        if torque is not None:
-            self.desired.q += torque / HOLDING
         self.desired.dq = self._sensing.dq.copy()
         self._inertia = self._believed.mass_matrix()
         self._damp()

@@ -26,7 +26,6 @@ class Door:
         self._bench, self._line = bench, line
         self._reader = line.makefile("rb")
         self._over = False
-        self._peak = 0.0
 
     def visit(self) -> bool:
         """Answer one question; whether to go on serving."""
@@ -93,7 +92,8 @@ class Door:
         return [*pose.position.tolist(), *pose.quaternion.tolist()]
 
     def counts(self) -> dict[str, Any]:
-        """Cycles in all and in command, those lost, and ms of a processor that one took."""
+        """Cycles in all and in command, those lost, ms of a processor that one took, the mode, and
+        the largest force so far, N, mean of 5 ms."""
         robot, server = self._bench.robot, self._bench.server
         return {
             "cycles": server.cycles,
@@ -101,6 +101,7 @@ class Door:
             "lost": robot.lost,
             "ms": 1e3 * server.seconds / max(server.cycles, 1),
             "mode": robot.mode.name,
+            "peak": self._bench.sensing.peak,
         }
 
     def touching(self) -> float:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from palpate.geometry.pose import Array
 from palpate.robots.description import RobotDescription
+from palpate.robots.simulated.timing import TIMESTEP
 
 from .believed import BelievedArm, Body
 from .control import Controller
@@ -58,9 +59,9 @@ class FrankaRobot:
     """Modes, motions, settings and errors of one arm.
 
     Attributes:
-        state: what is sent. mode: a `RobotMode`. on_cycle: called before every cycle of the world,
-            for the hand. lost: cycles without a command, in all. commanded: cycles in motion, in
-            all. loses: share of commands that get lost on the way.
+        state: what is sent. mode: a `RobotMode`.
+        commanded: cycles in motion. lost: those without a command, in all.
+        loses: share of commands that get lost on the way.
     """
 
     def __init__(
@@ -82,11 +83,13 @@ class FrankaRobot:
         self._motion, self._controls = MotionMode.IDLE, ControllerMode.OTHER
         self._move: Request | None = None
         self._answers: list[Answer] = []
-        self._torque, self._before = np.zeros(7), np.zeros(7)
+        self._torque, self._told, self._before = np.zeros(7), np.zeros(7), np.zeros(7)
         self._upper = np.full((2, 13), DEFAULT_TORQUE)
         self._lower = self._upper.copy()
         self._ids, self._missed = 0, 0
+        self._felt = np.zeros(13)
         self._history: deque[bool] = deque([True] * REMEMBERED, REMEMBERED)
+        self._succeeded = REMEMBERED
         self.lost = self.commanded = 0
         self.loses, self._chance = 0.0, np.random.default_rng(seed)
         self._awaits_first = False
@@ -113,13 +116,13 @@ class FrankaRobot:
         if self.mode is RobotMode.MOVE:
             self._obey(command)
         if self.mode is not RobotMode.MOVE:
-            self.controller.desired.brake()
-            self._torque = self.controller.joints()
+            self._stay()
         believed = self._believed
         weight = believed.gravity - self._plant.compensated
         self._plant.cycle(self._torque + weight, self._finger())
         self._sensing.update()
         self._ids += 1
+        self._feel()
         if self.mode is RobotMode.MOVE:
             self._watch()
         self._tell()
@@ -165,12 +168,13 @@ class FrankaRobot:
         self._answers.append((asked, bytes([status]) + more))
 
     def _start(self, asked: Request) -> None:
-        controls, motion, *_ = MOVE.unpack(asked.payload)
+        controls, motion, *rest = MOVE.unpack(asked.payload)
         if self.mode is not RobotMode.IDLE:
             self._answer(asked, MoveStatus.NOT_POSSIBLE)
             return
         self._motion, self._controls = MotionMode(motion + 1), ControllerMode(controls)
-        if self._motion is MotionMode.NONE and self._controls is not ControllerMode.EXTERNAL:
+        unknown = self._motion is MotionMode.NONE and self._controls is not ControllerMode.EXTERNAL
+        if unknown or rest[6]:  # without any rate: a kind of motion that no client of ours asks for
             self._motion, self._controls = MotionMode.IDLE, ControllerMode.OTHER
             self._answer(asked, MoveStatus.INVALID)
             return
@@ -252,13 +256,13 @@ class FrankaRobot:
     def _obey(self, command: NDArray[np.void] | None) -> None:
         """Make a torque of a command, or of what was commanded last."""
         if self._awaits_first and command is None:
-            self.controller.desired.brake()
-            self._torque = self.controller.joints()
+            self._stay()
             return
         self._awaits_first = False
         self.commanded += 1
         if command is not None and self.loses and self._chance.random() < self.loses:
             command = None
+        self._succeeded += (command is not None) - self._history[0]
         self._history.append(command is not None)
         if command is None:
             self._miss()
@@ -273,6 +277,11 @@ class FrankaRobot:
         ):
             self._end(MoveStatus.SUCCESS, RobotMode.IDLE)
 
+    def _stay(self) -> None:
+        """Nobody is in command: come to rest, and tell of no desired torque, as a Franka does."""
+        self.controller.desired.brake()
+        self._torque, self._told = self.controller.joints(), np.zeros(7)
+
     def _miss(self) -> None:
         """A cycle without a command: go on as before."""
         self.lost += 1
@@ -281,16 +290,16 @@ class FrankaRobot:
             self.reflex(Error.COMMUNICATION)
         elif self._motion is not MotionMode.NONE:
             desired = self.controller.desired
-            desired.become(desired.q + desired.dq * 1e-3)
-            self._torque = self.controller.joints()
+            desired.become(desired.q + desired.dq * TIMESTEP)
+            self._torque = self._told = self.controller.joints()
 
     def _take_torque(self, command: NDArray[np.void]) -> None:
         torque = np.array(command["tau_J_d"])
-        step = float(np.abs(torque - self._torque).max())
+        step = float(np.abs(torque - self._told).max())
         if not step <= TORQUE_RATE * SLACK * (1 + self._gap()):
             self.reflex(Error.TORQUE_DISCONTINUITY)
             return
-        self._torque = torque
+        self._torque = self._told = torque
 
     def _gap(self) -> int:
         """Cycles that were lost just before the present one."""
@@ -316,9 +325,9 @@ class FrankaRobot:
         if error is not None:
             self.reflex(error)
         elif self._controls is ControllerMode.CARTESIAN_IMPEDANCE:
-            self._torque = controller.cartesian()
+            self._torque = self._told = controller.cartesian()
         elif self._controls is ControllerMode.JOINT_IMPEDANCE:
-            self._torque = controller.joints()
+            self._torque = self._told = controller.joints()
 
     def _impossible(self, command: NDArray[np.void]) -> Error | None:
         """Why a motion cannot go on so."""
@@ -365,7 +374,7 @@ class FrankaRobot:
             found.append(Error.JOINT_POSITION_LIMITS)
         if (np.abs(sensing.tau) > limits.tau_max).any():
             found.append(Error.TORQUE_RANGE)
-        collided = self._felt() > self._upper[self._phase()]
+        collided = self._felt > self._upper[self._phase()]
         if collided[:7].any():
             found.append(Error.JOINT_REFLEX)
         if collided[7:].any():
@@ -380,16 +389,17 @@ class FrankaRobot:
         )
         return 0 if accelerating else 1
 
-    def _felt(self) -> Array:
-        """(13,) N m, N and N m, of the joints and in the stiffness frame: how much is felt."""
+    def _feel(self) -> None:
+        """What acts on the arm from outside: at the joints, and in the stiffness frame."""
         fields = self.state.fields
         believed, external = self._believed, self._sensing.external
         wrench = believed.wrench(external)
         turn = believed.O_T_K[:3, :3]
+        fields["tau_ext_hat_filtered"][:] = self._felt[:7] = external
         fields["O_F_ext_hat_K"][:] = wrench
-        inside = np.concatenate([wrench[:3] @ turn, wrench[3:] @ turn])
-        fields["K_F_ext_hat_K"][:] = inside
-        return np.abs(np.concatenate([external, inside]))
+        self._felt[7:10], self._felt[10:] = wrench[:3] @ turn, wrench[3:] @ turn
+        fields["K_F_ext_hat_K"][:] = self._felt[7:]
+        np.abs(self._felt, out=self._felt)
 
     def _configured(self) -> None:
         """Tell what is set."""
@@ -407,7 +417,7 @@ class FrankaRobot:
         state, fields = self.state, self.state.fields
         believed, sensing, controller = self._believed, self._sensing, self.controller
         desired, moves = controller.desired, self._motion not in (MotionMode.IDLE, MotionMode.NONE)
-        felt, phase = self._felt(), self._phase()
+        felt, phase = self._felt, self._phase()
         pose = believed.O_T_EE.T.ravel()
         following = moves or self.mode is not RobotMode.MOVE
         fields["O_T_EE"][:] = pose
@@ -426,17 +436,12 @@ class FrankaRobot:
             fields[name][:] = (angles[2], -1.0 if angles[3] < 0 else 1.0)
         fields["dtau_J"][:] = (sensing.tau - self._before) * 1e3
         fields["tau_J"][:] = self._before = sensing.tau
-        fields["tau_J_d"][:] = self._torque
-        fields["tau_ext_hat_filtered"][:] = sensing.external
+        fields["tau_J_d"][:] = self._told
         touched, hit = felt > self._lower[phase], felt > self._upper[phase]
         fields["joint_contact"][:], fields["cartesian_contact"][:] = touched[:7], touched[7:]
         fields["joint_collision"][:], fields["cartesian_collision"][:] = hit[:7], hit[7:]
-        state.put("message_id", self._ids)
-        state.put("motion_generator_mode", self._motion)
-        state.put("controller_mode", self._controls)
-        state.put("robot_mode", self.mode)
-        rate = sum(self._history) / REMEMBERED if self.mode is RobotMode.MOVE else 0.0
-        state.put("control_command_success_rate", rate)
+        rate = self._succeeded / REMEMBERED if self.mode is RobotMode.MOVE else 0.0
+        state.put(self._ids, self._motion, self._controls, self.mode, rate)
 
 
 def _thresholds(values: Array) -> tuple[Array, Array]:

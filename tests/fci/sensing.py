@@ -32,6 +32,8 @@ class Sensing:
 
     Attributes:
         q, dq: (7,) rad, rad/s. tau: (7,) N m. external: (7,) N m, filtered.
+        peak: N, the largest mean of a block that contacts exerted at the stiffness frame so far;
+            true, and told to nobody but at the side door.
     """
 
     def __init__(
@@ -52,7 +54,7 @@ class Sensing:
         self._astray, self._next = np.zeros(7), np.zeros(7)
         self._late = [np.zeros(7) for _ in range(BLOCK)]
         self._deviation, self.external = np.zeros(7), np.zeros(7)
-        self._sums, self._cycle = np.zeros((4, 7)), 0
+        self._sums, self._cycle, self.peak = np.zeros((4, 7)), 0, 0.0
         self.q, self.dq = plant.q.copy(), np.zeros(7)
         believed.update(self.q, self.dq, np.zeros(7))
         weight = plant.true_gravity_torque()
@@ -61,7 +63,7 @@ class Sensing:
         )
         self._sensors.zero(weight, believed.gravity.copy(), start)
         self.tau = believed.gravity.copy()
-        self._step_block()
+        self._step_block(np.zeros(3))
 
     def update(self) -> None:
         """After a cycle."""
@@ -101,17 +103,18 @@ class Sensing:
         if arrived is None or arrived[0]:
             self._deviation = shown[0] - torque
         self._encoders.pass_time(1)
-        self._step_block(contact)
+        touch = wrench(believed.jacobian, contact)[:3]
+        self.peak = max(self.peak, float(np.linalg.norm(touch)))
+        self._step_block(touch)
 
-    def _step_block(self, contact: Array | None = None) -> None:
+    def _step_block(self, touch: Array) -> None:
         """Where the reported angles are off to in the next block: what makes the TCP stand
-        elsewhere than reported, and pads that give way."""
+        elsewhere than reported, and pads that give way under a force (3,), N, of contacts."""
         believed, encoders = self._believed, self._encoders
         self._astray = self._next
         jacobian = believed.jacobian
         error = np.concatenate([encoders.pose_error, np.zeros(3)])
         self._next = jacobian.T @ np.linalg.solve(jacobian @ jacobian.T + RIDGE, error)
-        if encoders.soft and contact is not None:
+        if encoders.soft:
             tool = believed.O_T_EE[:3, 2]
-            felt = wrench(jacobian, contact)[:3]
-            self._next = self._next + encoders.pressed(jacobian, -felt @ tool[:, None], tool)[0]
+            self._next += encoders.pressed(jacobian, -touch[None] @ tool, tool)[0]

@@ -13,6 +13,8 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
+from palpate.scenarios.catalogue import scenario
+
 from .bench import Setup
 
 ROOT = Path(__file__).parents[2]
@@ -70,9 +72,16 @@ class Served:
 @contextmanager
 def served(scene: Path | str, world: Path | str | None = None, **changes: Any) -> Iterator[Served]:
     """Serve a scene on this worker's own address; `changes` are fields of `Setup`."""
-    setup = Setup(str(scene), None if world is None else str(world))
-    running = Served(replace(setup, address=own_address(), **changes))
+    setup = Setup(str(scene), None if world is None else str(world), address=own_address())
+    running = Served(replace(setup, **changes))
     try:
         yield running
     finally:
         running.close()
+
+
+def files(name: str) -> dict[str, str]:
+    """The files of a bundled scenario, as fields of `Setup`: `served(**files("hammer"))`."""
+    settings = scenario(name).settings()
+    found = {"scene": settings.scene, "world": settings.world, "poses": settings.poses}
+    return {field: str(path) for field, path in found.items() if path is not None}

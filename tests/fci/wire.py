@@ -213,6 +213,9 @@ STATE = np.dtype(
 )
 """A robot's state, 1 kHz. Matrices are column-major, as all of libfranka's."""
 
+_AT = {name: int(STATE.fields[name][1]) for name in STATE.names}
+_NUMBER, _MODES, _MODE = struct.Struct("<Q"), struct.Struct("<BB"), struct.Struct("<Bf")
+
 JOINT_COMMAND = np.dtype(
     [
         ("message_id", "<u8"),
@@ -283,11 +286,12 @@ class StateBuffer:
         self.fields: dict[str, NDArray[Any]] = {name: record[name][0] for name, _ in _FLOATS}
         for name in ("errors", "reflex_reason"):
             self.fields[name] = record[name][0]
-        self._record = record
 
-    def put(self, name: str, value: float) -> None:
-        """Write a single number."""
-        self._record[name] = value
+    def put(self, number: int, motion: int, controls: int, mode: int, rate: float) -> None:
+        """Write what is no array."""
+        _NUMBER.pack_into(self.bytes, 0, number)
+        _MODES.pack_into(self.bytes, _AT["motion_generator_mode"], motion, controls)
+        _MODE.pack_into(self.bytes, _AT["robot_mode"], mode, rate)
 
 
 def matrix(values: NDArray[np.floating[Any]]) -> NDArray[np.float64]:
