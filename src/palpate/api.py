@@ -52,8 +52,8 @@ class Scene(InnerScene):
     """An incomplete simulation description, as `load` reads it.
 
     Attributes:
-        poses_file: the `poses.yaml` that came with it. arm_name, cautious, robot_config, root: as
-            `load` was told.
+        poses_file: the `poses.yaml` that came with it. arm_name, cautious, robot_config, root,
+            robot_body: as `load` was told.
 
     Else as `palpate.scene.scene.Scene`.
     """
@@ -63,6 +63,7 @@ class Scene(InnerScene):
     cautious: bool = False
     robot_config: Path | None = None
     root: Path | None = None
+    robot_body: tuple[str, ...] = ()
 
     def plan(
         self,
@@ -120,6 +121,7 @@ class Scene(InnerScene):
             cautious=self.cautious,
             robot_config=self.robot_config,
             root=self.root,
+            robot_body=self.robot_body,
         )
         return mine.checked(at_hand=True)
 
@@ -290,6 +292,7 @@ def run(
     cautious: bool = False,
     robot_config: str | Path | None = None,
     root: str | Path | None = None,
+    robot_body: str | Sequence[str] = (),
     planner: str | Planner = "symbolic",
     images: Sequence[str | Path] = (),
     remeasure: bool = False,
@@ -303,7 +306,7 @@ def run(
         scene: MJCF as `load` takes it, or a scene; None lets a model look at a picture instead.
         request: what you want to simulate, in your words; None asks for all that is missing.
         poses: as `load`. arm: as `load`. cautious: as `load`. robot_config: as `load`.
-        root: as `load`.
+        root: as `load`. robot_body: as `load`.
         planner: as `Scene.plan`. images: as `Scene.plan`. remeasure: as `Scene.plan`.
         within: as `Scene.plan`.
         model_settings: as `Scene.plan`.
@@ -325,14 +328,16 @@ def run(
         cautious=cautious,
         robot_config=_path(robot_config),
         root=_path(root),
+        robot_body=_names(robot_body),
         remeasure=remeasure,
         within=Within.read(within or {}),
         model_settings=model_settings or ModelSettings(),
     )
     # How it is to run is looked at before anybody plans: a model's answer costs money.
     planned = replace(asked, **_stated(options)).checked(at_hand=scene is not None)
-    is_source = isinstance(scene, str | Path)
-    found = load(scene, poses, arm, cautious, robot_config, root) if is_source else scene
+    found = scene
+    if isinstance(found, str | Path):
+        found = load(found, poses, arm, cautious, robot_config, root, robot_body)
     if found is not None:
         planned = found.settings(planned)
     options.get("progress", quiet)("planning")
@@ -346,6 +351,7 @@ def load(
     cautious: bool = False,
     robot_config: str | Path | None = None,
     root: str | Path | None = None,
+    robot_body: str | Sequence[str] = (),
 ) -> Scene:
     """Read an incomplete MJCF.
 
@@ -357,17 +363,21 @@ def load(
         robot_config: `robot.yaml`: what was measured of this very arm.
         root: the folder outside of which none of the scene's files is read; by default the
             repository, or else the home, that the scene is in, or else its own folder.
+        robot_body: the body that the scene's own robot begins with, or several, or `none`; by
+            default what actuators drive, or ends in a hand. The arm takes its place.
 
     Raises:
         InputError: malformed XML, missing files, names that do not match.
     """
     file, config = _path(poses), _path(robot_config)
     description = own_arm(str(arm), cautious, config)
+    robots = _names(robot_body)
     if _is_text(source):
         entries = read_poses(file) if file is not None else None
-        found = parse_scene(str(source), poses=entries, arm=description)
+        found = parse_scene(str(source), poses=entries, arm=description, robot_body=robots)
     else:
-        found = load_scene(Path(source), file, arm=description, root=_path(root))
+        path = Path(source)
+        found = load_scene(path, file, description, root=_path(root), robot_body=robots)
     return Scene(
         **_contents(found),
         poses_file=file,
@@ -375,6 +385,7 @@ def load(
         cautious=cautious,
         robot_config=config,
         root=_path(root),
+        robot_body=robots,
     )
 
 
@@ -484,6 +495,11 @@ def _contents(thing: Any) -> dict[str, Any]:
 def _is_text(source: object) -> bool:
     """Whether it is MJCF itself and not the name of a file."""
     return isinstance(source, str) and source.lstrip().startswith("<")
+
+
+def _names(given: str | Sequence[str]) -> tuple[str, ...]:
+    """One name, or several."""
+    return (given,) if isinstance(given, str) else tuple(given)
 
 
 def _path(file: str | Path | None) -> Path | None:

@@ -156,7 +156,13 @@ def load(settings: Settings) -> Scene | None:
     if settings.scene is None:
         return None
     arm = settings.described_arm()
-    return load_scene(settings.scene, settings.poses, arm, root=settings.root)
+    return load_scene(
+        settings.scene,
+        settings.poses,
+        arm,
+        root=settings.root,
+        robot_body=settings.robot_body,
+    )
 
 
 def plan(settings: Settings, scene: Scene | None, planner: Planner | None = None) -> Run:

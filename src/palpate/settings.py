@@ -29,6 +29,8 @@ class Settings:
         scene: D, an MJCF file, or None.
         root: folder outside of which none of the scene's files is read; None: see
             `mjcf.reading.read_document`.
+        robot_body: bodies that the scene's own robots begin with, which the arm takes the place of;
+            `none`: it has none. Left empty, they are recognized (`mjcf.robots`).
         poses: poses.yaml. images: I, picture files.
         world: MJCF of the hidden simulated world; None simulates D with its unknowns drawn from
             priors.
@@ -48,6 +50,7 @@ class Settings:
     request: str | None = None
     scene: Path | None = None
     root: Path | None = None
+    robot_body: tuple[str, ...] = ()
     poses: Path | None = None
     images: tuple[Path, ...] = ()
     world: Path | None = None
@@ -139,6 +142,7 @@ def request_json(settings: Settings) -> dict[str, Any]:
         "request": settings.request,
         "scene": shown(settings.scene),
         "root": shown(settings.root),
+        "robot_body": list(settings.robot_body),
         "poses": shown(settings.poses),
         "images": [shown(path) for path in settings.images],
         "world": shown(settings.world),
@@ -193,6 +197,7 @@ def settings_from(document: Mapping[str, Any]) -> Settings:
             **given,
             scene=path("scene"),
             root=path("root"),
+            robot_body=tuple(document.get("robot_body", ())),
             poses=path("poses"),
             world=path("world"),
             robot_config=path("robot_config"),

@@ -90,6 +90,7 @@ def cell_for(settings: Settings, scene: Scene | None, seen: bool = False) -> Cel
         tolerance=tolerance,
         arm=settings.described_arm(),
         root=settings.root,
+        robot_body=settings.robot_body,
     )
 
 

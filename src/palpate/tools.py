@@ -5,7 +5,7 @@ With `palpate.api` this is all that the command line stands on.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -46,6 +46,7 @@ def check_file(
     poses: Path | None = None,
     arm: str = DEFAULT,
     root: Path | None = None,
+    robot_body: Sequence[str] = (),
 ) -> tuple[Finding, ...]:
     """What the check says against a plan in a file.
 
@@ -54,7 +55,8 @@ def check_file(
         scene: the MJCF it is for; without one the plan is checked against the objects that came with
             it, or, where none did, by itself.
         poses: `poses.yaml`. arm: name of the arm, or its folder. root: the folder outside of which
-            none of the scene's files is read.
+            none of the scene's files is read. robot_body: bodies that the scene's own robots begin
+            with.
 
     Raises:
         InputError: a file that cannot be read.
@@ -63,7 +65,7 @@ def check_file(
     description = load_description(arm)
     known = None
     if scene is not None:
-        known = load_scene(scene, poses, description, root=root)
+        known = load_scene(scene, poses, description, root=root, robot_body=robot_body)
     elif poses is not None and proposal.scene:
         builder = SceneBuilder(read_poses(poses), description)
         known = DetectedScene(builder, proposal.scene).scene()

@@ -194,6 +194,54 @@ def test_driven_by_a_tendon_is_a_robot_too() -> None:
     assert list(scene(ARM + cup(""), after=after).bodies) == ["cup"]
 
 
+OVEN = "".join(
+    f'<body name="part_{i}"><joint/><geom size=".02"/></body>' for i in range(8)
+)
+
+
+@pytest.mark.parametrize(
+    "inside",
+    [
+        f'<body name="oven"><geom size=".1"/>{OVEN}</body>',
+        '<body name="oven"><joint/><geom size=".1"/><body name="door_handle"/></body>',
+    ],
+)
+def test_furniture_with_many_joints_is_no_robot(inside: str) -> None:
+    found = scene(inside + cup(""))
+    assert found.resolved.description.roles.robots == []
+    assert list(found.objects) == ["cup"]
+
+
+def test_an_arm_that_nothing_drives_is_known_by_its_hand() -> None:
+    hand = ARM.replace('<site name="tip"/>', '<body name="left_hand"><geom size=".02"/></body>')
+    assert [r.get("name") for r in scene(hand + cup("")).resolved.description.roles.robots] == [
+        "link0"
+    ]
+    soap = '<body name="hand_soap" pos="0.5 0 1"><joint type="free"/><geom size=".03"/></body>'
+    assert list(scene(soap).objects) == ["hand_soap"]
+
+
+def test_what_stands_around_a_robot_is_none_of_it() -> None:
+    room = f'<body name="room">{ARM}<body name="drawer"><joint/><geom size=".1"/></body></body>'
+    robots = scene(room + cup(""), after=DRIVEN).resolved.description.roles.robots
+    assert [robot.get("name") for robot in robots] == ["link0"]
+
+
+def test_the_user_decides_where_a_robot_begins() -> None:
+    text = f"<mujoco><worldbody>{ARM}{OVEN}{cup('')}</worldbody>{DRIVEN}</mujoco>"
+
+    def robots(*named: str) -> list[str | None]:
+        roles = parse_scene(text, robot_body=named).resolved.description.roles
+        return [robot.get("name") for robot in roles.robots]
+
+    assert robots() == ["link0"]
+    assert robots("part_3", "part_1") == ["part_1", "part_3"]
+    assert robots("none") == []
+    assert parse_scene(text, robot_body=["none"]).spec().compile().nu == 1
+    with pytest.raises(InputError, match="'link9'; valid: .*link0.*part_7"):
+        robots("link9")
+
+
 def test_a_cupboard_with_a_door_is_left_standing() -> None:
     found = scene(ARM + cup(""))
     assert list(found.objects) == ["cup"]

@@ -6,7 +6,7 @@ the estimates are made.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -124,12 +124,13 @@ def simulated_cell(
     tolerance: float = SIZE_TOLERANCE,
     arm: RobotDescription | None = None,
     root: Path | None = None,
+    robot_body: Sequence[str] = (),
 ) -> SimulatedCell:
     """The hidden world for a scene: an MJCF file, or a scene made of one, or, without either, the
     scene itself with its unknowns drawn from priors.
 
     Without a scene the world is taken as it is, with `arm` in it, to be looked at. `root` is the
-    folder outside of which none of the world's files is read.
+    folder outside of which none of the world's files is read, `robot_body` as `load_scene` takes it.
 
     Raises:
         InputError: neither scene nor world; or the world does not match the scene within
@@ -137,10 +138,11 @@ def simulated_cell(
     """
     if world is not None:
         arm = scene.arm if scene is not None else arm
-        hidden = load_scene(world, arm=arm, root=root) if isinstance(world, Path) else world
+        if isinstance(world, Path):
+            world = load_scene(world, arm=arm, root=root, robot_body=robot_body)
         if scene is not None:
-            _match(scene, hidden, tolerance)
-        return SimulatedCell(hidden, {}, f"simulated world {world.name}", noise, seed, scene)
+            _match(scene, world, tolerance)
+        return SimulatedCell(world, {}, f"simulated world {world.name}", noise, seed, scene)
     if scene is None:
         raise InputError("a simulated cell needs a scene or a world to be made of")
     drawn = draw_truth(scene, seed)

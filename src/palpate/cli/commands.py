@@ -27,6 +27,7 @@ from palpate.cli.options import (
     Planner,
     Poses,
     Remeasure,
+    RobotBody,
     RobotConfig,
     Root,
     RunFolder,
@@ -146,6 +147,7 @@ def gap(
     *,
     poses: Poses = None,
     root: Root = None,
+    robot_body: RobotBody = None,
     arm: Arm = DEFAULT_ARM,
     as_json: AsJson = False,
 ) -> None:
@@ -153,7 +155,7 @@ def gap(
     import palpate as pp
     from palpate.cli.show import show_gap
 
-    show_gap(pp.load(scene, poses, arm, root=root), as_json)
+    show_gap(pp.load(scene, poses, arm, root=root, robot_body=robot_body or ()), as_json)
 
 
 @command(app)
@@ -201,7 +203,8 @@ def check(plan: PlanFile, *, given: GivenScene, as_json: AsJson = False) -> None
     from palpate.cli.show import show_findings
     from palpate.tools import check_file
 
-    findings = check_file(plan, given.scene, given.poses, given.arm, given.root)
+    robots = given.robot_body or ()
+    findings = check_file(plan, given.scene, given.poses, given.arm, given.root, robots)
     show_findings(findings, as_json)
     raise typer.Exit(3 if findings else 0)
 
@@ -223,6 +226,7 @@ def execute(
         scene=given.scene,
         poses=given.poses,
         root=given.root,
+        robot_body=tuple(given.robot_body or ()),
         arm=given.arm,
         planner=replayed(plan),
     )

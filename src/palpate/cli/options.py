@@ -38,6 +38,15 @@ Root = Annotated[
         help="Folder that the scene's files may lie in (default: its repository, home or folder).",
     ),
 ]
+RobotBody = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--robot-body",
+        metavar="NAME",
+        help="Body that the scene's own robot begins with, which the arm takes the place of, or 'none'; may be "
+        "repeated (default: what actuators drive, or ends in a hand).",
+    ),
+]
 Poses = Annotated[
     Path | None, typer.Option("--poses", help="poses.yaml: objects, places, offsets.")
 ]
@@ -144,6 +153,7 @@ class SceneOptions:
     image: Images = None
     poses: Poses = None
     root: Root = None
+    robot_body: RobotBody = None
     arm: Arm = DEFAULT_ARM
 
     def settings(self) -> Settings:
@@ -156,6 +166,7 @@ class SceneOptions:
             images=tuple(self.image or ()),
             poses=self.poses,
             root=self.root,
+            robot_body=tuple(self.robot_body or ()),
             arm=self.arm,
         )
 
@@ -167,6 +178,7 @@ class GivenScene:
     scene: SceneFile = None
     poses: Poses = None
     root: Root = None
+    robot_body: RobotBody = None
     arm: Arm = DEFAULT_ARM
 
 

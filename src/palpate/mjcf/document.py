@@ -50,6 +50,7 @@ class Document:
             the names that they are included by. beside: the asset files of these that lie beside
             them, from `folder`, by the names that they have there.
         attached: roots of the models that it attaches, and of those that these do.
+        robots: names of the bodies that robots begin with, where somebody said so.
     """
 
     text: str
@@ -61,6 +62,7 @@ class Document:
     includes: Mapping[str, Path] = field(default_factory=dict[str, Path])
     beside: Mapping[str, str] = field(default_factory=dict[str, str])
     attached: tuple[Element, ...] = ()
+    robots: tuple[str, ...] = ()
 
     @property
     def worldbody(self) -> Element:

@@ -5,8 +5,8 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from lxml import etree
@@ -55,17 +55,22 @@ def read_document(path: Path, home: Path | None = None) -> Document:
 
 
 def parse_document(
-    text: str, folder: Path | None = None, where: str = "the scene", home: Path | None = None
+    text: str,
+    folder: Path | None = None,
+    where: str = "the scene",
+    home: Path | None = None,
+    robots: Sequence[str] = (),
 ) -> Document:
-    """As `read_document`, from text; `folder` is where relative file names start."""
+    """As `read_document`, from text; `folder` is where relative file names start, `robots` as in
+    `Document`."""
     if folder is not None:
         home = (home or default_home(folder)).resolve()
-    return _Reader(folder, home).document(text, where)
+    return replace(_Reader(folder, home).document(text, where), robots=tuple(robots))
 
 
 def reparsed(text: str, like: Document) -> Document:
     """Another version of a document's text, which finds the same files."""
-    return parse_document(text, like.folder, home=like.home)
+    return parse_document(text, like.folder, home=like.home, robots=like.robots)
 
 
 def default_home(folder: Path) -> Path:

@@ -1,16 +1,15 @@
 """Which elements of a document are its objects, its surfaces and its robots.
 
 A body with a free joint is an object; a static named body or geom that may carry things is a
-surface; an articulated body that is actuated (or has six joints or more) is a robot and neither.
+surface; an articulated body that is driven, or ends in a hand, is a robot and neither.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Literal
 
-from palpate.errors import InputError
+from palpate.errors import InputError, unknown_name
 from palpate.mjcf.defaults import Defaults
 from palpate.mjcf.document import (
     Document,
@@ -21,12 +20,17 @@ from palpate.mjcf.document import (
     has_unknown,
     label,
 )
+from palpate.mjcf.robots import (
+    NOBODY,
+    TRANSPARENT,
+    Robots,
+    find_robots,
+    has_joint,
+    is_free,
+    through_frames,
+)
 
 Role = Literal["object", "surface"]
-
-_TRANSPARENT = ("frame",)
-_JOINTS = ("joint", "freejoint")
-_ROBOT_JOINTS = 6
 
 FLOOR = "floor"
 """What a plane without a name is called."""
@@ -85,24 +89,35 @@ def find_roles(document: Document) -> Roles:
     """Sort the bodies and geoms of a document into objects, surfaces and robots.
 
     Raises:
-        InputError: an object without a name or a geom, a name used twice, a surface with several
-            geoms of unknown height.
+        InputError: an object without a geom, a name used twice, a surface with several geoms of
+            unknown height, a robot that is not there.
     """
     found = Roles(Defaults(document.root))
-    actuated = _actuated_names(document.root)
+    robots = find_robots(document.root, document.robots, found.defaults)
     for world in document.root.iterfind("worldbody"):
-        _walk(world, found, actuated, world=True)
+        _walk(world, found, robots, world=True)
+    _require_found(document, found)
     return found
 
 
-def _walk(parent: Element, found: Roles, actuated: frozenset[str], world: bool) -> None:
+def _require_found(document: Document, found: Roles) -> None:
+    """The robots that were named are there."""
+    names = {robot.get("name") for robot in found.robots} | {NOBODY}
+    others = [*found.ignored, *(body.element for body in found.bodies.values())]
+    valid = {name for body in others if body.tag == "body" and (name := body.get("name"))}
+    for name in document.robots:
+        if name not in names:
+            raise unknown_name("body that a robot begins with", name, {*valid, NOBODY})
+
+
+def _walk(parent: Element, found: Roles, robots: Robots, world: bool) -> None:
     for child in children(parent):
-        if child.tag in _TRANSPARENT:
-            _walk(child, found, actuated, world)
+        if child.tag in TRANSPARENT:
+            _walk(child, found, robots, world)
         elif child.tag == "geom" and world and (child.get("name") or _is_floor(child, found)):
             _add_surface(child, (child,), found)
         elif child.tag == "body":
-            _sort_body(child, found, actuated)
+            _sort_body(child, found, robots)
 
 
 def _is_floor(geom: Element, found: Roles) -> bool:
@@ -110,85 +125,21 @@ def _is_floor(geom: Element, found: Roles) -> bool:
     return found.defaults.attribute(geom, "type") == "plane" and FLOOR not in found.bodies
 
 
-def _sort_body(body: Element, found: Roles, actuated: frozenset[str]) -> None:
-    if _is_robot_root(body, actuated):
+def _sort_body(body: Element, found: Roles, robots: Robots) -> None:
+    if robots.begin_with(body):
         found.robots.append(body)
-    elif _is_free(body, found.defaults):
+    elif is_free(body, found.defaults):
         _add_object(body, found)
-    elif not _has_joint(body):
+    elif not has_joint(body):
         if body.get("name") and body.get("mocap") != "true":
             _add_surface(body, _own_geoms(body), found)
-        _walk(body, found, actuated, world=not body.get("name"))
+        _walk(body, found, robots, world=not body.get("name"))
     else:
         found.ignored.append(body)
 
 
-def _is_free(body: Element, defaults: Defaults) -> bool:
-    for child in _through_frames(body):
-        is_free = child.tag == "joint" and defaults.attribute(child, "type") == "free"
-        if is_free or child.tag == "freejoint":
-            return True
-    return False
-
-
-def _has_joint(body: Element) -> bool:
-    """Whether a body has a joint of its own."""
-    return any(child.tag in _JOINTS for child in _through_frames(body))
-
-
-def _is_robot_root(body: Element, actuated: frozenset[str]) -> bool:
-    """A driven articulated body, or the fixed base that carries its first joint."""
-    if not _is_robot(body, actuated):
-        return False
-    if _has_joint(body):
-        return True
-    return any(child.tag == "body" and _has_joint(child) for child in _through_frames(body))
-
-
-def _is_robot(body: Element, actuated: frozenset[str]) -> bool:
-    """Whether it has joints below it, and these are driven or many."""
-    joints = 0
-    driven = False
-    for element in elements(body):
-        joints += element.tag == "joint"
-        if element.tag in ("joint", "site", "body") and element.get("name") in actuated:
-            driven = True
-    return joints > 0 and (driven or joints >= _ROBOT_JOINTS)
-
-
-def _actuated_names(root: Element) -> frozenset[str]:
-    """Names of joints, sites and bodies that an actuator drives, tendons followed."""
-    driven: set[str] = set()
-    tendons: set[str] = set()
-    for actuator in _entries(root, "actuator"):
-        driven |= _mentioned(actuator, ("joint", "jointinparent", "site", "body"))
-        tendons |= _mentioned(actuator, ("tendon",))
-    for tendon in _entries(root, "tendon"):
-        if tendon.get("name") in tendons:
-            for part in children(tendon):
-                driven |= _mentioned(part, ("joint", "site"))
-    return frozenset(driven)
-
-
-def _entries(root: Element, section: str) -> Iterator[Element]:
-    for part in root.iterfind(section):
-        yield from children(part)
-
-
-def _mentioned(element: Element, attributes: tuple[str, ...]) -> set[str]:
-    return {str(value) for key, value in element.items() if key in attributes}
-
-
-def _through_frames(body: Element) -> Iterator[Element]:
-    for child in children(body):
-        if child.tag in _TRANSPARENT:
-            yield from _through_frames(child)
-        else:
-            yield child
-
-
 def _own_geoms(body: Element) -> tuple[Element, ...]:
-    return tuple(child for child in _through_frames(body) if child.tag == "geom")
+    return tuple(child for child in through_frames(body) if child.tag == "geom")
 
 
 def _colliding(geoms: tuple[Element, ...], defaults: Defaults) -> tuple[Element, ...]:

@@ -118,9 +118,17 @@ def _found(folder: Path, settings: Settings, objects: tuple[SceneObject, ...]) -
         text = read_text(own)
         return Found(scene_from_text(text, like=seen.scene()), seen)
     if own.exists():
-        return Found(parse_scene(read_text(own), poses=poses, arm=arm))
+        robots = settings.robot_body
+        return Found(parse_scene(read_text(own), poses=poses, arm=arm, robot_body=robots))
     if settings.scene is not None and settings.scene.exists():
-        return Found(load_scene(settings.scene, settings.poses, arm, root=settings.root))
+        found = load_scene(
+            settings.scene,
+            settings.poses,
+            arm,
+            root=settings.root,
+            robot_body=settings.robot_body,
+        )
+        return Found(found)
     return Found(parse_scene(NOTHING, arm=arm))
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
 
@@ -26,17 +26,19 @@ def load_scene(
     arm: RobotDescription | None = None,
     quantities: Catalogue | None = None,
     root: Path | None = None,
+    robot_body: Sequence[str] = (),
 ) -> Scene:
     """Read an MJCF file, and optionally `poses.yaml`; `arm` is what touches it, None the default;
     `quantities` are all that are installed unless given; `root` is the folder outside of which no
-    file is read (default: `mjcf.reading.read_document`).
+    file is read (default: `mjcf.reading.read_document`); `robot_body` names the bodies that the
+    scene's own robots begin with (default: `mjcf.robots`), or `none`.
 
     Raises:
         InputError: malformed XML, entities, missing or escaping files, names that do not match.
     """
     path = Path(path)
     text = read_text(path)
-    document = parse_document(text, path.resolve().parent, str(path), root)
+    document = parse_document(text, path.resolve().parent, str(path), root, robot_body)
     given = Poses() if poses is None else read_poses(Path(poses))
     return _scene(document, path, given, arm or load_description(), quantities or catalogue())
 
@@ -47,6 +49,7 @@ def parse_scene(
     poses: str | Poses | None = None,
     arm: RobotDescription | None = None,
     quantities: Catalogue | None = None,
+    robot_body: Sequence[str] = (),
 ) -> Scene:
     """As `load_scene`, from text; `folder` is where relative file names start, `poses` YAML or read
     already.
@@ -54,7 +57,7 @@ def parse_scene(
     Raises:
         InputError: as `load_scene`.
     """
-    document = parse_document(text, folder)
+    document = parse_document(text, folder, robots=robot_body)
     given = parse_poses(poses) if isinstance(poses, str) else poses or Poses()
     return _scene(document, None, given, arm or load_description(), quantities or catalogue())
 

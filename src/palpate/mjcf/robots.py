@@ -1,0 +1,118 @@
+"""Which bodies of a document a robot begins with: those that actuators drive, and those that end in
+a hand.
+
+Joints alone make no robot: cabinets and ovens have many.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+from palpate.mjcf.defaults import Defaults
+from palpate.mjcf.document import Element, children, elements
+
+NOBODY = "none"
+"""Said instead of a body's name where nothing in the scene is a robot."""
+
+HANDS = frozenset({"hand", "gripper", "finger", "fingers"})
+"""Words of a body's name that say that an arm ends there."""
+
+TRANSPARENT = ("frame",)
+"""Elements that only arrange those inside them."""
+
+_JOINTS = ("joint", "freejoint")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Robots:
+    """What tells a robot from furniture.
+
+    Attributes:
+        named: bodies that somebody said robots begin with; these alone are robots then.
+        driven: names of joints, sites and bodies that an actuator drives.
+    """
+
+    named: tuple[str, ...]
+    driven: frozenset[str]
+    defaults: Defaults
+
+    def begin_with(self, body: Element) -> bool:
+        """Whether a robot begins here: with its first joint, or with the fixed base that carries
+        that."""
+        if self.named:
+            return body.get("name") in self.named
+        if has_joint(body):
+            return self._is_robot(body)
+        for child in through_frames(body):
+            if child.tag == "body" and has_joint(child) and self._is_robot(child):
+                return True
+        return False
+
+    def _is_robot(self, body: Element) -> bool:
+        if any(part.tag in _PARTS and part.get("name") in self.driven for part in elements(body)):
+            return any(part.tag == "joint" for part in elements(body))
+        return not is_free(body, self.defaults) and any(
+            part.tag == "body" and _is_hand(part) for part in elements(body)
+        )
+
+
+_PARTS = ("joint", "site", "body")
+
+
+def find_robots(root: Element, named: Sequence[str], defaults: Defaults) -> Robots:
+    """What tells the robots of a document; `named` as in `Robots`."""
+    return Robots(tuple(named), _driven(root), defaults)
+
+
+def is_free(body: Element, defaults: Defaults) -> bool:
+    """Whether nothing holds a body."""
+    for child in through_frames(body):
+        is_free = child.tag == "joint" and defaults.attribute(child, "type") == "free"
+        if is_free or child.tag == "freejoint":
+            return True
+    return False
+
+
+def has_joint(body: Element) -> bool:
+    """Whether a body has a joint of its own."""
+    return any(child.tag in _JOINTS for child in through_frames(body))
+
+
+def through_frames(body: Element) -> Iterator[Element]:
+    """A body's children, those in frames among them."""
+    for child in children(body):
+        if child.tag in TRANSPARENT:
+            yield from through_frames(child)
+        else:
+            yield child
+
+
+def _is_hand(body: Element) -> bool:
+    """Whether a body is called a hand; `handle` is none."""
+    words = re.findall(r"[A-Z]?[a-z]+|[A-Z]+", body.get("name") or "")
+    return any(word.lower() in HANDS for word in words)
+
+
+def _driven(root: Element) -> frozenset[str]:
+    """Names of joints, sites and bodies that an actuator drives, tendons followed."""
+    driven: set[str] = set()
+    tendons: set[str] = set()
+    for actuator in _entries(root, "actuator"):
+        driven |= _mentioned(actuator, ("joint", "jointinparent", "site", "body", "cranksite"))
+        tendons |= _mentioned(actuator, ("tendon",))
+    for tendon in _entries(root, "tendon"):
+        if tendon.get("name") in tendons:
+            for part in children(tendon):
+                driven |= _mentioned(part, ("joint", "site"))
+    return frozenset(driven)
+
+
+def _entries(root: Element, section: str) -> Iterator[Element]:
+    for part in root.iterfind(section):
+        yield from children(part)
+
+
+def _mentioned(element: Element, attributes: tuple[str, ...]) -> set[str]:
+    return {str(value) for key, value in element.items() if key in attributes}
