@@ -26,12 +26,14 @@ KNOWN = (
 
 
 @cache
-def bench(*bodies: str, height: str = "-0.03", poses: str | None = None) -> Scene:
+def bench(
+    *bodies: str, height: str = "-0.03", poses: str | None = None, name: str = "bench"
+) -> Scene:
     """A scene with `bodies` on a bench whose top is at z = 0 (its centre at `height`)."""
     return parse_scene(
         f"""<mujoco><worldbody>
       <site name="robot_base"/>
-      <body name="bench" pos="0.35 0 {height}"><geom type="box" size=".6 .6 .03" friction="0.6"/></body>
+      <body name="{name}" pos="0.35 0 {height}"><geom type="box" size=".6 .6 .03" friction="0.6"/></body>
       {"".join(bodies)}</worldbody></mujoco>""",
         poses=poses,
     )

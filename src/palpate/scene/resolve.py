@@ -108,8 +108,8 @@ class ResolvedScene:
     def _words(self, body: BodyDescription) -> frozenset[str]:
         is_object = body.role == "object"
         geoms = body.elements.geoms if is_object else (body.carrier,)
-        root = self.document.root
-        return thing_words(body.name, geoms, body.defaults, root, shapes=is_object)
+        element = body.elements.element if is_object else body.carrier
+        return thing_words(body.name, element, geoms, body.defaults, shapes=is_object)
 
 
 def resolve(document: Document, poses: Poses, catalogue: Catalogue) -> ResolvedScene:

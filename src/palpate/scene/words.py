@@ -47,10 +47,18 @@ def name_words(name: str) -> set[str]:
 
 
 def thing_words(
-    name: str, geoms: tuple[Element, ...], defaults: Defaults, root: Element, shapes: bool = True
+    name: str,
+    element: Element,
+    geoms: tuple[Element, ...],
+    defaults: Defaults,
+    shapes: bool = True,
 ) -> frozenset[str]:
-    """Words for a body or geom of that name made of `geoms`; `shapes` adds `box`, `ball`, …"""
+    """Words for a body or geom of that name made of `geoms`, and of what its parts are called;
+    `shapes` adds `box`, `ball`, …"""
     words = name_words(name)
+    root = element.getroottree().getroot()
+    for part in element.iterdescendants("body"):
+        words |= name_words(part.get("name") or "")
     for geom in geoms:
         rgb = _rgb(geom, defaults, root)
         if rgb is not None:

@@ -106,6 +106,38 @@ def test_quantities_meet_the_objects_they_are_said_of(home: Scene, request_: str
     assert " ".join(str(parameter) for parameter in ground(request_, home).asked) == asked
 
 
+@pytest.fixture(scope="module")
+def workshop() -> Scene:
+    """Names as authors of models write them."""
+    return bench(
+        thing("hammerbody", "0.8 0.1 0.1", y=-0.3),
+        thing("teacup", y=-0.1),
+        thing("spring", y=0.1),
+        thing("gift1", y=0.2).replace("</body>", '<body name="ribbon"/></body>'),
+        name="workbench",
+    )
+
+
+@pytest.mark.parametrize(
+    ("request_", "asked"),
+    [
+        ("how heavy is the hammer?", "hammerbody.mass"),
+        ("the mass of the red hammer", "hammerbody.mass"),
+        ("the height of the bench", "workbench.height"),
+        ("the mass of the cup", "teacup.mass"),
+        ("the masses of the hammers and the gift", "hammerbody.mass gift1.mass"),
+        ("the friction of the ribbon", "gift1.friction"),
+    ],
+)
+def test_compounds_are_called_by_their_noun(workshop: Scene, request_: str, asked: str):
+    assert " ".join(str(parameter) for parameter in ground(request_, workshop).asked) == asked
+
+
+def test_what_only_ends_alike_is_no_compound(workshop: Scene):
+    with pytest.raises(InputError, match="the scene has no 'ring'"):
+        ground("the mass of the ring", workshop)
+
+
 @pytest.mark.parametrize(
     "request_", ["everything that is missing", "build a simulation of this scene"]
 )

@@ -11,7 +11,7 @@ from typing import Literal
 from palpate.mjcf.body import Body
 from palpate.planning.symbolic import lexicon
 from palpate.planning.symbolic.lexicon import COLOURS, DETERMINERS, EVERY, STOP
-from palpate.planning.symbolic.tokens import name_words, singulars
+from palpate.planning.symbolic.tokens import is_within, name_words, singulars
 from palpate.quantities.catalogue import catalogue
 from palpate.scene.scene import Scene
 
@@ -167,7 +167,7 @@ class Words:
         run = self._run(tokens[at:])
         if not run:
             return None
-        plural = _is_every(before) or run[-1] not in self._nouns
+        plural = _is_every(before) or self._is_plural(run[-1])
         names = self._matching(run, plural)
         return Item("object" if names else "unknown", run, names, plural)
 
@@ -184,11 +184,26 @@ class Words:
         return run
 
     def _is_noun(self, word: str) -> bool:
-        return not self._nouns.isdisjoint(singulars(word))
+        return any(form in self._nouns or self._is_within(form) for form in singulars(word))
+
+    def _is_plural(self, word: str) -> bool:
+        """Whether a noun is known in the singular alone."""
+        return word not in self._nouns and not self._is_within(word)
+
+    def _is_within(self, noun: str) -> bool:
+        """Whether some body's name is a compound of the noun."""
+        return any(self._is_compound(name, (noun,)) for name in self._own)
+
+    def _is_compound(self, name: str, forms: Sequence[str]) -> bool:
+        """Whether a part of the body's name is a compound of one of a noun's forms."""
+        for form in forms:
+            if form not in STOP and any(is_within(form, part) for part in self._own[name]):
+                return True
+        return False
 
     def _matching(self, words: tuple[str, ...], plural: bool) -> tuple[str, ...]:
         """The bodies that `words` may mean: the one called exactly so, else those whose name has
-        the noun, else those of which all words may be said."""
+        the noun, or a compound of it, else those of which all words may be said."""
         exact = self._named.get(words)
         if exact and not plural:
             return tuple(exact)
@@ -196,8 +211,12 @@ class Words:
             return (GRIPPER,)
         fitting = [name for name in self._own if self._fits(name, words)]
         noun = singulars(words[-1])
-        called = [name for name in fitting if not set(self._own[name]).isdisjoint(noun)]
+        called = [name for name in fitting if self._is_called(name, noun)]
         return tuple(called or fitting)
+
+    def _is_called(self, name: str, forms: Sequence[str]) -> bool:
+        """Whether a body's name has a noun in one of its forms, or a compound of it."""
+        return not set(self._own[name]).isdisjoint(forms) or self._is_compound(name, forms)
 
     def _is_gripper(self, noun: str) -> bool:
         """Whether the noun means the robot's hand, and no body of the scene is called so."""
@@ -207,7 +226,11 @@ class Words:
     def _fits(self, name: str, words: tuple[str, ...]) -> bool:
         """Whether each of `words` may be said of the body."""
         said = self._said[name]
-        return not any(said.isdisjoint(singulars(word)) for word in words)
+        for word in words:
+            forms = singulars(word)
+            if said.isdisjoint(forms) and not self._is_compound(name, forms):
+                return False
+        return True
 
     def _plain(self, tokens: Sequence[str], at: int) -> Item:
         """A word that names nothing by itself."""

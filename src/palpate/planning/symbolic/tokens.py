@@ -28,6 +28,22 @@ def name_words(name: str) -> tuple[str, ...]:
     return tuple(re.findall(r"[^\W_]+", re.sub(r"(?<=[a-z0-9])(?=[A-Z])", " ", name).lower()))
 
 
+_FURTHER = re.compile(r"(?:body|base|top|link|obj|object|geom|mesh|part|main|root|\d)+")
+"""What authors of models put behind a noun without saying more by it."""
+_BEFORE = re.compile(r"(?=.*[aeiouy])\w{3,}")
+"""What may make another noun of the one behind it: `work` of `bench`, but not `sp` of `ring`."""
+
+
+def is_within(word: str, name: str) -> bool:
+    """Whether a noun of at least three letters is the noun of a compound name: a `workbench` is a
+    bench, a `hammerbody` a hammer."""
+    if len(word) < 3 or word == name:
+        return False
+    if name.startswith(word) and _FURTHER.fullmatch(name.removeprefix(word)):
+        return True
+    return name.endswith(word) and bool(_BEFORE.fullmatch(name.removesuffix(word)))
+
+
 def singulars(word: str) -> tuple[str, ...]:
     """What `word` may be the plural or the gerund of, itself first."""
     forms = [word]
