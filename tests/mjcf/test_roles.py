@@ -194,9 +194,7 @@ def test_driven_by_a_tendon_is_a_robot_too() -> None:
     assert list(scene(ARM + cup(""), after=after).bodies) == ["cup"]
 
 
-OVEN = "".join(
-    f'<body name="part_{i}"><joint/><geom size=".02"/></body>' for i in range(8)
-)
+OVEN = "".join(f'<body name="part_{i}"><joint/><geom size=".02"/></body>' for i in range(8))
 
 
 @pytest.mark.parametrize(
@@ -238,7 +236,7 @@ def test_the_user_decides_where_a_robot_begins() -> None:
     assert robots("part_3", "part_1") == ["part_1", "part_3"]
     assert robots("none") == []
     assert parse_scene(text, robot_body=["none"]).spec().compile().nu == 1
-    with pytest.raises(InputError, match="'link9'; valid: .*link0.*part_7"):
+    with pytest.raises(InputError, match=r"'link9'; valid: .*link0.*part_7"):
         robots("link9")
 
 

@@ -43,3 +43,32 @@ def test_what_is_neither() -> None:
         "There is no object: no body has a free joint.",
         "There is no surface: nothing static has a name and a level top.",
     )
+
+
+def test_who_is_no_robot_can_be_said_to_be_one() -> None:
+    door = '<body name="door"><joint/><geom size=".1"/></body>'
+    site = '<site name="robot_base"/>'
+    assert "--robot-body NAME" in read(site + door)[0]
+    named = parse_scene(
+        f"<mujoco><worldbody>{site}{door}</worldbody></mujoco>", robot_body=["door"]
+    )
+    assert remarks(named)[0].startswith("Robot left out: 'door'")
+
+
+def test_what_the_arm_does_not_reach_and_how_to_place_it() -> None:
+    far = BALL.replace('mass="0.1"', "").replace("0.5 0 0.25", "0.5 3 0.25")
+    assert any(
+        "Out of the reach of the arm, which stands at (0.00, 0.00, 0.00) m: 'ball'" in line
+        and '<site name="robot_base" pos="x y z"/>' in line
+        for line in read(TABLE + far)
+    )
+    (line,) = read('<site name="robot_base" pos="0 0 0.1"/>' + TABLE + far)
+    assert "move the site 'robot_base'" in line
+
+
+def test_what_stands_still_and_is_no_surface() -> None:
+    wall = '<geom name="wall" type="box" size=".01 .5 .5" pos="1 0 0"/>'
+    ramp = '<geom name="ramp" type="box" size=".3 .3 .1" pos="1 0 0" euler="0 30 0"/>'
+    lines = read('<site name="robot_base"/>' + wall + ramp + TABLE + BALL)
+    assert "'wall' (it is narrower than 0.1 m and carries nothing)" in lines[0]
+    assert "'ramp' (its top is not level)" in lines[0]

@@ -45,20 +45,19 @@ class Robots:
             return body.get("name") in self.named
         if has_joint(body):
             return self._is_robot(body)
-        for child in through_frames(body):
-            if child.tag == "body" and has_joint(child) and self._is_robot(child):
-                return True
-        return False
+        moving = (c for c in through_frames(body) if c.tag == "body" and has_joint(c))
+        return any(self._is_robot(child) for child in moving)
 
     def _is_robot(self, body: Element) -> bool:
-        if any(part.tag in _PARTS and part.get("name") in self.driven for part in elements(body)):
-            return any(part.tag == "joint" for part in elements(body))
-        return not is_free(body, self.defaults) and any(
-            part.tag == "body" and _is_hand(part) for part in elements(body)
-        )
+        parts = [part for part in elements(body) if part.tag in _PARTS]
+        if any(part.get("name") in self.driven for part in parts):
+            return any(part.tag == "joint" for part in parts)
+        has_hand = any(part.tag == "body" and _is_hand(part) for part in parts)
+        return has_hand and not is_free(body, self.defaults)
 
 
 _PARTS = ("joint", "site", "body")
+"""Whatever an actuator may drive of a body."""
 
 
 def find_robots(root: Element, named: Sequence[str], defaults: Defaults) -> Robots:

@@ -39,6 +39,7 @@ class Description:
         shapes: compiled with stand-ins for everything unknown.
         bodies: objects and surfaces by name, in document order.
         placed: the changes that put bodies where the poses say.
+        refused: what has a name and stands still and is yet no surface, with the reason.
     """
 
     document: Document
@@ -46,6 +47,7 @@ class Description:
     shapes: Shapes
     bodies: dict[str, BodyDescription]
     placed: tuple[Edit, ...]
+    refused: dict[str, str]
 
 
 def describe(document: Document, poses: Poses, catalogue: Catalogue) -> Description:
@@ -66,7 +68,13 @@ def describe(document: Document, poses: Poses, catalogue: Catalogue) -> Descript
         edits += slot.placeholder()
     shapes = compile_shapes(document, roles, [*edits, *placed], extent.is_large)
     bodies = _described(roles, shapes, poses)
-    return Description(document, roles, shapes, bodies, placed)
+    refused: dict[str, str] = {}
+    for name, body in bodies.items():
+        if body.role == "surface" and (reason := _no_surface(body)):
+            refused[name] = reason
+    for name in refused:
+        del bodies[name]
+    return Description(document, roles, shapes, bodies, placed, refused)
 
 
 def _described(roles: Roles, shapes: Shapes, poses: Poses) -> dict[str, BodyDescription]:
@@ -81,9 +89,6 @@ def _described(roles: Roles, shapes: Shapes, poses: Poses) -> dict[str, BodyDesc
             given=None if given is None else given.body_pose(),
             given_top=None if approach is None else approach.pos[2] - APPROACH,
         )
-    for name, body in list(found.items()):
-        if body.role == "surface" and not _is_surface(body):
-            del found[name]
     return found
 
 
@@ -165,19 +170,22 @@ def _require_in_world(element: Element) -> None:
         )
 
 
-def _is_surface(body: BodyDescription) -> bool:
-    """Whether it has a level top that is wide enough or carries an object, and is not just what the
-    arm is mounted on."""
+def _no_surface(body: BodyDescription) -> str:
+    """Why it is none: a surface has a level top that is wide enough or carries an object, and is
+    not just what the arm is mounted on. Nothing where it is one."""
     if body.top_is_open:
-        return True
+        return ""
     if not _is_level(body.shapes, body.carrier):
-        return False
+        return "its top is not level"
     for thing in body.objects():
         if _carries(body, thing.footing()):
-            return True
+            return ""
     extent = (body.cloud.max(axis=0) - body.cloud.min(axis=0))[:2]
-    is_mount = np.max(extent) < MOUNT and _carries(body, body.shapes.base().position)
-    return bool(np.min(extent) >= CARRYING) and not is_mount
+    if np.max(extent) < MOUNT and _carries(body, body.shapes.base().position):
+        return "the arm stands on it"
+    if np.min(extent) < CARRYING:
+        return f"it is narrower than {CARRYING:g} m and carries nothing"
+    return ""
 
 
 def _carries(surface: BodyDescription, point: Array) -> bool:

@@ -3,46 +3,83 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+
+import numpy as np
 
 from palpate.mjcf.compile import BASE_SITE, removed_with_robots
 from palpate.mjcf.document import Element
-from palpate.mjcf.roles import Roles
+from palpate.scene.places import reachable
 from palpate.scene.scene import Scene
+
+LISTED = 8
+"""At most so many names stand in a sentence."""
+
+SITE = f'<site name="{BASE_SITE}" pos="x y z"/>'
+"""What says in a scene where the arm stands."""
 
 
 def remarks(scene: Scene) -> tuple[str, ...]:
     """Sentences for whoever wonders what palpate made of the file."""
-    document, roles = scene.resolved.document, scene.resolved.description.roles
-    found: list[str] = []
-    if roles.robots:
-        found.append(_robots_left_out(scene, roles))
-    base = document.root.find(f".//site[@name='{BASE_SITE}']")
-    if base is None and not roles.robots:
-        found.append(
-            f"There is no site '{BASE_SITE}' and no robot: the arm is taken to stand at the origin. "
-            f'Where it does not, add <site name="{BASE_SITE}" pos="x y z"/> to the worldbody.'
-        )
-    if roles.ignored:
-        names = ", ".join(_called(body) for body in roles.ignored)
-        found.append(
-            f"Neither object nor surface nor robot, as they have joints that are not free: {names}."
-        )
-    found += _why_nothing(scene)
-    if scene.files and document.folder is not None:
-        folder = document.folder.resolve()
-        common = os.path.commonpath([folder, *scene.files])
-        if common != str(folder):
-            found.append(f"Its files are read from below '{common}'.")
+    found = (*_robots(scene), *_base(scene), *_others(scene), *_why_nothing(scene), *_files(scene))
     return tuple(found)
 
 
-def _robots_left_out(scene: Scene, roles: Roles) -> str:
-    names = ", ".join(_called(robot) for robot in roles.robots)
+def _robots(scene: Scene) -> Iterator[str]:
+    roles = scene.resolved.description.roles
+    if not roles.robots:
+        return
     gone = removed_with_robots(scene.resolved.document, roles)
     listed = ", ".join(f"{number} {tag}" for tag, number in sorted(gone.items()))
     besides = f" With it went what refers to it: {listed}." if listed else ""
-    return f"Robot left out: {names}; the {scene.arm.label} takes its place.{besides}"
+    yield (
+        f"Robot left out: {_names(map(_called, roles.robots))}; the {scene.arm.label} takes its place."
+        f"{besides}"
+    )
+
+
+def _base(scene: Scene) -> Iterator[str]:
+    """Where the arm stands, where nothing says so or it does not reach what there is."""
+    robots = scene.resolved.description.roles.robots
+    unsaid = scene.resolved.document.root.find(f".//site[@name='{BASE_SITE}']") is None
+    if unsaid and not robots:
+        yield (
+            f"There is no site '{BASE_SITE}' and no robot: the arm is taken to stand at the origin. "
+            f"Where it does not, add {SITE} to the worldbody."
+        )
+    far = [name for name in scene.objects if not _is_near(scene, name)]
+    if far:
+        x, y, z = scene.pose_world_base.position
+        advice = (
+            f"place it with {SITE} in the worldbody" if unsaid else f"move the site '{BASE_SITE}'"
+        )
+        yield (
+            f"Out of the reach of the arm, which stands at ({x:.2f}, {y:.2f}, {z:.2f}) m: "
+            f"{_names(map(_quoted, far))}. Where that is not so, {advice}."
+        )
+
+
+def _is_near(scene: Scene, name: str) -> bool:
+    body = scene.bodies[name]
+    x, y, _ = body.pose_world.position.tolist()
+    spot = np.array([[x, y]])
+    return bool(reachable(scene.arm.reach, spot, body.top_z(), scene.pose_world_base)[0])
+
+
+def _others(scene: Scene) -> Iterator[str]:
+    """What is neither object nor surface."""
+    description = scene.resolved.description
+    if description.roles.ignored:
+        advice = ""
+        if not description.roles.robots:
+            advice = " If one of them is a robot, say so: --robot-body NAME."
+        yield (
+            "Neither object nor surface nor robot, as they have joints that are not free: "
+            f"{_names(map(_called, description.roles.ignored))}.{advice}"
+        )
+    if description.refused:
+        told = [f"'{name}' ({reason})" for name, reason in description.refused.items()]
+        yield f"Stands still and is no surface: {_names(told)}."
 
 
 def _why_nothing(scene: Scene) -> Iterator[str]:
@@ -51,9 +88,31 @@ def _why_nothing(scene: Scene) -> Iterator[str]:
     if not scene.surfaces:
         yield "There is no surface: nothing static has a name and a level top."
     if scene.bodies and not scene.missing:
-        yield "Nothing is missing: the file states all that palpate would measure unasked."
+        yield (
+            "Nothing is missing: the file states all that palpate would measure unasked. What is "
+            "written `?` is measured, and what a request asks for with --remeasure."
+        )
+
+
+def _files(scene: Scene) -> Iterator[str]:
+    folder = scene.resolved.document.folder
+    if scene.files and folder is not None:
+        common = os.path.commonpath([folder.resolve(), *scene.files])
+        if common != str(folder.resolve()):
+            yield f"Its files are read from below '{common}'."
+
+
+def _names(names: Iterable[str]) -> str:
+    """Names with commas, and how many more there are."""
+    listed = list(names)
+    shown = ", ".join(listed[:LISTED])
+    return shown if len(listed) <= LISTED else f"{shown} and {len(listed) - LISTED} more"
+
+
+def _quoted(name: str) -> str:
+    return f"'{name}'"
 
 
 def _called(body: Element) -> str:
     name = body.get("name")
-    return f"'{name}'" if name else f"a body in line {body.sourceline}"
+    return _quoted(name) if name else f"a body in line {body.sourceline}"

@@ -196,10 +196,8 @@ class Words:
 
     def _is_compound(self, name: str, forms: Sequence[str]) -> bool:
         """Whether a part of the body's name is a compound of one of a noun's forms."""
-        for form in forms:
-            if form not in STOP and any(is_within(form, part) for part in self._own[name]):
-                return True
-        return False
+        nouns = [form for form in forms if form not in STOP]
+        return any(is_within(noun, part) for part in self._own[name] for noun in nouns)
 
     def _matching(self, words: tuple[str, ...], plural: bool) -> tuple[str, ...]:
         """The bodies that `words` may mean: the one called exactly so, else those whose name has
