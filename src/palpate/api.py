@@ -40,6 +40,7 @@ from palpate.settings import Settings
 
 if TYPE_CHECKING:
     from palpate.execution.runner import Observer
+    from palpate.twin.export.export import Export
 
 __all__ = ["Fusion", "Plan", "Run", "Scene", "fuse", "load", "open", "run"]
 
@@ -240,6 +241,20 @@ class Run(InnerRun):
             InputError: it has no trace, another version recorded it, or there is no such estimator.
         """
         return _run_of(pipeline.reestimate(self, estimators))
+
+    def export(self, to: str, folder: str | Path | None = None) -> Export:
+        """Write the twin for another simulator into a new folder, and read it back.
+
+        Args:
+            to: `mjcf` (with every file that it needs), `urdf` or `usd`.
+            folder: by default `export-FORMAT` in the run's own.
+
+        Raises:
+            InputError: it has no twin, there is no such format, or the folder exists or cannot be
+                made. Unavailable: what writes the format is not installed. PalpateError: what was
+                written does not say what the twin says.
+        """
+        return pipeline.export(self, to, _path(folder))
 
     def _repr_html_(self) -> str:
         rows: list[tuple[str, ...]] = []

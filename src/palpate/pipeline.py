@@ -37,6 +37,7 @@ from palpate.twin.twin import build_twin as build
 if TYPE_CHECKING:
     from palpate.execution.runner import Keep, Observer
     from palpate.runs.fuse import Fusion
+    from palpate.twin.export.export import Export
 
 Progress = Callable[[str], None]
 """Told which stage begins."""
@@ -289,6 +290,18 @@ def fuse(runs: Sequence[Run]) -> Fusion:
     from palpate.runs.fuse import fuse_runs
 
     return fuse_runs(runs)
+
+
+def export(made: Run, to: str, folder: Path | None = None) -> Export:
+    """The twin of a run for other simulators, in a new folder.
+
+    Raises:
+        InputError: no twin, no such format, a folder that exists. Unavailable: what writes the
+            format. PalpateError: what was written does not say what the twin says.
+    """
+    from palpate.runs.export import export_run
+
+    return export_run(made, to, folder)
 
 
 def save(made: Run, folder: Path | None = None) -> Run:

@@ -62,6 +62,26 @@ def test_an_estimator_that_nobody_knows_is_bad_input(palpate: Palpate, stored: P
     assert palpate("estimate", stored.parent).status == 2
 
 
+def test_a_twin_is_exported(palpate: Palpate, stored: Path, tmp_path: Path) -> None:
+    out = tmp_path / "urdf"
+    answer = palpate("export", stored, "--to", "urdf", "--out", out, "--json")
+    assert answer.status == 0
+    made = json.loads(answer.out)
+    kept = json.loads((out / "export.json").read_text())
+    assert made == kept | {"file": str(out / "scene.urdf")}
+    (row,) = made["parameters"]
+    assert row["read_back"]
+    assert (out / "scene.urdf").read_text().count("<mass ") == 2
+    again = palpate("export", stored, "--to", "urdf", "--out", out)
+    assert (again.status, again.out) == (2, "")
+    assert "exists already" in again.err
+    assert palpate("export", stored, "--to", "sdf").status == 2
+    beside = palpate("export", stored, "--to", "mjcf")
+    assert beside.status == 0
+    assert "read back" in beside.out
+    assert (stored / "export-mjcf" / "scene.xml").read_text() == (stored / "twin.xml").read_text()
+
+
 def test_two_runs_are_fused(palpate: Palpate, folders: list[Path], tmp_path: Path) -> None:
     out = tmp_path / "fused"
     answer = palpate("fuse", *folders, "--out", out, "--json")

@@ -55,6 +55,12 @@ class mjtObj(_Enum):
 class mjtIntegrator(_Enum):
     mjINT_IMPLICITFAST: ClassVar[mjtIntegrator]
 
+class mjtInertiaFromGeom(_Enum):
+    mjINERTIAFROMGEOM_AUTO: ClassVar[mjtInertiaFromGeom]
+
+class mjtOrientation(_Enum):
+    mjORIENTATION_QUAT: ClassVar[mjtOrientation]
+
 class mjtCone(_Enum):
     mjCONE_ELLIPTIC: ClassVar[mjtCone]
 
@@ -165,7 +171,9 @@ class MjModel:
     nbody: int
     ngeom: int
     nnumeric: int
+    nmesh: int
 
+    qpos0: _Doubles
     body_parentid: _Ints
     body_rootid: _Ints
     body_weldid: _Ints
@@ -175,6 +183,8 @@ class MjModel:
     body_geomnum: _Ints
     body_geomadr: _Ints
     body_pos: _Doubles
+    body_quat: _Doubles
+    body_iquat: _Doubles
     body_ipos: _Doubles
     body_mass: _Doubles
     body_subtreemass: _Doubles
@@ -186,6 +196,8 @@ class MjModel:
     jnt_dofadr: _Ints
     jnt_axis: _Doubles
     jnt_range: _Doubles
+    jnt_limited: _Ints
+    jnt_pos: _Doubles
     dof_armature: _Doubles
     geom_type: _Ints
     geom_contype: _Ints
@@ -194,9 +206,17 @@ class MjModel:
     geom_priority: _Ints
     geom_rbound: _Doubles
     geom_dataid: _Ints
+    geom_group: _Ints
+    geom_matid: _Ints
+    geom_pos: _Doubles
+    geom_quat: _Doubles
+    geom_rgba: _Floats
+    mat_rgba: _Floats
     geom_size: _Doubles
     geom_aabb: _Doubles
     geom_friction: _Doubles
+    mesh_pos: _Doubles
+    mesh_quat: _Doubles
     mesh_vertadr: _Ints
     mesh_vertnum: _Ints
     mesh_faceadr: _Ints
@@ -337,8 +357,32 @@ class MjsGeom(_SpecElement):
     friction: _Vector
     solref: _Doubles
     solimp: _Doubles
+    meshname: str
 
 class MjsCamera(_SpecElement): ...
+class MjsSkin(_SpecElement): ...
+class _SpecPlugin:
+    active: bool
+
+class _SpecOrientation:
+    type: mjtOrientation
+
+class MjsMesh(_SpecElement):
+    file: str
+    content_type: str
+    scale: _Vector
+    refpos: _Vector
+    refquat: _Vector
+    uservert: _Vector
+    userface: Sequence[int]
+    usernormal: _Vector
+    usertexcoord: _Vector
+    userfacenormal: Sequence[int]
+    userfacetexcoord: Sequence[int]
+    @property
+    def plugin(self) -> _SpecPlugin: ...
+    def make_sphere(self, subdivision: int, /) -> None: ...
+
 class MjsSensor(_SpecElement): ...
 class MjsExclude(_SpecElement): ...
 class MjsPair(_SpecElement):
@@ -392,6 +436,8 @@ class MjsBody(_SpecElement):
     explicitinertial: bool
     fullinertia: _Doubles
     gravcomp: float
+    @property
+    def ialt(self) -> _SpecOrientation: ...
     def add_body(self, *, name: str | None = None, pos: _Vector | None = None, quat: _Vector | None = None,
                  mass: _Float | None = None, ipos: _Vector | None = None, fullinertia: _Vector | None = None,
                  explicitinertial: bool | None = None) -> MjsBody: ...
@@ -419,9 +465,26 @@ class MjsBody(_SpecElement):
 
 class _SpecCompiler:
     usethread: bool
+    fusestatic: bool
+    discardvisual: bool
+    boundmass: float
+    boundinertia: float
+    settotalmass: float
+    inertiafromgeom: mjtInertiaFromGeom
 
 class MjSpec:
     modelfiledir: str
+    modelname: str
+    @property
+    def cameras(self) -> list[MjsCamera]: ...
+    @property
+    def skins(self) -> list[MjsSkin]: ...
+    @property
+    def joints(self) -> list[MjsJoint]: ...
+    @property
+    def meshes(self) -> list[MjsMesh]: ...
+    def add_mesh(self) -> MjsMesh: ...
+    def to_xml(self) -> str: ...
     @property
     def compiler(self) -> _SpecCompiler: ...
     @property

@@ -286,6 +286,25 @@ def fuse(
 
 
 @command(app)
+def export(
+    folder: RunFolder,
+    *,
+    to: Annotated[str, typer.Option("--to", metavar="FORMAT", help="mjcf | urdf | usd")],
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", metavar="DIR", help="Folder to make (default: RUN/export-FORMAT)."),
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Hand a run's twin to another simulator; what is written is read back and compared."""
+    import palpate as pp
+    from palpate.cli.show import show_export
+
+    run = pp.open(folder)
+    show_export(run, run.export(to, out), as_json)
+
+
+@command(app)
 def vocabulary(
     as_json: Annotated[bool, typer.Option("--json", help="The JSON schema of a plan.")] = False,
     btcpp: Annotated[bool, typer.Option("--btcpp", help="BT.CPP 4 TreeNodesModel.")] = False,

@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from palpate.runs.run import Run
     from palpate.scenarios.catalogue import Scenario
     from palpate.settings import Settings
+    from palpate.twin.export.export import Export
     from palpate.twin.held_out import Motion
     from palpate.vocabulary.base import Primitive
 
@@ -133,6 +134,25 @@ def show_fusion(fusion: Fusion, as_json: bool) -> None:
         out.print(f"[dim]note[/] {escape(note)}", soft_wrap=True)
     if fusion.folder is not None:
         out.print(f"[dim]twin[/] {fusion.folder / 'twin.xml'}", soft_wrap=True)
+
+
+def show_export(run: Run, export: Export, as_json: bool) -> None:
+    """What became of each estimate, and what else is not as it was."""
+    from palpate.runs.export import export_json
+
+    if as_json:
+        print_json(export_json(run, export) | {"file": str(export.file)})
+        return
+    table = plain_table("object", "quantity", "value", "± std", "95 % interval", "verdict", "")
+    for estimate in run.estimates:
+        if estimate.parameter in export.held:
+            table.add_row(*_estimate_cells(estimate), "[green]read back[/]")
+        elif estimate.parameter in export.lost:
+            table.add_row(*_estimate_cells(estimate), f"[yellow]not in {export.format}[/]")
+    SafeConsole(highlight=False, width=max(out.width, FUSION_WIDTH)).print(table)
+    for note in export.notes:
+        out.print(f"[dim]note[/] {escape(note)}", soft_wrap=True)
+    out.print(f"[dim]{export.format}[/] {export.file}", soft_wrap=True)
 
 
 def _show_held_out(run: Run) -> None:

@@ -51,6 +51,7 @@ class Document:
             them, from `folder`, by the names that they have there.
         attached: roots of the models that it attaches, and of those that these do.
         robots: names of the bodies that robots begin with, where somebody said so.
+        named: the file that an element's attribute names.
     """
 
     text: str
@@ -63,6 +64,9 @@ class Document:
     beside: Mapping[str, str] = field(default_factory=dict[str, str])
     attached: tuple[Element, ...] = ()
     robots: tuple[str, ...] = ()
+    named: Mapping[tuple[Element, str], Path] = field(
+        default_factory=dict[tuple[Element, str], Path]
+    )
 
     @property
     def worldbody(self) -> Element:

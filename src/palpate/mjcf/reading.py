@@ -99,6 +99,7 @@ class _Reader:
     """The folder of the included file that an element came from."""
     beside: dict[str, str] = field(default_factory=dict[str, str])
     """Assets found beside the included file that names them: from the scene's folder, by name."""
+    named: dict[tuple[Element, str], Path] = field(default_factory=dict[tuple[Element, str], Path])
 
     def document(self, text: str, where: str) -> Document:
         root = self.parsed(text, where)
@@ -120,6 +121,7 @@ class _Reader:
             includes,
             self.beside,
             tuple(attached),
+            named=self.named,
         )
 
     def parsed(self, text: str, where: str) -> Element:
@@ -160,6 +162,7 @@ class _Reader:
                 located = _located(name, element, settings)
                 path = self._file(located, element, where, name)
                 found.append(path)
+                self.named[element, attribute] = path
                 if element.tag == "model" or not _exists(self.folder, located):
                     # MuJoCo would look elsewhere: in the working directory, or nowhere.
                     element.set(attribute, str(path))

@@ -162,7 +162,7 @@ def hull_points(model: mujoco.MjModel, geom: int) -> Array:
     kind = int(model.geom_type[geom])
     size = np.array(model.geom_size[geom])
     if kind in (mujoco.mjtGeom.mjGEOM_MESH, mujoco.mjtGeom.mjGEOM_SDF):
-        return _extremes(_mesh_vertices(model, int(model.geom_dataid[geom])))
+        return _extremes(mesh_vertices(model, int(model.geom_dataid[geom])))
     if kind == mujoco.mjtGeom.mjGEOM_HFIELD:
         x, y, top, below = model.hfield_size[model.geom_dataid[geom]]
         return _corners(np.array([x, y, (top + below) / 2])) + np.array([0, 0, (top - below) / 2])
@@ -222,15 +222,21 @@ def geom_volume(model: mujoco.MjModel, geom: int) -> float:
     }.get(kind, 0.0)
 
 
-def _mesh_vertices(model: mujoco.MjModel, mesh: int) -> Array:
+def mesh_vertices(model: mujoco.MjModel, mesh: int) -> Array:
+    """(n, 3) m, in the frame of the geoms that have it."""
     first, count = int(model.mesh_vertadr[mesh]), int(model.mesh_vertnum[mesh])
     return np.asarray(model.mesh_vert[first : first + count], dtype=float)
 
 
+def mesh_corners(model: mujoco.MjModel, mesh: int) -> Array:
+    """(m, 3, 3) m, the corners of its triangles, as `mesh_vertices`."""
+    first, count = int(model.mesh_faceadr[mesh]), int(model.mesh_facenum[mesh])
+    return mesh_vertices(model, mesh)[model.mesh_face[first : first + count]]
+
+
 def _mesh_volume(model: mujoco.MjModel, mesh: int) -> float:
     """m³ within the triangles: signed tetrahedra from the origin to each of them."""
-    first, count = int(model.mesh_faceadr[mesh]), int(model.mesh_facenum[mesh])
-    a, b, c = np.moveaxis(_mesh_vertices(model, mesh)[model.mesh_face[first : first + count]], 1, 0)
+    a, b, c = np.moveaxis(mesh_corners(model, mesh), 1, 0)
     return abs(float(np.einsum("ij,ij->", a, np.cross(b, c)))) / 6
 
 
