@@ -70,6 +70,7 @@ def run(
     folder = settings.out or default_folder(_name(settings))
     check_writable(folder)
     with _before_anything_moves("planning"):
+        stages.preflight(settings)
         scene = load(settings)
         progress("planning")
         made = plan(settings, scene)

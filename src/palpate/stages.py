@@ -70,6 +70,16 @@ def ask_planner(settings: Settings, scene: Scene | None, planner: Planner | None
     return Run(settings, scene, answer, findings, conversation, seen, picture)
 
 
+def preflight(settings: Settings) -> None:
+    """That the robot which the settings name answers, before anybody thinks about a plan for it.
+
+    Raises:
+        Unavailable: it does not.
+    """
+    if settings.robot is not None:
+        drivers().connect(settings.robot, None)
+
+
 def cell_for(settings: Settings, scene: Scene | None, seen: bool = False) -> Cell:
     """The cell that the settings name; `seen`: the scene was made of a picture.
 

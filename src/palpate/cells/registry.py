@@ -2,32 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 from typing import TYPE_CHECKING
 
 from palpate.cells.cell import Cell
+from palpate.cells.driver import Driver
+from palpate.cells.franky import driver as franky
 from palpate.errors import Unavailable
 from palpate.extensions import extensions, public
 
 if TYPE_CHECKING:
     from palpate.scene.scene import Scene
-
-
-@dataclass(frozen=True, slots=True)
-class Driver:
-    """How the cells of one kind of robot are made: public in a module that an entry point of the
-    group `palpate.cells` names.
-
-    Attributes:
-        scheme: of the robot's URLs, e.g. `franky` for `franky://HOST`.
-        connect: makes the cell at a URL, for a scene. Without a scene (a plan is made of a picture
-            alone) the cell is asked for that picture and for nothing else.
-    """
-
-    scheme: str
-    connect: Callable[[str, Scene | None], Cell]
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,14 +38,18 @@ class Drivers:
         return self.known[scheme].connect(url, scene)
 
 
+OWN = (franky,)
+"""The drivers that come with palpate."""
+
+
 @cache
 def drivers() -> Drivers:
-    """Everything in the entry-point group `palpate.cells`.
+    """palpate's own, and everything in the entry-point group `palpate.cells`.
 
     Raises:
         InputError: an entry point's module cannot be loaded; the message names it.
     """
-    found: dict[str, Driver] = {}
+    found = {own.scheme: own for own in OWN}
     for module in extensions("palpate.cells"):
         for thing in public(module):
             if isinstance(thing, Driver):

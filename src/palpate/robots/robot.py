@@ -33,7 +33,9 @@ class RobotState:
             not the arm's acceleration, exerts. Every threshold looks at this one.
         reflex: why the arm stopped itself since the last motion was started; None if it did not.
         width: m between the fingers. gripping: fingers stopped on something before closing fully.
-        fault: why what the sensors say cannot be believed (`palpate.robots.sense`), None while it can.
+        fault: why what the sensors say cannot be believed (`palpate.robots.sense`), or why the arm
+            does not move any more, whatever it is told; None while all is well.
+        mode: what a real arm's controller says it is in; empty where there is no such thing.
         moving: the arm's commanded motion is still under way.
         gripper_moving: the fingers are still under way.
     """
@@ -55,6 +57,7 @@ class RobotState:
     gripper_moving: bool
     reflex: str | None = None
     fault: str | None = None
+    mode: str = ""
 
 
 class Robot(Protocol):

@@ -14,11 +14,18 @@ import numpy as np
 
 from palpate.geometry.pose import Array, Pose
 from palpate.robots import trajectory
+from palpate.robots.commanded import (
+    ahead_of,
+    joint_path,
+    pose_path,
+    stopped_joints,
+    stopped_pose,
+    swing_path,
+)
 from palpate.robots.description import Limits, RobotDescription
-from palpate.robots.nominal import NominalArm, wrench
+from palpate.robots.nominal import NominalArm
 from palpate.robots.owner.calibrated import known, unmeasured
 from palpate.robots.owner.config import RobotConfig
-from palpate.robots.pace import free_speeds, joint_rates
 from palpate.robots.reflex import Reflex
 from palpate.robots.robot import RobotState
 from palpate.robots.simulated.correction import Correction
@@ -46,11 +53,6 @@ from palpate.trace.samples import Samples
 if TYPE_CHECKING:
     import mujoco
 
-GIVING_WAY = 0.2
-"""s, about 2 d / k of the TCP's springs: a stop this long moves the equilibrium on by as much as it
-leads the arm, so that a contact keeps the force it had."""
-STANDING = 1e-4
-"""m: a shorter way has no direction to be heavy in."""
 STANDSTILL = 0.005
 """rad/s: slower joints have stopped giving way."""
 SHORTEST_YIELD, LONGEST_YIELD = 0.1, 0.5
@@ -179,35 +181,15 @@ class MujocoRobot:
     def move_joints(self, q: Array, speed: float = 1.0) -> None:
         """See `Robot`. No part exceeds the description's pace."""
         self._reflex = None
-        goal, now, pace = np.asarray(q, dtype=float), self._joint_motion(), self._arm.pace
-        rates = speed * np.array(joint_rates(self._nominal, self._arm, now.p, goal))
-        acceleration = pace.joint_acceleration / max(float(np.abs(goal - now.p).max()), 1e-6)
-        stretches = trajectory.stretches(rates)
-        self._follow_joints(trajectory.straight(self._world.t, now, goal, stretches, acceleration))
+        t, goal = self._world.t, np.asarray(q, dtype=float)
+        path = joint_path(self._nominal, self._arm, t, self._joint_motion(), goal, speed)
+        self._follow_joints(path)
 
     def move_pose(self, target: Pose, speed: float, slower: Sequence[Stretch] = ()) -> None:
         """See `Robot`. Slower where the arm's effective mass is large."""
         self._reflex = None
-        now, origin = self._pose_motion()
-        goal = np.concatenate(
-            [target.position, trajectory.rotation_vector(origin, target.quaternion)]
-        )
-        way = goal[:3] - now.p[:3]
-        distance = max(float(np.linalg.norm(way)), 1e-6)
-        angle = max(float(np.linalg.norm(goal[3:])), 1e-6)
-        pace, t, q = self._arm.pace, self._world.t, self._readout.q
-        bent = self._nominal.reach(target, self._arm.home)
-        free = np.array([speed])
-        if distance > STANDING:
-            free = np.minimum(free_speeds(self._nominal, self._arm, (q, bent), way), speed)
-        rates = np.minimum(free / distance, pace.turning_speed / angle)
-        asked = [Stretch(part.end, part.speed / distance) for part in slower]
-        stretches = trajectory.slowed(trajectory.stretches(rates), asked)
-        acceleration = min(pace.acceleration / distance, pace.turning_acceleration / angle)
-        path = trajectory.straight(t, now, goal, stretches, acceleration)
-        resting = trajectory.Motion(q, np.zeros(7), np.zeros(7))
-        posture = trajectory.straight(t, resting, bent, stretches, acceleration)
-        self._follow_pose(trajectory.PosePath(path, origin), posture)
+        t, begin, q = self._world.t, self._pose_motion(), self._readout.q
+        self._follow_pose(*pose_path(self._nominal, self._arm, t, begin, target, speed, slower, q))
 
     def move_axis(self, direction: Array, speed: float, travel: float) -> None:
         """See `Robot`."""
@@ -218,11 +200,9 @@ class MujocoRobot:
     def swing(self, about: Array, angle: float, frequency: float, cycles: int) -> None:
         """See `Robot`."""
         self._reflex = None
-        t, (now, origin) = self._world.t, self._pose_motion()
-        amplitude = np.concatenate([np.zeros(3), angle * np.asarray(about, dtype=float)])
-        path = trajectory.swing(t, now, amplitude, frequency, cycles)
-        posture = trajectory.still(t, self._readout.q)
-        self._follow_pose(trajectory.PosePath(path, origin), posture)
+        t, begin = self._world.t, self._pose_motion()
+        path = swing_path(t, begin, about, angle, frequency, cycles)
+        self._follow_pose(path, trajectory.still(t, self._readout.q))
 
     def open_gripper(self) -> None:
         """See `Robot`."""
@@ -242,14 +222,10 @@ class MujocoRobot:
         if path.end <= t:
             return
         if isinstance(path, trajectory.Path):
-            deceleration = self._arm.pace.joint_acceleration
-            self._follow_joints(trajectory.stop(t, path.at(t), deceleration))
+            self._follow_joints(stopped_joints(self._arm, t, path.at(t)))
         else:
-            now, origin = self._pose_motion()
-            path = trajectory.stop(t, now, 2 * self._arm.pace.acceleration, GIVING_WAY)
-            self._follow_pose(
-                trajectory.PosePath(path, origin), trajectory.still(t, self._readout.q)
-            )
+            stopping = stopped_pose(self._arm, t, self._pose_motion())
+            self._follow_pose(stopping, trajectory.still(t, self._readout.q))
 
     def set_reflex(self, thresholds: Reflex) -> None:
         """See `Robot`."""
@@ -315,21 +291,11 @@ class MujocoRobot:
         t, path = self._world.t, self._path
         if isinstance(path, trajectory.PosePath):
             return path.motion(t), path.pose(t).quaternion
-        readout, springs = self._readout, self._arm.stiffness
-        pose, pull = readout.pose_world_tcp, wrench(readout.jacobian, self._sprung())
-        # The TCP's springs must pull as hard from the first step on: their equilibrium lies ahead
-        # of the measured pose by force / stiffness, and is turned by torque / stiffness.
-        ahead = pose.position + pull[:3] / springs.translation
-        into_tool = pose.rotation.T
-        turn = into_tool @ pull[3:] / springs.rotation
-        origin = trajectory.turned(pose.quaternion, turn[None])[0]
+        readout = self._readout
         twist = readout.twist if path.end > t else np.zeros(6)
-        now = trajectory.Motion(
-            np.concatenate([ahead, np.zeros(3)]),
-            np.concatenate([twist[:3], into_tool @ twist[3:]]),
-            np.zeros(6),
+        return ahead_of(
+            readout.pose_world_tcp, readout.jacobian, self._sprung(), self._arm.stiffness, twist
         )
-        return now, origin
 
     def _sprung(self) -> Array:
         """What the springs exert at the joints now (7,), N m."""

@@ -1,0 +1,78 @@
+"""The cell of a Franka arm: `franky://HOST`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from palpate.cells.driver import Driver
+from palpate.errors import InputError
+from palpate.parameter import Parameter
+from palpate.robots.franky.address import SCHEME, Address, read_address
+from palpate.robots.franky.preflight import require_answer
+
+if TYPE_CHECKING:
+    from palpate.pictures.footage import Footage
+    from palpate.robots.franky.robot import FrankyRobot
+    from palpate.scene.poses import CameraEntry
+    from palpate.scene.scene import Scene
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FrankyCell:
+    """A real workplace with a Franka in it. Implements `palpate.cells.cell.Cell`."""
+
+    address: Address
+    scene: Scene | None
+
+    @property
+    def description(self) -> str:
+        """For the report."""
+        return f"Franka at {self.address}"
+
+    @property
+    def simulated(self) -> bool:
+        """Never, as far as it knows."""
+        return False
+
+    def picture(self, camera: CameraEntry | None = None) -> bytes | None:
+        """It has no camera: give images=."""
+        return None
+
+    def robot(self) -> FrankyRobot:
+        """The arm, as it stands; see `Cell`."""
+        from palpate.robots.franky.robot import FrankyRobot
+        from palpate.robots.franky.session import Session
+
+        if self.scene is None:
+            raise InputError("a robot needs a scene to work in: give scene=D.xml")
+        session = Session(self.address)
+        try:
+            return FrankyRobot(
+                session, self.scene.arm, self.scene.pose_world_base, self.scene.gravity
+            )
+        except BaseException:
+            session.close()
+            raise
+
+    def footage(self) -> Footage | None:
+        """None."""
+        return None
+
+    def truth(self, parameter: Parameter) -> tuple[float, ...] | None:
+        """Nobody knows."""
+        return None
+
+
+def connect(url: str, scene: Scene | None) -> FrankyCell:
+    """The cell at a URL, whose control box answers.
+
+    Raises:
+        InputError: no such URL. Unavailable: it is out of reach.
+    """
+    address = read_address(url)
+    require_answer(address)
+    return FrankyCell(address, scene)
+
+
+driver = Driver(SCHEME, connect)

@@ -1,0 +1,117 @@
+"""What any robot makes of a command: where its equilibrium goes, as a function of time.
+
+How a robot follows it (springs simulated by MuJoCo, or a real arm's controller) is its own affair.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from palpate.geometry.pose import Array, Pose
+from palpate.robots import trajectory
+from palpate.robots.description import RobotDescription
+from palpate.robots.nominal import NominalArm, wrench
+from palpate.robots.pace import free_speeds, joint_rates
+from palpate.robots.sheet import Stiffness
+from palpate.robots.trajectory import Motion, Path, PosePath, Stretch
+
+STANDING = 1e-4
+"""m: a shorter way has no direction to be heavy in."""
+GIVING_WAY = 0.2
+"""s, about 2 d / k of the TCP's springs: a stop this long moves the equilibrium on by as much as it
+leads the arm, so that a contact keeps the force it had."""
+
+
+def joint_path(
+    nominal: NominalArm, arm: RobotDescription, t: float, now: Motion, goal: Array, speed: float
+) -> Path:
+    """From `now` at time `t`, s, to joint positions `goal` (7,), rad; no part of the arm exceeds its
+    pace, of which `speed` is the part."""
+    pace = arm.pace
+    rates = speed * np.array(joint_rates(nominal, arm, now.p, goal))
+    acceleration = pace.joint_acceleration / max(float(np.abs(goal - now.p).max()), 1e-6)
+    return trajectory.straight(t, now, goal, trajectory.stretches(rates), acceleration)
+
+
+def pose_path(
+    nominal: NominalArm,
+    arm: RobotDescription,
+    t: float,
+    begin: tuple[Motion, Array],
+    target: Pose,
+    speed: float,
+    slower: Sequence[Stretch],
+    q: Array,
+) -> tuple[PosePath, Path]:
+    """Straight to `target` (world), and the way of the null space meanwhile, from joint positions
+    `q` (7,), rad. Slower where the arm's effective mass is large, and as `slower` says.
+
+    `begin` is a state of motion, and the orientation (4,) that its rotation vector is relative to.
+    """
+    now, origin = begin
+    goal = np.concatenate([target.position, trajectory.rotation_vector(origin, target.quaternion)])
+    way = goal[:3] - now.p[:3]
+    distance = max(float(np.linalg.norm(way)), 1e-6)
+    angle = max(float(np.linalg.norm(goal[3:])), 1e-6)
+    pace = arm.pace
+    bent = nominal.reach(target, arm.home)
+    free = np.array([speed])
+    if distance > STANDING:
+        free = np.minimum(free_speeds(nominal, arm, (q, bent), way), speed)
+    rates = np.minimum(free / distance, pace.turning_speed / angle)
+    asked = [Stretch(part.end, part.speed / distance) for part in slower]
+    stretches = trajectory.slowed(trajectory.stretches(rates), asked)
+    acceleration = min(pace.acceleration / distance, pace.turning_acceleration / angle)
+    path = trajectory.straight(t, now, goal, stretches, acceleration)
+    resting = Motion(q, np.zeros(7), np.zeros(7))
+    posture = trajectory.straight(t, resting, bent, stretches, acceleration)
+    return PosePath(path, origin), posture
+
+
+def swing_path(
+    t: float,
+    begin: tuple[Motion, Array],
+    about: Array,
+    angle: float,
+    frequency: float,
+    cycles: int,
+) -> PosePath:
+    """To and fro about the unit axis `about` (3,) of the tool; see `Robot.swing`."""
+    now, origin = begin
+    amplitude = np.concatenate([np.zeros(3), angle * np.asarray(about, dtype=float)])
+    return PosePath(trajectory.swing(t, now, amplitude, frequency, cycles), origin)
+
+
+def stopped_joints(arm: RobotDescription, t: float, now: Motion) -> Path:
+    """To rest, onwards."""
+    return trajectory.stop(t, now, arm.pace.joint_acceleration)
+
+
+def stopped_pose(arm: RobotDescription, t: float, begin: tuple[Motion, Array]) -> PosePath:
+    """To rest, onwards; a contact keeps the force it had."""
+    now, origin = begin
+    return PosePath(trajectory.stop(t, now, 2 * arm.pace.acceleration, GIVING_WAY), origin)
+
+
+def ahead_of(
+    pose: Pose, jacobian: Array, torque: Array, springs: Stiffness, twist: Array
+) -> tuple[Motion, Array]:
+    """Where the TCP's springs must have their equilibrium to exert the joint torques `torque` (7,),
+    N m, from the first step on: ahead of the measured pose by force / stiffness, and turned by torque /
+    stiffness. `twist` (6,) is the motion that goes on.
+
+    Returns the motion, and the orientation (4,) that its rotation vector is relative to.
+    """
+    pull = wrench(jacobian, torque)
+    ahead = pose.position + pull[:3] / springs.translation
+    into_tool = pose.rotation.T
+    turn = into_tool @ pull[3:] / springs.rotation
+    origin = trajectory.turned(pose.quaternion, turn[None])[0]
+    now = Motion(
+        np.concatenate([ahead, np.zeros(3)]),
+        np.concatenate([twist[:3], into_tool @ twist[3:]]),
+        np.zeros(6),
+    )
+    return now, origin

@@ -1,0 +1,65 @@
+"""What franky raises, and the modes of a control box, in words that say what to do."""
+
+from __future__ import annotations
+
+from typing import Any
+
+MODES = {
+    "Other": "not ready (brakes closed, or another mode in Desk)",
+    "Idle": "ready",
+    "Move": "moving",
+    "Guiding": "guided by hand",
+    "Reflex": "stopped by a reflex",
+    "UserStopped": "stopped by the user stop",
+    "AutomaticErrorRecovery": "recovering",
+}
+"""The control box's own modes, as they are told."""
+
+REMEDIES = {
+    "UserStopped": "release the user stop, see that nothing is held or in the way, and run again",
+    "Reflex": "see what it met, clear the error in Desk, and run again",
+    "Guiding": "take the hands off the guiding button, and run again",
+    "Other": "open the brakes and activate FCI in Desk, and run again",
+}
+"""Nobody but a person takes up again what the arm stopped."""
+
+READY = ("Idle", "Move")
+
+
+def mode_of(state: Any) -> str:
+    """The control box's mode, by its name."""
+    return str(state.robot_mode.name)
+
+
+def errors_of(state: Any) -> list[str]:
+    """The errors that are set, as libfranka names them."""
+    errors = state.current_errors
+    names = [name for name in dir(errors) if not name.startswith("_")]
+    return [name for name in names if getattr(errors, name) is True]
+
+
+def of_mode(state: Any) -> str | None:
+    """Why an arm in this mode does not move; None where it does."""
+    mode = mode_of(state)
+    if mode in READY:
+        return None
+    return f"the arm is {MODES.get(mode, mode)}: {REMEDIES.get(mode, 'look at Desk')}"
+
+
+def of_error(error: BaseException, mode: str | None = None) -> str:
+    """What went wrong with a motion."""
+    text = " ".join(str(error).split())
+    kind = type(error).__name__
+    lowered = text.lower()
+    if "user stop" in lowered or mode == "UserStopped":
+        return f"the user stop was pressed: {REMEDIES['UserStopped']}"
+    if "net exception" in lowered or "udp" in lowered or kind == "NetworkException":
+        return "the connection to the control box is lost: look at the network cable and at Desk"
+    if "reflex" in lowered or mode == "Reflex":
+        return f"the arm stopped itself ({text}): {REMEDIES['Reflex']}"
+    if "communication_constraints" in lowered:
+        return (
+            "too many of the control box's cycles got no answer in time: use a realtime kernel, and a "
+            f"network card and cable of its own ({text})"
+        )
+    return f"{kind}: {text}"

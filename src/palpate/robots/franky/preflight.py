@@ -1,0 +1,74 @@
+"""Whether a control box answers, and speaks our language: said before anything is planned."""
+
+from __future__ import annotations
+
+import socket
+import struct
+from dataclasses import dataclass
+
+from palpate.errors import Unavailable
+from palpate.robots.franky.address import Address
+from palpate.robots.franky.library import franky
+
+ROBOT_PORT, GRIPPER_PORT = 1337, 1338
+"""libfranka's command ports of the arm and of the hand."""
+ANSWERS = 2.0
+"""s in which a control box takes a connection, and answers a greeting."""
+SPOKEN = 10
+"""Version of the robot interface of libfranka 0.18 and later, which franky-control 2.0 is built with
+(libfranka-common, research_interface/robot/rbk_types.h and service_types.h)."""
+
+_GREETING = struct.Struct("<IIIHH")
+"""Command, id and size of the message; version and UDP port."""
+_ANSWER = struct.Struct("<IIIBH")
+"""Command, id and size of the message; status and version."""
+
+
+@dataclass(frozen=True, slots=True)
+class Greeting:
+    """What a control box answered: the version that it speaks, None where it said nothing that we
+    understand; why it cannot be used, None where it can."""
+
+    version: int | None
+    problem: str | None
+
+
+def greet(address: Address) -> Greeting:
+    """Say hello at the arm's port, as libfranka does, and hang up."""
+    try:
+        with socket.create_connection((address.host, ROBOT_PORT), ANSWERS) as line:
+            line.settimeout(ANSWERS)
+            line.sendall(_GREETING.pack(0, 0, _GREETING.size, SPOKEN, line.getsockname()[1]))
+            answer = line.recv(_ANSWER.size, socket.MSG_WAITALL)
+    except TimeoutError:
+        return Greeting(None, f"it says nothing within {ANSWERS:g} s: {ACTIVATE}")
+    except OSError as error:
+        reason = error.strerror or str(error) or type(error).__name__
+        return Greeting(
+            None, f"{reason}: is it switched on, and in this computer's network? {ACTIVATE}"
+        )
+    if len(answer) < _ANSWER.size:
+        return Greeting(None, f"it hangs up: {ACTIVATE}")
+    _, _, _, refused, version = _ANSWER.unpack(answer)
+    if refused:
+        return Greeting(version, WHEEL.format(theirs=version, ours=SPOKEN))
+    return Greeting(version, None)
+
+
+ACTIVATE = "activate FCI in Desk, and see that no other program is connected"
+WHEEL = (
+    "it speaks version {theirs} of the robot interface, and this franky-control version {ours}: install "
+    "the wheel that is built for its system version (README of franky-control, compatibility)"
+)
+
+
+def require_answer(address: Address) -> None:
+    """That the driver is installed, and that the control box answers.
+
+    Raises:
+        Unavailable: it does not; the message says what to do.
+    """
+    franky()
+    greeting = greet(address)
+    if greeting.problem is not None:
+        raise Unavailable(f"the robot at {address} cannot be used: {greeting.problem}")
