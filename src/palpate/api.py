@@ -350,9 +350,12 @@ def run(
     )
     # How it is to run is looked at before anybody plans: a model's answer costs money.
     planned = replace(asked, **_stated(options)).checked(at_hand=scene is not None)
+    if options.get("cell") is None:
+        pipeline.preflight(planned)
     found = scene
     if isinstance(found, str | Path):
-        found = load(found, poses, arm, cautious, robot_config, root, robot_body)
+        real = planned.robot is not None
+        found = _loaded(found, poses, arm, cautious, robot_config, root, robot_body, real)
     if found is not None:
         planned = found.settings(planned)
     options.get("progress", quiet)("planning")
@@ -384,8 +387,22 @@ def load(
     Raises:
         InputError: malformed XML, missing files, names that do not match.
     """
+    return _loaded(source, poses, arm, cautious, robot_config, root, robot_body, real=False)
+
+
+def _loaded(
+    source: str | Path,
+    poses: str | Path | None,
+    arm: str | Path,
+    cautious: bool,
+    robot_config: str | Path | None,
+    root: str | Path | None,
+    robot_body: str | Sequence[str],
+    real: bool,
+) -> Scene:
+    """As `load`; `real`: the arm is not simulated."""
     file, config = _path(poses), _path(robot_config)
-    description = own_arm(str(arm), cautious, config)
+    description = own_arm(str(arm), cautious, config, real=real)
     robots = _names(robot_body)
     if _is_text(source):
         entries = read_poses(file) if file is not None else None

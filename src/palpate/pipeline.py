@@ -70,7 +70,7 @@ def run(
     folder = settings.out or default_folder(_name(settings))
     check_writable(folder)
     with _before_anything_moves("planning"):
-        stages.preflight(settings)
+        preflight(settings)
         scene = load(settings)
         progress("planning")
         made = plan(settings, scene)
@@ -149,6 +149,16 @@ def _finished(made: Run, keeper: Keeper, progress: Progress, cell: Cell | None =
         if made.interrupted is not None:
             return made
     return keeper.finished(made)
+
+
+def preflight(settings: Settings) -> None:
+    """That the robot which the settings name answers, before anybody thinks about a plan for it.
+
+    Raises:
+        InputError: no such URL. Unavailable: it does not answer.
+    """
+    if settings.robot is not None:
+        stages.connected(settings, None)
 
 
 def load(settings: Settings) -> Scene | None:

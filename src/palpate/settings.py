@@ -104,8 +104,8 @@ class Settings:
         return self
 
     def described_arm(self) -> RobotDescription:
-        """The arm as its owner knows it: its description, of the embedded one what the noise model's
-        datasheet says, and what was measured of it.
+        """The arm as its owner knows it: its description, with a real one's springs, of the embedded
+        one what the noise model's datasheet says, and what was measured of it.
 
         Raises:
             InputError: no such arm or noise model, or its robot.yaml cannot be used.
@@ -117,7 +117,8 @@ class Settings:
         if self.robot is None:
             arm = load_description(self.arm, self.cautious)
             told = noise_models().load(self.noise, arm).datasheet
-        return own_arm(self.arm, self.cautious, self.robot_config, told)
+        real = self.robot is not None
+        return own_arm(self.arm, self.cautious, self.robot_config, told, real)
 
 
 def _check_request(request: str) -> None:

@@ -70,14 +70,14 @@ def ask_planner(settings: Settings, scene: Scene | None, planner: Planner | None
     return Run(settings, scene, answer, findings, conversation, seen, picture)
 
 
-def preflight(settings: Settings) -> None:
-    """That the robot which the settings name answers, before anybody thinks about a plan for it.
+def connected(settings: Settings, scene: Scene | None) -> Cell:
+    """The cell of the real robot that the settings name.
 
     Raises:
-        Unavailable: it does not.
+        InputError: no such URL. Unavailable: no driver for it, or no answer.
     """
-    if settings.robot is not None:
-        drivers().connect(settings.robot, None)
+    assert settings.robot is not None
+    return drivers().connect(settings.robot, scene)
 
 
 def cell_for(settings: Settings, scene: Scene | None, seen: bool = False) -> Cell:
@@ -90,7 +90,7 @@ def cell_for(settings: Settings, scene: Scene | None, seen: bool = False) -> Cel
     simulated = (noise_told(settings.noise), settings.seed) if settings.robot is None else None
     require_same(settings.described_arm().config, simulated)
     if settings.robot is not None:
-        return drivers().connect(settings.robot, scene)
+        return connected(settings, scene)
     tolerance = SEEN_TOLERANCE if seen else SIZE_TOLERANCE
     return simulated_cell(
         scene,

@@ -86,7 +86,8 @@ class RobotDescription:
             owner is told.
         accuracy: what the maker states.
         reach: where the arm works well. postures: where the inverse kinematics looks.
-        stiffness, pace: defaults of the controller and of commanded motions.
+        stiffness, pace: defaults of the controller and of commanded motions. hardware: the
+            springs of a real arm, None where they are the same.
         sensors: how its joint torque signals deviate.
         end_effector: what the last joint carries, where somebody weighed it.
         config: what was measured of this very arm; it is in the other attributes already. told: the
@@ -109,6 +110,7 @@ class RobotDescription:
     pace: Pace
     sensors: Sensors
     postures: tuple[Array, ...]
+    hardware: Stiffness | None = None
     end_effector: EndEffector | None = None
     config: RobotConfig | None = None
     told: RobotDescription | None = None
@@ -147,6 +149,10 @@ class RobotDescription:
         """The same arm, slow enough everywhere for things that no scene shows."""
         slower = dict(self.pace.cautious)
         return replace(self, pace=self.pace.model_copy(update=slower))
+
+    def real(self) -> RobotDescription:
+        """The same arm as it is where it is not simulated."""
+        return replace(self, stiffness=self.hardware or self.stiffness)
 
     def spec(self, gravity: Array | None = None) -> mujoco.MjSpec:
         """An editable copy of the arm's model, its options those of every world it is put in."""
@@ -198,6 +204,7 @@ def read_description(folder: Path, name: str, known: Mapping[str, Path]) -> Robo
         pace=sheet.pace,
         sensors=sheet.sensors,
         postures=sheet.postures,
+        hardware=None if sheet.hardware is None else sheet.hardware.stiffness,
     )
 
 

@@ -171,6 +171,13 @@ class Stiffness(Section):
     joints: Seven
 
 
+class Hardware(Section):
+    """What a real arm has else than a simulated one: springs that a control loop at 1 kHz keeps
+    stable, and that give way to a person."""
+
+    stiffness: Stiffness
+
+
 class Cautious(Section):
     """What a cautious arm does less of; see `Pace`."""
 
@@ -249,6 +256,7 @@ class Sheet(Section):
         home: (7,) rad, tool down. velocity: (7,) rad/s. payload: kg.
         torque: (7,) N m; None where the MJCF's `actuatorfrcrange` says it.
         postures: (7,) rad each, relative to home: where the inverse kinematics looks further.
+        hardware: None where a real arm is as the simulated one.
     """
 
     label: Name
@@ -268,6 +276,7 @@ class Sheet(Section):
     accuracy: Accuracy
     sensors: Sensors
     postures: tuple[Seven, ...]
+    hardware: Hardware | None = None
 
 
 INHERITED = (
@@ -280,6 +289,7 @@ INHERITED = (
     "accuracy",
     "sensors",
     "postures",
+    "hardware",
 )
 """What a description that says `like: NAME` need not say again."""
 

@@ -63,12 +63,12 @@ WHEEL = (
 
 
 def require_answer(address: Address) -> None:
-    """That the driver is installed, and that the control box answers.
+    """That the control box answers, and that the driver is installed.
 
     Raises:
         Unavailable: it does not; the message says what to do.
     """
-    franky()
     greeting = greet(address)
     if greeting.problem is not None:
         raise Unavailable(f"the robot at {address} cannot be used: {greeting.problem}")
+    franky()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from pathlib import Path
 
 from palpate.errors import InputError
@@ -13,15 +14,21 @@ from palpate.robots.registry import load_description
 
 
 def own_arm(
-    name: str, cautious: bool, config: Path | None, told: Datasheet | None = None
+    name: str,
+    cautious: bool,
+    config: Path | None,
+    told: Datasheet | None = None,
+    real: bool = False,
 ) -> RobotDescription:
-    """The arm as its owner knows it: its description, what a datasheet tells, and what the
-    robot.yaml `config` says was measured of it.
+    """The arm as its owner knows it: its description, with the springs of a `real` one, what a
+    datasheet tells, and what the robot.yaml `config` says was measured of it.
 
     Raises:
         InputError: no such arm, or the file cannot be read, or is another arm's.
     """
     arm = load_description(name, cautious)
+    if real:
+        arm = _real(arm)
     if told is not None:
         arm = informed(arm, told)
     if config is None:
@@ -30,6 +37,12 @@ def own_arm(
     if measured.arm is not None and measured.arm != arm.name:
         raise InputError(f"{config} was measured of the arm '{measured.arm}', not of '{arm.name}'")
     return calibrated(arm, measured)
+
+
+@cache
+def _real(arm: RobotDescription) -> RobotDescription:
+    """One and the same for an arm, as what is computed of it is kept."""
+    return arm.real()
 
 
 def require_same(
