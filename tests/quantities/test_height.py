@@ -183,6 +183,26 @@ def test_one_finger_on_something_is_seen_by_the_hand_that_leans_over(
     assert ("leans over" in found.contradiction) == (verdict == "contradicted")
 
 
+def test_an_arm_that_may_be_out_of_level_leans_over_where_it_touches(bench, noises):
+    """A base that was levelled by eye: its owner says so, and the interval has room for it."""
+    b = bench(noises["lab"], 2)
+    b.go("table_approach", (0.5, 0.0, 0.32))
+    recording = b.descend(rigid, "table", threshold=30.0)
+    b.convert("Pose2Height", "table", "height", recording)
+    trace = leaning(b.trace(replace(HAND, tip_offset_std=5e-3)), lambda force: 0.14e-3 * force)
+    assert estimate_height(trace, HEIGHT, None).verdict == "identified"
+
+
+@pytest.mark.parametrize("stiffness", [3000, 12000])
+def test_a_mat_is_no_table_to_an_arm_whose_joints_rub(bench, noises, stiffness):
+    """What they let go of as the arm stops hides half of the force, but not how it rose."""
+    rough = replace(noises["lab"], friction=2.0)
+    for seed in range(4):
+        found = probe(bench, rough, lambda z: max(0.0, TABLE + CLOTH - z) * stiffness, seed)
+        assert found.verdict == "contradicted"
+        assert "give" in found.contradiction
+
+
 def test_what_the_tips_give_way_is_not_the_surface(bench, noises):
     """Rubber pads under a hand whose owner says so."""
     b = bench(noises["lab"])

@@ -147,7 +147,7 @@ def _touches(trace: Trace, surfaces: Sequence[Parameter]) -> list[Touch]:
     for touch in found:
         if touch.gives_way or touch.soft > 0.0:
             raise InputError(
-                f"the gauge gives way by {1e6 * touch.yields:.0f} µm/N where it was touched: put it "
+                f"the gauge gives way by {1e6 * touch.spring.compliance:.0f} µm/N where it was touched: put it "
                 "on something rigid; nothing is written"
             )
     sides = [test for touch in found for test in touch.sides()]

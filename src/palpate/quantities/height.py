@@ -220,7 +220,7 @@ def estimate_height(trace: Trace, parameter: Parameter, body: Body | None) -> Es
 
 def _tests(found: Sequence[Touch], plane: Plane) -> Iterator[FitTest]:
     """Whether what was met is one rigid surface."""
-    yield max(found, key=lambda touch: touch.yields).firm()
+    yield max(found, key=lambda touch: touch.at_most).firm()
     for touch in found:
         yield from touch.sides()
     if plane.freedom:

@@ -10,7 +10,7 @@ import numpy as np
 from palpate.estimation import tuning
 from palpate.estimation.agreement import FitTest, chi_squared
 from palpate.estimation.contact.descent import probes
-from palpate.estimation.contact.spring import Spring, fit_spring
+from palpate.estimation.contact.spring import Spring
 from palpate.estimation.contact.touch import Touch, touches_of
 from palpate.estimation.estimate import Z95, Estimate, Part, Shared, not_identified
 from palpate.mjcf.body import Body
@@ -54,7 +54,7 @@ def estimate_stiffness(trace: Trace, parameter: Parameter, body: Body | None) ->
     """
     recordings = tuple(probes(trace, parameter))
     touches = touches_of(trace, recordings)
-    found = [fit_spring(touch, trace.hand) for touch in touches]
+    found = [touch.spring for touch in touches]
     if not found:
         nothing = f"No descent pressed on {parameter.object}."
         return not_identified(parameter, UNIT, nothing, recordings)
@@ -64,7 +64,7 @@ def estimate_stiffness(trace: Trace, parameter: Parameter, body: Body | None) ->
     compliances = np.array([spring.compliance for spring in found])
     mean = float(np.average(compliances, weights=weights))
     std = float(np.hypot(weights.sum() ** -0.5, common))
-    most = max(spring.at_most for spring in found)
+    most = max(spring.held + 2.0 * spring.held_std for spring in found)
     if most < tuning.RIGID or mean < std / tuning.RESOLVED:
         stiffer = 1.0 / (most if most < tuning.RIGID else max(mean, 0.0) + Z95 * std)
         resolved = (

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Generator, Iterator
 from dataclasses import replace
 from typing import Annotated, ClassVar, Literal
@@ -25,7 +26,7 @@ from palpate.vocabulary.base import (
     Surroundings,
 )
 from palpate.vocabulary.state import SymbolicState
-from palpate.vocabulary.touch import BRIEF, Feeling, feel, finish, guarded, settle
+from palpate.vocabulary.touch import BRIEF, Feeling, FreeAir, feel, finish, guarded, settle
 from palpate.vocabulary.violation import PRECONDITION, Violation
 
 PROBE_SPEED = 0.012
@@ -38,16 +39,22 @@ EXPECTED_WITHIN = 0.03
 """m above the believed top in which contact is expected: three standard deviations of the height of
 a surface that something tells of."""
 CONTACT_FORCE = 8.0
-"""N: the threshold tau_c of the paper, against the force felt in free air at the start of the
-motion."""
+"""N: the threshold tau_c of the paper, against the force felt in free air on the way."""
 FIRM_FORCE = 30.0
 """N: the threshold where the hand leans over as it touches: one finger alone may stand on something, or
 the arm may only be out of level by so little that the other one follows."""
-RELIEF = 4.0
-"""N by which the arm's springs let go of it again at a time."""
 EASED = 10.0
-"""N from which on that is enough: no more than a hand that stands on something may feel, and no less than
-is certainly there, as what the joints' friction makes of a force turns round with the arm."""
+"""N from which on it presses lightly again: no more than a hand that stands on something may feel, and no
+less than is certainly there, as what the joints' friction makes of a force turns round with the arm."""
+REPEATABLE = 0.5
+"""N by which what is held on something must be less than a hand that stands on something may feel: three
+times a force's repeatability. What is hard below something soft is met with more than the threshold."""
+RELIEF = 4.0
+"""N by which the arm's springs let go of more than that at least."""
+EASINGS = math.ceil(FIRM_FORCE / RELIEF)
+"""times after which nothing of `FIRM_FORCE` is left on those springs, whatever is felt."""
+EASING_SPEED = 0.006
+"""m/s: half as fast as it came, so that the arm's dampers do not lift it off as it sets out."""
 ASKEW = 3e-4
 """rad that the hand leans over then: a third of what `CONTACT_FORCE` on one finger does."""
 SOFT_DEPTH = 5e-4
@@ -168,7 +175,8 @@ class MoveUntilContact(Primitive):
                 yield from settle(blackboard)
                 if firm and abs(_leaning(robot.state) - upright) > ASKEW:
                     yield from self._press(blackboard, contact)
-                    yield from settle(blackboard)
+                elif _presses(robot.state.contact) > robot.limits.free_force - REPEATABLE:
+                    yield from self._ease(blackboard, contact)
                 return f"contact after {1e3 * travelled:.0f} mm"
         raise LeafFailure(
             f"nothing touched within {PROBE_TRAVEL:.2f} m along {self.axis}; "
@@ -180,12 +188,21 @@ class MoveUntilContact(Primitive):
         robot, direction = blackboard.robot, self.direction
         robot.move_axis(direction, PROBE_SPEED, PROBE_TRAVEL)
         yield from guarded(blackboard, lambda: contact.exceeds(FIRM_FORCE))
-        eased = RELIEF / blackboard.scene.arm.stiffness.translation
         yield from settle(blackboard, BRIEF)
-        while contact.along((yield from feel(blackboard))) > EASED:
-            robot.move_axis(-direction, PROBE_SPEED, eased)
+        yield from self._ease(blackboard, contact)
+
+    def _ease(self, blackboard: Blackboard, contact: _Contact) -> Generator[None, None, None]:
+        """Until it presses lightly."""
+        robot = blackboard.robot
+        for _ in range(EASINGS):
+            felt = contact.at_rest((yield from feel(blackboard)))
+            if felt < EASED:
+                break
+            relief = max(felt - EASED, RELIEF) / blackboard.scene.arm.stiffness.translation
+            robot.move_axis(-self.direction, EASING_SPEED, relief)
             yield from finish(blackboard)
             yield from settle(blackboard, BRIEF)
+        yield from settle(blackboard)
 
     def _stages(self, state: SymbolicState, z: float) -> list[tuple[float, float]]:
         """Speed, m/s, and travel, m, of one part of the way after the other."""
@@ -218,17 +235,21 @@ class _Contact:
 
     def __init__(self, robot: Robot, direction: Array) -> None:
         self._robot, self._direction = robot, direction
-        self._feeling = Feeling(robot)
+        self._feeling, self._free_air = Feeling(robot), FreeAir(robot, direction)
         self._met: Pose | None = None
 
-    def along(self, wrench: Array) -> float:
-        """N that press back, of a wrench (6,), against what was felt first."""
+    def at_rest(self, wrench: Array) -> float:
+        """N that press back on an arm at rest, of a wrench (6,), against what it felt at rest first."""
         return float((wrench - self._feeling.first)[:3] @ self._direction)
 
     def exceeds(self, threshold: float) -> bool:
         """Whether more than `threshold` N press back, or something twists the hand."""
         wrench = self._feeling.now()
-        along, turning = self.along(wrench), wrench[3:] - self._feeling.first[3:]
+        if np.isnan(wrench).any():
+            return False
+        self._free_air.follow(wrench)
+        met = wrench - self._free_air.wrench
+        along, turning = float(met[:3] @ self._direction), met[3:]
         if along < CONTACT_FORCE / 2:
             self._met = None  # the joints' friction on the way
         elif self._met is None:
@@ -239,6 +260,11 @@ class _Contact:
         """m that the hand has gone on since half of `CONTACT_FORCE` pressed back."""
         here = self._robot.state.pose_world_tcp
         return 0.0 if self._met is None else here.distance_to(self._met)
+
+
+def _presses(wrench: Array) -> float:
+    """N of a wrench (6,)."""
+    return float(np.linalg.norm(wrench[:3]))
 
 
 def _leaning(state: RobotState) -> float:

@@ -32,6 +32,20 @@ MET = 8.0
 the sensors' bias do as the arm sets out."""
 
 
+SETTING_OUT = (0.2, 0.4)
+"""s from when a probe begins to when it is under way: its arm no longer swings, and its joints' friction has
+turned against the motion."""
+GROWS = 1.0
+"""N that what presses back grows by meanwhile where something was met already: at 12 mm/s a rigid thing
+presses by 3.6 N more on springs of 3000 N/m, and what gives way with 600 N/m by 0.7 N."""
+DRIFT = np.array([20.0, 20.0, 20.0, 60.0, 60.0, 60.0])
+"""N/m and N m/m that free air may change by with the place: one and a half times as much as an arm did that
+nobody calibrated (gains, links, friction; 12 of them, 15 N/m and 40 N m/m)."""
+DRIFT_MOST = np.array([1.5, 1.5, 1.5, 6.0, 6.0, 6.0])
+"""N and N m that it may change by altogether: the same, over 0.1 m. What gives way is pressed by so much more
+than a threshold at most."""
+
+
 class Feeling:
     """The external wrench as it is felt for several ticks.
 
@@ -54,6 +68,55 @@ class Feeling:
         if np.isnan(self.first).any():
             self.first = wrench
         return wrench
+
+
+class FreeAir:
+    """What a probe feels on its way through free air; to be told once a tick what it feels.
+
+    At first that is what the arm felt at rest. Under way its joints rub, which is a step at once, and what
+    it feels drifts with the place. A contact is neither: it comes later than the one, and grows more
+    steeply than the other.
+
+    Attributes:
+        wrench: (6,) the convention of `palpate.trace`; not a number before.
+    """
+
+    def __init__(self, robot: Robot, direction: Array) -> None:
+        self.wrench: Array = np.full(6, np.nan)
+        self._robot, self._direction = robot, direction
+        self._begin, self._at = robot.state.t, robot.state.pose_world_tcp
+        self._setting_out: list[Array] = []
+        self._under_way: Array | None = None
+
+    def follow(self, felt: Array) -> None:
+        """After another tick, in which `felt` (6,) was felt."""
+        if np.isnan(self.wrench).any():
+            self.wrench = felt
+        here, since = self._robot.state.pose_world_tcp, self._robot.state.t - self._begin
+        if since > SETTING_OUT[1]:
+            self._drift(felt, here.distance_to(self._at))
+        elif since > SETTING_OUT[0]:
+            self._setting_out.append(felt)
+        self._at = here
+
+    def _drift(self, felt: Array, travelled: float) -> None:
+        if self._under_way is None:
+            self._under_way = self.wrench = self._set_out()
+        most = DRIFT * travelled
+        drifted = self.wrench + np.clip(felt - self.wrench, -most, most)
+        since = np.clip(drifted - self._under_way, -DRIFT_MOST, DRIFT_MOST)
+        self.wrench = self._under_way + since
+
+    def _set_out(self) -> Array:
+        """(6,) what was felt as the arm set out, unless it grew."""
+        felt = self._setting_out
+        if not felt:
+            return self.wrench
+        half = len(felt) // 2
+        grown = np.median(felt[half:], axis=0) - np.median(felt[: half + 1], axis=0)
+        if abs(grown[:3] @ self._direction) > GROWS:
+            return self.wrench
+        return np.median(felt, axis=0)
 
 
 def middle(a: Array, b: Array, c: Array) -> Array:

@@ -20,7 +20,6 @@ import numpy as np
 
 from palpate.estimation import tuning
 from palpate.estimation.contact.descent import Descent, block_means
-from palpate.estimation.contact.touch import Touch
 from palpate.estimation.windows import Mask
 from palpate.geometry.pose import Array
 from palpate.trace.recording import Hand
@@ -29,23 +28,52 @@ STIFFNESS, DAMPING = 1, 3
 """Places of k and d among the unknowns."""
 
 
+@dataclass(frozen=True, slots=True)
+class Onset:
+    """Where something was met, as the loading curve shows it without a model.
+
+    Attributes:
+        first: m, tip height at which the force began to rise, with its standard deviation.
+        bottomed: m, tip height at which something soft had been pressed through; None for none.
+        secant: m/N, of the whole loading curve.
+    """
+
+    first: float
+    first_std: float
+    bottomed: float | None
+    secant: float
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Spring:
     """A surface as a spring.
 
     Attributes:
         compliance: m/N, of the surface alone, with its standard deviation.
-        at_most: m/N, the compliance that the arm at rest shows at most: how deep the tip is held below
-            where the force began to rise, over the force.
+        held, held_std: m/N, the same as the arm at rest shows it: how deep the tip is held below where
+            the force began to rise, over the force.
         first: m, tip height at which it was met.
         misfit: what the spring leaves of the force, in means over some rows, over what chance would.
     """
 
     compliance: float
     compliance_std: float
-    at_most: float
+    held: float
+    held_std: float
     first: float
     misfit: float
+
+    def at_most(self, sigmas: float) -> float:
+        """m/N that it gives way at most, as far as so many standard deviations tell: by the whole
+        curve, where what is held does not belie it. What flows is held deeper than a spring would be."""
+        curve = self.compliance + sigmas * self.compliance_std
+        doubt = sigmas * self.held_std
+        return min(max(curve, self.held - doubt), self.held + doubt)
+
+    def at_least(self, sigmas: float) -> float:
+        """m/N, likewise."""
+        curve = self.compliance - sigmas * self.compliance_std
+        return max(curve, self.held - sigmas * self.held_std)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -102,17 +130,16 @@ class _Curve:
         return float(np.linalg.inv(normal)[STIFFNESS, STIFFNESS])
 
 
-def fit_spring(touch: Touch, hand: Hand) -> Spring:
+def fit_spring(descent: Descent, onset: Onset, hand: Hand) -> Spring:
     """The spring that a descent pressed on, above whatever stiff it may have met below.
 
-    The standard deviation holds the fit's; the gain of the joints' sensors; how the force changes
-    and wanders in free air; the joints' friction, which lets go of between nothing and all of what
-    it showed as the arm set out (a uniform distribution); the stretch of a row, within which the
-    first contact is not seen; and what is not known of the pads.
+    The standard deviation holds the fit's, and so what the joints' friction lets go of as the arm stops;
+    the gain of the joints' sensors; how the force changes and wanders with the place, in free air and so
+    on the way through; the stretch of a row, within which the first contact is not seen; and what is not
+    known of the pads.
     """
-    descent = touch.descent
-    curve = _curve(descent, touch, hand)
-    first = _first(descent, touch, curve)
+    curve = _curve(descent, onset, hand)
+    first = _first(descent, onset, curve)
     found, _ = curve.solve(first)
     stiffness = max(float(found[STIFFNESS]), tuning.WEAKEST)
     relative = np.sqrt(curve.variance(found, first)) / stiffness
@@ -120,15 +147,19 @@ def fit_spring(touch: Touch, hand: Hand) -> Spring:
     total = 1.0 / stiffness
     row = float(np.abs(np.diff(descent.z))[: descent.onset + 1].max(initial=0.0))
     unseen = row / np.sqrt(12.0) / descent.full
-    # What free air does on the way down to the contact, it may do otherwise on the way through.
-    slope = np.hypot(tuning.FREE_SLOPE_STD, descent.slope / 2) / stiffness
-    shares = total * np.array([relative, gain, slope, descent.friction / descent.full])
+    # What free air does on the way down to the contact, it may do otherwise on the way through, and
+    # what joints rub with is another force in another posture.
+    slopes = (tuning.FREE_SLOPE_STD, descent.slope / 2, descent.set_out[2] / tuning.POSTURE)
+    slope = np.linalg.norm(slopes) / stiffness
+    shares = total * np.array([relative, gain, slope, descent.wander[2] / descent.full])
     std = np.linalg.norm([*shares, unseen, hand.tip_compliance_std])
     left = curve.force - curve.design(first) @ found
+    at_rest = np.array([onset.first_std, descent.friction * onset.secant]) / descent.full
     return Spring(
         total - hand.tip_compliance,
         float(std),
-        touch.secant + 2.0 * touch.first_std / touch.full - hand.tip_compliance,
+        onset.secant - hand.tip_compliance,
+        float(np.linalg.norm([*at_rest, hand.tip_compliance_std])),
         first,
         _misfit(left, curve.noise, float(np.hypot(descent.friction, hand.force_resolution))),
     )
@@ -141,9 +172,9 @@ def _misfit(left: Array, noise: float, friction: float) -> float:
     return float(np.sqrt(np.mean(block_means(left) ** 2)) / chance)
 
 
-def _curve(descent: Descent, touch: Touch, hand: Hand) -> _Curve:
+def _curve(descent: Descent, onset: Onset, hand: Hand) -> _Curve:
     noise = float(np.hypot(descent.noise, hand.force_resolution))
-    samples, rows = descent.samples, _rows(descent, touch, noise)
+    samples, rows = descent.samples, _rows(descent, onset, noise)
     speed = samples.twist[:, 2]
     window = np.full(tuning.CURVE_ROWS, 1.0 / tuning.CURVE_ROWS)
     acceleration = np.convolve(np.gradient(speed, samples.t), window, mode="same")
@@ -151,7 +182,7 @@ def _curve(descent: Descent, touch: Touch, hand: Hand) -> _Curve:
     resting = contact * np.clip(1.0 - np.abs(speed) / tuning.RESTING_SPEED, 0.0, 1.0)
     apparent, spread = tuning.ARM_MASS
     stick = float(np.hypot(hand.force_repeatability, descent.set_out[2]))
-    dissipated = 2.0 * (tuning.DISSIPATING_MASS / max(touch.secant, tuning.UNSEEN)) ** 0.5
+    dissipated = 2.0 * (tuning.DISSIPATING_MASS / max(onset.secant, tuning.UNSEEN)) ** 0.5
     return _Curve(
         descent.z[rows],
         descent.force[rows],
@@ -164,26 +195,27 @@ def _curve(descent: Descent, touch: Touch, hand: Hand) -> _Curve:
     )
 
 
-def _rows(descent: Descent, touch: Touch, noise: float) -> Mask:
+def _rows(descent: Descent, onset: Onset, noise: float) -> Mask:
     """From when the arm has set out to the end, without wild samples; without what is stiff below
     something soft; and without what comes after the greatest force of a probe that was eased, for the
     joints' friction turns round there."""
     samples = descent.samples
     rows = samples.t > descent.leaf.start + tuning.SWING
     rows &= np.abs(descent.force - descent.smooth) < tuning.WILD * noise
-    most = int(np.argmax(descent.smooth))
-    if descent.smooth[most] > tuning.EASED * descent.full:
-        rows &= np.arange(len(rows)) <= most
-    if touch.bottomed is None:
+    told = samples.target_world_tcp[:, 2]
+    if told[-1] - told.min() > tuning.EASED:
+        rows &= np.arange(len(rows)) <= int(np.argmax(descent.smooth))
+    if onset.bottomed is None:
         return rows
-    return rows & (descent.z > touch.bottomed)
+    return rows & (descent.z > onset.bottomed)
 
 
-def _first(descent: Descent, touch: Touch, curve: _Curve) -> float:
+def _first(descent: Descent, onset: Onset, curve: _Curve) -> float:
     """m: the height of the first contact that leaves least of the force."""
-    depth = max(touch.first - touch.held, tuning.UNSEEN)
-    low, high = touch.held, min(touch.first + max(depth / 2, tuning.SOFT), float(descent.z.max()))
-    best = touch.first
+    held = descent.held
+    depth = max(onset.first - held, tuning.UNSEEN)
+    low, high = held, min(onset.first + max(depth / 2, tuning.SOFT), float(descent.z.max()))
+    best = onset.first
     for candidates in tuning.SEARCHES:
         heights = np.linspace(low, high, candidates)
         sums = [curve.solve(float(height))[1] for height in heights]

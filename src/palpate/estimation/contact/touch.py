@@ -30,6 +30,7 @@ from palpate.estimation.contact.descent import (
     running_median,
     steady,
 )
+from palpate.estimation.contact.spring import Onset, Spring, fit_spring
 from palpate.estimation.windows import mean_pose
 from palpate.geometry.pose import Array
 from palpate.trace.recording import Hand, Recording
@@ -53,6 +54,8 @@ class Touch:
         lean: rad by which the contact made the hand lean over in that direction at most.
         opening: m, between the fingers.
         own: m/N, what the tips themselves give way, with its standard deviation.
+        out_of_level: rad that the arm may be out of level against what it touches.
+        spring: what it is if it is a spring, above what may have been met below.
     """
 
     recording: Recording
@@ -71,6 +74,8 @@ class Touch:
     opening: float
     own: float
     own_std: float
+    out_of_level: float
+    spring: Spring
 
     @property
     def height(self) -> float:
@@ -109,33 +114,31 @@ class Touch:
         return whole
 
     @property
-    def secant(self) -> float:
-        """m/N, of the whole loading curve."""
-        return max(self.first - self.held, 0.0) / self.full
+    def at_most(self) -> float:
+        """m/N that what stopped the tip gives way at most, beyond the tips themselves, as far as `SURE`
+        standard deviations tell: by its spring, or below something soft by the last stretch."""
+        if self.knee == 0.0:
+            return self.spring.at_most(tuning.SURE)
+        return self._stretched(-tuning.SURE) - self.own + tuning.SURE * self.own_std
 
     @property
-    def yields(self) -> float:
-        """m/N: how much what stopped the tip certainly gives way, beyond the tips themselves; where
-        nothing soft is above it, by the whole curve as well.
+    def at_least(self) -> float:
+        """m/N that it certainly gives way."""
+        if self.knee == 0.0:
+            return self.spring.at_least(2.0)
+        return self._stretched(2.0) - self.own - 2.0 * self.own_std
 
-        The joints' friction lets go of an unknown part of the force as the arm stops.
-        """
-        relative = self.descent.friction / ((1.0 - tuning.LATE_FORCE) * self.full)
-        last = self._certain(self.compliance, relative * self.compliance)
-        if self.knee > 0.0:
-            return last
-        relative = self.descent.friction / self.full
-        whole = float(np.hypot(self.first_std / self.full, relative * self.secant))
-        return max(last, self._certain(self.secant, whole))
-
-    def _certain(self, compliance: float, std: float) -> float:
-        """m/N: what of a compliance is certain to be that of what is touched."""
-        return compliance - self.own - 2.0 * float(np.hypot(std, self.own_std))
+    def _stretched(self, sigmas: float) -> float:
+        """m/N of the last stretch, had the force risen by so many standard deviations more: the joints'
+        friction lets go of an unknown part of it as the arm stops."""
+        rise = (1.0 - tuning.LATE_FORCE) * self.full
+        risen = max(rise + sigmas * self.descent.friction, tuning.SOFT_FORCE)
+        return self.compliance * rise / risen
 
     @property
     def gives_way(self) -> bool:
-        """Whether it is no rigid surface."""
-        return self.yields > tuning.RIGID
+        """Whether it is not known to be rigid."""
+        return self.at_most > tuning.RIGID
 
     @property
     def soft(self) -> float:
@@ -145,11 +148,13 @@ class Touch:
 
     def firm(self) -> FitTest:
         """Whether it is rigid."""
+        certain = self.at_least > tuning.RIGID
+        how = "gives way" if certain else "may give way"
         return FitTest(
             "rigid",
-            self.yields,
+            self.at_most,
             tuning.RIGID,
-            f"It gives way: pressed with {self.full:.1f} N, the tip was held "
+            f"It {how}: pressed with {self.full:.1f} N, the tip was held "
             f"{1e3 * self.penetration:.1f} mm below where it met it, and how far something rigid is "
             "below that is not known.",
         )
@@ -164,7 +169,7 @@ class Touch:
         yield FitTest(
             "both fingers stand",
             abs(self.lean),
-            tuning.LEANS_OVER,
+            self.out_of_level,
             f"One finger alone stands on something: the hand leans over by {1e3 * abs(self.lean):.1f} "
             f"mrad, and the other finger, {1e3 * lower:.1f} mm lower for it, meets nothing.",
         )
@@ -204,6 +209,8 @@ def touched(trace: Trace, recording: Recording) -> Touch | None:
     rise = full - tuning.LATE_FORCE * full
     sunk = float(np.median(descent.z[late - 2 : late + 3])) - held
     first, first_std = _first_contact(descent, late)
+    bottomed = _bottomed(descent, late, first)
+    onset = Onset(first, first_std, bottomed, max(first - held, 0.0) / full)
     lever, lever_std = _lever(descent, trace.hand)
     return Touch(
         recording,
@@ -213,7 +220,7 @@ def touched(trace: Trace, recording: Recording) -> Touch | None:
         full,
         compliance=max(sunk, 0.0) / rise,
         knee=_knee(descent, late, first),
-        bottomed=_bottomed(descent, late, first),
+        bottomed=bottomed,
         first=first,
         first_std=first_std,
         lever=lever,
@@ -222,6 +229,8 @@ def touched(trace: Trace, recording: Recording) -> Touch | None:
         opening=float(np.median(samples.width[descent.pressed])),
         own=trace.hand.tip_compliance,
         own_std=trace.hand.tip_compliance_std,
+        out_of_level=max(tuning.LEANS_OVER, trace.hand.tip_offset_std / tuning.REACH),
+        spring=fit_spring(descent, onset, trace.hand),
     )
 
 

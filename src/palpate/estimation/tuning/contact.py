@@ -30,6 +30,10 @@ FREE_SLOPE_STD = 1.0
 """N/m (1 sigma): how well the change of the force on the way down is known to go on. Sensitive:
 stiffness below 200 N/m, std ×0.7–1.6."""
 
+POSTURE = 0.2
+"""m of descent over which what the joints' friction makes of a force becomes another (1 sigma of all of it):
+levers are some tenths of a metre. Sensitive: stiffness below 500 N/m, std."""
+
 CANDIDATES = 50
 """places of the first contact that are tried before the best of them is refined. Sensitive: no."""
 
@@ -59,6 +63,11 @@ RIGID = 6e-5
 """m/N: what gives way more than this is no rigid surface. A light table does by up to 40 µm/N: a
 board of 18 mm chipboard, 0.6 m wide and 1.2 m long, borne at its ends, 48 E I / L³ with E of 3 GPa.
 Hard pads and the joints behind the encoders add some 20. Sensitive: no."""
+
+SURE = 1.0
+"""standard deviations by which what stopped the tip must be less than that to count as rigid: with the
+tips of an arm that nobody measured (15 µm/N) that tells a table of 20 µm/N from a mat of 80 by 1.6 and
+2.3 more. Sensitive: no, where tips are known."""
 
 SOFT = 0.0015
 """m above the rigid surface from which an earlier rise of the force is something soft.
@@ -139,9 +148,13 @@ a level surface an arm that nobody calibrated is out by 1.2 mrad (1 sigma: 1 mra
 turns it over, and a base levelled to 0.5); 30 N on one finger lean it over by 4.2 mrad at 280 N m/rad.
 Sensitive: no."""
 
-EASED = 1.8
-"""times the force that is held, from which a greater one before it was eased on purpose; an impact is
-some 1.3 times it. Sensitive: no."""
+REACH = 0.5
+"""m from the base to where an arm touches: what leans by an angle is off there by as much in height, and an
+arm whose owner says that its fingertips are off by more leans by more. Sensitive: no."""
+
+EASED = 5e-4
+"""m by which the hand was told to rise again where what it pressed with was eased. Sensitive: no."""
+
 WANDERING = 100.0
 """rows of a descent per independent one of what wanders in free air: half a second, or 10 mm, over which
 the joints' friction changes with the place. Sensitive: no, where noise is white."""

@@ -83,7 +83,7 @@ def _plane(touches: Sequence[Touch], trace: Trace) -> Plane | None:
 
 
 def _tests(touches: Sequence[Touch], plane: Plane) -> Iterator[FitTest]:
-    yield max(touches, key=lambda touch: touch.yields).firm()
+    yield max(touches, key=lambda touch: touch.at_most).firm()
     if plane.freedom:
         finding = "The touches do not lie in one plane: something lies on it, or it is not plane."
         yield chi_squared("touch against touch", plane.misfit, plane.freedom, finding)
