@@ -10,11 +10,12 @@ from palpate.quantities.catalogue import catalogue
 
 
 def test_ids_are_the_contract_with_scripts() -> None:
-    assert list(catalogue())[:8] == [
+    assert list(catalogue())[:9] == [
         "mass",
         "height",
         "friction",
         "com",
+        "com_3d",
         "inertia",
         "position",
         "velocity",

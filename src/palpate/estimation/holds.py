@@ -24,12 +24,14 @@ class Hold:
     """An object held still.
 
     Attributes:
-        recording: of it. pose_world_tcp: of the hand meanwhile.
+        recording: of it. grasp: s, when the hand had closed on it. pose_world_tcp: of the hand
+            meanwhile.
         pose_tcp_body: the object in the hand: where it was believed to stand when the measured hand
             closed on it.
     """
 
     recording: Recording
+    grasp: float
     pose_world_tcp: Pose
     pose_tcp_body: Pose
 
@@ -66,7 +68,8 @@ def held(trace: Trace, body: Body) -> Held | None:
     for grasp in load.grasps:
         recording = by_key[grasp]
         here = mean_pose(trace.of(recording))
-        holds.append(Hold(recording, here, pose_in_hand(trace, recording, body)))
+        in_hand = pose_in_hand(trace, recording, body)
+        holds.append(Hold(recording, _grasped(trace, recording, body), here, in_hand))
     return Held(load, holds, found)
 
 
@@ -175,11 +178,16 @@ def _as_own(found: Weighing, time: float) -> Weighing:
 
 
 def pose_in_hand(trace: Trace, recording: Recording, body: Body) -> Pose:
-    """The object in the hand: where it was believed to stand when the measured hand closed on
-    it."""
+    """The object in the hand: where it is believed to have stood, at rest, when the measured hand
+    closed on it."""
+    time = _grasped(trace, recording, body)
+    if not np.isfinite(time):
+        return mean_pose(trace.of(recording)).inverse() @ body.pose_at_rest
+    at_grasp = trace.samples.between(time - tuning.AT_GRASP, time + tuning.AT_GRASP)
+    return mean_pose(at_grasp).inverse() @ body.pose_at_rest
+
+
+def _grasped(trace: Trace, recording: Recording, body: Body) -> float:
+    """s, when the hand had closed on what it held in a recording; -inf where that is not told."""
     grasps = load_of(trace, body.name).grasps
-    before = [time for time in grasps if time <= recording.start]
-    if not before:
-        return mean_pose(trace.of(recording)).inverse() @ body.pose_world
-    at_grasp = trace.samples.between(before[-1] - tuning.AT_GRASP, before[-1] + tuning.AT_GRASP)
-    return mean_pose(at_grasp).inverse() @ body.pose_world
+    return max((time for time in grasps if time <= recording.start), default=-np.inf)

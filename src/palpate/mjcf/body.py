@@ -142,6 +142,8 @@ class Body:
         carries: names of the objects that rest on a surface.
         accuracy: m (1 sigma), how far it may be from where it is believed to stand; None where
             nobody said.
+        tipped: the motion in the world by which it comes to rest on what carries it, where it could
+            not stay as the scene has it.
     """
 
     name: str
@@ -155,6 +157,7 @@ class Body:
     assumed: frozenset[str] = frozenset()
     carries: tuple[str, ...] = ()
     accuracy: float | None = None
+    tipped: Pose = field(default_factory=lambda: Pose.of([0.0, 0.0, 0.0]))
 
     reach: float = field(init=False)
     """No point of its box is farther than this from its frame's origin, m."""
@@ -163,6 +166,11 @@ class Body:
         object.__setattr__(
             self, "reach", float(np.linalg.norm(self.centre) + np.linalg.norm(self.size) / 2)
         )
+
+    @property
+    def pose_at_rest(self) -> Pose:
+        """`pose_world`, tipped."""
+        return self.tipped @ self.pose_world
 
     def __repr__(self) -> str:
         missing = f", missing {', '.join(sorted(self.missing))}" if self.missing else ""

@@ -32,6 +32,7 @@ OWN: tuple[type[Quantity], ...] = (
     Height,
     Friction,
     CentreOfMass,
+    CentreOfMassInSpace,
     Inertia,
     Position,
     Velocity,
@@ -39,7 +40,6 @@ OWN: tuple[type[Quantity], ...] = (
     Stiffness,
     Size,
     Tilt,
-    CentreOfMassInSpace,
 )
 """In the order in which beliefs build on one another and results are listed."""
 

@@ -187,7 +187,11 @@ def estimate_com(trace: Trace, parameter: Parameter, body: Body | None) -> Estim
             parameter, UNIT, "No recording shows the object held still in the air."
         )
     load = found.load
-    grasps = _grasps(trace, found, body)
+    grasps = _grasps(trace, found, body, body.centre)
+    for _ in range(tuning.COM_ITERATIONS):
+        # What a turn in the grip does depends on where the centre of mass is.
+        centre, *_ = _solve(grasps, body)
+        grasps = _grasps(trace, found, body, centre)
     centre, covariance, agree, shared = _solve(grasps, body)
     weight, std = load.force / trace.gravity, load.force_std / trace.gravity
     torques = [float(np.hypot(*moment)) for moment in load.value[1:].reshape(-1, 2)]
@@ -201,8 +205,8 @@ def estimate_com(trace: Trace, parameter: Parameter, body: Body | None) -> Estim
     return replace(made, shared=shared, freedom=grasps.freedom)
 
 
-def _grasps(trace: Trace, held: Held, body: Body) -> _Grasps:
-    """The equations for the centre of mass c in the body frame.
+def _grasps(trace: Trace, held: Held, body: Body, about: Array) -> _Grasps:
+    """The equations for the centre of mass c in the body frame, near `about` (3,).
 
     The load hangs at r = (-M_y, M_x) / F from the TCP, seen from above, because its moment about
     the TCP is M = r x (0, 0, F). That point is p + R c in the world, with p and R the position and
@@ -228,11 +232,31 @@ def _grasps(trace: Trace, held: Held, body: Body) -> _Grasps:
     )
     for place in places:
         covariance += np.outer(place.effect, place.effect)
+    covariance += _turned(held, about)
     shared = (*shared_gains(slopes @ load.gains), *places)
     loose = tuning.ARM_WEIGHT * trace.hand.pose_repeatability / load.force
     return _Grasps(
         recordings, np.vstack(rows), np.concatenate(right), covariance, loose, load.freedom, shared
     )
+
+
+def _turned(held: Held, about: Array) -> Array:
+    """(2n, 2n) m² of where the load hangs, for what its moment may have turned it in the fingers,
+    about the axis along which they close, the more the longer: in each grasp by something of its own,
+    the same however it is tilted. Where the hand is tilted, it is seen from above."""
+    moments = held.load.value[1:].reshape(-1, 2)
+    effects: list[Array] = []
+    for hold, moment in zip(held.holds, moments, strict=True):
+        closing = hold.pose_world_tcp.rotation[:, 1]
+        lever = hold.pose_world_tcp.rotation @ hold.pose_tcp_body.apply(about)
+        held_for = max(0.0, hold.recording.start - hold.grasp) if np.isfinite(hold.grasp) else 0.0
+        softness = tuning.GRIP_TURN + tuning.GRIP_CREEP * held_for
+        turn = softness * float(closing[:2] @ moment)
+        effects.append(turn * np.cross(closing, lever)[:2])
+    grasps = np.array([hold.grasp for hold in held.holds])
+    same = np.repeat(np.repeat(grasps[:, None] == grasps, 2, axis=0), 2, axis=1)
+    found = np.concatenate(effects)
+    return np.outer(found, found) * same
 
 
 def accuracy(body: Body) -> float:

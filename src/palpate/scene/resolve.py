@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import mujoco
 
+from palpate.geometry.standing import tipped
 from palpate.mjcf.body import Body, BodyDescription
 from palpate.mjcf.compile import compile_spec, model_tree
 from palpate.mjcf.document import Document
@@ -80,7 +81,15 @@ class ResolvedScene:
         for name, body in found.items():
             if body.role == "surface":
                 found[name] = replace(body, carries=tuple(_resting_on(body, found.values())))
+        for surface in [body for body in found.values() if body.carries]:
+            for name in surface.carries:
+                found[name] = self._at_rest(found[name])
         return found
+
+    def _at_rest(self, body: Body) -> Body:
+        described = replace(self.description.bodies[body.name], shapes=self.shapes)
+        middle = body.pose_world.apply(body.centre)
+        return replace(body, tipped=tipped(described.cloud, middle))
 
     def _body(self, body: BodyDescription) -> Body:
         known: dict[str, tuple[float, ...]] = {}

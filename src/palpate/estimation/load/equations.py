@@ -15,8 +15,10 @@ from palpate.estimation.load.segments import Segment, Weighing
 from palpate.geometry.pose import Array
 from palpate.trace.recording import Hand
 
-FORCE_Z, TORQUE_X, TORQUE_Y = 2, 3, 4
+FORCE_Z, TORQUE_X, TORQUE_Y, TORQUE_Z = 2, 3, 4, 5
 """Components of a wrench."""
+LEANING = (0, 1)
+"""Those that a weight has where gravity leans."""
 SIDEWAYS = (0, 1, 5)
 """Those that a thing which hangs free does not have."""
 WAYS = {"up": 1.0, "down": -1.0}

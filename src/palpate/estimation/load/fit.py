@@ -42,9 +42,11 @@ from palpate.estimation.agreement import FitTest
 from palpate.estimation.gains import gain_root
 from palpate.estimation.load.equations import (
     FORCE_Z,
+    LEANING,
     SIDEWAYS,
     TORQUE_X,
     TORQUE_Y,
+    TORQUE_Z,
     Model,
     Rows,
     Unsure,
@@ -154,19 +156,27 @@ def _fit(weighings: Sequence[Weighing], gravity: float, hand: Hand) -> Load:
 
 
 def load_model(rows: Sequence[Rows], grasps: Sequence[float], about: Array, hand: Hand) -> Model:
-    """F, the moments in each grasp, forces to the side in each, what approaches leave, friction of
-    the joints, gains. `about` is where F and the moments are."""
-    tilt = tuning.TILT * abs(float(about[0])) + tuning.FLOOR
+    """F, the moments in each grasp, forces to the side in each, and by how gravity leans in all of
+    them, what approaches leave, friction of the joints, gains. `about` is where F and the moments
+    are."""
+    force = abs(float(about[0]))
+    lean = tuning.TILT * force + tuning.FLOOR
     signals, count = int(rows[0].signal.max()) + 1, 1 + 2 * len(grasps)
     gains = gain_root(hand, signals)
-    aside = (tilt, tilt, tilt * tuning.TORQUE_LEVER)
+    small = float(np.hypot(tuning.RUB_SMALL, tuning.RUB_SHARE * force))
+    aside = (small, small, small * tuning.TORQUE_LEVER)
     levels = np.full(rows[0].rubbed.shape[1], tuning.JOINT_LEVEL)
     left = [_each_its_own([row.left[i] for row in rows]) for i in (0, 1)]
     forces, offsets = left[0][0].shape[1], left[1][0].shape[1]
-    first = count + len(SIDEWAYS) * len(grasps)
+    first = count + len(SIDEWAYS) * len(grasps) + len(LEANING)
     most = hand.force_repeatability + tuning.FLOOR
     prior = [np.full(count, tuning.LOAD_PRIOR), *[aside] * len(grasps)]
-    prior += [np.full(forces + offsets, most), levels, np.ones(signals)]
+    prior += [
+        np.full(len(LEANING), lean),
+        np.full(forces + offsets, most),
+        levels,
+        np.ones(signals),
+    ]
     designs: list[Array] = []
     for row, at_hand, in_signals in zip(rows, *left, strict=True):
         vertical = np.column_stack(
@@ -174,8 +184,9 @@ def load_model(rows: Sequence[Rows], grasps: Sequence[float], about: Array, hand
         )
         borne = (vertical @ about)[:, None] * gains[row.signal]
         sideways = in_each(row, grasps, SIDEWAYS)
-        design = np.column_stack([vertical, sideways, at_hand, in_signals, row.rubbed, borne])
-        designs.append(row.white(design))
+        leaning = _leaning(row, grasps, about)
+        design = [vertical, sideways, leaning, at_hand, in_signals, row.rubbed, borne]
+        designs.append(row.white(np.column_stack(design)))
     y = np.concatenate([row.white(row.felt) for row in rows])
     freedom = min(row.freedom for row in rows)
     deviations = np.concatenate(prior)
@@ -187,6 +198,18 @@ def load_model(rows: Sequence[Rows], grasps: Sequence[float], about: Array, hand
         Unsure(slice(len(deviations) - signals, len(deviations)), *tuning.GAINS_OFF),
     )
     return Model(np.concatenate(designs), y, deviations, freedom, unsure)
+
+
+def _leaning(row: Rows, grasps: Sequence[float], about: Array) -> Array:
+    """(n, 2): what a newton of the weight makes of the rows along world x and y, where gravity leans:
+    it pulls at the centre of mass in every grasp, which is r = (-M_y, M_x) / F beside the TCP, and
+    so turns the hand about the vertical, too."""
+    leaning = row.wrench[:, LEANING].copy()
+    moments = about[1:].reshape(-1, 2) / max(abs(float(about[0])), tuning.FLOOR)
+    for grasp, moment in zip(grasps, moments, strict=True):
+        turning = row.wrench[:, TORQUE_Z] * (row.grasp == grasp)
+        leaning -= turning[:, None] * moment
+    return leaning
 
 
 def _each_its_own(blocks: Sequence[Array]) -> list[Array]:

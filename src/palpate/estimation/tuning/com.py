@@ -11,6 +11,17 @@ PLACE_ACCURACY = 5e-4
 """m (1 sigma): how far a scene whose poses were measured may have an object from where it is.
 Sensitive: com std ×0.9–1.2."""
 
+GRIP_TURN = 0.07
+"""rad per N m (1 sigma): what a load's moment turns it by between two pads. Pads of silicone, 20 mm
+wide, 2 mm thick, of a shear modulus of 0.5 MPa turn by so much. Sensitive: com z std ×0.8–1.3."""
+
+GRIP_CREEP = 0.02
+"""rad/s per N m (1 sigma): likewise, as it creeps while it is held. No published figure of a hand; so
+much is what MuJoCo's regularised friction lets through. Sensitive: com z std ×0.5–1.5."""
+
+COM_ITERATIONS = 1
+"""solutions before the last. Sensitive: no."""
+
 ARM_WEIGHT = 100.0
 """N m per m: moment that the arm's own weight, which is known where the arm says it is, seems to
 make at the hand where it is beside that. Sensitive: no."""

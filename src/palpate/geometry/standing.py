@@ -1,0 +1,72 @@
+"""How something comes to rest on a level plane, when it could not stay as it is."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from palpate.geometry.polygon import depth, hull
+from palpate.geometry.pose import Array, Pose
+
+TOUCHING = 1e-4
+"""m above the plane, up to which a point touches it."""
+STEADY = 5e-4
+"""m that a centre of mass may be beside what it stands on: round things are polygons here."""
+MOST = np.radians(5.0)
+"""rad: what would turn by more does not stand on that plane alone, or is meant to be held."""
+TIPS = 8
+"""edges over which it tips, one after the other, at most."""
+
+
+def tipped(points: Array, centre: Array) -> Pose:
+    """The motion in the world that brings something to rest on the level plane through its lowest
+    point: it tips over what it stands on until more of it touches, again and again, as long as its
+    centre of mass (3,) is beside that. `points` (k, 3) are its convex hull's corners. Nothing moves
+    where it is steady, or would turn by more than `MOST`.
+    """
+    unmoved = Pose.of(np.zeros(3))
+    moved, turned = unmoved, 0.0
+    for _ in range(TIPS):
+        tip = _tip(points @ moved.rotation.T + moved.position, moved.apply(centre))
+        if tip is None:
+            return moved
+        moved = tip @ moved
+        turned = unmoved.angle_to(moved)
+        if turned > MOST:
+            return unmoved
+    return unmoved
+
+
+def _tip(points: Array, centre: Array) -> Pose | None:
+    """One turn about what it stands on, until something else touches; None where it stays."""
+    plane = float(points[:, 2].min())
+    touching = points[:, 2] < plane + TOUCHING
+    edge = _nearest(hull(points[touching, :2]), centre[:2])
+    beside = centre[:2] - edge
+    distance = float(np.hypot(*beside))
+    if distance < STEADY:
+        return None
+    way = beside / distance
+    along = (points[:, :2] - edge) @ way
+    landing = ~touching & (along > 0.0)
+    if not landing.any():
+        return None
+    angle = float(np.arctan2(points[landing, 2] - plane, along[landing]).min())
+    half = 0.5 * angle
+    axis = np.array([-way[1], way[0], 0.0])
+    turn = Pose.of(np.zeros(3), [np.cos(half), *(np.sin(half) * axis)])
+    foot = np.array([*edge, plane])
+    return Pose.of(foot - turn.apply(foot), turn.quaternion)
+
+
+def _nearest(polygon: Array, point: Array) -> Array:
+    """(2,) of a convex polygon, which may be a line or a point, what is nearest to a point."""
+    if depth(polygon, point) >= 0.0:
+        return point
+    best = polygon[0]
+    for start, end in zip(polygon, np.roll(polygon, -1, axis=0), strict=True):
+        side = end - start
+        share = float((point - start) @ side) / max(float(side @ side), 1e-18)
+        there = start + np.clip(share, 0.0, 1.0) * side
+        if np.hypot(*(point - there)) < np.hypot(*(point - best)):
+            best = there
+    return best
