@@ -1,4 +1,4 @@
-"""A bottle on a table, and a Franka before them: one server for the tests of a module."""
+"""A bottle on a table, and a Franka before them: one server for all tests."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from .served import Served, files, served
 franky = pytest.importorskip("franky", reason="franky-control has no wheel for this machine")
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def bench() -> Iterator[Served]:
     """Bottle and table; time passes four times as fast where nobody is in command."""
     with served(**files("bottle_and_table"), pace=4.0) as running:

@@ -48,11 +48,12 @@ class Controller:
         self.K_theta, self.K_x = JOINT_STIFFNESS.copy(), CARTESIAN_STIFFNESS.copy()
         self.hold()
 
-    def hold(self) -> None:
-        """Come to rest, and stay."""
+    def hold(self, at_once: bool = False) -> None:
+        """Come to rest, and stay; `at_once`: where the arm is now, however hard that is for it."""
         self._stiffness = HOLDING
         self.desired = Desired(self._sensing.q)
-        self.desired.dq = self._sensing.dq.copy()
+        if not at_once:
+            self.desired.dq = self._sensing.dq.copy()
         self._inertia = self._believed.mass_matrix()
         self._damp()
 

@@ -70,6 +70,10 @@ class Door:
         if self._bench.robot.moving:
             self._bench.robot.reflex(Error.CARTESIAN_REFLEX)
 
+    def recover(self) -> None:
+        """Somebody clears the errors in Desk."""
+        self._bench.robot.recover()
+
     def hand_refuses(self, refuses: bool) -> None:
         """The hand does nothing any more."""
         self._bench.hand.refuses = refuses

@@ -153,6 +153,13 @@ class FrankaRobot:
         self.state.fields["errors"][list(errors)] = 1
         self._end(MoveStatus.REFLEX, RobotMode.REFLEX)
 
+    def recover(self) -> None:
+        """Forget a reflex."""
+        self.state.fields["errors"][:] = 0
+        if self.mode is RobotMode.REFLEX:
+            self.mode = RobotMode.IDLE
+        self._tell()
+
     def abandoned(self) -> None:
         """The client is gone."""
         if self.mode is RobotMode.MOVE:
@@ -201,10 +208,8 @@ class FrankaRobot:
         elif self.mode is RobotMode.MOVE:
             self._answer(asked, RecoveryStatus.NOT_POSSIBLE)
         else:
-            self.mode = RobotMode.IDLE
-            self.state.fields["errors"][:] = 0
+            self.recover()
             self._answer(asked, RecoveryStatus.SUCCESS)
-            self._tell()
 
     def _model(self, asked: Request) -> None:
         self._answer(asked, SetStatus.SUCCESS, self._urdf)
@@ -249,7 +254,7 @@ class FrankaRobot:
         if self._move is not None:
             self._answer(self._move, status)
         if self.mode is RobotMode.MOVE:
-            self.controller.hold()
+            self.controller.hold(at_once=status is MoveStatus.REFLEX)
         self._move, self.mode = None, mode
         self._motion, self._controls = MotionMode.IDLE, ControllerMode.OTHER
 

@@ -10,6 +10,7 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, replace
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -22,10 +23,14 @@ STARTS = 60.0
 """s in which a server is there."""
 
 
+SERVERS = count(1)
+
+
 def own_address() -> str:
-    """A loopback address for this test worker alone: libfranka's ports are fixed."""
+    """A loopback address that no other server of any test worker has: libfranka's ports are
+    fixed."""
     worker = os.environ.get("PYTEST_XDIST_WORKER", "gw0").removeprefix("gw")
-    return f"127.0.0.{10 + int(worker)}"
+    return f"127.0.{10 + int(worker)}.{next(SERVERS)}"
 
 
 class Served:
@@ -71,7 +76,7 @@ class Served:
 
 @contextmanager
 def served(scene: Path | str, world: Path | str | None = None, **changes: Any) -> Iterator[Served]:
-    """Serve a scene on this worker's own address; `changes` are fields of `Setup`."""
+    """Serve a scene on an address of its own; `changes` are fields of `Setup`."""
     setup = Setup(str(scene), None if world is None else str(world), address=own_address())
     running = Served(replace(setup, **changes))
     try:

@@ -195,13 +195,16 @@ class Server:
         if self.frozen:
             return
         robot, number = self._robot, self._robot.message_id
-        for asked, payload in robot.answers():
-            self._arm_line.answer(asked, payload)
         self._arm_line.tell(robot.state.bytes)
-        for asked, payload in self._hand.answers():
-            self._hand_line.answer(asked, payload)
+        self._answer()
         if number % HAND_EVERY == 0:
             self._hand_line.tell(self._hand.state(number))
+
+    def _answer(self) -> None:
+        """After the state that shows what came of it: whoever has an answer finds it done."""
+        for line, served in ((self._arm_line, self._robot), (self._hand_line, self._hand)):
+            for asked, payload in served.answers():
+                line.answer(asked, payload)
 
     def _wait(self) -> bool:
         """Until the next cycle is due; whether there is to be one."""
@@ -254,8 +257,8 @@ class Server:
         served = self._robot if line is self._arm_line else self._hand
         for asked in line.requests():
             served.request(asked)
-            for to, payload in served.answers():
-                line.answer(to, payload)
+        if self._locked and self._robot.moving:
+            self._answer()
         if line.client is None and line is self._arm_line:
             self._robot.abandoned()
 

@@ -1,0 +1,194 @@
+"""What goes wrong with an arm, as a client of the real libfranka meets it."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from typing import Any
+
+import franky
+import numpy as np
+import pytest
+
+from .conftest import connected
+from .served import Served, files, served
+
+DOWN = np.array([0.0, 0.0, -1.0])
+SPEED = 0.01
+"""m/s towards a table."""
+
+
+HOME = [0.0, -0.785398, 0.0, -2.356194, 0.0, 1.570796, 0.785398]
+
+OVER_TABLE = [-0.0, 0.092, 0.0, -2.783, -0.0, 2.875, 0.785]
+"""rad: the fingertips 7 mm above it."""
+
+
+@pytest.fixture
+def client(bench: Served) -> Iterator[Any]:
+    """A connected client; whatever is done to the arm is undone."""
+    robot = connected(bench)
+    robot.move(franky.JointMotion(HOME))
+    yield robot
+    bench.ask("user_stop", pressed=False)
+    bench.ask("lose", share=0.0)
+    bench.ask("end_effector", mass=0.76)
+    bench.ask("freeze", frozen=False)
+    bench.ask("recover")
+
+
+def tracking(robot: Any, stiffness: float = 1500.0) -> Any:
+    """A motion under way that holds the arm where it is."""
+    here = robot.state.O_T_EE
+    motion = franky.CartesianImpedanceTrackingMotion(stiffness, 100.0)
+    robot.move(motion, asynchronous=True)
+    motion.set_reference(franky.CartesianReference(here, franky.Twist()))
+    _pass(robot, 0.02)
+    return motion
+
+
+def failure(robot: Any, seconds: float = 5.0) -> str:
+    """What a motion ended with."""
+    with pytest.raises(franky.ControlException) as ended:
+        assert robot.join_motion(seconds), "it goes on"
+    return str(ended.value)
+
+
+def test_a_reflex_ends_a_motion_until_somebody_recovers(client: Any, bench: Served) -> None:
+    tracking(client)
+    bench.ask("reflex")
+    assert "cartesian_reflex" in failure(client)
+    state = client.state
+    assert state.robot_mode == franky.RobotMode.Reflex
+    assert state.current_errors.cartesian_reflex
+    with pytest.raises(franky.CommandException, match="Reflex"):
+        client.set_collision_behavior(60.0, 60.0)
+    assert client.recover_from_errors()
+    assert client.state.robot_mode == franky.RobotMode.Idle
+    client.move(franky.JointMotion(HOME))
+
+
+def test_a_contact_beyond_the_clients_threshold_is_a_reflex(client: Any, bench: Served) -> None:
+    """The force is felt as what the robot exerts, and stays near the threshold."""
+    client.set_collision_behavior(60.0, 15.0)
+    client.move(franky.JointMotion(OVER_TABLE))
+    motion = tracking(client)
+    start, began = client.state.O_T_EE, client.state.time.to_sec()
+    forces: list[float] = []
+    while client.is_in_control:
+        state = client.state
+        place = start.translation + SPEED * (state.time.to_sec() - began) * DOWN
+        motion.set_reference(
+            franky.CartesianReference(franky.Affine(place, start.quaternion), franky.Twist())
+        )
+        forces.append(state.O_F_ext_hat_K[2])
+        time.sleep(0.001)
+    assert "cartesian_reflex" in failure(client)
+    assert min(forces) < -8.0
+    assert 10.0 < bench.ask("counts")["peak"] < 60.0
+    assert client.recover_from_errors()
+    time.sleep(0.2)
+    assert abs(client.state.O_F_ext_hat_K[2]) < 15.0
+
+
+def test_a_user_stop_in_motion_is_said_and_at_rest_only_shown(client: Any, bench: Served) -> None:
+    bench.ask("user_stop", pressed=True)
+    _until(client, franky.RobotMode.UserStopped)
+    assert str(client.state.current_errors) == "[]"
+    bench.ask("user_stop", pressed=False)
+    _until(client, franky.RobotMode.Idle)
+    tracking(client)
+    bench.ask("user_stop", pressed=True)
+    assert "User Stop pressed" in failure(client)
+    with pytest.raises(franky.CommandException):
+        client.recover_from_errors()
+
+
+def test_lost_commands_are_counted_and_borne(client: Any, bench: Served) -> None:
+    tracking(client)
+    bench.ask("lose", share=0.2)
+    _pass(client, 0.5)
+    assert 0.6 < client.state.control_command_success_rate < 0.95
+    bench.ask("lose", share=1.0)
+    assert "communication_constraints_violation" in failure(client)
+
+
+def test_torques_that_jump_are_refused(client: Any) -> None:
+    place = client.state.O_T_EE.translation + 0.05 * DOWN
+    motion = franky.CartesianImpedanceTrackingMotion(1500, 100, max_delta_tau=20.0)
+    client.move(motion, asynchronous=True)
+    client_reference = franky.CartesianReference(
+        franky.Affine(place, client.state.O_T_EE.quaternion), franky.Twist()
+    )
+    motion.set_reference(client_reference)
+    assert "controller_torque_discontinuity" in failure(client)
+
+
+def test_what_desk_has_for_an_end_effector_is_told_and_compensated(
+    client: Any, bench: Served
+) -> None:
+    before = client.state.O_F_ext_hat_K[2]
+    bench.ask("end_effector", mass=0.56)
+    time.sleep(0.2)
+    state = client.state
+    assert state.m_ee == pytest.approx(0.56)
+    assert state.O_F_ext_hat_K[2] - before == pytest.approx(0.2 * 9.81, abs=0.3)
+
+
+def _until(robot: Any, mode: Any) -> None:
+    end = time.monotonic() + 2.0
+    while robot.state.robot_mode != mode:
+        assert time.monotonic() < end, "the mode did not change"
+
+
+def _pass(robot: Any, seconds: float) -> None:
+    end = robot.state.time.to_sec() + seconds
+    while robot.state.time.to_sec() < end:
+        time.sleep(0.01)
+
+
+def test_a_frozen_robot_is_a_network_error_within_a_second(client: Any, bench: Served) -> None:
+    """It stops by itself for want of commands, and is there again when it thaws."""
+    tracking(client)
+    began = time.monotonic()
+    bench.ask("freeze", frozen=True)
+    with pytest.raises(franky.NetworkException):
+        client.join_motion(5.0)
+    assert time.monotonic() - began < 1.5
+    bench.ask("freeze", frozen=False)
+    with pytest.raises(franky.CommandException, match="Reflex"):
+        connected(bench)
+    bench.ask("recover")
+    assert connected(bench).state.robot_mode == franky.RobotMode.Idle
+
+
+def test_a_cut_connection_leaves_a_robot_to_connect_to_again(client: Any, bench: Served) -> None:
+    tracking(client)
+    bench.ask("hang_up")
+    with pytest.raises(Exception, match=r"libfranka|Net"):
+        client.join_motion(5.0)
+    bench.ask("recover")
+    connected(bench).move(franky.JointMotion(HOME))
+
+
+def test_a_killed_robot_is_an_error_and_a_new_one_is_found_at_its_address() -> None:
+    with served(**files("bottle_and_table")) as first:
+        robot = connected(first)
+        tracking(robot)
+        first.ask("kill")
+        with pytest.raises(Exception, match=r"libfranka|Net"):
+            robot.join_motion(5.0)
+        with served(**files("bottle_and_table"), address=first.address) as second:
+            assert connected(second).state.robot_mode == franky.RobotMode.Idle
+
+
+def test_a_free_running_robot_does_not_wait() -> None:
+    """Commands that come late are lost, and counted."""
+    with served(**files("bottle_and_table"), lockstep=False) as bench:
+        robot = connected(bench)
+        began, at = time.monotonic(), robot.state.time.to_sec()
+        time.sleep(0.3)
+        passed = robot.state.time.to_sec() - at
+        assert passed == pytest.approx(time.monotonic() - began, abs=0.1)
+        tracking(robot)
+        assert 0.0 < robot.state.control_command_success_rate <= 1.0
