@@ -11,7 +11,7 @@ import pytest
 from palpate.errors import InputError
 from palpate.planning.planner import MAX_REQUEST
 from palpate.robots.simulated.noise.models import noise_models
-from palpate.settings import Settings
+from palpate.settings import Settings, request_json, settings_from
 
 D = Path("scene.xml")
 
@@ -54,6 +54,17 @@ def test_an_existing_folder_is_refused_at_once(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="exists already: choose another out="):
         Settings(scene=D, out=tmp_path).checked()
     assert Settings(scene=D, out=tmp_path / "new").checked().out == tmp_path / "new"
+
+
+def test_a_twin_that_exists_is_left_alone(tmp_path: Path) -> None:
+    (tmp_path / "twin.xml").touch()
+    with pytest.raises(InputError, match="exists already: choose another twin="):
+        Settings(scene=D, twin=tmp_path / "twin.xml").checked()
+
+
+def test_a_request_is_read_as_it_was_written(tmp_path: Path) -> None:
+    asked = Settings(scene=tmp_path / "d.xml", robot_body=("a", "b"), twin=tmp_path / "twin.xml")
+    assert settings_from(request_json(asked)) == asked
 
 
 def test_the_sensor_worlds_are_the_robots() -> None:

@@ -39,7 +39,8 @@ class Settings:
         robot_config: robot.yaml, what was measured of this very arm.
         planner: `symbolic`, `exhaustive`, `replay:FILE` or `PROVIDER:MODEL`.
         noise: noise model of the embedded robot, by name or file. seed: of everything random in it.
-        out: run folder to make; must not exist.
+        out: run folder to make; must not exist. twin: where the twin is written besides, with the files
+            that it needs there; must not exist.
         remeasure: measure what R asks even if D states it.
         on_failure: what to do when the tree fails (see `palpate.execution.recovery`).
         rehearse: execute the plan in simulation first; None means only before a real robot moves.
@@ -62,6 +63,7 @@ class Settings:
     noise: str = "lab"
     seed: int = 0
     out: Path | None = None
+    twin: Path | None = None
     remeasure: bool = False
     on_failure: OnFailure = "stop"
     rehearse: bool | None = None
@@ -101,6 +103,8 @@ class Settings:
             raise InputError(
                 f"'{self.out}' exists already: choose another out=, nothing is overwritten"
             )
+        if self.twin is not None and self.twin.exists():
+            raise InputError(f"'{self.twin}' exists already: choose another twin=")
         return self
 
     def described_arm(self) -> RobotDescription:
@@ -154,6 +158,7 @@ def request_json(settings: Settings) -> dict[str, Any]:
         "planner": settings.planner,
         "noise": noise_told(settings.noise),
         "seed": settings.seed,
+        "twin": shown(settings.twin),
         "remeasure": settings.remeasure,
         "on_failure": settings.on_failure,
         "rehearse": settings.rehearse,
@@ -200,6 +205,7 @@ def settings_from(document: Mapping[str, Any]) -> Settings:
             root=path("root"),
             robot_body=tuple(document.get("robot_body", ())),
             poses=path("poses"),
+            twin=path("twin"),
             world=path("world"),
             robot_config=path("robot_config"),
             images=tuple(Path(image) for image in document.get("images", ())),

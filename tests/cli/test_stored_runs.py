@@ -5,12 +5,15 @@ from __future__ import annotations
 import json
 import shutil
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 import palpate as pp
+from palpate.interrupt import interrupts
 from palpate.parameter import Parameter
+from palpate.runs.keeper import Keeper
 
 from .conftest import TABLE, Answer, cube
 
@@ -149,3 +152,13 @@ def _unknown(run: Path, copy: Path) -> Path:
 
 def _edit(file: Path, **changes: object) -> None:
     file.write_text(json.dumps(json.loads(file.read_text()) | changes))
+
+
+def test_the_twin_is_written_where_it_is_wanted(stored: Path, tmp_path: Path) -> None:
+    wanted = tmp_path / "new" / "my_twin.xml"
+    run = pp.open(stored)
+    with interrupts() as signals:
+        keeper = Keeper(tmp_path, signals)
+        keeper.twin(replace(run, settings=replace(run.settings, twin=wanted)))
+    assert run.twin is not None
+    assert wanted.read_text() == run.twin.xml == (tmp_path / "twin.xml").read_text()

@@ -127,7 +127,9 @@ def test_includes_are_expanded_in_place_and_remembered(tmp_path: Path) -> None:
     )
     document = read_document(path)
     assert [body.get("name") for body in document.worldbody] == ["a", "b", "c", "d"]
-    assert [body in document.index for body in document.worldbody] == [True, False, False, True]
+    places = [document.index[body] for body in document.worldbody]
+    assert [place.file for place in places] == [None, part, part, None]
+    assert [place.number for place in places] == [2, 1, 2, 4]
     assert document.files == (part.resolve(),)
 
 

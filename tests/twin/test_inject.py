@@ -307,11 +307,11 @@ def test_completing_a_scene_answers_every_mark_and_says_what_was_assumed(tmp_pat
     scene = load_scene(path)
     made = complete(scene, [estimate("bottle", "mass", 0.254)])
     assert made.notes == ("table.height was not measured; the twin holds the assumed value 0.18",)
-    assert unfilled(made.text) == []
-    mujoco.MjModel.from_xml_string(made.text)
+    assert unfilled(made.texts.main) == []
+    mujoco.MjModel.from_xml_string(made.texts.main)
     made = complete(scene, [estimate("table", "height", 0.181)])
     assert [n.split(" was")[0] for n in made.notes] == ["bottle.mass"]
-    assert "palpate_bottle" not in made.text, "an assumption is not recorded as an estimate"
+    assert "palpate_bottle" not in made.texts.main, "an assumption is not recorded as an estimate"
 
 
 def test_an_assumed_inertia_goes_with_the_measured_mass_and_centre() -> None:
@@ -325,7 +325,7 @@ def test_an_assumed_inertia_goes_with_the_measured_mass_and_centre() -> None:
     )
     assert [n.split(" was")[0] for n in made.notes] == ["a.inertia"]
     about_middle = 0.6 / 12 * (0.2**2 + 0.06**2)
-    assert max(body(made.text, "a").inertia) == pytest.approx(
+    assert max(body(made.texts.main, "a").inertia) == pytest.approx(
         about_middle + 0.6 * 0.04**2, rel=1e-5
     )
 
@@ -336,8 +336,8 @@ def test_a_value_that_makes_no_sense_stays_out_with_a_note() -> None:
     )
     assert [n for n in made.notes if n.startswith("bottle.mass is not in the twin")]
     assert made.unwritten == (Parameter("bottle.mass"),)
-    assert body(made.text, "bottle").mass[0] > 0
-    assert "palpate_bottle" not in made.text
+    assert body(made.texts.main, "bottle").mass[0] > 0
+    assert "palpate_bottle" not in made.texts.main
 
 
 ODD = """<mujoco>{before}<worldbody>
@@ -375,7 +375,7 @@ def test_what_is_written_is_what_mujoco_reads(mug: str, before: str) -> None:
     assert "mass" in scene.body("mug").missing
     made = complete(scene, [estimate("mug", "mass", 0.18)])
     assert made.unwritten == ()
-    model = mujoco.MjModel.from_xml_string(made.text)
+    model = mujoco.MjModel.from_xml_string(made.texts.main)
     assert model.body_subtreemass[model.body("mug").id] == pytest.approx(0.18, rel=1e-5)
 
 

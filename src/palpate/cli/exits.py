@@ -26,7 +26,7 @@ FLAGS = {"request": "-r", "images": "--image"}
 """Where the flag is not the argument's own name."""
 
 _ARGUMENT = re.compile(
-    r"\b(request|scene|root|poses|images|world|robot|robot_config|arm|planner|noise|seed|out|base_url|remeasure|within|robot_body)="
+    r"\b(request|scene|root|poses|images|world|robot|robot_config|arm|planner|noise|seed|out|base_url|remeasure|within|robot_body|twin)="
     r"(?=[\s\w,:.]|$)"
 )
 

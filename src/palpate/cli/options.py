@@ -85,6 +85,14 @@ Seed = Annotated[int, typer.Option("--seed", help="Seed of everything random.")]
 Out = Annotated[
     Path | None, typer.Option("--out", help="Run folder to make (default: runs/NAME-TIME).")
 ]
+TwinFile = Annotated[
+    Path | None,
+    typer.Option(
+        "--twin",
+        metavar="FILE.xml",
+        help="Write the twin there, too, with the includes, meshes and pictures that it needs.",
+    ),
+]
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")]
 Yes = Annotated[bool, typer.Option("--yes", help="Do not ask before a real robot moves.")]
 Rehearse = Annotated[
@@ -195,6 +203,7 @@ class MotionOptions:
     rehearse: Rehearse = None
     on_failure: OnFailure = "stop"
     out: Out = None
+    twin: TwinFile = None
 
     def added_to(self, settings: Settings) -> Settings:
         """Settings with these, and everything else as it was."""

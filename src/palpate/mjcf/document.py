@@ -36,6 +36,40 @@ COUNTS = {"pos": 3, "diaginertia": 3, "fullinertia": 6}
 """How many numbers a single `?` stands for."""
 
 
+@dataclass(frozen=True, slots=True)
+class Place:
+    """Where an element stands: in an included file, or in the main text (None), and how many start
+    tags come before its own there."""
+
+    file: Path | None
+    number: int
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Named:
+    """A file that an element names.
+
+    Attributes:
+        attribute, name: as written. located: the name from the scene's folder, below the folder that
+            `<compiler>` sets for its kind.
+        path: the file, absolute.
+    """
+
+    element: Element
+    attribute: str
+    name: str
+    located: str
+    path: Path
+
+
+@dataclass(frozen=True, slots=True)
+class Texts:
+    """A scene's own text, and those of the included files that are not as they lie there."""
+
+    main: str
+    parts: Mapping[Path, str] = field(default_factory=dict[Path, str])
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Document:
     """An MJCF file, parsed.
@@ -43,30 +77,29 @@ class Document:
     Attributes:
         text: the main file.
         root: its elements, included files expanded in place.
-        index: for every element of the main text, how many start tags come before its own.
+        index: where each element stands, those of `<include>` that it was expanded from among them.
         folder: where relative file names start, None for text without files.
         home: the folder outside of which nothing is read, None for text without files.
         files: every other file it needs, absolute. includes: those of them that are included, by
             the names that they are included by. beside: the asset files of these that lie beside
             them, from `folder`, by the names that they have there.
+        texts: the text of each included file. named: what names a file in all of them.
         attached: roots of the models that it attaches, and of those that these do.
         robots: names of the bodies that robots begin with, where somebody said so.
-        named: the file that an element's attribute names.
     """
 
     text: str
     root: Element
-    index: Mapping[Element, int]
+    index: Mapping[Element, Place]
     folder: Path | None
     home: Path | None
     files: tuple[Path, ...]
     includes: Mapping[str, Path] = field(default_factory=dict[str, Path])
     beside: Mapping[str, str] = field(default_factory=dict[str, str])
+    texts: Mapping[Path, str] = field(default_factory=dict[Path, str])
+    named: tuple[Named, ...] = ()
     attached: tuple[Element, ...] = ()
     robots: tuple[str, ...] = ()
-    named: Mapping[tuple[Element, str], Path] = field(
-        default_factory=dict[tuple[Element, str], Path]
-    )
 
     @property
     def worldbody(self) -> Element:

@@ -19,6 +19,9 @@ from palpate.mjcf.document import (
     MAX_DEPTH,
     Document,
     Element,
+    Named,
+    Place,
+    Texts,
     compiler_settings,
     elements,
     label,
@@ -60,17 +63,21 @@ def parse_document(
     where: str = "the scene",
     home: Path | None = None,
     robots: Sequence[str] = (),
+    texts: Mapping[Path, str] | None = None,
 ) -> Document:
     """As `read_document`, from text; `folder` is where relative file names start, `robots` as in
-    `Document`."""
+    `Document`; `texts` are read in the place of included files."""
     if folder is not None:
         home = (home or default_home(folder)).resolve()
-    return replace(_Reader(folder, home).document(text, where), robots=tuple(robots))
+    reader = _Reader(folder, home, given=texts or {})
+    return replace(reader.document(text, where), robots=tuple(robots))
 
 
-def reparsed(text: str, like: Document) -> Document:
-    """Another version of a document's text, which finds the same files."""
-    return parse_document(text, like.folder, home=like.home, robots=like.robots)
+def reparsed(texts: Texts, like: Document) -> Document:
+    """Another version of a document's text, and of some files that it includes, which finds the same
+    other files."""
+    parts = {**like.texts, **texts.parts}
+    return parse_document(texts.main, like.folder, home=like.home, robots=like.robots, texts=parts)
 
 
 def default_home(folder: Path) -> Path:
@@ -97,14 +104,18 @@ class _Reader:
     """The attached models that this one is part of."""
     origins: dict[Element, Path] = field(default_factory=dict[Element, Path])
     """The folder of the included file that an element came from."""
+    given: Mapping[Path, str] = field(default_factory=dict[Path, str])
+    """Texts that are read in the place of included files."""
+    index: dict[Element, Place] = field(default_factory=dict[Element, Place])
+    texts: dict[Path, str] = field(default_factory=dict[Path, str])
+    named: list[Named] = field(default_factory=list[Named])
     beside: dict[str, str] = field(default_factory=dict[str, str])
     """Assets found beside the included file that names them: from the scene's folder, by name."""
-    named: dict[tuple[Element, str], Path] = field(default_factory=dict[tuple[Element, str], Path])
 
     def document(self, text: str, where: str) -> Document:
         root = self.parsed(text, where)
         _require_model(root, where)
-        index = {element: i for i, element in enumerate(elements(root))}
+        self._number(root, None)
         includes = self._expand_includes(root, where)
         found = list(includes.values())
         attached = self._check_assets(root, where, found)
@@ -114,15 +125,20 @@ class _Reader:
         return Document(
             text,
             root,
-            index,
+            self.index,
             self.folder,
             self.home,
             tuple(dict.fromkeys(found)),
             includes,
             self.beside,
+            self.texts,
+            tuple(self.named),
             tuple(attached),
-            named=self.named,
         )
+
+    def _number(self, root: Element, file: Path | None) -> None:
+        for number, element in enumerate(elements(root)):
+            self.index[element] = Place(file, number)
 
     def parsed(self, text: str, where: str) -> Element:
         """The root of one more text."""
@@ -145,7 +161,11 @@ class _Reader:
             found[name] = path
             if len(found) > MAX_INCLUDES:
                 raise InputError(f"{where} includes more than {MAX_INCLUDES} files")
-            included = self.parsed(read_text(path), str(path))
+            text = self.given[path] if path in self.given else read_text(path)
+            self.texts[path] = text
+            included = self.parsed(text, str(path))
+            self._number(included, path)
+            self.named.append(Named(include, "file", name, name, path))
             self.origins |= dict.fromkeys(elements(included), path.parent)
             _replace(include, included, where)
         return found
@@ -162,7 +182,7 @@ class _Reader:
                 located = _located(name, element, settings)
                 path = self._file(located, element, where, name)
                 found.append(path)
-                self.named[element, attribute] = path
+                self.named.append(Named(element, attribute, name, located, path))
                 if element.tag == "model" or not _exists(self.folder, located):
                     # MuJoCo would look elsewhere: in the working directory, or nowhere.
                     element.set(attribute, str(path))

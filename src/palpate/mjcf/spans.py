@@ -159,19 +159,23 @@ def changed(text: str, changes: Iterable[Change]) -> str:
 
 
 def inline_includes(
-    text: str, includes: Mapping[str, Path], renamed: Mapping[str, str] | None = None
+    text: str,
+    includes: Mapping[str, Path],
+    renamed: Mapping[str, str] | None = None,
+    texts: Mapping[Path, str] | None = None,
 ) -> str:
     """The text with every included file's content in its place.
 
     Args:
-        includes: the files by the names that they are included by.
+        includes: the files by the names that they are included by. texts: what is read in the place
+            of some of them.
         renamed: other names for files that their content names.
     """
     while tags := [tag for tag in scan(text) if tag.name == "include"]:
         data = text.encode("utf-8")
         parts: list[Change] = []
         for tag in tags:
-            content = _content(includes, data, tag)
+            content = _content(includes, texts or {}, data, tag)
             parts.append(Change(tag.start, tag.last, _with_names(content, renamed or {})))
         text = changed(text, parts)
     return text
@@ -192,10 +196,12 @@ def _with_names(content: str, renamed: Mapping[str, str]) -> str:
     return text.removeprefix("<mujoco>").removesuffix("</mujoco>")
 
 
-def _content(includes: Mapping[str, Path], data: bytes, include: Tag) -> str:
+def _content(
+    includes: Mapping[str, Path], texts: Mapping[Path, str], data: bytes, include: Tag
+) -> str:
     start, end = include.attributes["file"]
     path = includes[html.unescape(data[start:end].decode("utf-8"))]
-    included = read_text(path)
+    included = texts[path] if path in texts else read_text(path)
     parse_xml(included, str(path))
     root = scan(included)[0]
     return included.encode("utf-8")[root.end : root.close].decode("utf-8").strip()

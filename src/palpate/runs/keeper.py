@@ -126,10 +126,13 @@ class Keeper:
         self.tried(TRACE, lambda at: write_trace(run, at))
 
     def twin(self, run: Run) -> None:
-        """Write the twin."""
+        """Write the twin, and where else it is wanted, unless it is there."""
         self.tried("twin.xml", lambda at: write_twin(run, at))
+        twin, wanted = run.twin, run.settings.twin
+        if twin is not None and wanted is not None and not wanted.exists():
+            self.tried(str(wanted), lambda _: twin.save(wanted))
 
-    def tried(self, name: str, write: Callable[[Path], None]) -> None:
+    def tried(self, name: str, write: Callable[[Path], object]) -> None:
         """Let `write` write something into the folder; a failure is noted."""
         if self.folder is None:
             return

@@ -9,7 +9,7 @@ from types import MappingProxyType
 import numpy as np
 
 from palpate.geometry.pose import Pose
-from palpate.mjcf.document import Document, read_text
+from palpate.mjcf.document import Document, Texts, read_text
 from palpate.mjcf.reading import parse_document, reparsed
 from palpate.quantities.catalogue import Catalogue, catalogue
 from palpate.robots.description import RobotDescription
@@ -62,14 +62,17 @@ def parse_scene(
     return _scene(document, None, given, arm or load_description(), quantities or catalogue())
 
 
-def scene_from_text(text: str, like: Scene, elsewhere: Mapping[str, Pose] | None = None) -> Scene:
+def scene_from_text(
+    text: str | Texts, like: Scene, elsewhere: Mapping[str, Pose] | None = None
+) -> Scene:
     """Another version of a scene's MJCF (its twin), with the same folder, poses and arm, but for
     some objects that stand elsewhere: `elsewhere` are poses of their body frames in the world.
 
     Raises:
         InputError: as `load_scene`.
     """
-    document = reparsed(text, like.resolved.document)
+    texts = Texts(text) if isinstance(text, str) else text
+    document = reparsed(texts, like.resolved.document)
     known = like.resolved.poses
     now = {name: _entry(pose) for name, pose in (elsewhere or {}).items()}
     poses = known.model_copy(update={"objects": {**known.objects, **now}})

@@ -15,9 +15,9 @@ from palpate.estimation.estimate import Estimate, Part, rounded
 from palpate.mjcf import spans
 from palpate.mjcf.body import BodyDescription
 from palpate.mjcf.defaults import answered_elsewhere
-from palpate.mjcf.document import Element, elements
-from palpate.mjcf.edits import Change, Edit, Insert
-from palpate.mjcf.reading import parse_document, reparsed
+from palpate.mjcf.document import Document, Element, Texts, elements
+from palpate.mjcf.edits import Change, Edit
+from palpate.mjcf.reading import parse_document
 from palpate.parameter import Parameter
 from palpate.quantities.catalogue import Catalogue, catalogue
 from palpate.quantities.quantity import Quantity, Values
@@ -36,23 +36,23 @@ def inject(
     """The MJCF with `values` in it and `records` in its `<custom>`; nothing else changes.
 
     A `?` that `values` does not answer stays; see `unfilled`. `folder` is where relative file names
-    start. When a value belongs into an included file, that file's content takes the place of its
-    `<include>`.
+    start. Where a value belongs into an included file, the content of all of them takes the place of
+    the `<include>`s.
 
     Raises:
         InputError: not a usable scene, or a value that has no place in it.
     """
     description = describe(parse_document(text, folder), Poses(), catalogue())
-    written = _injected(description, catalogue(), values, records)
+    texts = _injected(description, catalogue(), values, records)
     std = _deviations(records)
-    for parameter, reason in misread(description, written, values, std, catalogue()):
+    for parameter, reason in misread(description, texts, values, std, catalogue()):
         raise InputError(f"{parameter} cannot be stated in this file: {reason}")
-    return written
+    return in_one(description.document, texts)
 
 
 @dataclass(frozen=True, slots=True)
 class Completed:
-    """The text of a twin.
+    """The texts of a twin.
 
     Attributes:
         notes: remarks: what could not be written, and which `?` nobody measured and now hold a
@@ -60,7 +60,7 @@ class Completed:
         unwritten: what was measured of objects and surfaces and is not in it.
     """
 
-    text: str
+    texts: Texts
     notes: tuple[str, ...]
     unwritten: tuple[Parameter, ...]
 
@@ -68,8 +68,8 @@ class Completed:
 def complete(
     scene: Scene, estimates: Sequence[Estimate], asked: Collection[Parameter] = ()
 ) -> Completed:
-    """The scene's text with the estimates in it, as MuJoCo reads them back. What an estimate says in
-    passing of a quantity that was `asked` for is not written in the place of its own estimate."""
+    """The scene's texts with the estimates in them, as MuJoCo reads them back. What an estimate says
+    in passing of a quantity that was `asked` for is not written in the place of its own estimate."""
     estimates = [_in_its_place(estimate, scene.catalogue) for estimate in estimates]
     values: dict[Parameter, tuple[float, ...]] = {}
     for estimate in estimates:
@@ -88,14 +88,14 @@ def complete(
         if reason := _unfit(scene, parameter, values, marked):
             reasons[parameter] = reason
     fitting = {parameter: value for parameter, value in values.items() if parameter not in reasons}
-    text, filled = _filled(scene, description, marked, fitting, estimates)
-    wrong = dict(_misread(scene, text, fitting, estimates))
+    texts, filled = _filled(scene, description, marked, fitting, estimates)
+    wrong = dict(_misread(scene, texts, fitting, estimates))
     if wrong:
         reasons |= wrong
         fitting = {
             parameter: value for parameter, value in fitting.items() if parameter not in wrong
         }
-        text, filled = _filled(scene, description, marked, fitting, estimates)
+        texts, filled = _filled(scene, description, marked, fitting, estimates)
     for parameter, reason in reasons.items():
         notes.append(f"{parameter} is not in the twin: {reason}")
     for parameter in marked:
@@ -105,7 +105,7 @@ def complete(
                 f"{parameter} was not measured; the twin holds the assumed value {assumed}"
             )
     unwritten = tuple(parameter for parameter in reasons if parameter.object in scene.bodies)
-    return Completed(text, tuple(notes), unwritten)
+    return Completed(texts, tuple(notes), unwritten)
 
 
 def _in_its_place(estimate: Estimate, quantities: Catalogue) -> Estimate:
@@ -122,8 +122,8 @@ def _filled(
     marked: Sequence[Parameter],
     fitting: Values,
     estimates: Sequence[Estimate],
-) -> tuple[str, Values]:
-    """The text with `fitting` in it and beliefs for the rest of what is `marked`; all of these."""
+) -> tuple[Texts, Values]:
+    """The texts with `fitting` in it and beliefs for the rest of what is `marked`; all of these."""
     unmeasured = {p: scene.priors[p] for p in marked if p not in fitting}
     filled = scene.resolved.completed(unmeasured, fitting)
     records = [estimate for estimate in estimates if estimate.parameter in fitting]
@@ -131,12 +131,12 @@ def _filled(
 
 
 def _misread(
-    scene: Scene, text: str, values: Values, estimates: Sequence[Estimate]
+    scene: Scene, texts: Texts, values: Values, estimates: Sequence[Estimate]
 ) -> Iterator[tuple[Parameter, str]]:
     """What MuJoCo does not read back of `values`; nothing of a file that it does not accept."""
     before, std = scene.resolved.description, _deviations(estimates)
     try:
-        yield from misread(before, text, values, std, scene.catalogue)
+        yield from misread(before, texts, values, std, scene.catalogue)
     except InputError as error:
         for parameter in values:
             yield parameter, str(error)
@@ -214,24 +214,24 @@ def _unfit(scene: Scene, parameter: Parameter, values: Values, marked: Sequence[
 
 def _injected(
     description: Description, quantities: Catalogue, values: Values, records: Sequence[Estimate]
-) -> str:
-    document = description.document
+) -> Texts:
     edits = list(changes(description.bodies, quantities, values, {}, _deviations(records)))
     edits += _leftovers(description, quantities, values, edits)
-    if any(_target(edit) not in document.index for edit in edits):
-        text = spans.inline_includes(document.text, document.includes, document.beside)
-        inlined = describe(reparsed(text, document), Poses(), quantities)
-        return _injected(inlined, quantities, values, records)
-    return recorded(rewritten(document, edits), records)
+    texts = rewritten(description.document, edits)
+    return replace(texts, main=recorded(texts.main, records))
+
+
+def in_one(document: Document, texts: Texts) -> str:
+    """The main text; with the content of all included files in it where one of them has changed."""
+    if not texts.parts:
+        return texts.main
+    parts = {**document.texts, **texts.parts}
+    return spans.inline_includes(texts.main, document.includes, document.beside, parts)
 
 
 def _deviations(records: Sequence[Estimate]) -> dict[Parameter, float]:
     """The smallest standard deviation of each, which decides how many digits are written."""
     return {record.parameter: float(min(record.std)) for record in records if record.has_value}
-
-
-def _target(edit: Change) -> Element:
-    return edit.parent if isinstance(edit, Insert) else edit.element
 
 
 def _leftovers(

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.mjcf.body import BodyDescription
+from palpate.mjcf.document import Texts
 from palpate.mjcf.reading import reparsed
 from palpate.parameter import Parameter
 from palpate.quantities.catalogue import Catalogue
@@ -29,7 +30,7 @@ DIGITS = 0.1
 
 def misread(
     before: Description,
-    text: str,
+    texts: Texts,
     values: Values,
     std: Mapping[Parameter, float],
     quantities: Catalogue,
@@ -40,7 +41,7 @@ def misread(
     Raises:
         InputError: MuJoCo does not accept the file.
     """
-    after = describe(reparsed(text, before.document), Poses(), quantities)
+    after = describe(reparsed(texts, before.document), Poses(), quantities)
     for parameter, value in values.items():
         quantity = quantities[parameter.quantity]
         body = after.bodies.get(parameter.object)

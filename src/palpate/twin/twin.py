@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -13,11 +13,13 @@ from palpate.display import table
 from palpate.errors import InputError, PalpateError
 from palpate.estimation.estimate import Estimate
 from palpate.geometry.pose import Pose
+from palpate.mjcf.document import Document, Texts
 from palpate.parameter import Parameter
 from palpate.scene.load import scene_from_text
 from palpate.scene.scene import Scene
 from palpate.trace.samples import Trace
-from palpate.twin.inject import complete
+from palpate.twin.inject import complete, in_one
+from palpate.twin.tree import write_tree
 from palpate.twin.validate import Replay, Validation, validate
 
 if TYPE_CHECKING:
@@ -29,11 +31,13 @@ class Twin:
     """The digital twin M = ⟨G, P⟩.
 
     Attributes:
-        xml: MJCF. diff: unified diff from the user's file.
+        xml: MJCF in one text, into which included files are put where something was measured in one.
+        diff: unified diff from the user's files.
         notes: remarks, e.g. which unknowns nobody asked for and hence hold a prior.
         validation: None when the twin could not be simulated; `notes` then says why.
         scene: the twin read back, with the poses that came with the user's scene; None likewise.
         unwritten: what was measured of objects and surfaces and is not in it; `notes` say why.
+        document: the user's files. texts: those of them that have changed.
     """
 
     xml: str
@@ -42,6 +46,8 @@ class Twin:
     validation: Validation | None
     scene: Scene | None = None
     unwritten: tuple[Parameter, ...] = ()
+    document: Document | None = None
+    texts: Texts | None = None
 
     @cached_property
     def mjmodel(self) -> MjModel:
@@ -54,9 +60,20 @@ class Twin:
             raise InputError("; ".join(self.notes) or "the twin was not simulated")
         return self.scene.spec().compile()
 
-    def save(self, path: str | Path) -> None:
-        """Write the MJCF to `path`, byte for byte."""
-        Path(path).write_text(self.xml, encoding="utf-8", newline="")
+    def save(self, path: str | Path) -> tuple[Path, ...]:
+        """Write the MJCF to `path`, with what it needs there: its own text and its includes, byte for
+        byte but for what was measured, and their meshes and pictures.
+
+        Beside the user's scene, only files that have changed are written, with the twin's name before
+        their own; nothing is overwritten.
+
+        Returns:
+            Every file written, `path` first.
+
+        Raises:
+            InputError: a file that exists, or cannot be written.
+        """
+        return write_tree(self.texts or Texts(self.xml), self.document, Path(path))
 
     def __repr__(self) -> str:
         if self.validation is None:
@@ -69,8 +86,9 @@ class Twin:
 
     def _changes(self) -> list[str]:
         """The lines that the user's file does not have."""
-        added = [line for line in self.diff.splitlines() if line.startswith("+")]
-        return [line[1:].strip() for line in added[1:]]
+        lines = self.diff.splitlines()
+        added = [line for line in lines if line.startswith("+") and not line.startswith("+++ ")]
+        return [line[1:].strip() for line in added]
 
 
 def build_twin(
@@ -84,14 +102,22 @@ def build_twin(
     written = _written(estimates)
     made = complete(scene, written, {estimate.parameter for estimate in estimates})
     notes = (*_remarks(estimates), *made.notes)
-    diff = _diff(scene, made.text)
+    document = scene.resolved.document
+    unmarked = Twin(
+        in_one(document, made.texts),
+        _diff(document, made.texts),
+        notes,
+        None,
+        unwritten=made.unwritten,
+        document=document,
+        texts=made.texts,
+    )
     try:
-        twin = scene_from_text(made.text, scene, _measured_places(scene, written))
+        twin = scene_from_text(made.texts, scene, _measured_places(scene, written))
         marks = validate(twin, scene, trace, replay)
     except PalpateError as error:
-        notes = (*notes, f"the twin was not simulated: {error}")
-        return Twin(made.text, diff, notes, None, unwritten=made.unwritten)
-    return Twin(made.text, diff, notes, marks, twin, made.unwritten)
+        return replace(unmarked, notes=(*notes, f"the twin was not simulated: {error}"))
+    return replace(unmarked, validation=marks, scene=twin)
 
 
 def read_twin(
@@ -107,11 +133,16 @@ def read_twin(
     Raises:
         InputError: the MJCF does not belong to the scene.
     """
-    if validation is None or not scene.bodies:
-        return Twin(xml, _diff(scene, xml), tuple(notes), validation, None, tuple(unwritten))
     written = _written(estimates)
-    twin = scene_from_text(xml, scene, _measured_places(scene, written))
-    return Twin(xml, _diff(scene, xml), tuple(notes), validation, twin, tuple(unwritten))
+    document = scene.resolved.document
+    texts = Texts(xml)
+    if document.includes:
+        texts = complete(scene, written, {estimate.parameter for estimate in estimates}).texts
+    diff = _diff(document, texts)
+    read = Twin(xml, diff, tuple(notes), validation, None, tuple(unwritten), document, texts)
+    if validation is None or not scene.bodies:
+        return read
+    return replace(read, scene=scene_from_text(xml, scene, _measured_places(scene, written)))
 
 
 def _written(estimates: Sequence[Estimate]) -> list[Estimate]:
@@ -129,9 +160,17 @@ def _remarks(estimates: Sequence[Estimate]) -> Iterator[str]:
             yield f"{estimate.parameter} is prior-dominated: what was believed before says as much"
 
 
-def _diff(scene: Scene, text: str) -> str:
-    before, after = scene.text.splitlines(keepends=True), text.splitlines(keepends=True)
-    return "".join(difflib.unified_diff(before, after, "scene.xml", "twin.xml"))
+def _diff(document: Document, texts: Texts) -> str:
+    """Of the main text, and of every included file that has changed."""
+    found = _unified(document.text, texts.main, "scene.xml", "twin.xml")
+    for path, text in texts.parts.items():
+        found += _unified(document.texts[path], text, path.name, path.name)
+    return found
+
+
+def _unified(before: str, after: str, name: str, new_name: str) -> str:
+    lines, new = before.splitlines(keepends=True), after.splitlines(keepends=True)
+    return "".join(difflib.unified_diff(lines, new, name, new_name))
 
 
 def _measured_places(scene: Scene, estimates: Sequence[Estimate]) -> dict[str, Pose]:

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from palpate.mjcf import spans
-from palpate.mjcf.document import Document, Element, read_text
+from palpate.mjcf.document import Document, Element, Texts, read_text
 from palpate.mjcf.reading import parse_document, reparsed
 from palpate.redaction import redact
 
@@ -46,9 +46,10 @@ class _Packing:
         tags = spans.scan(flat.text)
         data = flat.text.encode("utf-8")
         changes: list[spans.Change] = []
-        for (element, attribute), path in flat.named.items():
-            packed = self._packed(path, element, flat)
-            changes.append(spans.set_attribute(tags[flat.index[element]], attribute, packed))
+        for named in flat.named:
+            packed = self._packed(named.path, named.element, flat)
+            tag = tags[flat.index[named.element].number]
+            changes.append(spans.set_attribute(tag, named.attribute, packed))
         for tag, attribute in _places(tags):
             changes.append(spans.remove_attribute(data, tag, attribute))
         text = spans.changed(flat.text, changes)
@@ -85,8 +86,8 @@ def _flat(document: Document) -> Document:
     """The document with what it includes in its text."""
     if not document.includes:
         return document
-    text = spans.inline_includes(document.text, document.includes, document.beside)
-    return reparsed(text, document)
+    text = spans.inline_includes(document.text, document.includes, document.beside, document.texts)
+    return reparsed(Texts(text), document)
 
 
 def _places(tags: list[spans.Tag]) -> Iterator[tuple[spans.Tag, str]]:

@@ -12,6 +12,7 @@ import mujoco
 
 from palpate.errors import InputError, PalpateError
 from palpate.estimation.estimate import Estimate
+from palpate.mjcf.document import Texts
 from palpate.mjcf.reading import reparsed
 from palpate.parameter import Parameter
 from palpate.scene.describe import Description, describe
@@ -78,7 +79,7 @@ def export_twin(
     """
     if twin.scene is None:
         raise InputError(f"there is no twin to export: {'; '.join(twin.notes) or 'nothing moved'}")
-    document = reparsed(twin.xml, twin.scene.resolved.document)
+    document = reparsed(Texts(twin.xml), twin.scene.resolved.document)
     description = describe(document, Poses(), twin.scene.catalogue)
     write_contained(document, scratch)
     scene = scratch / SCENE

@@ -1,0 +1,135 @@
+"""Twins of scenes of several files, written where they are wanted."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import mujoco
+import pytest
+
+from palpate.errors import InputError
+from palpate.estimation.estimate import Estimate
+from palpate.parameter import Parameter
+from palpate.quantities.catalogue import catalogue
+from palpate.scene.load import load_scene
+from palpate.twin.twin import Twin, build_twin
+
+MAIN = """<mujoco>  <!-- the whole -->
+  <compiler meshdir="meshes"/>
+  <include file="assets.xml"/>
+  <worldbody>
+    <body name='table' pos="0.5 0 0.2"><geom type="box" size=".3 .3 .02" friction="1"/></body>
+    <include file="parts/things.xml"/>
+  </worldbody>
+</mujoco>
+"""
+THINGS = """<mujocoinclude>
+  <!-- unweighed --> <body name="mug"   pos="0.5 0 0.27"><freejoint/>
+    <geom type="mesh" mesh="cube" friction=".4" mass='?' /> </body>
+  <include file="parts/more.xml"/>
+</mujocoinclude>
+"""
+MORE = """<mujocoinclude><body name="ball" pos="0.5 0.2 0.25"><freejoint/>
+  <geom size=".03" friction=".4"/></body></mujocoinclude>"""
+ASSETS = '<mujocoinclude><asset><mesh name="cube" file="cube.obj" scale=".05 .05 .05"/></asset></mujocoinclude>'
+CUBE = "".join(f"v {x} {y} {z}\n" for x in (-1, 1) for y in (-1, 1) for z in (-1, 1))
+
+
+@pytest.fixture
+def cell(tmp_path: Path) -> Path:
+    """A folder with a scene of four files and a mesh."""
+    texts = {
+        "scene.xml": MAIN,
+        "assets.xml": ASSETS,
+        "parts/things.xml": THINGS,
+        "parts/more.xml": MORE,
+        "meshes/cube.obj": CUBE,
+    }
+    for name, text in texts.items():
+        file = tmp_path / "cell" / name
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_text(text)
+    return tmp_path / "cell"
+
+
+def twin_of(scene: Path, **masses: float) -> Twin:
+    read = load_scene(scene)
+    estimates: list[Estimate] = []
+    for name, mass in masses.items():
+        interval = ((mass - 0.002, mass + 0.002),)
+        parameter, unit = Parameter(name, "mass"), catalogue()["mass"].unit
+        estimates.append(
+            Estimate(parameter, unit, (mass,), (0.001,), interval, "weighed", (), "identified")
+        )
+    return build_twin(read, estimates)
+
+
+def mass_in(path: Path, name: str) -> float:
+    """As MuJoCo itself reads it from the file."""
+    return float(mujoco.MjModel.from_xml_path(str(path)).body(name).mass[0])
+
+
+def test_what_is_measured_in_an_included_file_is_written_there(cell: Path, tmp_path: Path) -> None:
+    twin = twin_of(cell / "scene.xml", mug=0.25)
+    written = twin.save(tmp_path / "out" / "twin.xml")
+    names = {path.relative_to(tmp_path / "out").as_posix() for path in written}
+    assert names == {
+        "twin.xml",
+        "assets.xml",
+        "parts/things.xml",
+        "parts/more.xml",
+        "meshes/cube.obj",
+    }
+    things = (tmp_path / "out/parts/things.xml").read_text()
+    assert things == THINGS.replace("mass='?'", "mass='0.2500'")
+    assert (tmp_path / "out/parts/more.xml").read_text() == MORE
+    main = (tmp_path / "out/twin.xml").read_text()
+    assert main.replace(main[main.index("  <custom>") : main.index("</mujoco>")], "") == MAIN
+    assert mass_in(tmp_path / "out/twin.xml", "mug") == pytest.approx(0.25)
+
+
+def test_beside_the_scene_only_what_has_changed_is_written(cell: Path) -> None:
+    twin = twin_of(cell / "scene.xml", mug=0.25, ball=0.1)
+    before = {path: path.read_bytes() for path in cell.rglob("*.*")}
+    written = twin.save(cell / "twin.xml")
+    names = {path.relative_to(cell).as_posix() for path in written}
+    assert names == {"twin.xml", "parts/twin_things.xml", "parts/twin_more.xml"}
+    assert all(path.read_bytes() == content for path, content in before.items())
+    assert '<include file="parts/twin_things.xml"/>' in (cell / "twin.xml").read_text()
+    assert '"parts/twin_more.xml"' in (cell / "parts/twin_things.xml").read_text()
+    assert mass_in(cell / "twin.xml", "mug") == pytest.approx(0.25)
+    assert mass_in(cell / "twin.xml", "ball") == pytest.approx(0.1)
+
+
+def test_files_from_elsewhere_are_found_where_they_are(cell: Path, tmp_path: Path) -> None:
+    inner = cell / "scenes" / "one"
+    inner.mkdir(parents=True)
+    (cell / ".git").mkdir()
+    text = MAIN.replace("meshes", "../../meshes").replace('file="', 'file="../../')
+    (inner / "scene.xml").write_text(text)
+    (cell / "parts/things.xml").write_text(THINGS.replace("parts/more", "../../parts/more"))
+    twin = twin_of(inner / "scene.xml", mug=0.25)
+    out = tmp_path / "elsewhere" / "twin.xml"
+    written = twin.save(out)
+    assert [path.name for path in written] == ["twin.xml", "twin_things.xml"]
+    assert mass_in(out, "mug") == pytest.approx(0.25)
+    assert f'meshdir="{cell / "meshes"}"' in out.read_text()
+
+
+def test_nothing_is_overwritten(cell: Path) -> None:
+    twin = twin_of(cell / "scene.xml", mug=0.25)
+    with pytest.raises(InputError, match="exists already"):
+        twin.save(cell / "scene.xml")
+    (cell / "parts" / "twin_things.xml").write_text("mine")
+    with pytest.raises(InputError, match=r"twin_things\.xml' exists"):
+        twin.save(cell / "twin.xml")
+    assert not (cell / "twin.xml").exists()
+
+
+def test_the_twin_in_one_text_has_its_includes_in_it(cell: Path) -> None:
+    twin = twin_of(cell / "scene.xml", mug=0.25)
+    assert "<include" not in twin.xml
+    assert "things.xml" in twin.diff
+    assert '-    <geom type="mesh" mesh="cube" friction=".4" mass=\'?\' /> </body>' in twin.diff
+    assert twin.scene is not None
+    assert twin.scene.bodies["mug"].known["mass"] == pytest.approx((0.25,))
