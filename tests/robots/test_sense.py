@@ -173,8 +173,31 @@ def test_a_force_that_stays_is_felt_one_state_later() -> None:
 
 
 def test_an_empty_hand_at_rest_feels_nothing() -> None:
-    biased = every(lambda now: replace(now, contact=now.contact + np.array([0, 8.0, 0, 0, 0, 0])))
-    watched = Watched(Faulty(arm("lab"), 0.4, **biased), ARM)
+    watched = Watched(Faulty(arm("lab"), 0.4, **biased(12.0)), ARM)
     list(ticked(watched, 1.0))
     assert watched.fault is not None
     assert "a force out of nothing" in str(watched.fault)
+
+
+def test_friction_that_a_motion_left_in_the_joints_is_no_fault() -> None:
+    """Up to 7.5 N at `hardware`."""
+    watched = Watched(Faulty(arm("lab"), 0.0, **biased(7.5)), ARM)
+    list(ticked(watched, 1.0))
+    assert watched.fault is None
+
+
+def test_what_was_felt_before_the_watch_began_stays_evidence() -> None:
+    """A robot that has measured for a while is watched anew when something is measured again."""
+    robot = arm("lab")
+    robot.advance(1.0)
+    watched = Watched(Faulty(robot, 1.0, **biased(12.0)), ARM)
+    list(ticked(watched, 0.5))
+    assert watched.fault is not None
+    assert 1.0 <= watched.fault.since < 1.1
+
+
+def biased(force: float) -> dict[str, Any]:
+    """A force of so many N in every state."""
+    return every(
+        lambda now: replace(now, contact=now.contact + np.array([0, force, 0, 0, 0, 0]))
+    )

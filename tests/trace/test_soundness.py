@@ -86,6 +86,21 @@ def test_a_later_attempt_counts_again(ten_seconds: Trace) -> None:
     assert not np.any((sound(trace).samples.t > 1.0) & (sound(trace).samples.t < 5.0))
 
 
+def test_a_later_round_that_fails_takes_nothing_from_the_first(ten_seconds: Trace) -> None:
+    first, again, third = recording(1.0, 2.0), recording(6.0, 7.0), recording(9.0, 9.5)
+    trace = replace(
+        ten_seconds,
+        leaves=(
+            leaf("tree.children[0]", 0.0, 3.0),
+            leaf("repeat[1].tree.children[0]", 5.0, 6.0),
+            leaf("repeat[1].stop", 6.0, 7.5, "FAILURE"),
+            leaf("repeat[2].tree.children[0]", 8.0, 9.9),
+        ),
+        recordings=(first, again, third),
+    )
+    assert sound(trace).recordings == (first, third)
+
+
 def test_a_trace_without_samples_is_one(ten_seconds: Trace) -> None:
     trace = replace(
         ten_seconds, samples=Samples.empty(), leaves=(leaf("tree", 0.0, 0.0, "INVALID"),)

@@ -18,8 +18,8 @@ import numpy as np
 from palpate.trace.recording import LeafRun
 from palpate.trace.samples import Trace
 
-_ATTEMPT = re.compile(r"(replan\[\d+\]\.)*")
-"""What stands before a leaf's path in the plan of a later attempt."""
+_ATTEMPT = re.compile(r"((replan|repeat)\[\d+\]\.)*")
+"""What stands before a leaf's path in the plan of a later attempt, or of a later round."""
 
 
 class Span(NamedTuple):

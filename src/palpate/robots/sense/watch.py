@@ -21,10 +21,12 @@ DISAGREEMENT = 0.03
 """rad between the way of a joint and the integral of its speed, in `AGREED` s."""
 AGREED = 0.1
 
-EMPTY_FORCE, EMPTY_TORQUE = 4.0, 2.0
-"""N, N m that an empty hand at rest at home may feel. What datasheets leave open stays below: 0.15 N
-of repeatability, 0.8 N of accuracy, and the same again for what identification leaves of the links'
-masses."""
+EMPTY_FORCE, EMPTY_TORQUE = 10.0, 3.0
+"""N, N m that an empty hand at rest at home may feel: 0.15 N of repeatability and 0.8 N of accuracy by
+an arm's datasheet, the same again for what identification leaves of the links' masses, and what
+friction behind the sensors holds after a motion. Where all joints hold 0.15 to 0.64 N m as identified
+(Gaz et al., RA-L 2019, doi:10.1109/LRA.2019.2931248) the same way at its worst that is 3.9 N and 1.1 N m;
+single robots may have twice the average."""
 AT_HOME = 0.02
 """rad."""
 SLOW = 0.01
@@ -65,6 +67,8 @@ class Watch:
         """Take the state after an advance."""
         before, self._before = self._before, state
         self._find([self._clock.follow(state), self._spikes.follow(state)])
+        if before is None:
+            self._rested = state.t
         if before is None or state.t <= before.t:
             return
         self._find(
