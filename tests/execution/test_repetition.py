@@ -3,66 +3,152 @@
 from __future__ import annotations
 
 import json
+from dataclasses import dataclass, replace
+from typing import Any
 
 import pytest
-from performing import CELL, CUP
+from performing import CELL, CUP, cell
 
 import palpate as pp
+from palpate.estimation.estimate import Estimate
+from palpate.execution.repetition import repeat
+from palpate.execution.runner import Execution, run
+from palpate.parameter import Parameter
+from palpate.planning.plan import Plan
+from palpate.planning.symbolic.planner import SymbolicPlanner
+from palpate.quantities.estimators import estimate_all
+from palpate.quantities.precision.within import Within
+from palpate.robots.simulated.robot import MujocoRobot
+from palpate.runs.run import Run
+from palpate.scene.scene import Scene
 
 SCENE = CELL.format(cup=" ".join(map(str, CUP)), table=-0.03, mass="")
 WORLD = CELL.format(cup=" ".join(map(str, CUP)), table=-0.03, mass='mass="0.3"')
-REQUEST = "how heavy is the cup?"
 
 
-def weighed(within, noise="lab", **more):
-    return pp.run(SCENE, REQUEST, world=WORLD, noise=noise, within={"mass": within}, **more)
-
-
-def rounds(run) -> int:
-    return sum(c.quantity == "mass" for c in run.trace.conversions)
+def count(run: Run, quantity: str) -> int:
+    """How often it was measured."""
+    return sum(c.quantity == quantity for c in run.trace.conversions)
 
 
 @pytest.fixture(scope="module")
-def narrowed(tmp_path_factory):
-    """Its signals are noisier than the arm's description says."""
+def narrowed(tmp_path_factory) -> Run:
+    """Its signals are noisier than the arm's description says, and its fingertips are known."""
     folder = tmp_path_factory.mktemp("within")
     loud = folder / "loud.yaml"
-    loud.write_text("palpate_noise: 1\nname: loud\nextends: lab\ntorque: {white: 0.3}\n")
-    return weighed("4g", noise=str(loud), out=folder / "run")
+    loud.write_text(
+        "palpate_noise: 1\nname: loud\nextends: lab\ntorque: {white: 0.3}\n"
+        "datasheet: {tip_offset_std: 2.0e-5}\nmodel: {tip_offset: 2.0e-5}\n"
+    )
+    return pp.run(
+        SCENE,
+        "how heavy is the cup, and how high is the table?",
+        world=WORLD,
+        noise=str(loud),
+        within={"mass": "4g", "height": "0.15mm"},
+        out=folder / "run",
+        remeasure=True,
+    )
 
 
-def test_a_mass_is_weighed_until_it_is_as_narrow_as_asked(narrowed) -> None:
-    assert rounds(narrowed) > 1
+@pytest.mark.parametrize(
+    ("name", "half", "truth"), [("cup.mass", 0.004, 0.3), ("table.height", 0.00015, 0.0)]
+)
+def test_a_value_is_measured_until_it_is_as_narrow_as_asked(narrowed, name, half, truth) -> None:
+    assert count(narrowed, Parameter(name).quantity) > 1
+    low, high = narrowed[name].ci95[0]
+    assert (high - low) / 2 <= half
+    assert low < truth < high
+    assert "was asked: " in narrowed[name].method
+
+
+def test_such_a_run_is_complete(narrowed) -> None:
     assert narrowed.status == "complete"
-    low, high = narrowed["cup.mass"].ci95[0]
-    assert (high - low) / 2 <= 0.004
-    assert low < 0.3 < high
-    assert "Within 4 g was asked: " in narrowed["cup.mass"].method
     assert narrowed.execution.setbacks == ()
 
 
+def test_all_of_a_round_is_one_way_from_home_and_back(narrowed) -> None:
+    """However often it touches in it."""
+    rounds = {leaf.node.partition("tree")[0] for leaf in narrowed.trace.leaves}
+    assert count(narrowed, "height") > len(rounds)
+    homes = [leaf for leaf in narrowed.trace.leaves if leaf.primitive == "MoveJoints"]
+    assert len(homes) <= 2 * len(rounds)
+
+
 def test_the_result_says_what_was_asked_and_what_came_of_it(narrowed) -> None:
-    (row,) = json.loads((narrowed.folder / "result.json").read_text())["parameters"]
-    assert row["within"]["asked"] == 0.004
-    assert row["within"]["outcome"] == "reached"
+    rows = json.loads((narrowed.folder / "result.json").read_text())["parameters"]
+    told = {row["quantity"]: row["within"] for row in rows}
+    assert told["mass"]["asked"] == 0.004
+    assert told["height"]["outcome"] == told["mass"]["outcome"] == "reached"
     again = pp.open(narrowed.folder)
     assert again.status == "complete"
     assert again.settings.within == narrowed.settings.within
 
 
-def test_at_the_floor_of_the_sensors_gains_nothing_is_repeated_in_vain(tmp_path) -> None:
-    unsure = tmp_path / "unsure.yaml"
-    unsure.write_text(
-        "palpate_noise: 1\nname: unsure\nextends: lab\ndatasheet: {torque_gain_max: 0.05}\n"
-    )
-    run = weighed("1g", noise=str(unsure))
-    assert rounds(run) == 1
-    assert run.status == "complete"
-    assert "at the floor of" in run["cup.mass"].method
-    assert "calibrate the arm" in run["cup.mass"].method
+@dataclass(frozen=True)
+class Weighed:
+    """A cup that was weighed once, with no width asked."""
+
+    plan: Plan
+    scene: Scene
+    execution: Execution
+
+    def again(self, runner: Any, done: Execution, within: str) -> tuple[Execution, Estimate]:
+        """What repetition by a `runner` makes of an execution, and the mass from it."""
+        asked = Within.read({"mass": within})
+        robot: Any = None
+        whole = repeat(done, self.plan, self.scene, robot, asked, runner, lambda _: None)
+        return whole, asked.told(self.mass(whole))
+
+    def mass(self, done: Execution) -> Estimate:
+        return estimate_all([Parameter("cup.mass")], done.trace, self.scene.bodies)[0]
 
 
-def test_without_a_width_nothing_is_repeated() -> None:
-    run = pp.run(SCENE, REQUEST, world=WORLD)
-    assert rounds(run) == 1
-    assert "Within" not in run["cup.mass"].method
+@pytest.fixture(scope="module")
+def weighed() -> Weighed:
+    scene, world = cell(), cell(mass='mass="0.3"')
+    plan = SymbolicPlanner().plan("how heavy is the cup?", scene)
+    robot = MujocoRobot(world.spec(), world.pose_world_base, world.arm, noise="lab")
+    return Weighed(plan, scene, run(plan, scene, robot))
+
+
+def test_without_a_width_nothing_is_repeated(weighed) -> None:
+    nothing: Any = None
+    done = repeat(weighed.execution, weighed.plan, weighed.scene, nothing, Within(), nothing, print)
+    assert done is weighed.execution
+
+
+def test_at_the_floor_of_the_sensors_gains_nothing_is_repeated_in_vain(weighed) -> None:
+    trace = weighed.execution.trace
+    unsure = replace(trace, hand=replace(trace.hand, torque_gain=0.05, gain_covariance=None))
+    done = replace(weighed.execution, trace=unsure)
+    whole, mass = weighed.again(None, done, "1g")
+    assert whole is done
+    assert "at the floor of" in mass.method
+    assert "calibrate the arm" in mass.method
+
+
+def test_a_round_that_fails_leaves_what_the_first_one_measured(weighed) -> None:
+    """The robot's signals cannot be believed from its beginning on."""
+
+    def failing(plan: Plan, scene: Scene, robot: object) -> Execution:
+        trace = weighed.execution.trace
+        end = float(trace.samples.t[-1])
+        stop = replace(trace.leaves[0], node="stop", start=end, end=end + 0.1, status="FAILURE")
+        nothing = replace(
+            trace,
+            samples=trace.samples.where(slice(0, 0)),
+            leaves=(stop,),
+            recordings=(),
+            conversions=(),
+        )
+        why = "the torques are frozen"
+        return replace(
+            weighed.execution, trace=nothing, status="stopped", stopped_by=why, fault=why
+        )
+
+    whole, mass = weighed.again(failing, weighed.execution, "0.5g")
+    assert whole.status == "stopped"
+    assert whole.stopped_by == "the torques are frozen"
+    assert mass.identified
+    assert mass.value == weighed.mass(weighed.execution).value

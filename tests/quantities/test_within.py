@@ -98,3 +98,11 @@ def test_nothing_is_said_where_nothing_was_asked_or_found() -> None:
 )
 def test_widths_are_shown_in_a_unit_that_suits_them(width, unit, text) -> None:
     assert shown(width, unit) == text
+
+
+@pytest.mark.parametrize(("std", "so_far", "more"), [(0.0006, 1, 1), (0.001, 1, 4), (0.001, 2, 8)])
+def test_noise_says_how_often_to_measure_again(std, so_far, more) -> None:
+    """The noise of a mean falls with the root of their number; some of it is kept in reserve."""
+    precision = Within.read({"mass": "1g"}).precision(estimate(std))
+    assert precision is not None
+    assert precision.further(so_far) == more

@@ -198,6 +198,4 @@ def test_what_was_felt_before_the_watch_began_stays_evidence() -> None:
 
 def biased(force: float) -> dict[str, Any]:
     """A force of so many N in every state."""
-    return every(
-        lambda now: replace(now, contact=now.contact + np.array([0, force, 0, 0, 0, 0]))
-    )
+    return every(lambda now: replace(now, contact=now.contact + np.array([0, force, 0, 0, 0, 0])))

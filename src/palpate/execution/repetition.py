@@ -8,6 +8,7 @@ trace is joined to what there is. All of it makes the estimate.
 from __future__ import annotations
 
 import logging
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING
 
@@ -15,7 +16,7 @@ from palpate.execution.recovery import Runner, joined
 from palpate.parameter import Parameter
 from palpate.planning.check.check import check
 from palpate.planning.plan import Plan
-from palpate.planning.symbolic.passes import site_of
+from palpate.planning.symbolic.passes import Efforts, site_of
 from palpate.planning.symbolic.planner import assemble
 from palpate.quantities.estimators import estimate_all
 from palpate.quantities.precision.effort import Effort
@@ -31,6 +32,10 @@ log = logging.getLogger(__name__)
 
 MAX_ROUNDS = 5
 """How often what is too wide is measured again, at most."""
+
+MOST_TIMES = 4
+"""How often it is measured in one round, at most: what the first round showed of the noise is not
+sure."""
 
 FUTILE = 0.98
 """Part of an interval that a round must leave at most, for another one to be worth it."""
@@ -52,15 +57,19 @@ def repeat(
     told what each is for."""
     done, before = first, Lacking()
     asked = [parameter for parameter in plan.parameters if within.of(parameter) is not None]
+    so_far = Counter(asked)
     for count in range(1, MAX_ROUNDS + 1):
         if not asked or done.status != "complete":
             break
         lacking = dict(_lacking(asked, done, scene, within))
         asked = [parameter for parameter in lacking if _is_worth_it(parameter, lacking, before)]
         before = lacking = {parameter: lacking[parameter] for parameter in asked}
-        again = _planned(lacking, scene, done, plan.planner, mirrored=count % 2 == 1)
+        efforts = _efforts(lacking, scene, done, so_far)
+        again = _planned(efforts, scene, done, plan.planner, mirrored=count % 2 == 1)
         if again is None:
             break
+        for parameter, effort in efforts.items():
+            so_far[parameter] += effort.times
         say(f"measuring again, {_in_words(lacking, scene)}")
         done = joined(done, run(*again, robot), f"repeat[{count}].")
     return done
@@ -83,35 +92,41 @@ def _is_worth_it(parameter: Parameter, now: Lacking, before: Lacking) -> bool:
     return parameter not in before or now[parameter].reached < FUTILE * before[parameter].reached
 
 
+def _efforts(
+    lacking: Lacking, scene: Scene, done: Execution, so_far: Counter[Parameter]
+) -> dict[Parameter, Effort]:
+    """How much more work they take, as noisy as the arm has shown itself: as their quantities
+    foresee it, else as what was measured `so_far` tells."""
+    found: dict[Parameter, Effort] = {}
+    for parameter, precision in lacking.items():
+        site, effort = site_of(scene, parameter), None
+        if site is not None:
+            quantity = scene.catalogue[parameter.quantity]
+            effort = quantity.effort(site, precision.further_std, done.trace)
+        times = min(precision.further(so_far[parameter]), MOST_TIMES)
+        found[parameter] = effort or Effort(times=times)
+    return found
+
+
 def _planned(
-    lacking: Lacking, scene: Scene, done: Execution, planner: str, mirrored: bool
+    efforts: Efforts, scene: Scene, done: Execution, planner: str, mirrored: bool
 ) -> tuple[Plan, Scene] | None:
     """A checked plan for them in the scene as it is now, `mirrored` every other time; what was
     executed outlives a planning that fails."""
-    if not lacking:
+    if not efforts:
         return None
     try:
         around = rearranged(scene, done.final_state.not_restored())
-        made = assemble(around, lacking, None, _efforts(lacking, around, done), mirrored)
+        made = assemble(around, efforts, None, efforts, mirrored)
         if made.tree is None:
             return None
         why = "Measured again: the intervals are wider than asked."
         plan = Plan(made.measured, made.tree, why, f"{planner}, again")
-        return None if check(plan, around) else (plan, around)
+        findings = check(plan, around, remeasure=True, repeated=True)
+        return None if findings else (plan, around)
     except Exception as error:
         log.warning("nothing is measured again, planning it failed: %s", error)
         return None
-
-
-def _efforts(lacking: Lacking, scene: Scene, done: Execution) -> dict[Parameter, Effort]:
-    """How much more work they take, as noisy as the arm has shown itself."""
-    found: dict[Parameter, Effort] = {}
-    for parameter, precision in lacking.items():
-        site = site_of(scene, parameter)
-        if site is not None:
-            quantity = scene.catalogue[parameter.quantity]
-            found[parameter] = quantity.effort(site, precision.further_std, done.trace)
-    return found
 
 
 def _in_words(lacking: Lacking, scene: Scene) -> str:

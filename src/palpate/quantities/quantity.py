@@ -174,12 +174,12 @@ class Quantity:
         del site
         return 0.0
 
-    def effort(self, site: Site, std: float, trace: Trace | None) -> Effort:
+    def effort(self, site: Site, std: float, trace: Trace | None) -> Effort | None:
         """The least work at a site after which noise leaves no more than `std` of it, as noisy as
-        the arm is said to be, or was in a `trace` of the like; without anything foreseen, the same
-        work as ever."""
+        the arm is said to be, or was in a `trace` of the like; None where nothing is foreseen, and
+        it is measured as often as the noise so far asks for."""
         del site, std, trace
-        return Effort()
+        return None
 
     def confirm(self, body: BodyDescription, value: tuple[float, ...]) -> None:
         """Look at `body` compiled with the believed `value` in place.

@@ -72,6 +72,24 @@ def test_what_gains_leave_is_in_proportion_to_what_is_lifted(scene: Scene) -> No
     assert Mass().floor(heavy) == pytest.approx(4 * Mass().floor(light), rel=0.1)
 
 
+def test_what_is_measured_several_times_is_put_back_in_between(scene: Scene) -> None:
+    """Slid to the other side every other time; the check lets it pass where it is told why."""
+    friction = Parameter("bottle.friction")
+    made = assemble(scene, [MASS, friction], efforts={friction: Effort(times=3)})
+    assert made.tree is not None
+    done = actions(made.tree)
+    assert done.count("Force2Mass") == 1
+    assert done.count("CloseGripper") == done.count("OpenGripper") - 1 == 3
+    aside = [
+        str(dict(node.args).get("pose")) for _, node in made.tree.walk() if node.type == "MovePose"
+    ]
+    sides = [pose.split()[1] for pose in aside if pose.endswith("x_offset")]
+    assert sides == ["+", "-", "+"]
+    plan = Plan(made.measured, made.tree, "")
+    assert check(plan, scene, remeasure=True, repeated=True) == ()
+    assert {finding.rule for finding in check(plan, scene, remeasure=True)} == {"redundant"}
+
+
 def test_nothing_is_lifted_more_often_than_can_be(scene: Scene) -> None:
     """Of a surface nothing is lifted at all, and of an object as often as its effort says."""
     assert site_of(scene, Parameter("table.height")) is None

@@ -118,10 +118,13 @@ class Drag:
 
     @cached_property
     def swung_out(self) -> Mask:
-        """Rows after the breakaway in which the hand is told to move at full speed."""
+        """Rows after the breakaway in which the hand is told to move at full speed, and is for a
+        while longer: what begins to slow down is felt before it shows in the speed."""
         if self.breakaway is None:
             return np.zeros(len(self.t), dtype=bool)
-        return self.cruising & (self.t > self.t[self.breakaway] + tuning.TRANSIENT)
+        ahead = np.searchsorted(self.t, self.t + tuning.SLOWING, side="right") - 1
+        on = self.cruising & self.cruising[ahead] & (ahead > np.arange(len(self.t)))
+        return on & (self.t > self.t[self.breakaway] + tuning.TRANSIENT)
 
     @cached_property
     def steady(self) -> Mask:

@@ -21,6 +21,9 @@ CRUISE = 0.95
 """part of the usual commanded speed from which the motion is at its full speed. Sensitive:
 friction 1.5 σ, std ×1.0–2.0."""
 
+SLOWING = 0.02
+"""s before a motion slows down by that: jerk-limited, it has begun to. Sensitive: friction 0.2 σ."""
+
 LATE = 0.5
 """part of a drag after which its quotient of forces is the usual one. Sensitive: friction 1.7 σ,
 std ×0.9–1.0."""

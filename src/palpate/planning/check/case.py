@@ -63,6 +63,7 @@ class Case:
         scene: where it is to run; None when only its grammar is checked.
         remeasure: whether what the scene states may be measured.
         requested: the parameters that it must measure, no more and no fewer; None when open.
+        repeated: whether a parameter may be measured several times, to know it better.
     """
 
     plan: Plan
@@ -71,6 +72,7 @@ class Case:
     scene: Scene | None
     remeasure: bool = False
     requested: tuple[Parameter, ...] | None = None
+    repeated: bool = False
 
     def is_known(self, parameter: Parameter) -> bool:
         """Whether the scene states it."""

@@ -77,6 +77,7 @@ def check(
     requested: Iterable[Parameter] | None = None,
     reachable: Reach | None = None,
     words: Vocabulary | None = None,
+    repeated: bool = False,
 ) -> tuple[Finding, ...]:
     """What is wrong with a plan; empty when it may run.
 
@@ -87,10 +88,11 @@ def check(
         requested: the parameters that the plan must measure, no more and no fewer.
         reachable: replaces the arm's inverse kinematics.
         words: the vocabulary that it may use, by default what is installed.
+        repeated: allows a parameter to be measured several times.
     """
     words = words or vocabulary()
     asked = tuple(requested) if requested is not None else None
-    case = Case(plan, Form.of(plan.tree, words), words, scene, remeasure, asked)
+    case = Case(plan, Form.of(plan.tree, words), words, scene, remeasure, asked, repeated)
     found: list[Finding] = []
     if plan.tree is None:
         for rule in REJECTION_RULES.values():

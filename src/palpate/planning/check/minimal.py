@@ -26,7 +26,7 @@ def redundant(case: Case, walk: Walk) -> Iterator[Finding]:
     made: set[Parameter] = set()
     for action, parameter in _conversions(walk):
         if not _is_stray(parameter, case):
-            if parameter in made:
+            if parameter in made and not case.repeated:
                 message = f"{parameter} is measured already; remove this"
                 yield Finding.of(action.path, "redundant", message)
             elif parameter not in case.plan.parameters:
@@ -83,7 +83,8 @@ def _unused_recordings(case: Case, walk: Walk) -> Iterator[str]:
                 evidence.add((parameter, piece))
         if action.path not in converted and evidence <= seen:
             yield action.path
-        seen |= evidence
+        if not case.repeated:
+            seen |= evidence
 
 
 def _piece(parameter: Parameter, action: Action) -> Piece | None:

@@ -29,7 +29,9 @@ def efforts(scene: Scene, parameters: Iterable[Parameter], within: Within) -> Ef
         width, site = within.of(parameter), site_of(scene, parameter)
         if width is not None and site is not None:
             quantity = scene.catalogue[parameter.quantity]
-            found[parameter] = quantity.effort(site, noise_std(width, quantity.floor(site)), None)
+            effort = quantity.effort(site, noise_std(width, quantity.floor(site)), None)
+            if effort is not None:
+                found[parameter] = effort
     return found
 
 

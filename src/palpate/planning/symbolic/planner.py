@@ -166,10 +166,12 @@ def _measure(
         return [], [f"{_spoken(parameters)} cannot be measured: {reason}."]
     try:
         chainer.measure(name, parameters, _effort(parameters, efforts))
-        return parameters, []
     except PlanRejected as rejection:
         if len(parameters) == 1:
             return [], [f"{_spoken(parameters)} cannot be measured: {rejection}."]
+    else:
+        _again(chainer, name, parameters, efforts)
+        return parameters, []
     # Together they cannot be had: those that can be had alone are tried once more.
     possible, impossible = _possible_apart(chainer, name, parameters)
     failed = [f"{_spoken(impossible)} cannot be measured."] if impossible else []
@@ -177,6 +179,15 @@ def _measure(
         return [], failed
     done, reasons = _measure(chainer, name, possible, efforts)
     return done, [*reasons, *failed]
+
+
+def _again(
+    chainer: Backchainer, name: str, parameters: Sequence[Parameter], efforts: Efforts
+) -> None:
+    """Measure those of one thing anew that are to be measured several times."""
+    times = {wanted: efforts[wanted].times for wanted in parameters if wanted in efforts}
+    for count in range(2, max(times.values(), default=1) + 1):
+        chainer.measure_anew(name, [wanted for wanted in times if times[wanted] >= count])
 
 
 def _effort(parameters: Iterable[Parameter], efforts: Efforts) -> Effort | None:

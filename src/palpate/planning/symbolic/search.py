@@ -13,7 +13,7 @@ import math
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -47,6 +47,8 @@ MAX_DETOURS = 20
 Goal = Callable[[SymbolicState], bool]
 Refusal = tuple[tuple[object, ...], str]
 """A state, and the label of a step that does harm there."""
+Kind = tuple[bool, frozenset[str]]
+"""Whether things are slid to the other side first, and the quantities that are measured."""
 Tail = Callable[[SymbolicState], "list[Step] | None"]
 """What is left to do in a state to reach the goal; None when the goal is not in reach from
 there."""
@@ -69,10 +71,10 @@ class Backchainer:
     mirrored: bool = False
     state: SymbolicState = field(init=False)
     steps: list[Step] = field(default_factory=list[Step], init=False)
-    _found: dict[frozenset[str], tuple[str, list[Step]]] = field(
-        default_factory=dict[frozenset[str], tuple[str, list[Step]]], init=False
+    _found: dict[Kind, tuple[str, list[Step]]] = field(
+        default_factory=dict[Kind, tuple[str, list[Step]]], init=False
     )
-    """By quantities: the object for which they were measured first, and how."""
+    """The object for which the like was measured first, and how."""
     _hindrance: str = field(default="", init=False)
     """What the last way that was found would have run into."""
 
@@ -120,6 +122,21 @@ class Backchainer:
                 state, self.steps[done:], self.state, name, effort
             )
 
+    def measure_anew(self, name: str, parameters: Sequence[Parameter]) -> None:
+        """As `measure`, as if nothing had been recorded yet, things being slid to the other side
+        than last time; nothing where there is no way."""
+        state = self.state
+        self.mirrored = not self.mirrored
+        self.state = replace(state, logged=(), converted=frozenset())
+        with suppress(PlanRejected):
+            self.measure(name, parameters)
+        logged, converted = self.state.logged, self.state.converted
+        self.state = replace(
+            self.state,
+            logged=(*state.logged, *logged),
+            converted=state.converted | converted,
+        )
+
     def _search(self, name: str, parameters: Sequence[Parameter]) -> None:
         first = len(self.steps)
         away = self._clear(name, (name,)) if name in self.scene.bodies else []
@@ -131,7 +148,7 @@ class Backchainer:
         operators = self._operators(name, next(self._domains(name)))
         self._reach(operators, _when(_at_rest(name)), f"'{name}' cannot be put back")
         if not away:
-            self._found[_quantities(parameters)] = (name, self.steps[first:])
+            self._found[self._kind(parameters)] = (name, self.steps[first:])
         for blocker, place in reversed(away):
             self._carry(blocker, place, _at_rest(blocker))
 
@@ -181,7 +198,7 @@ class Backchainer:
     def _as_before(self, name: str, parameters: Sequence[Parameter]) -> bool:
         """Whether what was found for another object also measures these quantities of this one;
         then it is done."""
-        other, steps = self._found.get(_quantities(parameters), ("", []))
+        other, steps = self._found.get(self._kind(parameters), ("", []))
         if not steps:
             return False
         state, done = self.state, list[Step]()
@@ -289,6 +306,9 @@ class Backchainer:
             there, aside = self._times(axis, spot, SLIDE), self._times(other, spot, ASIDE)
             if self.state.at in [f"{spot} {sign} {there}*{axis}" for sign in "+-"]:
                 yield from (f"{spot} {sign} {aside}*{other}" for sign in self._sides)
+
+    def _kind(self, parameters: Iterable[Parameter]) -> Kind:
+        return self.mirrored, frozenset(parameter.quantity for parameter in parameters)
 
     @property
     def _sides(self) -> str:
@@ -483,10 +503,6 @@ def _may_concern(parameter: Parameter, step: Step, state: SymbolicState) -> bool
         if primitive.writes and catalogue.piece(parameter, primitive.writes, context):
             return True
     return False
-
-
-def _quantities(parameters: Iterable[Parameter]) -> frozenset[str]:
-    return frozenset(parameter.quantity for parameter in parameters)
 
 
 def _at_rest(name: str) -> Goal:

@@ -1,4 +1,5 @@
-"""How much work goes into a parameter: how often, and how slowly, its object is lifted."""
+"""How much work goes into a parameter: how often, and how slowly, its object is lifted, or how often
+it is measured as ever."""
 
 from __future__ import annotations
 
@@ -14,10 +15,12 @@ class Effort:
     """Attributes:
     cycles: how often the object is taken, lifted and put back.
     speed: m/s of the ways between grasp and lift, loaded and empty; None is as fast as is safe.
+    times: how often all of it is measured, one time after the other.
     """
 
     cycles: int = 1
     speed: float | None = None
+    times: int = 1
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -86,12 +86,25 @@ class Precision:
     def further_std(self) -> float:
         """1 sigma that the noise of further work alone may leave, so that with what there is the
         interval becomes as narrow as asked, or as it can be."""
-        floor = self.floor / Z95
-        present = math.sqrt(max((self.reached / Z95) ** 2 - floor**2, 0.0))
-        wanted = noise_std(self.asked, floor)
+        present, wanted = self._noise, self._wanted
         if wanted >= present:
             return present
         return 1.0 / math.sqrt(wanted**-2 - present**-2)
+
+    def further(self, times: int) -> int:
+        """How often what was done so many `times` is to be done besides, at least once: the noise
+        of a mean falls with the root of their number."""
+        return max(1, math.ceil(times * ((self._noise / self._wanted) ** 2 - 1.0)))
+
+    @property
+    def _noise(self) -> float:
+        """1 sigma of what repetition narrows, as it is."""
+        return math.sqrt(max(self.reached**2 - self.floor**2, 0.0)) / Z95
+
+    @property
+    def _wanted(self) -> float:
+        """1 sigma of it, as it is to be."""
+        return noise_std(self.asked, self.floor / Z95)
 
 
 @dataclass(frozen=True, slots=True)
