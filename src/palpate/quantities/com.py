@@ -52,7 +52,11 @@ class CentreOfMass(Quantity):
             "com",
             "cog",
             "balance point",
-        )
+        ),
+        "de": ("schwerpunkt", "massenmittelpunkt", "massenschwerpunkt"),
+        "es": ("centro de masa", "centro de masas", "centro de gravedad"),
+        "fr": ("centre de masse", "centre de gravité"),
+        "it": ("centro di massa", "baricentro", "centro di gravità"),
     }
     size = 3
     evidence = (

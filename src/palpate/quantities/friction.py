@@ -48,7 +48,13 @@ class Friction(Quantity):
     unit = UNIT
     subject = "object"
     label = "sliding friction"
-    words: ClassVar = {"en": ("friction", "slipperiness", "slippery", "grip", "mu")}
+    words: ClassVar = {
+        "en": ("friction", "slipperiness", "slippery", "grip", "mu"),
+        "de": ("reibung", "reibungskoeffizient", "reibungszahl", "reibwert", "haftung"),
+        "es": ("fricción", "rozamiento", "coeficiente de fricción", "coeficiente de rozamiento"),
+        "fr": ("frottement", "frottements", "friction", "coefficient de frottement"),
+        "it": ("attrito", "coefficiente di attrito", "frizione"),
+    }
     evidence = (
         Evidence(
             FORCES, "MeasureForces while held still in the air", activity=("still",), holding=True

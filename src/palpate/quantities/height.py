@@ -57,7 +57,13 @@ class Height(Quantity):
     id = "height"
     unit = UNIT
     subject = "surface"
-    words: ClassVar = {"en": ("height", "elevation", "level", "high", "tall")}
+    words: ClassVar = {
+        "en": ("height", "elevation", "level", "high", "tall"),
+        "de": ("höhe", "hoehe"),
+        "es": ("altura",),
+        "fr": ("hauteur",),
+        "it": ("altezza",),
+    }
     elsewhere = "size"
     evidence = (
         Evidence(

@@ -40,7 +40,11 @@ class Inertia(Quantity):
     subject = "object"
     label = "inertia tensor"
     words: ClassVar = {
-        "en": ("inertia", "moment of inertia", "moments of inertia", "inertia tensor")
+        "en": ("inertia", "moment of inertia", "moments of inertia", "inertia tensor"),
+        "de": ("trägheit", "trägheitsmoment", "trägheitsmomente", "trägheitstensor"),
+        "es": ("inercia", "momento de inercia", "momentos de inercia"),
+        "fr": ("inertie", "moment d inertie", "moments d inertie"),
+        "it": ("inerzia", "momento di inerzia", "momento d inerzia", "momenti di inerzia"),
     }
     size = 6
     evidence = (

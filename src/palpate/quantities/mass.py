@@ -66,7 +66,13 @@ class Mass(Quantity):
     id = "mass"
     unit = UNIT
     subject = "object"
-    words: ClassVar = {"en": ("mass", "weight", "heavy", "weigh", "heaviness")}
+    words: ClassVar = {
+        "en": ("mass", "weight", "heavy", "weigh", "heaviness"),
+        "de": ("masse", "massen", "gewicht", "gewichte"),
+        "es": ("masa", "masas", "peso", "pesos"),
+        "fr": ("masse", "masses", "poids"),
+        "it": ("massa", "masse", "peso", "pesi"),
+    }
     evidence = (
         Evidence(
             FORCES,

@@ -24,7 +24,11 @@ class Momentum(Quantity):
     id = "momentum"
     unit = UNIT
     subject = "gripper"
-    words: ClassVar = {"en": ("momentum",)}
+    words: ClassVar = {
+        "en": ("momentum",),
+        "de": ("impuls",),
+        "fr": ("quantité de mouvement",),
+    }
     size = 3
     evidence = (
         Evidence(

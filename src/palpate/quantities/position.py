@@ -39,7 +39,13 @@ class Position(Quantity):
     id = "position"
     unit = UNIT
     subject = "object"
-    words: ClassVar = {"en": ("position", "location", "place", "whereabouts", "where")}
+    words: ClassVar = {
+        "en": ("position", "location", "place", "whereabouts", "where"),
+        "de": ("position", "lage"),
+        "es": ("posición",),
+        "fr": ("position",),
+        "it": ("posizione",),
+    }
     size = 2
     evidence = (Evidence(POSE, "MeasureGripperPose while holding the object", holding=True),)
     estimators: ClassVar = {"fingers": "palpate.quantities.position:estimate_position"}

@@ -30,7 +30,11 @@ class Stiffness(Quantity):
     unit = UNIT
     subject = "surface"
     words: ClassVar = {
-        "en": ("stiffness", "stiff", "softness", "soft", "springiness", "firmness", "compliance")
+        "en": ("stiffness", "stiff", "softness", "soft", "springiness", "firmness", "compliance"),
+        "de": ("steifigkeit", "steifheit", "federsteifigkeit", "nachgiebigkeit"),
+        "es": ("rigidez",),
+        "fr": ("rigidité", "raideur"),
+        "it": ("rigidezza", "rigidità"),
     }
     evidence = (
         Evidence(

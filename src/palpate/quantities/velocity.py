@@ -23,7 +23,13 @@ class Velocity(Quantity):
     id = "velocity"
     unit = UNIT
     subject = "gripper"
-    words: ClassVar = {"en": ("velocity", "speed")}
+    words: ClassVar = {
+        "en": ("velocity", "speed"),
+        "de": ("geschwindigkeit",),
+        "es": ("velocidad",),
+        "fr": ("vitesse",),
+        "it": ("velocità",),
+    }
     size = 3
     evidence = (
         Evidence(

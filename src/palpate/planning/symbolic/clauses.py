@@ -10,12 +10,18 @@ from dataclasses import dataclass
 from typing import Literal
 
 from palpate.planning.symbolic import lexicon
+from palpate.planning.symbolic.item import GRIPPER, Item
 from palpate.planning.symbolic.lexicon import DETERMINERS, EVERY
-from palpate.planning.symbolic.mentions import GRIPPER, Item
+from palpate.planning.symbolic.wording import english
 
 Mode = Literal["want", "know", "skip"]
 """What a stretch of the request says of its parameters: wanted, known already, not wanted."""
 
+_PRECISION = frozenset(
+    ["within", "accurate", "accuracy", "precision", "precise", "tolerance", "error", "resolution"]
+)
+"""Words beside an amount that is no value but how well one is to be known."""
+_QUESTIONS = frozenset(["how", "what", "which", "whether", "if"])
 _MENTIONS = ("quantity", "unmeasurable", "object", "unknown", "pronoun", "everything")
 """Kinds of items that make up groups; the others only tie them together."""
 _BETWEEN_LISTED = DETERMINERS | EVERY | {"of", "for", "also", "how"}
@@ -52,6 +58,21 @@ class Clause:
     groups: tuple[Group, ...]
     wanted: bool
 
+    @property
+    def compares(self) -> tuple[Item, ...]:
+        """Its quantities, where it compares things by them."""
+        quantities = tuple(item for item in self.items if item.kind == "quantity")
+        than = any(item.text == "than" for item in self.items)
+        if than or any(item.compared for item in quantities):
+            return quantities
+        return ()
+
+    @property
+    def selects(self) -> bool:
+        """Whether it asks which of several: "the heaviest", "which box is heavier"."""
+        words = {word for item in self.items for word in item.words}
+        return "which" in words or not words.isdisjoint(english().superlatives)
+
     def between(self, at: int) -> tuple[Item, ...]:
         """What stands between group `at` and the next."""
         return self.items[self.groups[at].end + 1 : self.groups[at + 1].start]
@@ -78,7 +99,7 @@ class Clause:
     def property_of_next(self, at: int) -> tuple[Item, ...]:
         """In "the wetness of the bottle", an unknown word that is a property and not an object."""
         item = self.groups[at].items[0]
-        if item.kind != "unknown" or at + 1 >= len(self.groups) or lexicon.GOAL.search(item.text):
+        if item.kind != "unknown" or at + 1 >= len(self.groups):
             return ()
         between = self.between(at)
         before_object = self.groups[at + 1].items[0].kind == "object"
@@ -115,8 +136,10 @@ def _turn(item: Item, following: Sequence[Item], mode: Mode) -> Mode | None:
         return None if negated else "want"
     if mode == "skip" and item.text == "but":
         return "want"
-    if mode == "skip" and item.text == "," and _begins_with_quantity(following):
-        return "want"
+    if mode == "skip" and item.text == ",":
+        # "Not the bottle, the mug: how heavy is it?"
+        introduced = any(later.text == ":" for later in following)
+        return "want" if introduced or _begins_with_quantity(following) else None
     return None
 
 
@@ -131,15 +154,24 @@ def _marked(item: Item, mode: Mode) -> Mode:
 
 def _begins_with_quantity(items: Sequence[Item]) -> bool:
     for item in items:
-        if item.kind not in ("stop", "list"):
+        if item.kind not in ("stop", "list", "pronoun"):
             return item.of_quantity
     return False
 
 
 def _clause(items: Sequence[Item], mode: Mode) -> Clause:
     said = _without_relative_where(items)
-    together = Clause(said, _groups(said), mode == "want")
-    return Clause(said, tuple(_apart(together)), mode == "want")
+    wanted = mode == "want" and not _states_amount(said)
+    together = Clause(said, _groups(said), wanted)
+    return Clause(said, tuple(_apart(together)), wanted)
+
+
+def _states_amount(items: Sequence[Item]) -> bool:
+    """Whether it says how much something is: "the mug weighs 300 g"."""
+    words = {item.text for item in items}
+    if not any(item.kind == "amount" for item in items) or any(item.compared for item in items):
+        return False
+    return words.isdisjoint(_PRECISION | _QUESTIONS)
 
 
 def _without_relative_where(items: Sequence[Item]) -> tuple[Item, ...]:

@@ -42,15 +42,21 @@ position only where it opens a question, and not in "tell me where its balance p
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
-from palpate.errors import InputError
+from palpate.errors import InputError, PlanRejected
 from palpate.parameter import Parameter
 from palpate.planning.planner import MAX_REQUEST
-from palpate.planning.symbolic.clauses import Clause, clauses
-from palpate.planning.symbolic.mentions import Item, Words
+from palpate.planning.symbolic.clauses import clauses
+from palpate.planning.symbolic.item import Item
+from palpate.planning.symbolic.languages import in_english
+from palpate.planning.symbolic.mentions import Words
+from palpate.planning.symbolic.reading import Reading
 from palpate.planning.symbolic.resolver import Resolver
+from palpate.planning.symbolic.standing import understood
 from palpate.planning.symbolic.tokens import tokens
+from palpate.planning.symbolic.whereabouts import located
+from palpate.planning.symbolic.wording import english
 from palpate.scene.scene import Scene
 
 
@@ -69,78 +75,6 @@ class Grounded:
     remarks: tuple[str, ...] = ()
 
 
-Objects = tuple[Item, ...]
-
-
-@dataclass
-class _Reading:
-    """What has been understood so far.
-
-    Attributes:
-        pairs: quantities that are wanted, with the objects they are said of.
-        excluded: likewise what is not wanted; no quantity stands for all of them.
-        alone: objects that are named without a quantity.
-        spoken: the objects of every group so far, which "it" may mean.
-    """
-
-    resolver: Resolver
-    pairs: list[tuple[Item, Objects]] = field(default_factory=list[tuple[Item, Objects]])
-    excluded: list[tuple[Item | None, Objects]] = field(
-        default_factory=list[tuple[Item | None, Objects]]
-    )
-    alone: list[Item] = field(default_factory=list[Item])
-    spoken: list[Objects] = field(default_factory=list[Objects])
-
-    def read(self, clause: Clause) -> None:
-        """Take in the next clause: its quantities with their objects, then the other objects."""
-        used = self._read_quantities(clause)
-        for at, group in enumerate(clause.groups):
-            if at in used or group.of_quantities:
-                continue
-            if clause.wanted:
-                self.alone += clause.property_of_next(at) or group.named
-            else:
-                self.excluded.append((None, group.named or self._last_spoken()))
-
-    def _read_quantities(self, clause: Clause) -> set[int]:
-        """Pair the quantities of a clause; the groups whose objects they are said of."""
-        used: set[int] = set()
-        for at, group in enumerate(clause.groups):
-            if not group.of_quantities:
-                self._speak_of(group.named)
-                continue
-            objects: Objects = ()
-            if clause.said_of_next(at):
-                objects = clause.groups[at + 1].named
-                used.add(at + 1)
-            for quantity in group.items:
-                said_of = objects or self._meant(quantity)
-                self._pair(quantity, said_of, clause.wanted)
-                used |= _positions(said_of, clause, at)
-        return used
-
-    def _pair(self, quantity: Item, objects: Objects, wanted: bool) -> None:
-        if wanted:
-            self.pairs.append((quantity, objects))
-        else:
-            self.excluded.append((quantity, objects))
-
-    def _speak_of(self, objects: Objects) -> None:
-        if objects:
-            self.spoken.append(objects)
-
-    def _meant(self, quantity: Item) -> Objects:
-        """What was spoken of last that can have `quantity`: the meaning of "it", or of saying
-        nothing."""
-        for objects in reversed(self.spoken):
-            if self.resolver.can_have(objects, quantity):
-                return objects
-        return ()
-
-    def _last_spoken(self) -> Objects:
-        return self.spoken[-1] if self.spoken else ()
-
-
 def ground(request: str, scene: Scene) -> Grounded:
     """What `request` asks for in `scene`.
 
@@ -155,37 +89,80 @@ def ground(request: str, scene: Scene) -> Grounded:
         raise InputError(
             f"the request has {len(request)} characters; say it in at most {MAX_REQUEST}"
         )
-    reading = _Reading(Resolver(scene))
-    for clause in clauses(Words(scene).items(tokens(request))):
+    words = Words(scene)
+    said = words.spelt(tokens(in_english(request, words.nouns.names)))
+    found = located(words.items(said), scene, words.remarks)
+    items, unread = understood(found)
+    reading = Reading(Resolver(scene))
+    for clause in clauses(items):
         reading.read(clause)
-    return _answer(request, reading, reading.resolver)
+    if not reading.pairs:
+        unread += [item.text for item in found if item.kind == "aside"]
+    return _answer(request, reading, words.remarks, unread)
 
 
-def _positions(objects: Objects, clause: Clause, before: int) -> set[int]:
-    """Which groups before group `before` name just these objects."""
-    return {at for at, group in enumerate(clause.groups[:before]) if group.named == objects}
-
-
-def _answer(request: str, reading: _Reading, resolver: Resolver) -> Grounded:
+def _answer(
+    request: str, reading: Reading, remarks: Sequence[str], unread: Sequence[str]
+) -> Grounded:
     """The parameters of what was understood, less what was excluded."""
+    resolver = reading.resolver
     excluded: set[Parameter] = set()
     for quantity, objects in reading.excluded:
         excluded.update(resolver.exclusions(quantity, objects))
+    read = list(remarks)
     asked: list[Parameter] = []
-    for quantity, objects in reading.pairs:
+    for quantity, objects in reading.pairs or reading.aims():
         asked += resolver.parameters(quantity, objects)
-    remark = ""
-    everything = any(item.kind == "everything" for item in reading.alone)
-    if everything or not reading.pairs:
-        found, remark = resolver.without_quantity(request, reading.alone)
+    if not reading.pairs and not asked:
+        asked, remark = _unsaid(request, reading, unread)
+        read += [remark] if remark else []
+    elif any(item.kind == "everything" for item in reading.alone) and reading.pairs:
+        found, remark = resolver.everything()
         asked += found
-    if not (asked or resolver.cannot or remark):
+        read.append(remark)
+    unknown = [item.text for item in reading.set_aside() if _is_unknown(item)]
+    if unread or unknown:
+        resolver.not_understood([*unread, *unknown])
+    for deed in reading.undone():
+        resolver.cannot.append(resolver.no_deed(deed))
+    if not (asked or resolver.cannot or read):
         resolver.reject(request)
     return Grounded(
         asked=tuple(_less(resolver.ordered(asked), excluded)),
         cannot=tuple(dict.fromkeys(resolver.cannot)),
-        remarks=(remark,) if remark else (),
+        remarks=tuple(dict.fromkeys(read)),
     )
+
+
+def _unsaid(request: str, reading: Reading, unread: Sequence[str]) -> tuple[list[Parameter], str]:
+    """What a request without a quantity means, and how it was read.
+
+    Raises:
+        InputError: it names only objects that the scene does not have. PlanRejected: it wishes for
+            no measurement.
+    """
+    resolver = reading.resolver
+    if reading.commands:
+        raise PlanRejected(resolver.no_deed(reading.commands[0]))
+    quantities = {item.names[0] for item, _ in reading.excluded if item is not None}
+    if unread:
+        resolver.not_understood(unread)
+    named = reading.fragment and bool(reading.alone)
+    wished = reading.wished or named or bool(quantities)
+    found, remark = resolver.without_quantity(reading.alone, wished)
+    if quantities and found:
+        # "Everything but the boxes should be weighed": what is said of the boxes is said of all.
+        found = [parameter for parameter in found if parameter.quantity in quantities]
+    if not (found or remark or resolver.cannot):
+        resolver.reject(request)
+    return found, remark
+
+
+def _is_unknown(item: Item) -> bool:
+    """Whether nobody knows the word: neither a thing nor a property."""
+    if item.kind == "unmeasurable":
+        return item.text == item.names[0] and item.text not in english().states
+    return item.kind == "unknown"
 
 
 def _less(parameters: Sequence[Parameter], excluded: set[Parameter]) -> list[Parameter]:

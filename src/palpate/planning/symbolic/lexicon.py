@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
 
 
@@ -89,11 +88,6 @@ TURNS = word_set("need want measure determine find estimate tell but")
 BEFORE_WHERE = word_set("me out determine measure and , find see")
 """Words after which "where" asks for a position."""
 
-GOAL = re.compile(
-    r"\b(simulat\w+|digital twin|twin|model\w*|scene|world|calibrat\w+|identif\w+|complete|pour\w*|push\w*|grasp\w*|"
-    r"pick\w*|lift\w*|stack\w*|throw\w*|slid\w+|manipulat\w+|measur\w+|missing|unknown|parameters?|properties)\b"
-)
-
 STOP = word_set(
     "of for is are was were be been do does did what whats which how much many and or but not to "
     "in on at with about we i you he she they me us please can could would should will shall may "
@@ -104,17 +98,36 @@ STOP = word_set(
     "have has had there s t re ve ll d let lets make build create set up simulate our simulation "
     "simulator scene model twin digital world file description mujoco mjcf xml request value "
     "values number parameter parameters property properties coefficient coefficients constant "
-    "force quantity quantities data measurement measurements exactly approximately accurately "
+    "quantity quantities data measurement measurements exactly approximately accurately "
     "really actually missing unknown everything anything whatever all each every one ones "
     "something that this these those it its their them where who whose yet already still very "
-    "more most less least same other another new however whether together respectively regarding "
+    "same new however whether together respectively regarding "
     "concerning physical real true correct right sure thanks thank hello hi help no"
 )
 """Words that are never the name of an object that is not there."""
 
+UNITS = (
+    r"kg|kilos?|kilograms?|g|grams?|mg|milligrams?|lbs?|pounds?|oz|ounces?|mm|cm|m|km|millimet(?:re|er)s?|"
+    r"centimet(?:re|er)s?|met(?:re|er)s?|inch(?:es)?|n|newtons?|n/m|n/mm|kn/m|%|percent|degrees?"
+)
+
 # Each pattern is replaced in the order given, before the words are told apart.
 
 MARKS: tuple[tuple[str, str], ...] = (
+    (
+        r"\bleav(?:e|ing) ((?:\w+ ){1,6}?)(?:alone|in peace|be|out|where it is|as it is)\b",
+        r" §neg \1 §want ",
+    ),
+    (
+        r"\b(?:keep (?:your|the) (?:hands?|fingers?|gripper) off|hands off|(?:stay|keep) away from|avoid|spare|"
+        r"do not disturb)\b",
+        " §neg ",
+    ),
+    (
+        r"\bwhere (?:does|do|will|would|can|could) (.+?) balances?\b",
+        r" where is the balance point of \1 ",
+    ),
+    (r"\b(\d+(?:[.,]\d+)?) *(?:" + UNITS + r")\b", " §amount "),
     (r"\b(?:do|does|did) not (?:need|want|wish)(?: to)?(?: know| measure)?", " §neg "),
     (
         r"\b(?:with no|without) know\w*|\bnot (?:yet )?kn(?:ow\w*|ew)|\b(?:can|could)\s?not\b",

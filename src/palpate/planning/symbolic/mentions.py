@@ -1,86 +1,59 @@
-"""What the words of a request stand for: quantities, objects, "everything", and what marks their
-roles."""
+"""What the words of a request stand for: quantities, objects, deeds, and what marks their roles."""
 
 from __future__ import annotations
 
-from collections import defaultdict
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import Literal
+from collections.abc import Sequence
+from dataclasses import replace
 
-from palpate.mjcf.body import Body
-from palpate.planning.symbolic import lexicon
+from palpate.planning.symbolic import lexicon, spelling
+from palpate.planning.symbolic.item import EDGE, Item
 from palpate.planning.symbolic.lexicon import COLOURS, DETERMINERS, EVERY, STOP
-from palpate.planning.symbolic.tokens import is_within, name_words, singulars
+from palpate.planning.symbolic.nouns import Nouns
+from palpate.planning.symbolic.tokens import singulars
+from palpate.planning.symbolic.wording import english, longest
 from palpate.quantities.catalogue import catalogue
 from palpate.scene.scene import Scene
-
-Kind = Literal[
-    "quantity",
-    "unmeasurable",
-    "object",
-    "unknown",
-    "pronoun",
-    "everything",
-    "mark",
-    "stop",
-    "break",
-    "list",
-    "word",
-]
-
-GRIPPER = "gripper"
-"""The subject of quantities that the empty hand itself has."""
 
 LONGEST_PHRASE = 7
 """Words of the longest synonym of a quantity: "centre of mass in all three axes"."""
 
 
-@dataclass(frozen=True, slots=True)
-class Item:
-    """A stretch of the request.
+class Words:
+    """The words that name things in one scene.
 
     Attributes:
-        words: the stretch itself.
-        names: what it may stand for: quantity ids, or bodies (several when it is ambiguous or a
-            plural).
-        plural: it means all of `names`.
+        nouns: of its bodies.
+        remarks: how words were read that are not quite what was said.
     """
 
-    kind: Kind
-    words: tuple[str, ...]
-    names: tuple[str, ...] = ()
-    plural: bool = False
-
-    @property
-    def text(self) -> str:
-        """The stretch as it was said."""
-        return " ".join(self.words)
-
-    @property
-    def links(self) -> bool:
-        """Whether this word ties a quantity to the object after it."""
-        return self.kind == "stop" and self.words[0] in lexicon.LINKS
-
-    @property
-    def of_quantity(self) -> bool:
-        """Whether it names a property, measurable or not."""
-        return self.kind in ("quantity", "unmeasurable")
-
-
-class Words:
-    """The words that name things in one scene."""
-
     def __init__(self, scene: Scene) -> None:
-        self._own = {name: name_words(name) for name in scene.bodies}
-        self._said = {name: self._said_of(body) for name, body in scene.bodies.items()}
-        self._nouns = _NOUNS.union(*self._said.values())
-        self._named: dict[tuple[str, ...], list[str]] = defaultdict(list)
-        for name, own in self._own.items():
-            self._named[own].append(name)
-        several = [own for own in self._named if len(own) > 1]
+        self.nouns = Nouns(scene)
+        self.remarks: list[str] = []
+        several = [own for own in self.nouns.named if len(own) > 1]
         self._long_names = sorted(several, key=len, reverse=True)
         self._phrases = _phrases()
+        self._relations = longest(english().relations)
+
+    def spelt(self, tokens: Sequence[str]) -> list[str]:
+        """The tokens, those that mean nothing as what they are a slip of."""
+        known = self.nouns.names | {word for phrase in self._phrases for word in phrase}
+        known = {word for word in known if len(word) >= spelling.SHORTEST}
+        return [self._spelt(token, known) for token in tokens]
+
+    def _spelt(self, token: str, known: set[str]) -> str:
+        if self._means_something(token):
+            return token
+        found = spelling.meant(token, known)
+        if found is None:
+            return token
+        self.remarks.append(f"'{token}' is read as '{found}'.")
+        return found
+
+    def _means_something(self, token: str) -> bool:
+        if token in _FILLERS or token in _SMALL or not token.isalpha():
+            return True
+        forms = singulars(token)
+        return self.nouns.known(token) or not _MEANT.isdisjoint(forms)
 
     def items(self, tokens: Sequence[str]) -> list[Item]:
         """The request as items, in order."""
@@ -88,12 +61,14 @@ class Words:
         at = 0
         while at < len(tokens):
             item = self._item(tokens, at, found)
-            found.append(item)
+            found.append(_again(item, found, (*tokens, "", "")[at + 1]))
             at += len(item.words)
-        return _without_fillers(_joined(found))
+        return _joined(_compared(found))
 
     def _item(self, tokens: Sequence[str], at: int, before: Sequence[Item]) -> Item:
         word = tokens[at]
+        if word == "§amount":
+            return Item("amount", (word,))
         if word.startswith("§"):
             return Item("mark", (word,))
         if word in ".;:?!":
@@ -102,39 +77,51 @@ class Words:
             return Item("list", (word,))
         return (
             self._whole_name(tokens, at)
+            or self._relation(tokens, at)
+            or self._comparison(word)
             or self._quantity(tokens, at)
             or self._unmeasurable(tokens, at)
             or self._mention(tokens, at, before)
-            or self._plain(tokens, at)
+            or self._plain(tokens, at, before)
         )
-
-    def _said_of(self, body: Body) -> frozenset[str]:
-        """Every word that may be said of a body: of its name, its looks and its kind."""
-        said = set(self._own[body.name])
-        for phrase in body.words:
-            said.update(phrase.split())
-        return _KIND_NOUNS[body.role] | said
 
     def _whole_name(self, tokens: Sequence[str], at: int) -> Item | None:
         """A body's name of several words, the longest first, together or apart: "redbox", "red
-        box".
+        box"; or one of a single word that was said in two, "note book".
 
         A name of one word is a noun like others, for its article tells it from a look-alike: "the
         can", "can you".
         """
         for own in self._long_names:
-            names = (self._named[own][0],)
+            names = (self.nouns.named[own][0],)
             joined = "".join(own)
             if tokens[at] == joined and joined not in STOP:
-                return Item("object", (joined,), names)
+                return Item("object", (joined,), names, fitting=names)
             if tuple(tokens[at : at + len(own)]) == own:
-                return Item("object", own, names)
+                return Item("object", own, names, fitting=names)
+        two = tuple(tokens[at : at + 2])
+        called = self.nouns.named.get(("".join(two),), ()) if len(two) == 2 else ()
+        return Item("object", two, (called[0],), fitting=(called[0],)) if called else None
+
+    def _relation(self, tokens: Sequence[str], at: int) -> Item | None:
+        """How one thing stands to another: "on top of", "beside"."""
+        for length in range(min(self._relations, len(tokens) - at), 0, -1):
+            phrase = tuple(tokens[at : at + length])
+            if phrase in english().relations:
+                return Item("stop", phrase, (english().relations[phrase],))
         return None
+
+    def _comparison(self, word: str) -> Item | None:
+        """A word that compares: "heavier"."""
+        id = english().compared.get(word)
+        if id is None or id not in catalogue():
+            return None
+        return Item("quantity", (word,), (id,), compared=True)
 
     def _quantity(self, tokens: Sequence[str], at: int) -> Item | None:
         """The longest synonym of a quantity at this place, in the singular or the plural."""
-        longest = min(LONGEST_PHRASE, len(tokens) - at)
-        for length in range(longest, 0, -1):
+        most = min(LONGEST_PHRASE, len(tokens) - at)
+        for length in range(most, 0, -1):
             phrase = tuple(tokens[at : at + length])
             for last in singulars(phrase[-1]):
                 id = self._quantity_called(phrase, last)
@@ -150,14 +137,29 @@ class Words:
         return found or self._phrases.get((first, *phrase[1:]))
 
     def _unmeasurable(self, tokens: Sequence[str], at: int) -> Item | None:
-        """A property that nothing here can measure: "temperature", "how hot"."""
-        for form in singulars(tokens[at]):
+        """A property that nothing here can measure: "temperature", "how hot", "is it clean"."""
+        word = tokens[at]
+        if self.nouns.known(word):
+            return None
+        for form in singulars(word):
             label = lexicon.UNMEASURABLE.get(form)
-            if label is None or form in self._nouns:
-                continue
-            if form not in lexicon.ADJECTIVES or _after_how(tokens, at):
-                return Item("unmeasurable", (tokens[at],), (label,))
+            if label is not None and (form not in lexicon.ADJECTIVES or _after_how(tokens, at)):
+                return Item("unmeasurable", (word,), (label,))
+        if word in english().states and self._is_said_of_something(tokens, at):
+            return Item("unmeasurable", (word,), (word,))
         return None
+
+    def _is_said_of_something(self, tokens: Sequence[str], at: int) -> bool:
+        """Whether an adjective is what a question is about, "is it full?", and not a part of a
+        name, "the full bottle"."""
+        before = tokens[:at]
+        for i in range(at - 1, -1, -1):
+            if tokens[i] in ".;:?!":
+                before = tokens[i + 1 : at]
+                break
+        following = tokens[at + 1 : at + 2]
+        attribute = bool(following) and self.nouns.known(following[0])
+        return not attribute and not _SAYING.isdisjoint(before)
 
     def _mention(self, tokens: Sequence[str], at: int, before: Sequence[Item]) -> Item | None:
         """The longest run of words that together fit some body; adjectives never stand apart from
@@ -167,76 +169,43 @@ class Words:
         run = self._run(tokens[at:])
         if not run:
             return None
-        plural = _is_every(before) or self._is_plural(run[-1])
-        names = self._matching(run, plural)
-        return Item("object" if names else "unknown", run, names, plural)
+        several = _is_every(before) or not self.nouns.singular(run[-1])
+        plural = several and not _is_one_of(before)
+        names = self.nouns.matching(run, several)
+        fitting = self.nouns.fitting(run)
+        if names and not fitting and names[0] in self.nouns.own:
+            said = " and ".join(f"'{name}'" for name in names)
+            self.remarks.append(f"'{' '.join(run)}' is taken for {said}.")
+        return Item("object" if names else "unknown", run, names, plural, fitting or names)
 
     def _run(self, tokens: Sequence[str]) -> tuple[str, ...]:
         run: tuple[str, ...] = ()
         for word in tokens:
-            if not self._is_noun(word):
+            if not self.nouns.known(word):
                 break
             longer = (*run, word)
             # "light" alone may fit nothing; what counts is whether "light blue box" does.
-            if run and not COLOURS.issuperset(run) and not self._matching(longer, plural=False):
+            if run and not COLOURS.issuperset(run) and not self.nouns.matching(longer, False):
                 break
             run = longer
         return run
 
-    def _is_noun(self, word: str) -> bool:
-        return any(form in self._nouns or self._is_within(form) for form in singulars(word))
-
-    def _is_plural(self, word: str) -> bool:
-        """Whether a noun is known in the singular alone."""
-        return word not in self._nouns and not self._is_within(word)
-
-    def _is_within(self, noun: str) -> bool:
-        """Whether some body's name is a compound of the noun."""
-        return any(self._is_compound(name, (noun,)) for name in self._own)
-
-    def _is_compound(self, name: str, forms: Sequence[str]) -> bool:
-        """Whether a part of the body's name is a compound of one of a noun's forms."""
-        nouns = [form for form in forms if form not in STOP]
-        return any(is_within(noun, part) for part in self._own[name] for noun in nouns)
-
-    def _matching(self, words: tuple[str, ...], plural: bool) -> tuple[str, ...]:
-        """The bodies that `words` may mean: the one called exactly so, else those whose name has
-        the noun, or a compound of it, else those of which all words may be said."""
-        exact = self._named.get(words)
-        if exact and not plural:
-            return tuple(exact)
-        if self._is_gripper(words[-1]):
-            return (GRIPPER,)
-        fitting = [name for name in self._own if self._fits(name, words)]
-        noun = singulars(words[-1])
-        called = [name for name in fitting if self._is_called(name, noun)]
-        return tuple(called or fitting)
-
-    def _is_called(self, name: str, forms: Sequence[str]) -> bool:
-        """Whether a body's name has a noun in one of its forms, or a compound of it."""
-        return not set(self._own[name]).isdisjoint(forms) or self._is_compound(name, forms)
-
-    def _is_gripper(self, noun: str) -> bool:
-        """Whether the noun means the robot's hand, and no body of the scene is called so."""
-        taken = any(noun in own for own in self._own.values())
-        return noun in lexicon.GRIPPER_NOUNS and not taken
-
-    def _fits(self, name: str, words: tuple[str, ...]) -> bool:
-        """Whether each of `words` may be said of the body."""
-        said = self._said[name]
-        for word in words:
-            forms = singulars(word)
-            if said.isdisjoint(forms) and not self._is_compound(name, forms):
-                return False
-        return True
-
-    def _plain(self, tokens: Sequence[str], at: int) -> Item:
+    def _plain(self, tokens: Sequence[str], at: int, before: Sequence[Item]) -> Item:
         """A word that names nothing by itself."""
-        word = tokens[at]
+        word, said = tokens[at], english()
         if word in lexicon.EVERYTHING or self._is_all(tokens, at):
             return Item("everything", (word,))
         if word in lexicon.PRONOUNS:
             return Item("pronoun", (word,))
+        deed = next((form for form in _infinitives(word) if form in _DEEDS), None)
+        if deed is not None and not (before and before[-1].text == "'s"):
+            return Item("deed", (word,), (deed,))
+        if word in said.selecting and self.nouns.known((*tokens, "")[at + 1]):
+            return Item("selector", (word,), (said.selecting[word],))
+        if word in said.aside:
+            return Item("aside", (word,))
+        if word in said.nouns:
+            return Item("filler", (word,))
         if word in _FILLERS:
             return Item("stop", (word,))
         return Item("word", (word,))
@@ -248,19 +217,64 @@ class Words:
             return False
         for word in tokens[at + 1 : at + 4]:
             if word not in DETERMINERS and word not in ("of", "missing", "unknown"):
-                return not self._is_noun(word)
+                return not self.nouns.known(word)
         return True
 
 
-_KIND_NOUNS: Mapping[str, frozenset[str]] = {
-    "object": lexicon.OBJECT_NOUNS,
-    "surface": lexicon.SURFACE_NOUNS,
-}
-_NOUNS = COLOURS.union(lexicon.OBJECT_NOUNS, lexicon.SURFACE_NOUNS, lexicon.GRIPPER_NOUNS)
-"""Words that may belong to the name of a thing in any scene."""
-_FILLERS = STOP | DETERMINERS | EVERY | {"'s"}
-_EDGE = Item("break", ("",))
-"""What stands before the first item and after the last."""
+_FILLERS = (
+    STOP
+    | DETERMINERS
+    | EVERY
+    | english().harmless
+    | english().degrees
+    | english().than
+    | english().tying
+    | {"'s"}
+)
+_SMALL = english().nouns | english().aside | lexicon.PRONOUNS | lexicon.EVERYTHING | english().degrees
+_MEANT = (
+    english().deeds
+    | english().handling
+    | english().states
+    | lexicon.UNMEASURABLE.keys()
+    | english().compared.keys()
+    | english().selecting.keys()
+    | COLOURS
+)
+_DEEDS = english().deeds | english().handling
+_SAYING = frozenset(
+    [
+        "is",
+        "are",
+        "was",
+        "were",
+        "be",
+        "been",
+        "being",
+        "get",
+        "gets",
+        "how",
+        "if",
+        "whether",
+        "has",
+        "have",
+        "had",
+    ]
+)
+"""Words before an adjective that says something of a thing."""
+
+
+def _infinitives(word: str) -> tuple[str, ...]:
+    """What a verb may be a form of: "pushing", "pushes", "pushed", "sliding", "tipping"."""
+    forms = [word]
+    for ending in ("ing", "es", "ed", "s"):
+        stem = word.removesuffix(ending)
+        if stem == word or len(stem) < 3:
+            continue
+        forms += [stem, stem + "e"]
+        if stem[-1] == stem[-2]:
+            forms.append(stem[:-1])
+    return tuple(forms)
 
 
 def _phrases() -> dict[tuple[str, ...], str]:
@@ -280,10 +294,11 @@ def _counts(synonym: str, tokens: Sequence[str], at: int) -> bool:
     """Whether a one-word synonym is a quantity here, and not an attribute ("the heavy box") or a
     verb ("place it")."""
     following = tokens[at + 1 : at + 2]
-    if not following:
+    if not following or following[0] in ".;:?!":
         return True  # nothing is left that it could describe or act on
     if synonym in lexicon.ADJECTIVES:
-        return _after_how(tokens, at)
+        degree = at > 0 and tokens[at - 1] in english().degrees
+        return degree or _after_how(tokens, at)
     if synonym == "where":
         return True
     return synonym not in lexicon.WEAK or following[0] == "of"
@@ -299,15 +314,46 @@ def _is_every(before: Sequence[Item]) -> bool:
     return False
 
 
+def _is_one_of(before: Sequence[Item]) -> bool:
+    """Whether the words just before say "one of them", and not which."""
+    words = [item.text for item in before[-4:] if item.text not in DETERMINERS | EVERY]
+    return words[-2:] in (["one", "of"], ["any", "of"], ["some", "of"]) and words[0] != "which"
+
+
 def _is_determined(before: Sequence[Item]) -> bool:
     """Whether the word just before makes a noun of the next: "the can", not "can you"."""
     return bool(before) and before[-1].text in DETERMINERS | EVERY
 
 
+def _again(item: Item, before: Sequence[Item], following: str) -> Item:
+    """The quantity before, where "that of the bottle" says it again."""
+    if item.text not in ("that", "those") or following != "of":
+        return item
+    for said in reversed(before):
+        if said.of_quantity:
+            return replace(said, words=item.words)
+    return item
+
+
+def _compared(items: Sequence[Item]) -> list[Item]:
+    """The items; those quantities compare that stand beside "more", "most", "the same"."""
+    found = list(items)
+    for i, item in enumerate(items):
+        if item.kind != "quantity":
+            continue
+        before = items[i - 1].text if i else ""
+        after = [following.text for following in items[i + 1 : i + 3]]
+        after = [text for text in after if text != "the"]
+        degrees = english().degrees - {"as"}
+        if before in english().degrees or (after and after[0] in {*degrees, "same"}):
+            found[i] = replace(item, compared=True)
+    return found
+
+
 def _joined(items: Sequence[Item]) -> list[Item]:
     """Runs of words that mean nothing here as one unknown item each."""
     joined: list[Item] = []
-    for before, item in zip([_EDGE, *items], items, strict=False):
+    for before, item in zip([EDGE, *items], items, strict=False):
         if item.kind != "word":
             joined.append(item)
         elif before.kind == "word":
@@ -315,27 +361,3 @@ def _joined(items: Sequence[Item]) -> list[Item]:
         else:
             joined.append(Item("unknown", item.words))
     return joined
-
-
-def _without_fillers(items: Sequence[Item]) -> list[Item]:
-    """The items without those unknown words that only describe or fill."""
-    padded = [_EDGE, *items, _EDGE]
-    kept: list[Item] = []
-    for before, item, after in zip(padded, items, padded[2:], strict=False):
-        if item.kind != "unknown" or _stands(before, after):
-            kept.append(item)
-    return kept
-
-
-def _stands(before: Item, after: Item) -> bool:
-    """Whether an unknown run between these two names something that the scene does not have.
-
-    Beside an object it describes it ("the steel hammer"); after a determiner, "of", a list or a
-    quantity, or before `'s`, it stands for a thing of its own ("the mass of the spoon").
-    """
-    if after.kind == "object" or before.kind in ("object", "unknown"):
-        return False
-    if after.text == "'s":
-        return True
-    determined = before.text in DETERMINERS | EVERY
-    return determined or before.links or before.kind == "list" or before.of_quantity

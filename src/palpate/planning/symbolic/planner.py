@@ -17,7 +17,7 @@ from palpate.planning.nodes import leaves
 from palpate.planning.plan import Node, Plan
 from palpate.planning.planner import needs_scene
 from palpate.planning.symbolic.grounding import Grounded, ground
-from palpate.planning.symbolic.mentions import GRIPPER
+from palpate.planning.symbolic.item import GRIPPER
 from palpate.planning.symbolic.passes import Efforts, efforts
 from palpate.planning.symbolic.search import Backchainer
 from palpate.quantities.catalogue import catalogue

@@ -7,8 +7,7 @@ from typing import NoReturn
 
 from palpate.errors import InputError, PlanRejected
 from palpate.parameter import Parameter
-from palpate.planning.symbolic import lexicon
-from palpate.planning.symbolic.mentions import GRIPPER, Item
+from palpate.planning.symbolic.item import GRIPPER, Item
 from palpate.quantities.catalogue import Catalogue
 from palpate.scene.scene import Scene
 
@@ -83,8 +82,8 @@ class Resolver:
                 excluded += _each(names, id)
         return excluded
 
-    def without_quantity(self, request: str, alone: Sequence[Item]) -> tuple[list[Parameter], str]:
-        """What a request means that names objects, a goal or "everything", but no quantity, and how
+    def without_quantity(self, alone: Sequence[Item], wished: bool) -> tuple[list[Parameter], str]:
+        """What a request means that names objects, a wish or "everything", but no quantity, and how
         it was read.
 
         Raises:
@@ -97,15 +96,18 @@ class Resolver:
         if "unmeasurable" in kinds:
             self._add_unmeasurable(alone)
             return [], ""
+        if not wished and "everything" not in kinds:
+            return [], ""
         mentioned: list[str] = []
         for item in alone:
             mentioned += self._chosen(item, None)
-        missing = list(self.scene.missing)
         if mentioned:
-            return self._missing_of(list(dict.fromkeys(mentioned)), missing)
-        if "everything" in kinds or lexicon.GOAL.search(request.lower()):
-            return missing, "Everything that the scene misses is meant."
-        return [], ""
+            return self._missing_of(list(dict.fromkeys(mentioned)), list(self.scene.missing))
+        return self.everything()
+
+    def everything(self) -> tuple[list[Parameter], str]:
+        """All that the scene misses, and that this is how it was read."""
+        return list(self.scene.missing), "Everything that the scene misses is meant."
 
     def ordered(self, parameters: Sequence[Parameter]) -> list[Parameter]:
         """Each once: surfaces first, then objects, both in document order; quantities as in the
@@ -117,6 +119,25 @@ class Resolver:
             return names.index(parameter.object), ids.index(parameter.quantity)
 
         return sorted(dict.fromkeys(parameters), key=place)
+
+    def not_understood(self, words: Sequence[str]) -> NoReturn:
+        """Something in it was not.
+
+        Raises:
+            PlanRejected: always; it names the words, and says what can be asked.
+        """
+        listed = ", ".join(f"'{word}'" for word in dict.fromkeys(words))
+        raise PlanRejected(
+            f"I did not understand {listed}; measurable are {_measurable(self.catalogue)} of "
+            f"{self._listed_bodies()}"
+        )
+
+    def no_deed(self, deed: Item) -> str:
+        """What to say to somebody who wants the robot to do something."""
+        return (
+            f"'{deed.text}' is nothing to measure: the robot touches and weighs, and puts everything back; "
+            f"measurable are {_measurable(self.catalogue)}."
+        )
 
     def reject(self, request: str) -> NoReturn:
         """Nothing was understood.

@@ -8,17 +8,16 @@ from palpate.planning.symbolic.lexicon import MARKS
 
 
 def tokens(request: str) -> list[str]:
-    """Lower-case words, `'s`, punctuation that separates, and the marks §want §know §was_known
-    §neg.
+    """Words, `'s`, punctuation that separates, and the marks §want §know §was_known §neg §amount, of
+    a request in lower case.
 
     Names written as identifiers (`light_blue_box`, `bottle.mass`) come apart into their words.
     """
-    text = request.lower().replace("’", "'").replace("§", " ")
-    text = re.sub(r"n't\b", " not", text)
-    text = re.sub(r"[_\-/]+", " ", re.sub(r"\s+", " ", text))
+    text = re.sub(r"n't\b", " not", request)
+    text = re.sub(r"[_\-]+", " ", re.sub(r"\s+", " ", text))
     for pattern, mark in MARKS:
         text = re.sub(pattern, mark, text)
-    text = re.sub(r"\.(?=\S)", " ", text)
+    text = re.sub(r"\.(?=\S)|/", " ", text)
     return re.findall(r"§\w+|'s\b|\w+|[,;:.?!]", text)
 
 

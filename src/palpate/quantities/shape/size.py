@@ -55,7 +55,11 @@ class Size(Quantity):
             "thick",
             "big",
             "large",
-        )
+        ),
+        "de": ("größe", "grösse", "abmessungen", "maße", "breite", "länge", "dicke"),
+        "es": ("tamaño", "dimensiones", "ancho", "largo", "grosor"),
+        "fr": ("taille", "dimensions", "largeur", "longueur", "épaisseur"),
+        "it": ("dimensione", "dimensioni", "grandezza", "larghezza", "lunghezza", "spessore"),
     }
     size = 3
     evidence = (

@@ -30,7 +30,11 @@ class Tilt(Quantity):
     unit = UNIT
     subject = "surface"
     words: ClassVar = {
-        "en": ("tilt", "tilted", "slope", "inclination", "inclined", "lean", "levelness")
+        "en": ("tilt", "tilted", "slope", "inclination", "inclined", "lean", "levelness"),
+        "de": ("neigung",),
+        "es": ("inclinación",),
+        "fr": ("inclinaison",),
+        "it": ("inclinazione",),
     }
     size = 2
     evidence = (

@@ -1,0 +1,148 @@
+"""A request in any of five languages, word by word in English.
+
+The grammar of what is asked is so plain that the words may stay where they are: "Wo liegt der
+Schwerpunkt des Hammers?" becomes "where is the centre of mass of the hammer?".
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+
+from palpate.planning.symbolic.wording import (
+    LANGUAGES,
+    Language,
+    Phrase,
+    english,
+    language,
+    longest,
+)
+from palpate.quantities.catalogue import catalogue
+
+Names = frozenset[str]
+"""Words of the names of bodies: nobody turns them into others."""
+
+
+def in_english(request: str, names: Names) -> str:
+    """The request, lower case, its words turned into English ones."""
+    text = request.lower().replace("’", "'").replace("§", " ")
+    code = _spoken(text)
+    if code is not None:
+        text = " ".join(_turned(_words(text), _glossary(code), names, language(code)))
+    apart = re.findall(r"[\w'.,±]*[\w'±]|[^\w\s]", text)
+    return " ".join(_turned(apart, english().turned, names))
+
+
+def _spoken(text: str) -> str | None:
+    """The language with the most words in it that tell it; None is English."""
+    words = _words(text)
+    counts = {code: sum(word in language(code).tells for word in words) for code in LANGUAGES}
+    best = max(LANGUAGES, key=lambda code: counts[code])
+    of_english = sum(word in _TELLS for word in words)
+    return best if counts[best] > of_english else None
+
+
+_TELLS = frozenset(
+    [
+        "the",
+        "an",
+        "is",
+        "are",
+        "was",
+        "of",
+        "and",
+        "or",
+        "how",
+        "what",
+        "where",
+        "which",
+        "who",
+        "i",
+        "we",
+        "it",
+        "its",
+        "does",
+        "do",
+        "need",
+        "want",
+        "know",
+        "to",
+        "for",
+        "on",
+        "please",
+        "weigh",
+        "heavy",
+        "mass",
+        "weight",
+    ]
+)
+
+
+def _words(text: str) -> list[str]:
+    """The words of a text, those with an apostrophe in two, and what separates sentences."""
+    return re.findall(r"\d+[.,]\d+|\w+|[,;:.?!]", text)
+
+
+def _glossary(code: str) -> dict[Phrase, Phrase]:
+    """A language's words, those of quantities as the catalogue has them."""
+    glossary = dict(language(code).turned)
+    for quantity in catalogue().values():
+        for phrase in quantity.words.get(code, ()):
+            glossary[tuple(phrase.split())] = tuple(quantity.words["en"][0].split())
+    return glossary
+
+
+def _turned(
+    words: Sequence[str],
+    glossary: Mapping[Phrase, Phrase],
+    names: Names,
+    spoken: Language | None = None,
+) -> Iterator[str]:
+    """The longest phrases of the glossary as what it turns them into, all else as it is."""
+    at, most = 0, longest(glossary)
+    while at < len(words):
+        for length in range(min(most, len(words) - at), 0, -1):
+            phrase = tuple(words[at : at + length])
+            if phrase in glossary and names.isdisjoint(phrase):
+                yield from glossary[phrase]
+                at += length
+                break
+        else:
+            yield from _inflected(words[at], glossary, names, spoken)
+            at += 1
+
+
+def _inflected(
+    word: str, glossary: Mapping[Phrase, Phrase], names: Names, spoken: Language | None
+) -> Phrase:
+    """A word that the glossary, or a name, has without its ending or in parts."""
+    if spoken is None or word in names:
+        return (word,)
+    for stem in _stems(word, spoken):
+        if stem in names:
+            return (stem,)
+        if (stem,) in glossary:
+            return glossary[stem,]
+    if spoken.compounds:
+        for at in range(3, len(word) - 3):
+            head, tail = _inflected_part(word[:at], glossary, names, spoken), (word[at:],)
+            if head and tail in glossary:
+                return (*head, *glossary[tail])
+    return (word,)
+
+
+def _inflected_part(
+    word: str, glossary: Mapping[Phrase, Phrase], names: Names, spoken: Language
+) -> Phrase:
+    for stem in (word, *_stems(word, spoken)):
+        if stem in names:
+            return (stem,)
+        if (stem,) in glossary and len(stem) > 3:
+            return glossary[stem,]
+    return ()
+
+
+def _stems(word: str, spoken: Language) -> Iterator[str]:
+    for ending in spoken.endings:
+        if word.endswith(ending) and len(word) > len(ending) + 2:
+            yield word.removesuffix(ending)

@@ -1,0 +1,119 @@
+"""Which bodies of a scene a noun may mean."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterator, Mapping, Sequence
+
+from palpate.mjcf.body import Body
+from palpate.planning.symbolic import lexicon
+from palpate.planning.symbolic.item import GRIPPER
+from palpate.planning.symbolic.lexicon import COLOURS, STOP
+from palpate.planning.symbolic.tokens import is_within, name_words, singulars
+from palpate.planning.symbolic.wording import english
+from palpate.scene.scene import Scene
+
+class Nouns:
+    """The words that name things in one scene.
+
+    Attributes:
+        own: the words of each body's name.
+        named: which bodies are called so.
+    """
+
+    def __init__(self, scene: Scene) -> None:
+        self.own = {name: name_words(name) for name in scene.bodies}
+        self.named: dict[tuple[str, ...], list[str]] = defaultdict(list)
+        for name, own in self.own.items():
+            self.named[own].append(name)
+        self._said = {name: self._said_of(body) for name, body in scene.bodies.items()}
+        self._names = frozenset(word for own in self.own.values() for word in own)
+        self._said_of_any = _NOUNS.union(*self._said.values())
+
+    @property
+    def names(self) -> frozenset[str]:
+        """The words of all names."""
+        return self._names
+
+    def known(self, word: str) -> bool:
+        """Whether a word may belong to the name of a thing here."""
+        forms = singulars(word)
+        if not self._said_of_any.isdisjoint([*forms, *_others(word)]):
+            return True
+        return any(_ends(own, form) for own in self._names for form in forms)
+
+    def singular(self, word: str) -> bool:
+        """Whether `word` is no plural: it is said so of something itself."""
+        alike = word in self._said_of_any or word in frozenset[str]().union(*english().same)
+        return alike or any(_ends(own, word) for own in self._names)
+
+    def fitting(self, words: Sequence[str]) -> tuple[str, ...]:
+        """All bodies of which each of `words` may be said; where the last is in some of their names,
+        those."""
+        fitting = [name for name in self.own if self._fits(name, words)]
+        noun = singulars(words[-1])
+        called = [name for name in fitting if not set(self.own[name]).isdisjoint(noun)]
+        return tuple(called or fitting)
+
+    def matching(self, words: tuple[str, ...], plural: bool) -> tuple[str, ...]:
+        """The bodies that `words` may mean: the one called exactly so, else those whose name has
+        the noun, else those of which all words may be said, else what has another word for it."""
+        exact = self.named.get(words)
+        if exact and not plural:
+            return tuple(exact)
+        if self._is_gripper(words[-1]):
+            return (GRIPPER,)
+        return self.fitting(words) or self._otherwise(words)
+
+    def _otherwise(self, words: tuple[str, ...]) -> tuple[str, ...]:
+        """Those that another word for the noun means: the table where there is only a desk."""
+        found: list[str] = []
+        for other in _others(words[-1]):
+            found += self.fitting((*words[:-1], other))
+        return tuple(dict.fromkeys(found))
+
+    def _said_of(self, body: Body) -> frozenset[str]:
+        """Every word that may be said of a body: of its name, its looks and its kind."""
+        own = self.own[body.name]
+        said = set(own) | _KINDS[body.role]
+        for phrase in body.words:
+            said.update(phrase.split())
+        for kind, members in english().kinds.items():
+            if any(word == member or _ends(word, member) for word in own for member in members):
+                said.add(kind)
+        return frozenset(said)
+
+    def _is_gripper(self, noun: str) -> bool:
+        """Whether the noun means the robot's hand, and no body of the scene is called so."""
+        return noun in lexicon.GRIPPER_NOUNS and noun not in self._names
+
+    def _fits(self, name: str, words: Sequence[str]) -> bool:
+        """Whether each of `words` may be said of the body."""
+        return all(self._says(name, word) for word in words)
+
+    def _says(self, name: str, word: str) -> bool:
+        forms = singulars(word)
+        if not self._said[name].isdisjoint(forms):
+            return True
+        return any(_ends(own, form) for own in self.own[name] for form in forms)
+
+
+def _ends(own: str, noun: str) -> bool:
+    """Whether the word of a name is a compound of `noun`."""
+    return noun not in STOP and is_within(noun, own)
+
+
+def _others(noun: str) -> Iterator[str]:
+    """Other words for a noun."""
+    for form in singulars(noun):
+        for alike in english().same:
+            if form in alike:
+                yield from alike - {form}
+
+
+_KINDS: Mapping[str, frozenset[str]] = {
+    "object": lexicon.OBJECT_NOUNS,
+    "surface": lexicon.SURFACE_NOUNS,
+}
+_NOUNS = COLOURS.union(lexicon.OBJECT_NOUNS, lexicon.SURFACE_NOUNS, lexicon.GRIPPER_NOUNS)
+"""Words that may belong to the name of a thing in any scene."""

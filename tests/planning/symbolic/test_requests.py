@@ -1,0 +1,159 @@
+"""Requests as people write them, in ten scenes: what each asks for, or that it is refused.
+
+`requests/before.txt` was written before the grammar that reads it, `requests/after.txt` afterwards;
+what is in the latter was not looked at while the words were chosen.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import cache
+from pathlib import Path
+from typing import NamedTuple
+
+import pytest
+
+from palpate.errors import InputError, PlanRejected
+from palpate.planning.symbolic.grounding import ground
+from palpate.scene.load import parse_scene
+from palpate.scene.scene import Scene
+
+REQUESTS = Path(__file__).parent / "requests"
+BOX, ROUND = "box", "cylinder"
+GREY = "0.5 0.5 0.5"
+RED, BLUE, GREEN, YELLOW = "0.8 0.1 0.1", "0.1 0.2 0.8", "0.1 0.6 0.1", "0.9 0.8 0.2"
+
+
+class Thing(NamedTuple):
+    """A free body that stands at (x, y) m, its foot at `z`."""
+
+    name: str
+    x: float
+    y: float
+    colour: str = GREY
+    shape: str = ROUND
+    z: float = 0.0
+
+    def mjcf(self) -> str:
+        size = ".02 .02 .03" if self.shape == BOX else ".02 .03"
+        return (
+            f'<body name="{self.name}" pos="{self.x} {self.y} {self.z + 0.03}"><freejoint/><geom '
+            f'type="{self.shape}" size="{size}" rgba="{self.colour} 1" friction="0.5"/></body>'
+        )
+
+
+SCENES: dict[str, tuple[str, tuple[Thing, ...]]] = {
+    "kitchen": (
+        "table",
+        (
+            Thing("bottle", 0.5, -0.3),
+            Thing("mug", 0.5, 0.3),
+            Thing("red_box", 0.4, 0.0, RED, BOX),
+            Thing("blue_box", 0.5, 0.0, BLUE, BOX),
+        ),
+    ),
+    "workshop": (
+        "workbench",
+        (
+            Thing("hammer", 0.5, -0.3, shape=BOX),
+            Thing("screwdriver", 0.5, 0.0, shape=BOX),
+            Thing("block", 0.5, 0.2, shape=BOX),
+            Thing("battery", 0.5, 0.3),
+        ),
+    ),
+    "shop": (
+        "shelf",
+        (
+            Thing("blue_bottle", 0.5, -0.3, BLUE),
+            Thing("green_bottle", 0.5, 0.0, GREEN),
+            Thing("yellow_can", 0.5, 0.1, YELLOW),
+        ),
+    ),
+    "vials": (
+        "lab_bench",
+        (
+            Thing("beaker", 0.5, -0.3),
+            Thing("vial_1", 0.5, 0.2),
+            Thing("vial_2", 0.5, 0.1),
+            Thing("vial_3", 0.5, -0.2),
+        ),
+    ),
+    "boxes": (
+        "floor_plate",
+        (
+            Thing("red_box", 0.4, 0.0, RED, BOX),
+            Thing("box", 0.4, 0.1, shape=BOX),
+            Thing("crate", 0.6, -0.3, shape=BOX),
+            Thing("tin", 0.4, -0.3),
+        ),
+    ),
+    "foam": ("foam", (Thing("duck", 0.5, 0.0, YELLOW, BOX),)),
+    "werkstatt": ("tisch", (Thing("flasche", 0.5, -0.2), Thing("becher", 0.5, 0.2))),
+    "office": (
+        "desk",
+        (
+            Thing("stapler", 0.5, -0.2, shape=BOX),
+            Thing("notebook", 0.5, 0.0, shape=BOX),
+            Thing("tape", 0.5, 0.2),
+        ),
+    ),
+    "fruit": (
+        "counter",
+        (
+            Thing("apple", 0.5, -0.3, RED),
+            Thing("pear", 0.5, -0.1, GREEN),
+            Thing("left_bowl", 0.5, 0.3),
+            Thing("right_bowl", 0.5, 0.1),
+        ),
+    ),
+}
+STACK = """
+  <body name="table" pos=".5 0 ?"><geom name="plate" type="box" size=".5 .5 .02" friction="0.5"/></body>
+  <body name="board" pos=".5 .25 0.01"><geom type="box" size=".1 .1 .01" friction="0.5"/></body>
+  {things}"""
+PILED = (
+    Thing("wooden_block", 0.5, -0.2, "0.6 0.4 0.2", BOX),
+    Thing("red_cube", 0.5, -0.2, RED, BOX, 0.06),
+    Thing("can", 0.5, 0.0),
+    Thing("jar", 0.5, 0.25, z=0.02),
+)
+
+
+@cache
+def scene(name: str) -> Scene:
+    """One of the scenes; heights of surfaces and all masses are missing."""
+    if name == "stack":
+        inside = STACK.format(things="".join(thing.mjcf() for thing in PILED))
+    else:
+        surface, things = SCENES[name]
+        inside = (
+            f'<body name="{surface}" pos=".5 0 ?"><geom type="box" size=".5 .5 .02" friction="0.5"/>'
+            "</body>" + "".join(thing.mjcf() for thing in things)
+        )
+    return parse_scene(f'<mujoco><worldbody><site name="robot_base"/>{inside}</worldbody></mujoco>')
+
+
+class Line(NamedTuple):
+    """One request: `asked` is empty where it is to be refused."""
+
+    scene: str
+    kind: str
+    request: str
+    asked: frozenset[str]
+
+
+def lines(file: str) -> Iterator[Line]:
+    """What is written in a file of requests."""
+    for text in (REQUESTS / file).read_text(encoding="utf-8").splitlines():
+        if text and not text.startswith("#"):
+            where, kind, request, asked = (part.strip() for part in text.split(" | "))
+            yield Line(where, kind, request, frozenset(asked.replace("-", "").split()))
+
+
+def read(line: Line) -> frozenset[str]:
+    """What is understood of it: nothing where it is refused."""
+    try:
+        found = ground(line.request, scene(line.scene))
+    except (InputError, PlanRejected):
+        return frozenset()
+    return frozenset(str(parameter) for parameter in found.asked)
