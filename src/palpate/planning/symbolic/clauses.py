@@ -24,8 +24,8 @@ _PRECISION = frozenset(
 _QUESTIONS = frozenset(["how", "what", "which", "whether", "if"])
 _MENTIONS = ("quantity", "unmeasurable", "object", "unknown", "pronoun", "everything")
 """Kinds of items that make up groups; the others only tie them together."""
-_BETWEEN_LISTED = DETERMINERS | EVERY | {"of", "for", "also", "how"}
-_ARTICLES = DETERMINERS | EVERY
+_BETWEEN_LISTED = DETERMINERS | EVERY | {"of", "for", "also", "how", "then", "finally", "next"}
+_ARTICLES = DETERMINERS | EVERY | {"only", "just"}
 _POSSESSIVE = ("'s",)
 
 

@@ -150,7 +150,7 @@ def _unsaid(request: str, reading: Reading, unread: Sequence[str]) -> tuple[list
     named = reading.fragment and bool(reading.alone)
     wished = reading.wished or named or bool(quantities)
     found, remark = resolver.without_quantity(reading.alone, wished)
-    if quantities and found:
+    if quantities and found and not reading.wished:
         # "Everything but the boxes should be weighed": what is said of the boxes is said of all.
         found = [parameter for parameter in found if parameter.quantity in quantities]
     if not (found or remark or resolver.cannot):

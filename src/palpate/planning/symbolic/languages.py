@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping, Sequence
 
+from palpate.planning.symbolic.lexicon import DETERMINERS, STOP
 from palpate.planning.symbolic.wording import (
     LANGUAGES,
     Language,
@@ -36,46 +37,17 @@ def in_english(request: str, names: Names) -> str:
 def _spoken(text: str) -> str | None:
     """The language with the most words in it that tell it; None is English."""
     words = _words(text)
-    counts = {code: sum(word in language(code).tells for word in words) for code in LANGUAGES}
+    counts = {code: _count(words, code) for code in LANGUAGES}
     best = max(LANGUAGES, key=lambda code: counts[code])
-    of_english = sum(word in _TELLS for word in words)
+    of_english = 2 * sum(word in STOP or word in DETERMINERS for word in words)
     return best if counts[best] > of_english else None
 
 
-_TELLS = frozenset(
-    [
-        "the",
-        "an",
-        "is",
-        "are",
-        "was",
-        "of",
-        "and",
-        "or",
-        "how",
-        "what",
-        "where",
-        "which",
-        "who",
-        "i",
-        "we",
-        "it",
-        "its",
-        "does",
-        "do",
-        "need",
-        "want",
-        "know",
-        "to",
-        "for",
-        "on",
-        "please",
-        "weigh",
-        "heavy",
-        "mass",
-        "weight",
-    ]
-)
+def _count(words: Sequence[str], code: str) -> int:
+    """How much speaks for a language: words that tell it, and any that it has."""
+    spoken = language(code)
+    told = sum(word in spoken.tells for word in words)
+    return told + sum((word,) in spoken.turned for word in words)
 
 
 def _words(text: str) -> list[str]:

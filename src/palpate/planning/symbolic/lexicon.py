@@ -62,6 +62,9 @@ COLOURS = word_set(
 DETERMINERS = word_set("the a an this that these those my our your his her their its some any")
 EVERY = word_set("all both each every two three four five six")
 
+PASSIVE = word_set("is are was were be been being get gets")
+"""Words before a deed that is done to what stands before them."""
+
 # Nouns that fit any object, any surface, the hand itself.
 
 OBJECT_NOUNS = word_set("object thing item body")
@@ -114,6 +117,19 @@ UNITS = (
 # Each pattern is replaced in the order given, before the words are told apart.
 
 MARKS: tuple[tuple[str, str], ...] = (
+    (r"\bnothing (?:but|except|other than)\b", " only "),
+    (
+        r"([^,.;:?!]*?)\b(?:(?:must|should|may|shall|can|is|are) not (?:to )?be \w+|(?:is|are) (?:off limits|taboo)|"
+        r"(?:has|have) to stay(?: put| there| where (?:it|they) (?:is|are))?|stays? (?:put|there|where (?:it|they) "
+        r"(?:is|are)))",
+        r" §neg \1 §want ",
+    ),
+    (
+        r"\b(?:do|does|did|can|could) (?:you|anyone|anybody|somebody|someone|the robot) know\b|"
+        r"\b(?:so|that|until|when) (?:i|we) (?:can )?know\b",
+        " §want ",
+    ),
+    (r"\b(?:have|got|has) ([^,.;:?!]{1,40}?) already\b", r" §know \1 §want "),
     (
         r"\bleav(?:e|ing) ((?:\w+ ){1,6}?)(?:alone|in peace|be|out|where it is|as it is)\b",
         r" §neg \1 §want ",
@@ -127,7 +143,7 @@ MARKS: tuple[tuple[str, str], ...] = (
         r"\bwhere (?:does|do|will|would|can|could) (.+?) balances?\b",
         r" where is the balance point of \1 ",
     ),
-    (r"\b(\d+(?:[.,]\d+)?) *(?:" + UNITS + r")\b", " §amount "),
+    (r"\b(\d+(?:[.,]\d+)?) *(?:" + UNITS + r")(?!\w)", " §amount "),
     (r"\b(?:do|does|did) not (?:need|want|wish)(?: to)?(?: know| measure)?", " §neg "),
     (
         r"\b(?:with no|without) know\w*|\bnot (?:yet )?kn(?:ow\w*|ew)|\b(?:can|could)\s?not\b",

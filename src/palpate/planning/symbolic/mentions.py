@@ -37,7 +37,7 @@ class Words:
     def spelt(self, tokens: Sequence[str]) -> list[str]:
         """The tokens, those that mean nothing as what they are a slip of."""
         known = self.nouns.names | {word for phrase in self._phrases for word in phrase}
-        known = {word for word in known if len(word) >= spelling.SHORTEST}
+        known = {word for word in known - lexicon.WEAK if len(word) >= spelling.SHORTEST}
         return [self._spelt(token, known) for token in tokens]
 
     def _spelt(self, token: str, known: set[str]) -> str:
@@ -50,10 +50,10 @@ class Words:
         return found
 
     def _means_something(self, token: str) -> bool:
-        if token in _FILLERS or token in _SMALL or not token.isalpha():
+        if token in _SMALL or not token.isalpha() or self.nouns.known(token):
             return True
-        forms = singulars(token)
-        return self.nouns.known(token) or not _MEANT.isdisjoint(forms)
+        forms = {*singulars(token), *_infinitives(token)}
+        return not (_MEANT | _FILLERS).isdisjoint(forms)
 
     def items(self, tokens: Sequence[str]) -> list[Item]:
         """The request as items, in order."""
@@ -164,19 +164,25 @@ class Words:
     def _mention(self, tokens: Sequence[str], at: int, before: Sequence[Item]) -> Item | None:
         """The longest run of words that together fit some body; adjectives never stand apart from
         their noun."""
-        if tokens[at] in STOP and not _is_determined(before):
+        if tokens[at] in STOP and not (_is_determined(before) or self._owns(tokens, at)):
             return None
         run = self._run(tokens[at:])
         if not run:
             return None
         several = _is_every(before) or not self.nouns.singular(run[-1])
-        plural = several and not _is_one_of(before)
+        collective = run[-1] in english().collective
+        plural = (several or collective) and not _is_one_of(before)
         names = self.nouns.matching(run, several)
         fitting = self.nouns.fitting(run)
         if names and not fitting and names[0] in self.nouns.own:
             said = " and ".join(f"'{name}'" for name in names)
             self.remarks.append(f"'{' '.join(run)}' is taken for {said}.")
         return Item("object" if names else "unknown", run, names, plural, fitting or names)
+
+    def _owns(self, tokens: Sequence[str], at: int) -> bool:
+        """Whether a property comes right after: "shelf height and can mass"."""
+        following = (*tokens, "")[at + 1]
+        return (following,) in self._phrases and following not in lexicon.ADJECTIVES
 
     def _run(self, tokens: Sequence[str]) -> tuple[str, ...]:
         run: tuple[str, ...] = ()
@@ -198,7 +204,9 @@ class Words:
         if word in lexicon.PRONOUNS:
             return Item("pronoun", (word,))
         deed = next((form for form in _infinitives(word) if form in _DEEDS), None)
-        if deed is not None and not (before and before[-1].text == "'s"):
+        if word in said.tying:
+            return Item("stop", (word,))
+        if deed is not None and not _is_noun_here(before, (*tokens, "")[at + 1]):
             return Item("deed", (word,), (deed,))
         if word in said.selecting and self.nouns.known((*tokens, "")[at + 1]):
             return Item("selector", (word,), (said.selecting[word],))
@@ -206,7 +214,7 @@ class Words:
             return Item("aside", (word,))
         if word in said.nouns:
             return Item("filler", (word,))
-        if word in _FILLERS:
+        if not _FILLERS.isdisjoint(_infinitives(word)):
             return Item("stop", (word,))
         return Item("word", (word,))
 
@@ -262,6 +270,13 @@ _SAYING = frozenset(
     ]
 )
 """Words before an adjective that says something of a thing."""
+
+
+def _is_noun_here(before: Sequence[Item], following: str) -> bool:
+    """Whether a word stands where a thing is named: "the mug's handle", "the nails", but not "a
+    throw of the hammer"."""
+    owned = bool(before) and before[-1].text == "'s"
+    return owned or (_is_determined(before) and following != "of")
 
 
 def _infinitives(word: str) -> tuple[str, ...]:
@@ -337,7 +352,13 @@ def _again(item: Item, before: Sequence[Item], following: str) -> Item:
 
 def _compared(items: Sequence[Item]) -> list[Item]:
     """The items; those quantities compare that stand beside "more", "most", "the same"."""
-    found = list(items)
+    found: list[Item] = []
+    for item in items:
+        if found and item.kind == "quantity" and found[-1].compared and not item.compared:
+            # "The largest mass" asks for no size.
+            item = replace(item, words=(*found.pop().words, *item.words), compared=True)
+        found.append(item)
+    items = tuple(found)
     for i, item in enumerate(items):
         if item.kind != "quantity":
             continue

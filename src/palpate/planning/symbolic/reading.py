@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 
 from palpate.planning.symbolic.clauses import Clause
 from palpate.planning.symbolic.item import Item
+from palpate.planning.symbolic.lexicon import PASSIVE
 from palpate.planning.symbolic.resolver import Resolver
 from palpate.planning.symbolic.wording import english
 
@@ -85,14 +86,17 @@ class Reading:
             used = self._read_comparison(clause)
         else:
             used = self._read_quantities(clause)
+        measured = any(group.of_quantities for group in clause.groups)
         for at, group in enumerate(clause.groups):
-            if at in used or group.of_quantities:
+            if at in used or group.of_quantities or (measured and not group.named):
                 continue
             if clause.wanted:
                 self.alone += clause.property_of_next(at) or group.named
             else:
                 self.excluded.append((None, group.named or self._last_spoken()))
         if clause.wanted:
+            named = [group for group in clause.groups if not group.of_quantities]
+            self.fragment = self.fragment and len(named) <= 1
             self._read_wishes(clause)
 
     def aims(self) -> list[tuple[Item, Objects]]:
@@ -164,9 +168,9 @@ class Reading:
 
     def _done_to(self, clause: Clause, at: int) -> Objects:
         """What the deed at item `at` is done to: the objects after it, else those before it."""
-        groups = [group for group in clause.groups if not group.of_quantities]
-        for group in groups:
-            if group.start > at:
+        passive = at > 0 and clause.items[at - 1].text in PASSIVE
+        for group in clause.groups:
+            if group.start > at and not passive and not group.of_quantities:
                 return group.named or self._last_spoken()
         return self._last_spoken()
 

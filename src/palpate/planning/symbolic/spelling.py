@@ -7,7 +7,7 @@ from difflib import SequenceMatcher
 
 SHORTEST = 4
 """Letters: a shorter word is near too many others."""
-NEAR = 0.8
+NEAR = 0.82
 """Share of the letters that must be the same and in order. Nobody's slip changes the first letter;
 a cable is no table."""
 

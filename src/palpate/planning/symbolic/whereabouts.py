@@ -15,7 +15,7 @@ from palpate.errors import PlanRejected
 from palpate.geometry.pose import Array
 from palpate.mjcf.body import Body
 from palpate.planning.symbolic.item import Item
-from palpate.planning.symbolic.lexicon import DETERMINERS, EVERY, EVERYTHING
+from palpate.planning.symbolic.lexicon import DETERMINERS, EVERY, EVERYTHING, PASSIVE
 from palpate.planning.symbolic.wording import english
 from palpate.scene.scene import Scene
 
@@ -43,7 +43,9 @@ def located(items: Sequence[Item], scene: Scene, remarks: list[str]) -> list[Ite
     at = len(found) - 1
     while at >= 0:
         span = _landmark(found, at)
-        if span is not None:
+        if span is not None and found[at].kind == "deed":
+            del found[at + 1 : span[2] + 1]
+        elif span is not None:
             relation, marks, end = span
             found[at : end + 1] = [_placed(found[at], relation, marks, scene, remarks)]
         at -= 1
@@ -105,7 +107,8 @@ _EXTREMES: Mapping[str, Callable[[Body, Scene], float]] = {
 
 def _landmark(items: Sequence[Item], at: int) -> tuple[str, tuple[Item, ...], int] | None:
     """What is said of where item `at` stands: the relation, to which things, and where that ends."""
-    if not _may_stand(items[at]):
+    done = items[at].kind == "deed" and at > 0 and items[at - 1].text in PASSIVE
+    if not (done or _may_stand(items[at])):
         return None
     i = at + 1
     while i < len(items) and items[i].text in english().tying:

@@ -46,6 +46,7 @@ class English:
     tying: frozenset[str]
     selecting: Mapping[str, str]
     kinds: Mapping[str, frozenset[str]]
+    collective: frozenset[str]
     same: tuple[frozenset[str], ...]
     deeds: frozenset[str]
     handling: frozenset[str]
@@ -68,7 +69,7 @@ def english() -> English:
     purposes: dict[str, tuple[str, ...]] = {}
     for quantities, verbs in said["purposes"].items():
         purposes |= dict.fromkeys(verbs.split(), tuple(quantities.split()))
-    sets = ("superlatives", "degrees", "than", "tying", "deeds", "handling", "states")
+    sets = ("collective", "superlatives", "degrees", "than", "tying", "deeds", "handling", "states")
     words = {name: _set(said[name]) for name in (*sets, "harmless", "aside", "nouns", "wishes")}
     return English(
         turned=_phrases(said["turned"]),
