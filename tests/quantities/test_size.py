@@ -7,7 +7,7 @@ from palpate.cells.simulated import simulated_cell
 from palpate.errors import InputError
 from palpate.execution.runner import run
 from palpate.parameter import Parameter
-from palpate.planning.symbolic.grounding import ground
+from palpate.planning.request.grounding import ground
 from palpate.planning.symbolic.planner import SymbolicPlanner
 from palpate.quantities.estimators import estimate_all
 from palpate.quantities.shape.size import Size, estimate_size

@@ -7,7 +7,7 @@ import pytest
 
 import palpate as pp
 from palpate.parameter import Parameter
-from palpate.planning.symbolic.grounding import ground
+from palpate.planning.request.grounding import ground
 from palpate.scene.load import parse_scene
 from palpate.vocabulary.state import SymbolicState
 from palpate.vocabulary.turning import SWINGS, Swing, Tilt, swing_angle

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from palpate.parameter import Parameter
 from palpate.planning.check.case import Case
 from palpate.planning.check.finding import Finding
-from palpate.planning.symbolic.item import GRIPPER
+from palpate.planning.request.item import GRIPPER
 from palpate.quantities.catalogue import catalogue
 
 

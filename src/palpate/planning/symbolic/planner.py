@@ -16,8 +16,8 @@ from palpate.parameter import Parameter
 from palpate.planning.nodes import leaves
 from palpate.planning.plan import Node, Plan
 from palpate.planning.planner import needs_scene
-from palpate.planning.symbolic.grounding import Grounded, ground
-from palpate.planning.symbolic.item import GRIPPER
+from palpate.planning.request.grounding import Grounded, ground
+from palpate.planning.request.item import GRIPPER
 from palpate.planning.symbolic.passes import Efforts, efforts
 from palpate.planning.symbolic.search import Backchainer
 from palpate.quantities.catalogue import catalogue

@@ -8,7 +8,7 @@ from functools import cache
 from importlib.resources import files
 from typing import Any
 
-import yaml
+from palpate.files.plain_yaml import plain_yaml
 
 LANGUAGES = ("de", "es", "fr", "it")
 """Besides English."""
@@ -93,8 +93,12 @@ def language(code: str) -> Language:
 
 
 def _read(code: str) -> dict[str, Any]:
-    text = files(__package__).joinpath("words", f"{code}.yaml").read_text(encoding="utf-8")
-    return yaml.safe_load(text)
+    text = (
+        files("palpate.planning.request")
+        .joinpath("words", f"{code}.yaml")
+        .read_text(encoding="utf-8")
+    )
+    return plain_yaml(text, f"words of '{code}'")
 
 
 def _set(text: str) -> frozenset[str]:

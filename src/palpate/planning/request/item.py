@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from palpate.planning.symbolic import lexicon
+from palpate.planning.request import lexicon
 
 Kind = Literal[
     "quantity",

@@ -1,6 +1,6 @@
 """A request in clauses: what is wanted and what is not, as groups of quantities and of objects.
 
-The grammar is written down in `palpate.planning.symbolic.grounding`.
+The grammar is written down in `palpate.planning.request.grounding`.
 """
 
 from __future__ import annotations
@@ -9,10 +9,10 @@ from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from palpate.planning.symbolic import lexicon
-from palpate.planning.symbolic.item import GRIPPER, Item
-from palpate.planning.symbolic.lexicon import DETERMINERS, EVERY
-from palpate.planning.symbolic.wording import english
+from palpate.planning.request import lexicon
+from palpate.planning.request.item import GRIPPER, Item
+from palpate.planning.request.lexicon import DETERMINERS, EVERY
+from palpate.planning.request.wording import english
 
 Mode = Literal["want", "know", "skip"]
 """What a stretch of the request says of its parameters: wanted, known already, not wanted."""

@@ -7,7 +7,7 @@ from typing import NoReturn
 
 from palpate.errors import InputError, PlanRejected
 from palpate.parameter import Parameter
-from palpate.planning.symbolic.item import GRIPPER, Item
+from palpate.planning.request.item import GRIPPER, Item
 from palpate.quantities.catalogue import Catalogue
 from palpate.scene.scene import Scene
 

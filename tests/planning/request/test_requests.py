@@ -14,7 +14,7 @@ from typing import NamedTuple
 import pytest
 
 from palpate.errors import InputError, PlanRejected
-from palpate.planning.symbolic.grounding import ground
+from palpate.planning.request.grounding import ground
 from palpate.scene.load import parse_scene
 from palpate.scene.scene import Scene
 
@@ -157,3 +157,56 @@ def read(line: Line) -> frozenset[str]:
     except (InputError, PlanRejected):
         return frozenset()
     return frozenset(str(parameter) for parameter in found.asked)
+
+
+@pytest.mark.parametrize("file", ["before.txt", "after.txt"])
+def test_what_is_read_is_what_was_asked_and_else_it_is_refused(file: str):
+    asked = [line for line in lines(file) if line.asked]
+    wrong: list[str] = []
+    missed = 0
+    for line in lines(file):
+        found = read(line)
+        if found and found != line.asked:
+            wrong.append(f"{line.request} -> {' '.join(sorted(found))}")
+        missed += bool(line.asked and not found)
+    assert len(wrong) <= 0.01 * len(asked), "\n".join(wrong)
+    assert missed <= 0.05 * len(asked)
+
+
+def test_the_corpus_is_large_and_of_many_kinds():
+    everything = [*lines("before.txt"), *lines("after.txt")]
+    assert len(everything) >= 400
+    assert len({line.scene for line in everything}) >= 10
+    assert len({line.kind for line in everything}) >= 14
+
+
+@pytest.mark.parametrize(
+    ("request_", "named"),
+    [
+        ("Tell me a joke about the mug.", "joke"),
+        ("What does the bottle opener weigh?", "opener"),
+        ("Put the mug on the red box.", "Put"),
+        ("Is the bottle full?", "full"),
+        ("What is the mass of the mug's handle?", "handle"),
+    ],
+)
+def test_a_refusal_names_what_was_not_understood_and_what_can_be_asked(request_: str, named: str):
+    try:
+        said = " ".join(ground(request_, scene("kitchen")).cannot)
+    except PlanRejected as rejection:
+        said = str(rejection)
+    assert f"'{named.lower()}'" in said or f"{named.lower()} cannot be measured" in said
+    assert "sliding friction" in said
+
+
+@pytest.mark.parametrize(
+    ("request_", "remark"),
+    [
+        ("hieght of the table", "'hieght' is read as 'height'"),
+        ("weight of the cup", "'cup' is taken for 'mug'"),
+        ("mass of the left box", "'left' is as the robot sees it"),
+    ],
+)
+def test_what_is_not_quite_what_was_said_is_remarked_on(request_: str, remark: str):
+    where = scene("boxes") if "left" in request_ else scene("kitchen")
+    assert any(remark in told for told in ground(request_, where).remarks)

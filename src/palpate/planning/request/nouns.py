@@ -6,12 +6,13 @@ from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 
 from palpate.mjcf.body import Body
-from palpate.planning.symbolic import lexicon
-from palpate.planning.symbolic.item import GRIPPER
-from palpate.planning.symbolic.lexicon import COLOURS, STOP
-from palpate.planning.symbolic.tokens import is_within, name_words, singulars
-from palpate.planning.symbolic.wording import english
+from palpate.planning.request import lexicon
+from palpate.planning.request.item import GRIPPER
+from palpate.planning.request.lexicon import COLOURS, STOP
+from palpate.planning.request.tokens import is_within, name_words, singulars
+from palpate.planning.request.wording import english
 from palpate.scene.scene import Scene
+
 
 class Nouns:
     """The words that name things in one scene.

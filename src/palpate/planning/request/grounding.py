@@ -1,9 +1,13 @@
 """What a sentence asks for: from the words of a request to the parameters of a scene.
 
 Deterministic and shallow on purpose: it pairs quantities with the objects they are said of, and
-where it cannot, it says what it understood instead of guessing.
+where it cannot, it says what it understood instead of guessing. Every word is either understood,
+or known to say nothing of what is asked (`words/en.yaml`), or it is named in a refusal.
 
-The grammar, from the outside in:
+First the words: those of other languages become English ones where they stand (`languages`),
+misspelt ones those that they come near (`spelling`), turns of phrase marks (`lexicon`). Then what
+they stand for (`mentions`), and which of several things stands where it is said to (`whereabouts`):
+"the box beside the red one". Then the grammar, from the outside in:
 
     request   = clause { turn clause }
     turn      = "." | ";" | "?" | "we know" | "is known" | "except" | "do not measure" | "but" | …
@@ -34,8 +38,13 @@ in "the mass of the bottle and mug friction" the mug is the friction's. A quanti
 object is that object's: in "what does the cup weigh and how high is the table" the weight is the
 cup's.
 
-Objects named without any quantity mean all that the scene misses of them, "everything" and a goal
-("build a simulation") all that it misses; either reading is remarked on. "Where" asks for a
+What is compared is asked of all that it is compared of: "is the mug heavier than the bottle" is two
+masses, "which box is the lightest" one of every box.
+
+Without any quantity, a deed that is to be simulated asks for what it depends on ("simulate throwing
+it": mass, centre of mass, inertia). Other objects, where something is said to be missing, mean all
+that the scene misses of them, "everything" and a goal ("build a simulation") all that it misses;
+either reading is remarked on. A deed that is asked for is no measurement, and refused. "Where" asks for a
 position only where it opens a question, and not in "tell me where its balance point is".
 """
 
@@ -47,16 +56,16 @@ from dataclasses import dataclass
 from palpate.errors import InputError, PlanRejected
 from palpate.parameter import Parameter
 from palpate.planning.planner import MAX_REQUEST
-from palpate.planning.symbolic.clauses import clauses
-from palpate.planning.symbolic.item import Item
-from palpate.planning.symbolic.languages import in_english
-from palpate.planning.symbolic.mentions import Words
-from palpate.planning.symbolic.reading import Reading
-from palpate.planning.symbolic.resolver import Resolver
-from palpate.planning.symbolic.standing import understood
-from palpate.planning.symbolic.tokens import tokens
-from palpate.planning.symbolic.whereabouts import located
-from palpate.planning.symbolic.wording import english
+from palpate.planning.request.clauses import clauses
+from palpate.planning.request.item import Item
+from palpate.planning.request.languages import in_english
+from palpate.planning.request.mentions import Words
+from palpate.planning.request.reading import Reading
+from palpate.planning.request.resolver import Resolver
+from palpate.planning.request.standing import understood
+from palpate.planning.request.tokens import tokens
+from palpate.planning.request.whereabouts import located
+from palpate.planning.request.wording import english
 from palpate.scene.scene import Scene
 
 
@@ -154,6 +163,9 @@ def _unsaid(request: str, reading: Reading, unread: Sequence[str]) -> tuple[list
         # "Everything but the boxes should be weighed": what is said of the boxes is said of all.
         found = [parameter for parameter in found if parameter.quantity in quantities]
     if not (found or remark or resolver.cannot):
+        unknown = [item.text for item in reading.alone if _is_unknown(item)]
+        if unknown:
+            resolver.not_understood(unknown)
         resolver.reject(request)
     return found, remark
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 
-from palpate.planning.symbolic.lexicon import MARKS
+from palpate.planning.request.lexicon import MARKS
 
 
 def tokens(request: str) -> list[str]:

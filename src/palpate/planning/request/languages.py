@@ -9,8 +9,8 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping, Sequence
 
-from palpate.planning.symbolic.lexicon import DETERMINERS, STOP
-from palpate.planning.symbolic.wording import (
+from palpate.planning.request.lexicon import DETERMINERS, STOP
+from palpate.planning.request.wording import (
     LANGUAGES,
     Language,
     Phrase,

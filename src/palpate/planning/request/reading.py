@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
-from palpate.planning.symbolic.clauses import Clause
-from palpate.planning.symbolic.item import Item
-from palpate.planning.symbolic.lexicon import PASSIVE
-from palpate.planning.symbolic.resolver import Resolver
-from palpate.planning.symbolic.wording import english
+from palpate.planning.request.clauses import Clause
+from palpate.planning.request.item import Item
+from palpate.planning.request.lexicon import PASSIVE
+from palpate.planning.request.resolver import Resolver
+from palpate.planning.request.wording import english
 
 Objects = tuple[Item, ...]
 
@@ -82,10 +82,8 @@ class Reading:
 
     def read(self, clause: Clause) -> None:
         """Take in the next clause: its quantities with their objects, then the other objects."""
-        if clause.wanted and clause.compares:
-            used = self._read_comparison(clause)
-        else:
-            used = self._read_quantities(clause)
+        compares = clause.wanted and clause.compares
+        used = self._read_comparison(clause) if compares else self._read_quantities(clause)
         measured = any(group.of_quantities for group in clause.groups)
         for at, group in enumerate(clause.groups):
             if at in used or group.of_quantities or (measured and not group.named):
@@ -154,7 +152,7 @@ class Reading:
         """Whether it says that something is missing, and what it asks to be done or simulated."""
         simulating = False
         for at, item in enumerate(clause.items):
-            if not english().wishes.isdisjoint(item.words) or item.text == "§want":
+            if not english().wishes.isdisjoint(item.words):
                 self.wished = True
             if item.kind in ("stop", "deed", "unmeasurable", "unknown"):
                 self.fragment = self.fragment and item.text in _OF_FRAGMENTS

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from palpate.planning.symbolic.item import EDGE, Item
-from palpate.planning.symbolic.lexicon import DETERMINERS, EVERY
+from palpate.planning.request.item import EDGE, Item
+from palpate.planning.request.lexicon import DETERMINERS, EVERY
 
 
 def understood(items: Sequence[Item]) -> tuple[list[Item], list[str]]:

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from workbench import bench
 
 from palpate.errors import InputError, PlanRejected
-from palpate.planning.symbolic.grounding import ground
+from palpate.planning.request.grounding import ground
 from palpate.scene.scene import Scene
 
 

@@ -140,7 +140,7 @@ MARKS: tuple[tuple[str, str], ...] = (
         " §neg ",
     ),
     (
-        r"\bwhere (?:does|do|will|would|can|could) (.+?) balances?\b",
+        r"\bwhere (?:[\w' ]{0,30}?)\b(?:does|do|will|would|can|could) (.+?) balances?\b",
         r" where is the balance point of \1 ",
     ),
     (r"\b(\d+(?:[.,]\d+)?) *(?:" + UNITS + r")(?!\w)", " §amount "),
@@ -149,11 +149,13 @@ MARKS: tuple[tuple[str, str], ...] = (
         r"\b(?:with no|without) know\w*|\bnot (?:yet )?kn(?:ow\w*|ew)|\b(?:can|could)\s?not\b",
         " §want ",
     ),
-    (r"\b(?:to|us|me) know\b|\bunknown\b|\bno idea(?: of| about)?", " §want "),
+    (r"\bunknowns?\b", " missing §want "),
+    (r"\b(?:to|us|me) know\b|\bno idea(?: of| about)?", " §want "),
     (r"\b(?:is|are|was|were) (?:already |well )?(?:known|given)\b", " §was_known "),
     (r"\b(?:already |well )?kn(?:ow|ows|own|ew)\b|\balready have\b", " §know "),
     (
-        r"\b(?:except(?:ing)?(?: for)?|excluding|apart from|other than|besides|never mind|leav(?:e|ing) out|"
+        r"\b(?:except(?:ing)?(?: for)?|(?:with|at) the exception of|"
+        r"save(?: for)?(?= the)|excluding|apart from|other than|besides|never mind|leav(?:e|ing) out|"
         r"ignor(?:e|ing)|skip(?:ping)?|without)\b",
         " §neg ",
     ),

@@ -14,9 +14,9 @@ import numpy as np
 from palpate.errors import PlanRejected
 from palpate.geometry.pose import Array
 from palpate.mjcf.body import Body
-from palpate.planning.symbolic.item import Item
-from palpate.planning.symbolic.lexicon import DETERMINERS, EVERY, EVERYTHING, PASSIVE
-from palpate.planning.symbolic.wording import english
+from palpate.planning.request.item import Item
+from palpate.planning.request.lexicon import DETERMINERS, EVERY, EVERYTHING, PASSIVE
+from palpate.planning.request.wording import english
 from palpate.scene.scene import Scene
 
 APART = 0.02
@@ -76,7 +76,7 @@ def _extreme(place: str, bodies: Sequence[Body], scene: Scene, said: str, noun: 
     """
     measure = _EXTREMES[place]
     sizes = [measure(body, scene) for body in bodies]
-    order = np.argsort(sizes)[::-1]
+    order: list[int] = np.argsort(sizes)[::-1].tolist()
     first, second = sizes[order[0]], sizes[order[1]]
     apart = first - second > APART
     if place in ("large", "small", "tall", "short"):

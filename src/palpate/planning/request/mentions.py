@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from palpate.planning.symbolic import lexicon, spelling
-from palpate.planning.symbolic.item import EDGE, Item
-from palpate.planning.symbolic.lexicon import COLOURS, DETERMINERS, EVERY, STOP
-from palpate.planning.symbolic.nouns import Nouns
-from palpate.planning.symbolic.tokens import singulars
-from palpate.planning.symbolic.wording import english, longest
+from palpate.planning.request import lexicon, spelling
+from palpate.planning.request.item import EDGE, Item
+from palpate.planning.request.lexicon import COLOURS, DETERMINERS, EVERY, STOP
+from palpate.planning.request.nouns import Nouns
+from palpate.planning.request.tokens import singulars
+from palpate.planning.request.wording import english, longest
 from palpate.quantities.catalogue import catalogue
 from palpate.scene.scene import Scene
 
@@ -41,7 +41,7 @@ class Words:
         return [self._spelt(token, known) for token in tokens]
 
     def _spelt(self, token: str, known: set[str]) -> str:
-        if self._means_something(token):
+        if token in known or self._means_something(token):
             return token
         found = spelling.meant(token, known)
         if found is None:
@@ -239,7 +239,9 @@ _FILLERS = (
     | english().tying
     | {"'s"}
 )
-_SMALL = english().nouns | english().aside | lexicon.PRONOUNS | lexicon.EVERYTHING | english().degrees
+_SMALL = (
+    english().nouns | english().aside | lexicon.PRONOUNS | lexicon.EVERYTHING | english().degrees
+)
 _MEANT = (
     english().deeds
     | english().handling
