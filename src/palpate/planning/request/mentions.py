@@ -41,7 +41,7 @@ class Words:
         return [self._spelt(token, known) for token in tokens]
 
     def _spelt(self, token: str, known: set[str]) -> str:
-        if token in known or self._means_something(token):
+        if not known.isdisjoint(singulars(token)) or self._means_something(token):
             return token
         found = spelling.meant(token, known)
         if found is None:
