@@ -212,6 +212,8 @@ def test_what_is_not_quite_what_was_said_is_remarked_on(request_: str, remark: s
     assert any(remark in told for told in ground(request_, where).remarks)
 
 
-@pytest.mark.parametrize("request_", ["Which weighs more, the mug or the bottle?", "masses of boxes"])
+@pytest.mark.parametrize(
+    "request_", ["Which weighs more, the mug or the bottle?", "masses of boxes"]
+)
 def test_inflected_words_are_no_slips(request_: str):
     assert ground(request_, scene("kitchen")).remarks == ()
