@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import mujoco
 import pytest
 
 from palpate.errors import InputError
 from palpate.mjcf.reading import parse_document
 from palpate.mjcf.roles import find_roles
+from palpate.parameter import Parameter
 from palpate.scene.load import parse_scene
 from palpate.scene.scene import Scene
+from palpate.twin.inject import inject, unfilled
 
 
 def scene(world: str, before: str = "", after: str = "") -> Scene:
@@ -55,6 +58,9 @@ def test_mass_and_friction_of_an_object(geom: str, missing: set[str]) -> None:
         (INERTIAL.replace("0 0 0.01", " ? "), {"com"}),
         (INERTIAL.replace("1e-4 1e-4 1e-4", "? ? ?"), {"inertia"}),
         ('<inertial pos="0 0 0" mass="?" fullinertia="? ? ? ? ? ?"/>', {"mass", "inertia"}),
+        (INERTIAL.replace(' mass="0.2"', ""), {"mass"}),
+        (INERTIAL.replace(' pos="0 0 0.01"', ""), {"com"}),
+        ('<inertial pos="0 0 0" mass="0.2"/>', {"inertia"}),
     ],
 )
 def test_inertials_state_mass_com_and_inertia(inertial: str, missing: set[str]) -> None:
@@ -306,3 +312,38 @@ def test_a_free_body_without_a_name_is_called_after_what_it_is() -> None:
     assert list(found.objects) == ["sphere", "sphere_2", "mug"]
     assert found.spec().compile().body("sphere_2").name == "sphere_2"
     assert 'name="sphere_2"' not in found.text
+
+
+@pytest.mark.parametrize(
+    ("opening", "name"),
+    [
+        ('<replicate count="3" offset="0 0.2 0">', "mug0"),
+        ('<replicate count="12" sep="_" offset="0 0.2 0">', "mug_00"),
+        ('<frame pos="0 0.1 0"><replicate count="3" offset="0 0.2 0">', "mug0"),
+        ('<replicate count="2" sep="-" offset="0 .2 0"><replicate count="3" offset=".2 0 0">', "mug0-0"),
+    ],
+)
+def test_of_copies_the_first_stands_for_all(opening: str, name: str) -> None:
+    tags = [tag.split()[0].strip("<>") for tag in opening.split("><")]
+    closing = "".join(f"</{tag}>" for tag in reversed(tags))
+    text = f"<mujoco><worldbody>{opening}{cup('').replace('cup', 'mug')}{closing}</worldbody></mujoco>"
+    found = parse_scene(text)
+    assert [str(parameter) for parameter in found.missing] == [f"{name}.mass", f"{name}.friction"]
+    twin = inject(text, {Parameter(name, "mass"): (0.2,), Parameter(name, "friction"): (0.3,)})
+    model = mujoco.MjModel.from_xml_string(twin)
+    assert model.body_mass[1:] == pytest.approx([0.2] * (model.nbody - 1))
+    assert model.geom_friction[:, 0] == pytest.approx([0.3] * model.ngeom)
+
+
+def test_where_a_copy_stands_cannot_be_measured() -> None:
+    text = '<replicate count="2" offset="0 .2 0">' + cup("", pos="? 0 0.05") + "</replicate>"
+    with pytest.raises(InputError, match="inside a <replicate>"):
+        scene(text)
+
+
+def test_an_inertial_without_its_mass_is_completed() -> None:
+    unweighed = INERTIAL.replace(' mass="0.2"', "")
+    text = f"<mujoco><worldbody>{cup('', unweighed)}</worldbody></mujoco>"
+    assert unfilled(text) == [Parameter("cup", "mass")]
+    twin = inject(text, {Parameter("cup", "mass"): (0.25,)})
+    assert mujoco.MjModel.from_xml_string(twin).body("cup").mass[0] == pytest.approx(0.25)

@@ -63,6 +63,8 @@ class Slot:
         stand_in: text for each open number until it is measured.
         whole: what the entire attribute is until then, where open numbers cannot stand beside any
             stated ones.
+        required: how many numbers MuJoCo does not do without; all of them are open where the
+            attribute is left out.
     """
 
     element: Element
@@ -70,6 +72,7 @@ class Slot:
     stand_in: str
     numbers: tuple[int, ...] | None = None
     whole: tuple[str, ...] | None = None
+    required: int = 0
 
     def covers(self, number: int) -> bool:
         """Whether a `?` may stand at this position."""
@@ -77,7 +80,7 @@ class Slot:
 
     def open_numbers(self, stated: str | None) -> list[int]:
         """Positions of the `?` in the attribute's text `stated`."""
-        parts = tokens(stated)
+        parts = [UNKNOWN] * self.required if stated is None else tokens(stated)
         return [i for i, part in enumerate(parts) if part == UNKNOWN and self.covers(i)]
 
     def placeholder(self) -> Iterator[Edit]:
@@ -86,7 +89,9 @@ class Slot:
         if unknown and self.whole is not None:
             yield Edit(self.element, self.attribute, dict(enumerate(self.whole)))
         elif unknown:
-            yield Edit(self.element, self.attribute, dict.fromkeys(unknown, self.stand_in))
+            base = " ".join([UNKNOWN] * max(self.required, 1))
+            numbers = dict.fromkeys(unknown, self.stand_in)
+            yield Edit(self.element, self.attribute, numbers, base)
 
 
 def unknown_only(element: Element, attribute: str, texts: Mapping[int, str]) -> dict[int, str]:

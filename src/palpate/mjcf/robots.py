@@ -19,7 +19,7 @@ NOBODY = "none"
 HANDS = frozenset({"hand", "gripper", "finger", "fingers"})
 """Words of a body's name that say that an arm ends there."""
 
-TRANSPARENT = ("frame",)
+TRANSPARENT = ("frame", "replicate")
 """Elements that only arrange those inside them."""
 
 _JOINTS = ("joint", "freejoint")
@@ -86,6 +86,15 @@ def through_frames(body: Element) -> Iterator[Element]:
             yield from through_frames(child)
         else:
             yield child
+
+
+def copy_mark(element: Element) -> str:
+    """What MuJoCo puts behind the names of the first of the copies that `<replicate>` makes of an
+    element; the marks of outer ones come last."""
+    mark = ""
+    for replicate in element.iterancestors("replicate"):
+        mark += (replicate.get("sep") or "") + "0" * len((replicate.get("count") or "").strip())
+    return mark
 
 
 def _is_hand(body: Element) -> bool:

@@ -24,6 +24,7 @@ from palpate.mjcf.robots import (
     NOBODY,
     TRANSPARENT,
     Robots,
+    copy_mark,
     find_robots,
     has_joint,
     is_free,
@@ -41,6 +42,7 @@ class Elements:
     """The elements of an object or a surface.
 
     Attributes:
+        name: as compiled models know it; of several copies, that of the first, which stands for all.
         element: its body; of a surface, its geom when that stands in the worldbody.
         geoms: all geoms of its body and what is fixed to it; of a surface, those that may carry.
         colliding: those of them that can touch, else all.
@@ -158,7 +160,7 @@ def _add_object(body: Element, found: Roles) -> None:
     geoms = tuple(e for e in elements(body) if e.tag == "geom")
     if not geoms:
         raise InputError(f"object {label(body)} has no geom, so it has no shape to touch")
-    name = body.get("name") or _named(body, geoms[0], found)
+    name = (body.get("name") or _named(body, geoms[0], found)) + copy_mark(body)
     colliding = _colliding(geoms, found.defaults)
     inertial = inertial_of(body)
     _register(Elements(name, "object", body, geoms, colliding, inertial, found.defaults), found)
@@ -189,7 +191,7 @@ def inertial_of(body: Element) -> Element | None:
 def _add_surface(element: Element, geoms: tuple[Element, ...], found: Roles) -> None:
     carrying = _carrying(element, _colliding(geoms, found.defaults), found.defaults)
     if carrying:
-        name = element.get("name") or FLOOR
+        name = (element.get("name") or FLOOR) + copy_mark(element)
         body = Elements(name, "surface", element, carrying, carrying, None, found.defaults)
         _register(body, found)
 

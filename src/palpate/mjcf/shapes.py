@@ -21,6 +21,7 @@ from palpate.geometry.pose import Array, Pose
 from palpate.mjcf.compile import BASE_SITE, compile_model, compile_spec, model_tree
 from palpate.mjcf.document import Document, Element
 from palpate.mjcf.edits import Edit, Insert
+from palpate.mjcf.robots import copy_mark
 from palpate.mjcf.roles import Roles
 from palpate.mjcf.trial import require_compiles
 
@@ -145,8 +146,9 @@ def _name_geoms(twin_of: Mapping[Element, Element]) -> dict[Element, str]:
     names: dict[Element, str] = {}
     for i, (original, twin) in enumerate(twin_of.items()):
         if original.tag == "geom" and next(original.iterancestors("default"), None) is None:
-            names[original] = twin.get("name") or f"palpate:{i}"
-            twin.set("name", names[original])
+            name = twin.get("name") or f"palpate:{i}"
+            twin.set("name", name)
+            names[original] = name + copy_mark(original)
     return names
 
 

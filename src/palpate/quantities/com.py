@@ -82,7 +82,7 @@ class CentreOfMass(Quantity):
 
     def slots(self, elements: Elements) -> Iterator[Slot]:
         if elements.inertial is not None:
-            yield Slot(elements.inertial, "pos", "0")
+            yield Slot(elements.inertial, "pos", "0", required=3)
 
     def prior(self, body: BodyDescription, believed: Values) -> Prior:
         """The middle of the geoms, except for the numbers that are stated."""

@@ -81,7 +81,8 @@ class Inertia(Quantity):
 
     def slots(self, elements: Elements) -> Iterator[Slot]:
         if elements.inertial is not None:
-            yield Slot(elements.inertial, "diaginertia", "0.001")
+            required = 3 if elements.inertial.get("fullinertia") is None else 0
+            yield Slot(elements.inertial, "diaginertia", "0.001", required=required)
             whole = ("1", "1", "1", "0", "0", "0")
             yield Slot(elements.inertial, "fullinertia", "1", whole=whole)
 

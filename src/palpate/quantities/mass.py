@@ -97,7 +97,7 @@ class Mass(Quantity):
             yield Slot(geom, "mass", "1")
             yield Slot(geom, "density", "1000")
         if elements.inertial is not None:
-            yield Slot(elements.inertial, "mass", "1")
+            yield Slot(elements.inertial, "mass", "1", required=1)
 
     def prior(self, body: BodyDescription, believed: Values) -> Prior:
         """Of its volume, and what the file states of some of its parts."""

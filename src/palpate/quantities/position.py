@@ -126,12 +126,12 @@ def support_z(body: BodyDescription, believed: Values) -> float | None:
 
 
 def _refuse_frame(element: Element) -> None:
-    parent = element.getparent()
-    if parent is not None and parent.tag == "frame" and set(parent.attrib) - {"childclass", "name"}:
-        raise InputError(
-            f"{label(element)} is inside a <frame> that moves it; write its pos in the world to have "
-            "it measured"
-        )
+    for parent in element.iterancestors("frame", "replicate"):
+        if parent.tag == "replicate" or set(parent.attrib) - {"childclass", "name"}:
+            raise InputError(
+                f"{label(element)} is inside a <{parent.tag}> that moves it; write its pos in the world "
+                "to have it measured"
+            )
 
 
 def estimate_position(trace: Trace, parameter: Parameter, body: Body | None) -> Estimate:

@@ -20,6 +20,7 @@ from palpate.mjcf.shapes import RESTING, Shapes, compile_shapes
 from palpate.quantities.catalogue import Catalogue
 from palpate.scene.places import APPROACH
 from palpate.scene.poses import Poses
+from palpate.scene.settle import let_down
 
 CARRYING = 0.10
 """m: a static thing narrower than this is a surface only when something stands on it."""
@@ -38,7 +39,7 @@ class Description:
     Attributes:
         shapes: compiled with stand-ins for everything unknown.
         bodies: objects and surfaces by name, in document order.
-        placed: the changes that put bodies where the poses say.
+        placed: the changes that put bodies where the poses say, and down onto what they hang above.
         refused: what has a name and stands still and is yet no surface, with the reason.
     """
 
@@ -68,6 +69,11 @@ def describe(document: Document, poses: Poses, catalogue: Catalogue) -> Descript
         edits += slot.placeholder()
     shapes = compile_shapes(document, roles, [*edits, *placed], extent.is_large)
     bodies = _described(roles, shapes, poses)
+    lowered = tuple(let_down(bodies, shapes))
+    if lowered:
+        placed = (*placed, *lowered)
+        shapes = compile_shapes(document, roles, [*edits, *placed])
+        bodies = _described(roles, shapes, poses)
     refused: dict[str, str] = {}
     for name, body in bodies.items():
         if body.role == "surface" and (reason := _no_surface(body)):

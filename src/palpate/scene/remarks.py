@@ -9,6 +9,7 @@ import numpy as np
 
 from palpate.mjcf.compile import BASE_SITE, removed_with_robots
 from palpate.mjcf.document import Element
+from palpate.mjcf.robots import copy_mark
 from palpate.scene.places import reachable
 from palpate.scene.scene import Scene
 
@@ -76,6 +77,11 @@ def _others(scene: Scene) -> Iterator[str]:
         yield (
             "Neither object nor surface nor robot, as they have joints that are not free: "
             f"{_names(map(_called, description.roles.ignored))}.{advice}"
+        )
+    copied = [name for name, body in description.bodies.items() if copy_mark(body.elements.element)]
+    if copied:
+        yield (
+            f"Of the copies that <replicate> makes, the first stands for all: {_names(map(_quoted, copied))}."
         )
     if description.refused:
         told = [f"'{name}' ({reason})" for name, reason in description.refused.items()]

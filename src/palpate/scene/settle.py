@@ -1,0 +1,67 @@
+"""Objects that hang a little above what they are to stand on, let down onto it.
+
+Many files place objects a few millimetres too high and leave it to the simulator to drop them. Where
+they come to stand is where the arm has to look for them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+import mujoco
+import numpy as np
+
+from palpate.geometry.pose import Pose
+from palpate.mjcf.body import BodyDescription
+from palpate.mjcf.document import has_unknown, tokens
+from palpate.mjcf.edits import Edit
+from palpate.mjcf.shapes import RESTING, Shapes
+
+HANGING = 0.001
+"""m: what is less above its support stands on it."""
+
+SECONDS = 0.5
+"""s in which things come to rest: a fall of `RESTING` takes 0.06 s."""
+
+MOST_STEPS = 2_000
+"""Of the simulation, whatever the scene's timestep."""
+
+ASIDE = 0.005
+"""m: what moves farther to the side falls over or rolls, and is left where the file has it."""
+
+UPRIGHT = float(np.cos(np.radians(3.0)))
+"""Likewise of what turns by more than that."""
+
+
+def let_down(bodies: Mapping[str, BodyDescription], shapes: Shapes) -> Iterator[Edit]:
+    """The changes that put those objects onto their support which hang less than `RESTING` above one
+    of known height: where MuJoCo lets them fall to, straight down."""
+    hanging = [body for body in bodies.values() if _hangs(body)]
+    if not hanging:
+        return
+    data = mujoco.MjData(shapes.model)
+    steps = min(int(SECONDS / shapes.model.opt.timestep), MOST_STEPS)
+    mujoco.mj_step(shapes.model, data, steps)
+    for body in hanging:
+        before, fallen = shapes.body_pose(body.name), data.body(body.name)
+        after = Pose.of(fallen.xpos, fallen.xquat)
+        drop = float(before.position[2] - after.position[2])
+        aside = float(np.linalg.norm((before.position - after.position)[:2]))
+        turned = float(np.abs(before.rotation.T @ after.rotation).diagonal().min())
+        if 0.0 < drop < 2 * RESTING and aside < ASIDE and turned > UPRIGHT:
+            z = float(tokens(body.elements.element.get("pos") or "0 0 0")[2]) - drop
+            yield Edit(body.elements.element, "pos", {2: repr(z)}, "0 0 0")
+
+
+def _hangs(body: BodyDescription) -> bool:
+    """Whether an object is placed by its file alone, in the world's axes, and just above a surface."""
+    element = body.elements.element
+    parent = element.getparent()
+    is_placed = parent is not None and parent.tag == "worldbody" and body.given is None
+    if body.role != "object" or not is_placed or has_unknown(element, "pos"):
+        return False
+    below = body.surfaces_below()
+    if not below or any(surface.top_is_open for surface in below):
+        return False
+    gaps = [body.bottom_z - surface.top_z for surface in below]
+    return HANGING < min(gaps, key=abs) < RESTING
