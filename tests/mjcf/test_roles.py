@@ -320,13 +320,18 @@ def test_a_free_body_without_a_name_is_called_after_what_it_is() -> None:
         ('<replicate count="3" offset="0 0.2 0">', "mug0"),
         ('<replicate count="12" sep="_" offset="0 0.2 0">', "mug_00"),
         ('<frame pos="0 0.1 0"><replicate count="3" offset="0 0.2 0">', "mug0"),
-        ('<replicate count="2" sep="-" offset="0 .2 0"><replicate count="3" offset=".2 0 0">', "mug0-0"),
+        (
+            '<replicate count="2" sep="-" offset="0 .2 0"><replicate count="3" offset=".2 0 0">',
+            "mug0-0",
+        ),
     ],
 )
 def test_of_copies_the_first_stands_for_all(opening: str, name: str) -> None:
     tags = [tag.split()[0].strip("<>") for tag in opening.split("><")]
     closing = "".join(f"</{tag}>" for tag in reversed(tags))
-    text = f"<mujoco><worldbody>{opening}{cup('').replace('cup', 'mug')}{closing}</worldbody></mujoco>"
+    text = (
+        f"<mujoco><worldbody>{opening}{cup('').replace('cup', 'mug')}{closing}</worldbody></mujoco>"
+    )
     found = parse_scene(text)
     assert [str(parameter) for parameter in found.missing] == [f"{name}.mass", f"{name}.friction"]
     twin = inject(text, {Parameter(name, "mass"): (0.2,), Parameter(name, "friction"): (0.3,)})
