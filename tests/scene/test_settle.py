@@ -54,7 +54,8 @@ def test_what_lies_in_a_bowl_falls_onto_its_bottom() -> None:
         f'<geom type="box" pos="{x} {y} .03" size="{a} {b} .03"/>'
         for x, y, a, b in ((0.1, 0, 0.01, 0.1), (-0.1, 0, 0.01, 0.1), (0, 0.1, 0.1, 0.01))
     )
-    bowl = f'<body name="bowl" pos="0.5 0 0.22"><freejoint/><geom type="box" size=".1 .1 .005" pos="0 0 .005"/>{walls}</body>'
+    floor = '<geom type="box" size=".1 .1 .005" pos="0 0 .005"/>'
+    bowl = f'<body name="bowl" pos="0.5 0 0.22"><freejoint/>{floor}{walls}</body>'
     inside = MUG.format(z=0.22 + 0.01 + 0.05 + 0.006, turned="")
     found = scene(bowl, inside)
     assert found.bodies["mug"].bottom_z() == pytest.approx(0.23, abs=5e-4)
