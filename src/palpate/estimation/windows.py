@@ -90,9 +90,15 @@ def acceleration(samples: Samples, over: float) -> Array:
     t = samples.t
     if len(t) < 2:
         return np.zeros((len(t), 3))
-    rows = max(1, round(over / max(float(np.median(np.diff(t))), 1e-9)))
-    smooth = [smoothed(speed, rows) for speed in samples.twist[:, :3].T]
-    return np.gradient(np.column_stack(smooth), t, axis=0)
+    return gained(samples.twist[:, :3], t, over)[1]
+
+
+def gained(speeds: Array, t: Array, over: float) -> tuple[Array, Array]:
+    """Speeds (n, k) averaged over `over` s, and what they gain a second: of the same moment as the
+    row they stand in, so that the mean is over an odd number of rows."""
+    half = round(over / max(float(np.median(np.diff(t))), 1e-9)) // 2
+    smooth = np.column_stack([smoothed(speed, 2 * half + 1) for speed in speeds.T])
+    return smooth, np.gradient(smooth, t, axis=0)
 
 
 def smoothed(values: Array, rows: int) -> Array:

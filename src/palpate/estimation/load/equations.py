@@ -208,9 +208,11 @@ def _covariance(weighing: Weighing, maps: Array, hand: Hand) -> Array:
     bias = _bias(found)
     t = np.concatenate([segment.t for segment in found])
     apart = np.abs(t[:, None] - t)
+    moved = _moved(found, weighing.scale)
     out = np.zeros((signals * bins, signals * bins))
     for i, scale in enumerate(weighing.scale.tolist()):
         block = scale**2 * (bias + _drift(apart)) + weighing.noise.flicker[i] * flicker(apart)
+        block += moved[i]
         block += np.diag(variance[:, i] + (tuning.FLOOR * scale) ** 2)
         out[i * bins : (i + 1) * bins, i * bins : (i + 1) * bins] = block
     at_rest = np.concatenate([np.full(len(s.t), s.at_rest) for s in found])
@@ -228,20 +230,59 @@ def _bias(found: Sequence[Segment]) -> Array:
     kinds = np.concatenate([[segment.kind] * len(segment.t) for segment in found])
     own = np.concatenate([np.full(len(s.t), i) for i, s in enumerate(found)])
     at_rest = np.concatenate([np.full(len(s.t), float(s.at_rest)) for s in found])
-    acceleration = np.concatenate([segment.acceleration for segment in found])
     speed2 = np.concatenate([segment.speed2 for segment in found])
-    middle, half = (path.max() + path.min()) / 2, max(float(np.ptp(path)) / 2, 1e-9)
-    powers = np.power.outer((path - middle) / half, np.arange(tuning.DEGREE + 1))
+    _, half = _middle(path)
+    powers = _powers(path, tuning.DEGREE)
     near = np.maximum(0.0, 1.0 - np.abs(path[:, None] - path) * tuning.BINS / (2.0 * half))
     moving = tuning.CENTRIFUGAL**2 * np.outer(speed2, speed2)
     moving += tuning.VISCOUS**2 * np.sqrt(np.outer(speed2, speed2))
     of_kind = tuning.KIND_BIAS**2 * (powers @ powers.T) + tuning.BIN_BIAS**2 * near + moving
     out = tuning.FORCE_BIAS**2 + of_kind * (kinds[:, None] == kinds)
-    inertia = acceleration[:, None] * powers[:, : tuning.INERTIA_DEGREE + 1]
-    out += tuning.APPARENT_MASS**2 * (inertia @ inertia.T)
-    out += np.diag((tuning.UNSTEADY * acceleration) ** 2)
     out += tuning.REST_FRICTION**2 * np.outer(at_rest, at_rest) * (own[:, None] == own)
     return out
+
+
+def _middle(path: Array) -> tuple[float, float]:
+    """m: the middle of a path, and how far it goes to either side."""
+    low, high = float(path.min()), float(path.max())
+    return (high + low) / 2.0, max((high - low) / 2.0, 1e-9)
+
+
+def _powers(path: Array, degree: int) -> Array:
+    """(bins, degree + 1) of the place along the path, from -1 to 1."""
+    middle, half = _middle(path)
+    return np.power.outer((path - middle) / half, np.arange(degree + 1))
+
+
+def _moved(found: Sequence[Segment], scale: Array) -> Array:
+    """(signals, bins, bins) what is not known of what the arm's own motion takes."""
+    motion = np.concatenate([segment.motion for segment in found])
+    if not motion.shape[1]:
+        return scale[:, None, None] ** 2 * _inertia(found)
+    changes = np.concatenate([_change(segment) for segment in found])
+    out: list[Array] = []
+    for taken, change in zip(motion.T, changes.T, strict=True):
+        block = tuning.INERTIA_SHARE**2 * np.outer(taken, taken)
+        block += tuning.DELAY**2 * np.outer(change, change)
+        out.append(block + np.diag((tuning.UNSTEADY_SHARE * taken) ** 2))
+    return np.array(out)
+
+
+def _change(segment: Segment) -> Array:
+    """(bins, signals) N m/s of what the arm's own motion takes."""
+    if len(segment.t) < 2:
+        return np.zeros_like(segment.motion)
+    changes: Array = np.gradient(segment.motion, segment.t, axis=0)
+    return changes
+
+
+def _inertia(found: Sequence[Segment]) -> Array:
+    """(bins, bins) N² of what an unknown arm takes."""
+    path = np.concatenate([segment.path for segment in found])
+    acceleration = np.concatenate([segment.acceleration for segment in found])
+    inertia = acceleration[:, None] * _powers(path, tuning.INERTIA_DEGREE)
+    out: Array = tuning.APPARENT_MASS**2 * (inertia @ inertia.T)
+    return out + np.diag((tuning.UNSTEADY * acceleration) ** 2)
 
 
 def _drift(apart: Array) -> Array:

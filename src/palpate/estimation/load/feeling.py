@@ -13,6 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from palpate.estimation import tuning
+from palpate.estimation.load.moving import about, own_motion
+from palpate.estimation.windows import gained
 from palpate.geometry.inertia import tensor_of
 from palpate.geometry.pose import Array, Pose
 from palpate.trace.recording import Chain
@@ -42,6 +44,13 @@ class Feeling:
         _, _, jacobian = _kinematics(self.chain, q)
         turned = np.concatenate([self.turn @ jacobian[:, :3], self.turn @ jacobian[:, 3:]], axis=1)
         return turned.transpose(0, 2, 1)
+
+    def own_motion(self, samples: Samples) -> Array:
+        """(n, m) N m that the arm's own links took to move; (n, 0) where nothing is known of them."""
+        if self.chain is None or not self.chain.links or len(samples) < 2:
+            return np.zeros((len(samples), 0))
+        rates, changes = gained(samples.dq, samples.t, tuning.SPEED_SHORT)
+        return own_motion(self.chain, samples.q, rates, changes)
 
     def inertia(self, q: Array) -> Array | None:
         """(m, m) kg m² of the arm's links at joint angles `q` (7,); None where nothing is known of
@@ -99,7 +108,7 @@ def _kinematics(chain: Chain, q: Array) -> tuple[Array, Array, Array]:
     for axis, anchor, angle in zip(chain.axes, chain.anchors, q.T, strict=True):
         axes.append(rotation @ np.array(axis))
         anchors.append(rotation @ np.array(anchor) + shift)
-        turn = _about(np.array(axis), angle)
+        turn = about(np.array(axis), angle)
         rotation = rotation @ turn
         shift = anchors[-1] - rotation @ np.array(anchor)
     tcp = rotation @ np.array(chain.tcp) + shift
@@ -119,7 +128,7 @@ def _inertia(chain: Chain, q: Array) -> Array:
         own = np.array(chain.axes[joint])
         axes.append(rotation @ own)
         anchors.append(rotation @ np.array(chain.anchors[joint]) + shift)
-        rotation = rotation @ _about(own, np.array([angle]))[0]
+        rotation = rotation @ about(own, np.array([angle]))[0]
         shift = anchors[-1] - rotation @ np.array(chain.anchors[joint])
         for link in chain.links:
             if link.joint == joint:
@@ -133,10 +142,3 @@ def _inertia(chain: Chain, q: Array) -> Array:
                 found[: joint + 1, : joint + 1] += part
     return found
 
-
-def _about(axis: Array, angle: Array) -> Array:
-    """(k, 3, 3) rotations by `angle` (k,) about a unit `axis` (3,), by Rodrigues' formula."""
-    x, y, z = axis
-    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    sine, cosine = np.sin(angle)[:, None, None], np.cos(angle)[:, None, None]
-    return np.eye(3) + sine * cross + (1.0 - cosine) * (cross @ cross)

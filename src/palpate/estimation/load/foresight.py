@@ -87,5 +87,6 @@ class Lift:
             maps,
             np.zeros((tuning.BINS, count)),
             np.tile(self.white / part, (tuning.BINS, 1)),
+            np.zeros((tuning.BINS, 0)),
             np.zeros((tuning.BINS, 0, 2)),
         )

@@ -26,6 +26,7 @@ from palpate.estimation.windows import (
     acceleration,
     at_rest,
     commanded,
+    gained,
     lift_path,
     load_of,
     mean_pose,
@@ -49,6 +50,8 @@ class Segment:
             speed.
         maps: (k, m, 6) what unit wrenches make of the m signals (`estimation.load.feeling`).
         felt, variance: (k, m) the signals' means, and what white noise leaves of it in them.
+        motion: (k, m) N m that the arm's own links took to move, which is out of `felt`; nothing, (k, 0),
+            where it is not known.
         rubbed: (k, m, 2) how the joints rub (`estimation.load.rubbing`); nothing, (k, 0, 2), where
             the signals are no joints'.
     """
@@ -65,6 +68,7 @@ class Segment:
     maps: Array
     felt: Array
     variance: Array
+    motion: Array
     rubbed: Array
 
     @property
@@ -111,6 +115,8 @@ class _Signals:
 
     samples: Samples
     felt: Feeling
+    net: Array
+    motion: Array
     noise: Noise
     acceleration: Array
     speed2: Array
@@ -149,10 +155,13 @@ def compared(trace: Trace, name: str, cuts: Sequence[Cut]) -> Weighing:
 def _signals(trace: Trace, load: Load, path: Path | None) -> _Signals:
     samples = trace.samples
     felt, rising = feeling(trace), acceleration(samples, tuning.SPEED_SHORT)[:, 2]
+    motion = felt.own_motion(samples)
     calm = (at_rest(samples) | (_steady(samples) & _moves(samples))) & (load.loaded | load.empty)
     return _Signals(
         samples,
         felt,
+        _net(felt, samples, motion),
+        motion,
         block_noise(felt.signals, samples.t, rising, list(runs(calm))),
         rising,
         (samples.twist[:, :3] ** 2).sum(axis=1),
@@ -160,6 +169,14 @@ def _signals(trace: Trace, load: Load, path: Path | None) -> _Signals:
         load.grasps,
         _rubbed(felt, samples),
     )
+
+
+def _net(felt: Feeling, samples: Samples, motion: Array) -> Array:
+    """(n, m) what is felt besides the arm's own motion."""
+    if not motion.shape[1]:
+        return felt.signals
+    # Averaged as the motion is, lest what is faster shows as a difference.
+    return gained(felt.signals, samples.t, tuning.SPEED_SHORT)[0] - motion
 
 
 def _rubbed(felt: Feeling, samples: Samples) -> Array:
@@ -321,8 +338,9 @@ def _segment(signals: _Signals, cut: Cut, bins: Sequence[Rows]) -> Segment:
         _means(signals.acceleration, bins),
         _means(signals.speed2, bins),
         signals.felt.maps(_means(samples.q, bins)),
-        _means(signals.felt.signals, bins),
+        _means(signals.net, bins),
         np.array([signals.noise.white / len(samples.t[rows]) for rows in bins]),
+        _means(signals.motion, bins),
         _means(signals.rubbed, bins),
     )
 

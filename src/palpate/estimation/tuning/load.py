@@ -38,6 +38,17 @@ UNSTEADY = 0.15
 """kg (1 sigma), times the acceleration: what is not known of a force while the speed changes, bin
 by bin; some per cent of the arm's apparent mass. Sensitive: no, where passes are steady."""
 
+INERTIA_SHARE = 0.05
+"""part (1 sigma) of what moving the arm's links takes, that is not known of it: identified models
+leave some per cent (Gaz et al., as below). Sensitive: TODO."""
+
+UNSTEADY_SHARE = 0.01
+"""likewise, bin by bin: what a model of rigid links leaves. Sensitive: TODO."""
+
+DELAY = 2e-3
+"""s (1 sigma) by which torques and angles are not of the same moment: two control cycles. Sensitive:
+TODO."""
+
 VISCOUS = 1.0
 """N s/m (1 sigma): what the speed makes of a force; friction of 0.07 N m s/rad at a lever of half a
 metre is a third of it. Sensitive: hardly."""
