@@ -42,7 +42,9 @@ def jointed(trace, seed=0, white=0.03, gain=(0.0,) * 7, extra=None):
     orientation = np.tile(chain.pose_world_tcp[0, 3:], (len(q), 1))
     pose = np.column_stack([samples.pose_world_tcp[:, :3], orientation])
     felt = replace(samples, q=q, tau_ext=torque, wrench=wrench, pose_world_tcp=pose)
-    return replace(trace, samples=felt, hand=ARM.nominal)
+    # What moved is a point's mass, not the links of that arm.
+    chain = replace(ARM.nominal.chain, links=())
+    return replace(trace, samples=felt, hand=replace(ARM.nominal, chain=chain))
 
 
 @pytest.fixture

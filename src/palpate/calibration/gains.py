@@ -65,7 +65,7 @@ def _learned(found: Sequence[Weighing], gravity: float, hand: Hand, known: State
     A gain's column is the load itself, whose moments are not known at first: it is solved as often
     as when a mass is sought.
     """
-    rows = [equations(weighing, gravity, hand) for weighing in found]
+    rows = [equations(weighing, gravity) for weighing in found]
     grasps = tuple(time for weighing in found for time in weighing.grasps)
     force, about = known.value * gravity, np.zeros(1 + 2 * len(grasps))
     about[0] = force

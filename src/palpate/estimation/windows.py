@@ -94,9 +94,9 @@ def acceleration(samples: Samples, over: float) -> Array:
 
 
 def gained(speeds: Array, t: Array, over: float) -> tuple[Array, Array]:
-    """Speeds (n, k) averaged over `over` s, and what they gain a second: of the same moment as the
-    row they stand in, so that the mean is over an odd number of rows."""
-    half = round(over / max(float(np.median(np.diff(t))), 1e-9)) // 2
+    """Speeds (n, k) averaged over `over` s at most, and what they gain a second; an odd number of rows,
+    so that both are of the moment of the row they stand in."""
+    half = max(0, round(over / max(float(np.median(np.diff(t))), 1e-9)) - 1) // 2
     smooth = np.column_stack([smoothed(speed, 2 * half + 1) for speed in speeds.T])
     return smooth, np.gradient(smooth, t, axis=0)
 

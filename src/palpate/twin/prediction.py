@@ -96,7 +96,7 @@ def predicted(
     if not motion or not empty:
         return None
     segments = [*motion, *empty]
-    rows = equations(replace(weighing, segments=segments), gravity, hand)
+    rows = equations(replace(weighing, segments=segments), gravity)
     signals = int(rows.signal.max()) + 1
     loaded = _each(segments, lambda s: np.full(len(s.t), s.loaded))
     steady = np.abs(_each(segments, lambda s: s.acceleration)) < tuning.STEADY
@@ -112,7 +112,8 @@ def predicted(
     gained = borne - design @ wrench.gains
     rubbed = tuning.JOINT_LEVEL * rows.rubbed
     bias = rows.root @ rows.root.T
-    for causes in (aside, gained, rubbed):
+    stuck = hand.force_repeatability * rows.left.stuck
+    for causes in (aside, gained, rubbed, stuck):
         bias += causes @ causes.T
 
     solved: Array = np.linalg.solve(bias[np.ix_(other, other)], bias[np.ix_(other, told)]).astype(

@@ -6,14 +6,15 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg.lapack import dpotrf, dpotrs
 
 from palpate.estimation import tuning
 from palpate.estimation.load.segments import Segment, Weighing
 from palpate.geometry.pose import Array
-from palpate.trace.recording import Hand
 
 FORCE_Z, TORQUE_X, TORQUE_Y, TORQUE_Z = 2, 3, 4, 5
 """Components of a wrench."""
@@ -21,7 +22,22 @@ LEANING = (0, 1)
 """Those that a weight has where gravity leans."""
 SIDEWAYS = (0, 1, 5)
 """Those that a thing which hangs free does not have."""
+NEGLIGIBLE = 1e-9
+"""Of the probability of a choice."""
 WAYS = {"up": 1.0, "down": -1.0}
+
+
+class Left(NamedTuple):
+    """What an approach leaves in the joints.
+
+    Attributes:
+        stuck: (n, 3 rests) at a rest, as forces at the TCP of a newton an axis. forces: (n, 3 passes)
+            in a pass, likewise. offsets: (n, m passes) in a pass, in each signal.
+    """
+
+    stuck: Array
+    forces: Array
+    offsets: Array
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -36,8 +52,8 @@ class Rows:
         way: (n,) 1 up, -1 down, 0 at rest. rest: (n,) 1 at rest.
         rubbed: (n, p) what a level of friction in each joint makes of them, and what it had at the
             start (`estimation.load.rubbing`).
-        left: what each pass may be off by as a whole, for what an approach leaves: (n, 3 passes) as
-            forces at the TCP of a newton an axis, and (n, m passes) in each signal.
+        left: what each rest and each pass may be off by as a whole, for what an approach leaves in
+            the joints.
         signal: (n,) which signal a row is of. freedom: degrees of freedom of the noise.
     """
 
@@ -49,7 +65,7 @@ class Rows:
     way: Array
     rest: Array
     rubbed: Array
-    left: tuple[Array, Array]
+    left: Left
     signal: NDArray[np.intp]
     freedom: float
 
@@ -57,6 +73,21 @@ class Rows:
         """(n, p) in rows of unit variance."""
         whitened: Array = np.linalg.solve(self.root, columns).astype(np.float64)
         return whitened
+
+
+class _Solved(NamedTuple):
+    """A posterior: prior deviations and mean (p,), and the Cholesky factor of the information in
+    units of the former."""
+
+    prior: Array
+    root: Array
+    mean: Array
+    evidence: float
+
+    def covariance(self) -> Array:
+        """(p, p)."""
+        inverse = dpotrs(self.root, np.diag(self.prior), lower=True)[0]
+        return self.prior[:, None] * inverse
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -85,34 +116,35 @@ class Model:
         """Posterior mean (p,) and covariance (p, p), averaged over what is unsure by what `y` says of
         it (Bayesian model averaging: Hoeting et al., Statistical Science 14, 1999)."""
         told, gram = self.design.T @ self.y, self.design.T @ self.design
-        choices = product(*(range(len(each.factors)) for each in self.unsure))
-        solved = [self._solve(choice, told, gram) for choice in choices]
-        evidence = np.array([each[2] for each in solved])
+        choices = list(product(*(range(len(each.factors)) for each in self.unsure)))
+        evidence = np.array([self._solve(choice, told, gram).evidence for choice in choices])
         weights = np.exp(evidence - evidence.max())
         weights /= weights.sum()
-        means = np.array([each[0] for each in solved])
+        counted = np.flatnonzero(weights > NEGLIGIBLE)
+        weights = weights[counted] / weights[counted].sum()
+        solved = [self._solve(choices[i], told, gram) for i in counted]
+        means = np.array([each.mean for each in solved])
         mean: Array = weights @ means
         covariance: Array = (means - mean).T @ (weights[:, None] * (means - mean))
-        for weight, (_, own, _) in zip(weights, solved, strict=True):
-            covariance += weight * own
+        for weight, each in zip(weights, solved, strict=True):
+            covariance += weight * each.covariance()
         return mean, covariance
 
-    def _solve(
-        self, choice: tuple[int, ...], told: Array, gram: Array
-    ) -> tuple[Array, Array, float]:
-        """Where the deviations are off by the chosen factors: mean, covariance, and the logarithm of
-        the probability of that and of `y`, but for what is the same for every choice (Bishop,
-        Pattern Recognition and Machine Learning, section 3.5.1)."""
+    def _solve(self, choice: tuple[int, ...], told: Array, gram: Array) -> _Solved:
+        """Where the deviations are off by the chosen factors. The evidence is the logarithm of the
+        probability of that and of `y`, but for what is the same for every choice (Bishop, Pattern
+        Recognition and Machine Learning, section 3.5.1)."""
         prior, chance = self.prior.copy(), 0.0
         for each, i in zip(self.unsure, choice, strict=True):
             prior[each.columns] *= each.factors[i]
             chance += float(np.log(each.chance[i]))
         # In units of the prior, where what is known for certain has none.
         information = np.outer(prior, prior) * gram + np.eye(len(prior))
-        covariance: Array = np.linalg.inv(information) * np.outer(prior, prior)
-        mean = covariance @ told
-        _, volume = np.linalg.slogdet(information)
-        return mean, covariance, chance + 0.5 * (float(mean @ told) - float(volume))
+        root = dpotrf(information, lower=True)[0]
+        solved = dpotrs(root, prior * told, lower=True)[0]
+        mean = prior * solved
+        volume = 2.0 * float(np.log(np.diag(root)).sum())
+        return _Solved(prior, root, mean, chance + 0.5 * (float(mean @ told) - volume))
 
     def extended(self, columns: Array, prior: float) -> Model:
         """With further coefficients, in front."""
@@ -126,7 +158,7 @@ class Model:
         return replace(self, design=wider, prior=deviations, unsure=tuple(unsure))
 
 
-def equations(weighing: Weighing, gravity: float, hand: Hand) -> Rows:
+def equations(weighing: Weighing, gravity: float) -> Rows:
     found = weighing.segments
     hanging: list[Array] = []
     for segment in found:
@@ -135,7 +167,7 @@ def equations(weighing: Weighing, gravity: float, hand: Hand) -> Rows:
     maps = np.concatenate([segment.maps for segment in found])
     path = np.concatenate([segment.path for segment in found])
     signals = int(maps.shape[1])
-    root: Array = np.linalg.cholesky(_covariance(weighing, maps, hand)).astype(np.float64)
+    root: Array = np.linalg.cholesky(_covariance(weighing, maps)).astype(np.float64)
 
     def each(values: Iterable[float]) -> Array:
         """A number of each segment, in all its rows."""
@@ -175,33 +207,31 @@ def in_each(row: Rows, grasps: Sequence[float], components: Sequence[int]) -> Ar
     return np.concatenate(columns, axis=1)
 
 
-def _left(weighing: Weighing, maps: Array) -> tuple[Array, Array]:
+def _left(weighing: Weighing, maps: Array) -> Left:
     """The columns of `Rows.left`."""
     signals, count = int(maps.shape[1]), len(maps)
     own = np.eye(signals) * weighing.scale[:, None]
-    at_hand: list[Array] = [np.zeros((signals, count, 0))]
-    in_signals: list[Array] = [np.zeros((signals, count, 0))]
+    nothing = np.zeros((signals, count, 0))
+    stuck, at_hand, in_signals = [nothing], [nothing], [nothing]
     at = 0
     for segment in weighing.segments:
         here = slice(at, at + len(segment.t))
         at = here.stop
-        if segment.at_rest:
-            continue
         forces, offsets = np.zeros((signals, count, 3)), np.zeros((signals, count, signals))
         forces[:, here] = maps[here, :, :3].transpose(1, 0, 2)
         offsets[:, here] = own[:, None, :]
-        at_hand.append(forces)
-        in_signals.append(offsets)
+        if segment.at_rest:
+            stuck.append(forces)
+        else:
+            at_hand.append(forces)
+            in_signals.append(offsets)
     rows = signals * count
-    return (
-        np.concatenate(at_hand, axis=2).reshape(rows, -1),
-        np.concatenate(in_signals, axis=2).reshape(rows, -1),
-    )
+    columns = [np.concatenate(kind, axis=2) for kind in (stuck, at_hand, in_signals)]
+    return Left(*(kind.reshape(rows, -1) for kind in columns))
 
 
-def _covariance(weighing: Weighing, maps: Array, hand: Hand) -> Array:
-    """(n, n) of all rows without the load: white noise, biases, the arm's inertia, drift, and what
-    sticks."""
+def _covariance(weighing: Weighing, maps: Array) -> Array:
+    """(n, n) of all rows without the load: white noise, biases, the arm's inertia, and drift."""
     found = weighing.segments
     bins, signals = maps.shape[:2]
     variance = np.concatenate([segment.variance for segment in found])
@@ -215,11 +245,6 @@ def _covariance(weighing: Weighing, maps: Array, hand: Hand) -> Array:
         block += moved[i]
         block += np.diag(variance[:, i] + (tuning.FLOOR * scale) ** 2)
         out[i * bins : (i + 1) * bins, i * bins : (i + 1) * bins] = block
-    at_rest = np.concatenate([np.full(len(s.t), s.at_rest) for s in found])
-    for b in np.flatnonzero(at_rest):
-        # What sticks looks like a force at the TCP.
-        stuck = maps[b][:, :3] * hand.force_repeatability
-        out[b::bins, b::bins] += stuck @ stuck.T
     return out
 
 
@@ -259,21 +284,11 @@ def _moved(found: Sequence[Segment], scale: Array) -> Array:
     motion = np.concatenate([segment.motion for segment in found])
     if not motion.shape[1]:
         return scale[:, None, None] ** 2 * _inertia(found)
-    changes = np.concatenate([_change(segment) for segment in found])
     out: list[Array] = []
-    for taken, change in zip(motion.T, changes.T, strict=True):
+    for taken in motion.T:
         block = tuning.INERTIA_SHARE**2 * np.outer(taken, taken)
-        block += tuning.DELAY**2 * np.outer(change, change)
         out.append(block + np.diag((tuning.UNSTEADY_SHARE * taken) ** 2))
     return np.array(out)
-
-
-def _change(segment: Segment) -> Array:
-    """(bins, signals) N m/s of what the arm's own motion takes."""
-    if len(segment.t) < 2:
-        return np.zeros_like(segment.motion)
-    changes: Array = np.gradient(segment.motion, segment.t, axis=0)
-    return changes
 
 
 def _inertia(found: Sequence[Segment]) -> Array:

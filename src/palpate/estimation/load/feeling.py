@@ -141,4 +141,3 @@ def _inertia(chain: Chain, q: Array) -> Array:
                 part = link.mass * moving.T @ moving + turning.T @ tensor @ turning
                 found[: joint + 1, : joint + 1] += part
     return found
-

@@ -3,15 +3,17 @@
 A signal (a joint's torque; `estimation.load.feeling`), averaged over bin b of a rest or a pass along the
 path of a lift, is modelled as
 
-    y_b = L_b (1 + a_b / g) (J_b^T W + gain errors) + f s_b + c_kind(x_b) + i a_b + d(t_b) + e + n_b
+    y_b = L_b (1 + a_b / g) (J_b^T W + gain errors) + f s_b + c_kind(x_b) + i m_b + d(t_b) + e + n_b
 
     W       the wrench of the load, which is sought: (0, 0, F, M_x, M_y, 0) of what hangs free;
             L_b is 1 with the load in the hand and 0 without
-    a, g    vertical acceleration and gravity; i is what the arm's own inertia makes of it
+    a, g    vertical acceleration and gravity
+    m       what moving the arm's links takes (`estimation.load.moving`), which is out of y but for an
+            error i of some per cent; where links are not known, the acceleration takes its place
     f, s    friction of a joint, whose state follows its motion (`estimation.load.rubbing`)
     c       bias of each kind of segment, a cubic along the path x and a bit of its own in each bin
     d       drift and 1/f noise over time t
-    e       what sticks in the joints at a rest; n white noise
+    e       what an approach leaves in the joints; n white noise
 
 Everything but W has a normal prior, so that W follows by generalised least squares from
 the covariance of all the rest (e.g. Bishop, Pattern Recognition and Machine Learning, section 3.3).
@@ -20,10 +22,11 @@ model leaves. A gain error is one number a signal, the same in all weighings; it
 itself, so that joints which bear little of it come to the aid of those that bear much.
 
 What an approach leaves in the joints may stay while they move (the datasheet says how much it is at
-most, not whether motion shakes it off): each pass may be off by something of its own. How much is
-averaged over by what the recordings say: where passes agree it is next to nothing; where they do
-not, intervals are as wide as that asks for. So it is with gains: where the joints do not agree on
-the load, they may be farther off than the datasheet says.
+most, not how much this arm leaves, nor whether motion shakes it off): each rest is off by something
+of its own, and each pass may be, by part of that. How much is averaged over by what the recordings
+say: where rests agree it is next to nothing, and so it is where passes do; where they do not,
+intervals are as wide as that asks for. So it is with gains: where the joints do not agree on the
+load, they may be farther off than the datasheet says.
 
 The model is one of several, nested in each other: forces to the side, a force that grows with the
 height (a spring), one that changes its sign with the direction (something rubs), one that is there
@@ -123,7 +126,7 @@ def foreseen(weighing: Weighing, weight: float, gravity: float, hand: Hand) -> t
     """N, 1 sigma of F of a load of `weight` N that rests and passes to come would leave: by noise,
     and by the gains, which no number of them makes smaller. What the segments felt does not matter:
     how well passes will agree is seen from typical draws of the noise."""
-    rows = [equations(weighing, gravity, hand)]
+    rows = [equations(weighing, gravity)]
     grasps = tuple(weighing.grasps)
     about = np.zeros(1 + 2 * len(grasps))
     about[0] = weight
@@ -140,7 +143,7 @@ def foreseen(weighing: Weighing, weight: float, gravity: float, hand: Hand) -> t
 
 
 def _fit(weighings: Sequence[Weighing], gravity: float, hand: Hand) -> Load:
-    rows = [equations(weighing, gravity, hand) for weighing in weighings]
+    rows = [equations(weighing, gravity) for weighing in weighings]
     grasps = tuple(time for weighing in weighings for time in weighing.grasps)
     count = 1 + 2 * len(grasps)
     # What gains and tilts do is in proportion to the load, which is not known at first.
@@ -157,8 +160,8 @@ def _fit(weighings: Sequence[Weighing], gravity: float, hand: Hand) -> Load:
 
 def load_model(rows: Sequence[Rows], grasps: Sequence[float], about: Array, hand: Hand) -> Model:
     """F, the moments in each grasp, forces to the side in each, and by how gravity leans in all of
-    them, what approaches leave, friction of the joints, gains. `about` is where F and the moments
-    are."""
+    them, what approaches leave at rests and in passes, friction of the joints, gains. `about` is
+    where F and the moments are."""
     force = abs(float(about[0]))
     lean = tuning.TILT * force + tuning.FLOOR
     signals, count = int(rows[0].signal.max()) + 1, 1 + 2 * len(grasps)
@@ -166,35 +169,38 @@ def load_model(rows: Sequence[Rows], grasps: Sequence[float], about: Array, hand
     small = float(np.hypot(tuning.RUB_SMALL, tuning.RUB_SHARE * force))
     aside = (small, small, small * tuning.TORQUE_LEVER)
     levels = np.full(rows[0].rubbed.shape[1], tuning.JOINT_LEVEL)
-    left = [_each_its_own([row.left[i] for row in rows]) for i in (0, 1)]
-    forces, offsets = left[0][0].shape[1], left[1][0].shape[1]
+    left = [_each_its_own([row.left[i] for row in rows]) for i in range(3)]
+    stuck, forces, offsets = (blocks[0].shape[1] for blocks in left)
     first = count + len(SIDEWAYS) * len(grasps) + len(LEANING)
     most = hand.force_repeatability + tuning.FLOOR
     prior = [np.full(count, tuning.LOAD_PRIOR), *[aside] * len(grasps)]
     prior += [
         np.full(len(LEANING), lean),
-        np.full(forces + offsets, most),
+        np.full(stuck + forces + offsets, most),
         levels,
         np.ones(signals),
     ]
     designs: list[Array] = []
-    for row, at_hand, in_signals in zip(rows, *left, strict=True):
+    for row, *left_in in zip(rows, *left, strict=True):
         vertical = np.column_stack(
             [row.wrench[:, FORCE_Z], in_each(row, grasps, (TORQUE_X, TORQUE_Y))]
         )
         borne = (vertical @ about)[:, None] * gains[row.signal]
         sideways = in_each(row, grasps, SIDEWAYS)
         leaning = _leaning(row, grasps, about)
-        design = [vertical, sideways, leaning, at_hand, in_signals, row.rubbed, borne]
+        design = [vertical, sideways, leaning, *left_in, row.rubbed, borne]
         designs.append(row.white(np.column_stack(design)))
     y = np.concatenate([row.white(row.felt) for row in rows])
     freedom = min(row.freedom for row in rows)
     deviations = np.concatenate(prior)
     shares = tuning.LEFT_SHARES
     even = [1.0 / len(shares)] * len(shares)
+    in_passes = first + stuck
+    # How much of the datasheet's figure this arm leaves; how much of that stays in motion.
     unsure = (
-        Unsure(slice(first, first + forces), shares, even),
-        Unsure(slice(first + forces, first + forces + offsets), shares, even),
+        Unsure(slice(first, in_passes + forces + offsets), shares, even),
+        Unsure(slice(in_passes, in_passes + forces), shares, even),
+        Unsure(slice(in_passes + forces, in_passes + forces + offsets), shares, even),
         Unsure(slice(len(deviations) - signals, len(deviations)), *tuning.GAINS_OFF),
     )
     return Model(np.concatenate(designs), y, deviations, freedom, unsure)

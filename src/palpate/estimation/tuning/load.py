@@ -27,8 +27,8 @@ FLICKER_TIMES = tuple(0.3 * 4.0**i for i in range(6))
 a long run. Sensitive: hardly."""
 
 APPARENT_MASS = 10.0
-"""kg (1 sigma): apparent vertical mass at the TCP, wide enough for any seven-axis arm. Sensitive:
-mass 0.1 σ."""
+"""kg (1 sigma): apparent vertical mass at the TCP of an arm whose links are not known, wide enough for
+any with seven axes. Sensitive: mass 0.1 σ."""
 
 INERTIA_DEGREE = 1
 """degree of the polynomial along the path that the arm's apparent mass follows. Sensitive:
@@ -36,18 +36,15 @@ hardly."""
 
 UNSTEADY = 0.15
 """kg (1 sigma), times the acceleration: what is not known of a force while the speed changes, bin
-by bin; some per cent of the arm's apparent mass. Sensitive: no, where passes are steady."""
+by bin, where links are not known; some per cent of the arm's apparent mass. Sensitive: no, where
+passes are steady."""
 
 INERTIA_SHARE = 0.05
-"""part (1 sigma) of what moving the arm's links takes, that is not known of it: identified models
-leave some per cent (Gaz et al., as below). Sensitive: TODO."""
+"""part (1 sigma), that is not known, of what moving the arm's links takes: identified models leave some
+per cent (Gaz et al., as below). Sensitive: mass 0.2 σ where signals wander, else no."""
 
 UNSTEADY_SHARE = 0.01
-"""likewise, bin by bin: what a model of rigid links leaves. Sensitive: TODO."""
-
-DELAY = 2e-3
-"""s (1 sigma) by which torques and angles are not of the same moment: two control cycles. Sensitive:
-TODO."""
+"""likewise, bin by bin: links and gears bend a little. Sensitive: mass 0.2 σ, std ×0.95–1.1."""
 
 VISCOUS = 1.0
 """N s/m (1 sigma): what the speed makes of a force; friction of 0.07 N m s/rad at a lever of half a
@@ -62,9 +59,9 @@ REST_FRICTION = 0.1
 mass 0.08 σ."""
 
 LEFT_SHARES = tuple(0.25 ** (3 - i) for i in range(4))
-"""parts of the datasheet's `force_repeatability` that an approach may leave in the joints while they
-move, as forces at the hand and in each joint: from next to nothing to all of it, each as likely
-before anything is recorded. Sensitive: no."""
+"""parts of the datasheet's `force_repeatability` that an approach may leave in the joints of this very
+arm, and parts of that which stay while they move, as forces at the hand and in each joint: from next
+to nothing to all of it, each as likely before anything is recorded. Sensitive: mass std ×0.9–1.2."""
 
 GAINS_OFF = ((1.0, 3.0), (0.95, 0.05))
 """by how much more than the datasheet says gains may be off, and how likely each is before anything is
