@@ -64,6 +64,7 @@ def ask_planner(settings: Settings, scene: Scene | None, planner: Planner | None
     if isinstance(planner, Observant):
         seen, conversation = planner.seen, planner.conversation
     scene = scene or _scene_of(answer, seen)
+    answer = _read_otherwise(settings, answer, scene)
     # A model's answers are checked one by one, until one passes; nobody else checks its own plan.
     checked = conversation is not None
     findings = () if checked else _findings(settings, answer, scene)
@@ -308,17 +309,24 @@ def _scene_of(answer: Plan, seen: DetectedScene | None) -> Scene:
 
 
 def _findings(settings: Settings, answer: Plan, scene: Scene) -> tuple[Finding, ...]:
-    """What the check says against a plan. What R asks is compared where somebody else than the
-    grounding read it."""
+    """What the check says against a plan."""
     if answer.tree is None:
         return ()
-    everything = settings.planner == "exhaustive"
-    compared = (
-        settings.request is not None
-        and not everything
-        and settings.planner != "symbolic"
-        and "text" not in settings.model_settings.without
+    remeasure = settings.remeasure or settings.planner == "exhaustive"
+    return check(answer, scene, remeasure=remeasure)
+
+
+def _read_otherwise(settings: Settings, answer: Plan, scene: Scene) -> Plan:
+    """The plan with a note where the words of the request are read as asking for something else
+    than it measures. What they mean is for whoever wrote the plan to say."""
+    own = settings.planner in ("symbolic", "exhaustive")
+    if own or settings.request is None or "text" in settings.model_settings.without:
+        return answer
+    wanted = requested(settings.request, scene, settings.remeasure)
+    if answer.tree is None or wanted is None or set(wanted) == set(answer.parameters):
+        return answer
+    asked = ", ".join(str(parameter) for parameter in wanted)
+    note = (
+        f"By its words the request asks for {asked}; the plan measures what its author took it for."
     )
-    wanted = requested(settings.request, scene, settings.remeasure) if compared else None
-    remeasure = settings.remeasure or everything
-    return check(answer, scene, remeasure=remeasure, requested=wanted)
+    return replace(answer, notes=(*answer.notes, note))

@@ -93,8 +93,7 @@ class VlmPlanner:
     ) -> tuple[Plan | None, list[str]]:
         """The plan in an answer and what the check finds wrong with it.
 
-        An empty `request` leaves open which parameters are wanted; None wants all that the scene
-        leaves out.
+        None as the `request` wants all that the scene leaves out; what any other one means is open.
         """
         try:
             proposal = read_answer(text)
@@ -134,10 +133,11 @@ class VlmPlanner:
         return [f"{finding.path}: {finding.message}" for finding in found]
 
     def _wanted(self, request: str | None, scene: Scene) -> tuple[Parameter, ...] | None:
-        """What the plan must measure, where the model was told; None leaves it open."""
-        if request == "" or "text" in self.model_settings.without:
+        """What the plan must measure where nobody asked for anything: all that is missing. What a
+        request means is the model's to say; None leaves it open."""
+        if request is not None or "text" in self.model_settings.without:
             return None
-        return requested(request, scene, self.remeasure)
+        return requested(None, scene, self.remeasure)
 
     def _built(self, objects: tuple[SceneObject, ...]) -> tuple[DetectedScene, Scene]:
         if self.builder is None:
