@@ -24,7 +24,8 @@ _PLACING = ("pos", "quat", "axisangle", "xyaxes", "zaxis", "euler")
 _ASSETS = ("mesh", "material", "texture", "hfield")
 """The robot's, which would only cost time."""
 
-_REFERRING = ("actuator", "sensor", "tendon", "equality", "contact", "deformable")
+_REFERRING = ("actuator", "sensor", "tendon", "equality", "contact", "deformable", "custom")
+"""Sections whose entries refer to others; of `<custom>`, its tuples do."""
 
 
 def model_tree(
@@ -35,6 +36,7 @@ def model_tree(
     root, twin_of = copy_root(document)
     apply(edits, twin_of)
     _settle_defaults(root)
+    _keep_all(root)
     robots = [twin_of[robot] for robot in roles.robots]
     _remove_robots(root, robots)
     return root, twin_of
@@ -91,6 +93,14 @@ def _settle_defaults(root: Element) -> None:
             edit.apply(element)
 
 
+def _keep_all(root: Element) -> None:
+    """Every body and geom of the file is in the model: physics are the same without, and what is
+    known of them is looked up there."""
+    for compiler in root.iterfind("compiler"):
+        for leaving_out in ("discardvisual", "fusestatic"):
+            compiler.attrib.pop(leaving_out, None)
+
+
 def _remove_robots(root: Element, robots: list[Element]) -> None:
     removed: set[str] = set()
     for robot in robots:
@@ -104,6 +114,7 @@ def _remove_robots(root: Element, robots: list[Element]) -> None:
         removed = _remove_referring(root, removed)
     if robots:
         _remove_unused_assets(root)
+        _remove_unused_plugins(root)
 
 
 def _names(element: Element) -> set[str]:
@@ -132,7 +143,8 @@ def _remove_referring(root: Element, names: set[str]) -> set[str]:
     for tag in _REFERRING:
         for section in root.iterfind(tag):
             for entry in list(children(section)):
-                if _mentioned(entry) & names:
+                is_text = tag == "custom" and entry.tag != "tuple"
+                if not is_text and _mentioned(entry) & names:
                     gone |= {entry.get("name") or ""} - {""}
                     section.remove(entry)
     return gone
@@ -166,6 +178,15 @@ def _remove_unused_assets(root: Element) -> None:
                 name = asset.get("name") or Path(asset.get("file") or "").stem
                 if name and name not in used and asset.get("type") != "skybox":
                     section.remove(asset)
+
+
+def _remove_unused_plugins(root: Element) -> None:
+    """What the robot's actuators and sensors were computed by."""
+    used = _references(root, "instance")
+    for instance in list(root.iterfind("extension/plugin/instance")):
+        plugin = instance.getparent()
+        if plugin is not None and instance.get("name") not in used:
+            plugin.remove(instance)
 
 
 def _references(root: Element, attribute: str) -> set[str]:

@@ -43,6 +43,9 @@ CONVERTED = {
 }
 """Roots of other formats, and how to come from there to MJCF."""
 
+_READ_AT_ONCE = ("model", "flexcomp")
+"""Elements whose files MuJoCo reads while it parses, when it does not know of a folder yet."""
+
 _FILE_ATTRIBUTES = ("file", "fileright", "fileleft", "fileup", "filedown", "filefront", "fileback")
 
 
@@ -183,9 +186,11 @@ class _Reader:
                 path = self._file(located, element, where, name)
                 found.append(path)
                 self.named.append(Named(element, attribute, name, located, path))
-                if element.tag == "model" or not _exists(self.folder, located):
+                is_there = _exists(self.folder, located)
+                if element.tag in _READ_AT_ONCE or not is_there:
                     # MuJoCo would look elsewhere: in the working directory, or nowhere.
                     element.set(attribute, str(path))
+                if element.tag == "model" or not is_there:
                     self.beside[name] = os.path.relpath(path, self.folder)
                 if element.tag == "model":
                     model = self._attached(path, where)

@@ -65,13 +65,15 @@ class Roles:
 
     Attributes:
         robots: the bodies that robots begin with. ignored: bodies with other joints, which are
-            neither robot nor object: drawers and doors.
+            neither robot nor object: drawers and doors. replicated: free bodies of which
+            `<replicate>` makes the parts, so that one element is many shapes.
     """
 
     defaults: Defaults
     bodies: dict[str, Elements] = field(default_factory=dict[str, Elements])
     robots: list[Element] = field(default_factory=list[Element])
     ignored: list[Element] = field(default_factory=list[Element])
+    replicated: list[Element] = field(default_factory=list[Element])
 
     @property
     def objects(self) -> dict[str, Elements]:
@@ -131,7 +133,10 @@ def _sort_body(body: Element, found: Roles, robots: Robots) -> None:
     if robots.begin_with(body):
         found.robots.append(body)
     elif is_free(body, found.defaults):
-        _add_object(body, found)
+        if body.find(".//replicate") is None:
+            _add_object(body, found)
+        else:
+            found.replicated.append(body)
     elif not has_joint(body):
         if body.get("name") and body.get("mocap") != "true":
             _add_surface(body, _own_geoms(body), found)

@@ -141,11 +141,15 @@ def _require_finite(model: mujoco.MjModel, data: mujoco.MjData) -> None:
         raise InputError("the scene has a number that is not finite (nan or inf)")
 
 
+_NO_GEOMS = ("default", "tendon")
+"""Where `<geom>` is a class's, or what a tendon wraps around."""
+
+
 def _name_geoms(twin_of: Mapping[Element, Element]) -> dict[Element, str]:
     """Names by which the compiled geoms are found again; what has none is given one."""
     names: dict[Element, str] = {}
     for i, (original, twin) in enumerate(twin_of.items()):
-        if original.tag == "geom" and next(original.iterancestors("default"), None) is None:
+        if original.tag == "geom" and next(original.iterancestors(*_NO_GEOMS), None) is None:
             name = twin.get("name") or f"palpate:{i}"
             twin.set("name", name)
             names[original] = name + copy_mark(original)

@@ -83,6 +83,11 @@ def _others(scene: Scene) -> Iterator[str]:
         yield (
             f"Of the copies that <replicate> makes, the first stands for all: {_names(map(_quoted, copied))}."
         )
+    if description.roles.replicated:
+        yield (
+            "No objects, as <replicate> makes their parts of one line: "
+            f"{_names(map(_called, description.roles.replicated))}."
+        )
     if description.refused:
         told = [f"'{name}' ({reason})" for name, reason in description.refused.items()]
         yield f"Stands still and is no surface: {_names(told)}."

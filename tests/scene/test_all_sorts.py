@@ -1,0 +1,74 @@
+"""Scenes with whatever MuJoCo has: what an arm does not measure does not keep a scene from being
+read."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from palpate.scene.load import load_scene, parse_scene
+from palpate.scene.remarks import remarks
+from palpate.scene.scene import Scene
+
+CUP = """<body name="table" pos="0.5 0 -0.02"><geom type="box" size=".3 .3 .02" friction="0.6"/></body>
+  <body name="cup" pos="0.5 0 0.05"><freejoint/><geom name="cup" type="cylinder" size=".03 .05"/></body>"""
+
+
+def scene(inside: str = "", before: str = "", after: str = "") -> Scene:
+    return parse_scene(f"<mujoco>{before}<worldbody>{CUP}{inside}</worldbody>{after}</mujoco>")
+
+
+def test_a_tendon_around_a_geom() -> None:
+    found = scene(
+        '<site name="a" pos="0 0 1"/><site name="b" pos="0 1 1"/><geom name="drum" size=".1" pos="0 .5 1"/>',
+        after='<tendon><spatial><site site="a"/><geom geom="drum"/><site site="b"/></spatial></tendon>',
+    )
+    assert list(found.objects) == ["cup"]
+
+
+@pytest.mark.parametrize("option", ["discardvisual", "fusestatic"])
+def test_what_the_compiler_would_leave_out_is_there(option: str) -> None:
+    visual = """<body name="pad" pos=".7 0 .1"><freejoint/><geom type="box" size=".02 .02 .02" mass="?"/>
+      <geom type="box" size=".02 .02 .03" contype="0" conaffinity="0" mass="0"/></body>"""
+    with_option = scene(visual, before=f'<compiler {option}="true"/>')
+    assert with_option.missing == scene(visual).missing
+    assert list(with_option.surfaces) == ["table"]
+
+
+def test_what_is_many_shapes_in_one_line_is_left_alone_and_told() -> None:
+    found = scene(
+        """<body name="ring" pos="0 0.3 0.3"><freejoint/><replicate count="30" euler="0 0 12">
+        <geom type="box" pos="0 -.12 0" size=".013 .005 .1"/></replicate></body>"""
+    )
+    assert list(found.objects) == ["cup"]
+    (told,) = [line for line in remarks(found) if "replicate" in line]
+    assert "'ring'" in told
+
+
+def test_what_speaks_of_a_removed_robot_goes_with_it() -> None:
+    found = scene(
+        """<body name="arm"><joint name="j" axis="0 0 1"/><geom name="link" size=".05"/></body>""",
+        before="""<extension><plugin plugin="mujoco.pid"><instance name="pid">
+            <config key="kp" value="40"/></instance></plugin></extension>""",
+        after="""<actuator><plugin joint="j" plugin="mujoco.pid" instance="pid" actdim="1"/></actuator>
+          <custom><numeric name="n" data="1"/><text name="t" data="link"/>
+          <tuple name="both"><element objtype="geom" objname="link"/></tuple></custom>""",
+    )
+    assert list(found.objects) == ["cup"]
+    (told,) = [line for line in remarks(found) if "Robot left out" in line]
+    assert "1 tuple" in told
+    assert "text" not in told
+
+
+def test_a_flexible_thing_from_a_file(tmp_path: Path) -> None:
+    (tmp_path / "meshes").mkdir()
+    (tmp_path / "meshes" / "sheet.obj").write_text(
+        "v 0 0 0\nv .1 0 0\nv 0 .1 0\nv .1 .1 0\nf 1 2 3\nf 2 4 3\n"
+    )
+    (tmp_path / "scene.xml").write_text(
+        f"""<mujoco><compiler meshdir="meshes"/><worldbody>{CUP}
+        <flexcomp name="sheet" type="mesh" file="sheet.obj" dim="2" mass=".1" pos="0 1 1"/>
+        </worldbody></mujoco>"""
+    )
+    assert list(load_scene(tmp_path / "scene.xml", root=tmp_path).objects) == ["cup"]
