@@ -65,8 +65,8 @@ def judge(random: Random, steps: int = 30) -> Verdict:
     for name in verdict.unwritten:
         if not any(name in note for note in made.notes):
             verdict.wrong.append(f"{name} is not in the twin, and no note says so")
-    verdict.wrong += _changed_besides(verdict.text, made.text)
-    verdict.wrong += _misread(scene, made.text, estimates, verdict)
+    verdict.wrong += _changed_besides(verdict.text, made.texts.main)
+    verdict.wrong += _misread(scene, made.texts.main, estimates, verdict)
     return verdict
 
 

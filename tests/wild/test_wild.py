@@ -4,6 +4,7 @@ campaign takes thousands (docs/scenes.md)."""
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from random import Random
 
 import mujoco
@@ -72,7 +73,8 @@ def test_the_judge_sees_what_is_wrong(
 
     def spoiled(*arguments: object) -> object:
         made = complete(*arguments)
-        return type(made)(spoil(made.text), made.notes, made.unwritten)
+        texts = replace(made.texts, main=spoil(made.texts.main))
+        return replace(made, texts=texts)
 
     monkeypatch.setattr(judging, "complete", spoiled)
     assert judge(Random(0)).wrong != []
