@@ -1,4 +1,9 @@
-"""Static friction: the force at which a held object begins to slide."""
+"""Static friction: the force at which a held object begins to slide.
+
+The hand gains speed as the object breaks away, and the arm's inertia takes its part of the force.
+How much that is in the direction of a drag shows at its end: there the hand slows down while the
+object still slides, and the momentum that the arm loses is in the force.
+"""
 
 from __future__ import annotations
 
@@ -14,16 +19,10 @@ from palpate.estimation.friction.fit import Sliding
 
 @dataclass(frozen=True, slots=True)
 class _Peak:
-    """One breakaway.
-
-    Attributes:
-        ratio: mu_s as it shows it. variance: of its own. inertia: by how much the arm's apparent
-            mass (1 sigma), which all breakaways have in common, moves it.
-    """
+    """One breakaway: mu_s as it shows it, and the variance of that."""
 
     ratio: float
     variance: float
-    inertia: float
 
 
 def static_friction(drags: Sequence[Drag], sliding: Sliding) -> tuple[float, float] | None:
@@ -36,27 +35,46 @@ def static_friction(drags: Sequence[Drag], sliding: Sliding) -> tuple[float, flo
     if not peaks:
         return None
     ratios = np.array([peak.ratio for peak in peaks])
-    own = np.array([peak.variance for peak in peaks])
-    inertia = np.array([peak.inertia for peak in peaks])
-    weight = 1.0 / (own + inertia**2)
-    weight /= weight.sum()
-    mean = float(weight @ ratios)
-    excess = float(np.mean((ratios - mean) ** 2 / (own + inertia**2)))
-    variance = max(1.0, excess) * float(weight**2 @ own) + float(weight @ inertia) ** 2
-    return mean, float(np.sqrt(variance))
+    variance = np.array([peak.variance for peak in peaks])
+    weight = 1.0 / variance
+    mean = float(weight @ ratios / weight.sum())
+    excess = float(np.mean((ratios - mean) ** 2 / variance))
+    return mean, float(np.sqrt(max(1.0, excess) / weight.sum()))
 
 
 def _peaks(drags: Sequence[Drag], sliding: Sliding) -> Iterator[_Peak]:
     for i, drag in enumerate(drags):
-        peaks = [_peak(drag, rows, *sliding.aside(i, rows)) for rows in drag.parting]
+        mass = _further_mass(i, drag, sliding)
+        peaks = [_peak(drag, rows, *sliding.aside(i, rows), *mass) for rows in drag.parting]
         if peaks:
             yield max(peaks, key=lambda peak: peak.ratio)
 
 
-def _peak(drag: Drag, rows: slice, aside: float, aside_std: float) -> _Peak:
-    """The quotient of forces in `rows`; `aside` (N) is what of the force is no friction."""
+def _peak(
+    drag: Drag, rows: slice, aside: float, aside_std: float, mass: float, mass_std: float
+) -> _Peak:
+    """The quotient of forces in `rows`; `aside` (N) is what of the force is no friction, `mass` (kg)
+    what the arm seems to have beyond what was taken off."""
     normal = max(float(drag.normal[rows].mean()), tuning.NORMAL_MIN)
-    force = float(drag.tangential[rows].mean()) - aside
+    gained = drag.acceleration[rows]
+    force = float(drag.tangential[rows].mean() - mass * gained.mean()) - aside
     noise = drag.row_variance() / (rows.stop - rows.start)
-    inertia = tuning.HORIZONTAL_SPREAD * float(np.abs(drag.acceleration[rows]).max())
-    return _Peak(force / normal, (noise + aside_std**2) / normal**2, inertia / normal)
+    inertia = float(np.hypot(mass_std, tuning.TURNING_MASS)) * float(np.abs(gained).max())
+    return _Peak(force / normal, (noise + aside_std**2 + inertia**2) / normal**2)
+
+
+def _further_mass(number: int, drag: Drag, sliding: Sliding) -> tuple[float, float]:
+    """kg that the arm seems to have in a drag's direction beyond `HORIZONTAL_MASS`, and the standard
+    deviation: what the force lost as the hand slowed down, over the loss of speed."""
+    prior = tuning.HORIZONTAL_SPREAD**-2
+    rows = drag.slowing
+    lost = -float(drag.acceleration[rows].sum())
+    if lost <= 0.0:
+        return 0.0, prior**-0.5
+    aside, aside_std = sliding.aside(number, rows)
+    count = rows.stop - rows.start
+    friction = sliding.friction[0] * float(drag.normal[rows].sum())
+    excess = float(drag.tangential[rows].sum()) - friction - count * aside
+    variance = (count * drag.row_variance() + (count * aside_std) ** 2) / lost**2
+    known = 1.0 / max(variance, tuning.MASS_ERROR**2)
+    return -excess / lost * known / (known + prior), (known + prior) ** -0.5

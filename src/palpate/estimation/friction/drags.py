@@ -132,6 +132,17 @@ class Drag:
         return self.swung_out & self.moving & (self.normal > tuning.NORMAL_MIN)
 
     @property
+    def slowing(self) -> slice:
+        """Rows after those of steady sliding in which the hand slows down and is still fast enough
+        for the object to slide."""
+        first = int(np.flatnonzero(self.steady)[-1]) + 1
+        usual = float(np.median(self.speed[self.steady]))
+        speed = usual + np.cumsum(self.acceleration[first:]) * self.period
+        slides = (speed > tuning.STILL_SLIDING * usual) & (self.normal[first:] > tuning.NORMAL_MIN)
+        # Up to the first row in which it may have stuck.
+        return slice(first, first + int(np.argmin(np.append(slides, False))))
+
+    @property
     def parting(self) -> list[slice]:
         """Short stretches of rows, one of which is where the object breaks away."""
         if self.breakaway is None:

@@ -133,8 +133,19 @@ Sensitive: friction std ×0.8–1.3."""
 SLIDING_NOISE = 1e-3
 """N: noise of a block that is always assumed. Sensitive: no."""
 
-HORIZONTAL_SPREAD = 2.0
-"""kg (1 sigma) of `HORIZONTAL_MASS`, with the hand turning as it lets go. Sensitive: `static` 0.3
+HORIZONTAL_SPREAD = 4.0
+"""kg (1 sigma) of `HORIZONTAL_MASS`: towards the base and away from it an arm seems to have twice the
+mass that it has to the side. Sensitive: `static` hardly."""
+
+STILL_SLIDING = 0.4
+"""part of its speed to which a hand has slowed down while the object is sure to slide. Sensitive:
+`static` hardly."""
+
+MASS_ERROR = 0.5
+"""kg (1 sigma) at least, of what the end of a drag shows of the arm's mass. Sensitive: `static` std."""
+
+TURNING_MASS = 1.0
+"""kg (1 sigma) that the hand, which turns as it lets go, seems to have besides. Sensitive: `static` 0.3
 σ, std ×0.6–1.8."""
 
 STICKING = 0.1
