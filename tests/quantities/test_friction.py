@@ -54,6 +54,16 @@ def test_perfect_sensors(bench, noises):
     assert len(found.evidence) == 4
 
 
+@pytest.mark.parametrize("mass", [5.0, 11.0])
+def test_what_mass_an_arm_seems_to_have_does_not_reach_the_breakaway(
+    bench, noises, monkeypatch, mass
+):
+    """Towards its base it is twice as heavy as to the side; the end of a drag shows it."""
+    monkeypatch.setattr("recordings.APPARENT", mass)
+    found = estimate_friction(drag(bench, noises["lab"]), PARAMETER, None)
+    assert found.parts["static"].value == pytest.approx(STATIC, abs=0.03)
+
+
 @pytest.mark.parametrize("world", ["lab", "datasheet"])
 def test_the_arms_own_friction_does_not_reach_the_estimate(bench, noises, world):
     found = [

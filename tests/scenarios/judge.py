@@ -21,7 +21,7 @@ MASS = 0.02
 LIGHT = 0.004
 """kg, of things of less than 200 g: two standard deviations that a weighing states."""
 STATIC = 0.03
-"""Of breakaway; more where its estimate says so: a few breakaways scatter."""
+"""Of breakaway."""
 MOVED = 0.005
 """m that an object may be from where it stood."""
 SETTLED = 30
@@ -104,6 +104,6 @@ def _assert_static(estimate: Estimate, run: Run) -> None:
     assert run.footage is not None
     truth = run.footage.model.numeric(f"static_friction_{estimate.parameter.object}").data[0]
     static = estimate.parts["static"]
-    assert abs(static.value - truth) <= max(STATIC, 2.0 * static.std), (static, truth)
-    assert static.std < 0.5 * truth  # one breakaway tells little
+    assert abs(static.value - truth) <= STATIC, (static, truth)
+    assert static.std < 0.2 * truth
     assert static.value > estimate.value[0]

@@ -39,7 +39,8 @@ def static_friction(drags: Sequence[Drag], sliding: Sliding) -> tuple[float, flo
     weight = 1.0 / variance
     mean = float(weight @ ratios / weight.sum())
     excess = float(np.mean((ratios - mean) ** 2 / variance))
-    return mean, float(np.sqrt(max(1.0, excess) / weight.sum()))
+    own = np.sqrt(max(1.0, excess) / weight.sum())
+    return mean, float(np.hypot(own, tuning.BREAKAWAY * mean))
 
 
 def _peaks(drags: Sequence[Drag], sliding: Sliding) -> Iterator[_Peak]:

@@ -70,7 +70,10 @@ class Columns:
         kinds: tuple[tuple[str, Origin, slice], ...] = (
             ("gain of joint", "arm", self.gains),
             ("friction of joint", "arm", self.joints),
+            ("bend of the bias along the way", "arm", CURVE),
             ("lean of support", "scene", WAYS),
+            ("what holds the object", "scene", HELD),
+            ("what pulls with the place", "scene", SPRING),
         )
         for what, of, which in kinds:
             effects = -covariance[which] / self.fixed[which]

@@ -111,9 +111,10 @@ class Sliding:
 
     @property
     def shared(self) -> tuple[Shared, ...]:
-        """What of mu_d's error all measurements with that arm have in common."""
+        """What of mu_d's error all measurements with that arm, or of that object, have in common."""
         effects = self.columns.shared(self.found.covariance[MU])
-        return tuple(Shared(cause, of, (effect,)) for cause, of, effect in effects)
+        causes = [Shared(cause, of, (effect,)) for cause, of, effect in effects]
+        return *causes, Shared("unevenness of the friction", "scene", (self.uneven,))
 
     @property
     def friction(self) -> tuple[float, float]:

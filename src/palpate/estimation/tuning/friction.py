@@ -144,9 +144,14 @@ STILL_SLIDING = 0.4
 MASS_ERROR = 0.5
 """kg (1 sigma) at least, of what the end of a drag shows of the arm's mass. Sensitive: `static` std."""
 
-TURNING_MASS = 1.0
+TURNING_MASS = 0.5
 """kg (1 sigma) that the hand, which turns as it lets go, seems to have besides. Sensitive: `static` 0.3
-σ, std ×0.6–1.8."""
+σ, std ×0.9–1.4."""
+
+BREAKAWAY = 0.04
+"""part (1 sigma) of static friction by which all breakaways are off alike: forces are averaged over
+`SMOOTH`, in which they rise by a tenth, and an object lets go at one edge before the other. Sensitive:
+`static` std."""
 
 STICKING = 0.1
 """part of the rows of steady sliding in which the hand may lag behind its command; an object that
