@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -30,7 +31,7 @@ class Setup:
         scene: what the user knows, a file. world: the hidden world, a file; the scene itself with
             its unknowns drawn, by default. poses: where things are, a file.
         address: of both ports. q: joint angles to start at, rad; home by default.
-        lockstep, pace: see `Server`. homed: the hand knows its opening.
+        lockstep, pace, fastest: see `Server`; `fastest` 0: as fast as it goes. homed: the hand knows its opening.
     """
 
     scene: str
@@ -42,6 +43,7 @@ class Setup:
     address: str = "127.0.0.1"
     lockstep: bool = True
     pace: float = 1.0
+    fastest: float = 0.0
     q: list[float] | None = None
     homed: bool = True
 
@@ -68,5 +70,10 @@ class Workbench:
             self.plant, self.believed, self.sensing, arm, fingers.command, setup.seed
         )
         self.server = Server(
-            setup.address, self.robot, self.hand, lockstep=setup.lockstep, pace=setup.pace
+            setup.address,
+            self.robot,
+            self.hand,
+            lockstep=setup.lockstep,
+            pace=setup.pace,
+            fastest=setup.fastest or math.inf,
         )

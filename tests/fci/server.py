@@ -1,12 +1,14 @@
 """The sockets and the clock: one robot and one hand, served by one thread.
 
 In lockstep, time waits for the client: a state goes out, and the world does not move on until the
-answer to it is there. Where nobody is in command time passes as a clock's, `pace` times as fast.
-Free running, a cycle takes 1 ms whether an answer came or not.
+answer to it is there, nor faster than `fastest` times a clock. Where nobody is in command time
+passes `pace` times as fast as a clock's, and where nobody is connected it stands still. Free
+running, a cycle takes 1 ms whether an answer came or not.
 """
 
 from __future__ import annotations
 
+import math
 import select
 import socket
 import time
@@ -39,6 +41,8 @@ BEHIND = 0.05
 """s: a clock that is late by more starts anew."""
 HAND_EVERY = 10
 """Cycles between two states of the hand."""
+IDLE = 0.5
+"""s between two looks at whether somebody has connected."""
 HAND_WAITS = 0.05
 """s after which the hand tells its state again though time stands still."""
 
@@ -148,9 +152,10 @@ class Server:
         *,
         lockstep: bool = True,
         pace: float = 1.0,
+        fastest: float = math.inf,
     ) -> None:
         self._robot, self._hand, self._lockstep = robot, hand, lockstep
-        self._cycle = CYCLE / pace
+        self._cycle, self._shortest = CYCLE / pace, CYCLE / fastest
         self._arm_line = Line(address, ROBOT_PORT, ROBOT_HEADER, ROBOT_VERSION, 1)
         self._hand_line = Line(address, GRIPPER_PORT, GRIPPER_HEADER, GRIPPER_VERSION, 2)
         self._command: NDArray[np.void] | None = None
@@ -210,18 +215,31 @@ class Server:
         """Until the next cycle is due; whether there is to be one."""
         if self._locked and not self.frozen:
             return self._await_answer()
-        now = time.perf_counter()
-        self._due += CYCLE if self._robot.moving else self._cycle
-        if now - self._due > BEHIND:
-            self._due = now
+        self._schedule(CYCLE if self._robot.moving else self._cycle)
         while True:
-            left = max(self._due - time.perf_counter(), 0.0)
-            if not self._listen(left):
+            if not self._listen(self._left):
                 return False
             if self._locked and self._command is not None:
                 return True
-            if time.perf_counter() >= self._due:
+            if self._left <= 0.0 and self._connected:
                 return True
+
+    def _schedule(self, cycle: float) -> None:
+        """When the next cycle is due, s after the last one; a clock that is late starts anew."""
+        self._due += cycle
+        now = time.perf_counter()
+        if now - self._due > BEHIND:
+            self._due = now
+
+    @property
+    def _left(self) -> float:
+        """s until the next cycle is due; where nobody is connected, until somebody looks."""
+        left = max(self._due - time.perf_counter(), 0.0)
+        return left if self._connected else max(left, IDLE)
+
+    @property
+    def _connected(self) -> bool:
+        return self._arm_line.client is not None or self._hand_line.client is not None
 
     def _await_answer(self) -> bool:
         """Lockstep: the client's answer to the last state, or the end of its motion."""
@@ -232,7 +250,10 @@ class Server:
             if time.perf_counter() - told > HAND_WAITS:
                 told = time.perf_counter()
                 self._hand_line.tell(self._hand.state(self._robot.message_id))
-        self._due = time.perf_counter()
+        self._schedule(self._shortest)
+        while self._left > 0.0:
+            if not self._listen(self._left):
+                return False
         return True
 
     def _listen(self, seconds: float) -> bool:
