@@ -12,6 +12,7 @@ from palpate.planning.symbolic.planner import SymbolicPlanner
 from palpate.quantities.estimators import estimate_all
 from palpate.quantities.shape.size import Size, estimate_size
 from palpate.scene.load import parse_scene
+from palpate.twin.inject import inject
 
 SIZE = Parameter("crate", "size")
 D = """<mujoco><worldbody>
@@ -158,3 +159,59 @@ def test_a_crate_is_measured_from_a_sentence(scene):
     touched = kinds.index("MoveUntilContact")
     assert kinds.index("FoldFingers") < touched < kinds.index("CloseGripper")
     assert kinds.count("CloseGripper") == 2
+
+
+CUBE = "".join(f"v {x} {y} {z}\n" for x in (-1, 1) for y in (-1, 1) for z in (-1, 1))
+MESH = """<mujoco><asset><mesh name="cube" file="cube.obj" scale=".03 .025 .06"/></asset><worldbody>
+  <body name="crate" pos="0.5 0.1 0.06"><freejoint/>
+    <geom type="mesh" mesh="cube" mass="0.3" {turned}/></body>{more}</worldbody></mujoco>"""
+
+
+@pytest.mark.parametrize("turned", ["", 'euler="0 0 90"', 'pos="0 0 0.01"'])
+def test_a_mesh_is_scaled_where_it_is_named(tmp_path, turned):
+    (tmp_path / "cube.obj").write_text(CUBE)
+    text = MESH.format(turned=turned, more="")
+    grown = inject(text, {SIZE: (0.066, 0.055, 0.108)}, folder=tmp_path)
+    scale = 'scale="0.0275 0.033 0.054"' if "euler" in turned else 'scale="0.033 0.0275 0.054"'
+    assert scale in grown
+    before, after = (parse_scene(t, tmp_path).bodies["crate"] for t in (text, grown))
+    assert after.size == pytest.approx([0.066, 0.055, 0.108], abs=1e-6)
+    assert after.bottom_z() == pytest.approx(before.bottom_z(), abs=1e-6)
+
+
+def test_a_mesh_that_others_are_made_of_stays(tmp_path):
+    (tmp_path / "cube.obj").write_text(CUBE)
+    more = '<geom name="post" type="mesh" mesh="cube" pos="1 1 0"/>'
+    with pytest.raises(InputError, match="mesh 'cube' of 'crate' is that of <geom name=\"post\">"):
+        inject(MESH.format(turned="", more=more), {SIZE: (0.066, 0.055, 0.108)}, folder=tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("was", "written"),
+    [
+        ('size="? .025 .06"', 'size="0.031 .025 .06"'),
+        ('size="? ? ?"', 'size="0.031 0.024 0.06"'),
+        ('size=".03 .025 ?"', 'size=".03 .025 0.06"'),
+    ],
+)
+def test_what_is_written_as_unknown_is_missing_and_filled(was, written):
+    text = D.replace('size=".03 .025 .06"', was)
+    found = parse_scene(text)
+    assert SIZE in found.missing
+    # It stands on the table with its middle 60 mm above.
+    assert found.bodies["crate"].size[2] == pytest.approx(0.12)
+    assert found.bodies["crate"].bottom_z() == pytest.approx(0.0, abs=1e-9)
+    assert written in inject(text, {SIZE: (0.062, 0.048, 0.12)})
+    truth = simulated_cell(found, seed=3).truth(SIZE)
+    assert abs(np.array(truth) / found.bodies["crate"].size - 1.0).max() < 0.1 + 1e-9
+
+
+def test_the_radius_of_a_round_thing_is_two_extents():
+    text = D.replace('type="cylinder" size=".03 .05"', 'type="cylinder" size="? .05"')
+    assert 'size="0.0305 .05"' in inject(text, {Parameter("can", "size"): (0.061, 0.061, 0.1)})
+
+
+def test_where_several_shapes_make_it_nobody_knows_which_is_meant():
+    part = '<geom type="box" size=".01 .01 ?" pos="0 0 .07"/>'
+    with pytest.raises(InputError, match="cannot be measured"):
+        parse_scene(D.replace('size=".03 .025 .06"/>', f'size=".03 .025 .06"/>{part}'))

@@ -274,6 +274,26 @@ def test_an_unknown_in_a_defaults_class_is_answered_on_each_geom() -> None:
     assert model.geom_friction[:, 0] == pytest.approx([0.2, 0.4])
 
 
+CLASSES = """<mujoco><default><geom mass="0.5"/><default class="a"><geom mass="?"/>
+<default class="b"><geom density="300"/></default></default></default><worldbody>
+<body name="cup" {inherits}><freejoint/><geom {own} type="box" size=".02 .03 .05"/>{more}</body></worldbody></mujoco>"""
+
+
+@given(
+    inherits=st.sampled_from(["", 'childclass="a"', 'childclass="b"']),
+    own=st.sampled_from(['class="a"', 'class="b"', 'class="a" density="500"', 'density="?"']),
+    more=st.sampled_from(["", '<geom class="b" size=".02"/>', '<geom mass="0.1" size=".02"/>']),
+)
+@settings(max_examples=30, deadline=None)
+def test_an_unknown_in_a_chain_of_classes_overrules_those_above(
+    inherits: str, own: str, more: str
+) -> None:
+    text = CLASSES.format(inherits=inherits, own=own, more=more)
+    assert parse_scene(text).objects["cup"].missing == {"mass", "friction"}
+    twin = inject(text, {Parameter("cup", "mass"): (0.31,)})
+    assert body(twin.replace('friction="?"', ""), "cup").mass[0] == pytest.approx(0.31)
+
+
 def test_several_geoms_share_the_mass() -> None:
     text = (
         '<mujoco><worldbody><body name="a" pos="0.5 0 0.02"><freejoint/><geom type="box" size=".02 .02 .02"/>'

@@ -11,7 +11,7 @@ import mujoco
 from lxml import etree
 
 from palpate.errors import InputError
-from palpate.mjcf.defaults import answered_elsewhere
+from palpate.mjcf.defaults import standing_in
 from palpate.mjcf.document import Document, Element, children, copy_root, elements
 from palpate.mjcf.edits import Edit, Insert, apply
 from palpate.mjcf.roles import Roles
@@ -87,9 +87,9 @@ def refused(error: Exception) -> InputError:
 
 
 def _settle_defaults(root: Element) -> None:
-    """A `?` in a defaults class has been answered on each element; MuJoCo must not see it."""
+    """A `?` in a defaults class is answered on each element; MuJoCo must not see it."""
     for element in elements(root):
-        for edit in answered_elsewhere(element):
+        for edit in standing_in(element):
             edit.apply(element)
 
 

@@ -19,6 +19,23 @@ INHERITED: Mapping[str, tuple[str, ...] | None] = {
 `?` once every element has its own, or None where the attribute is left out then."""
 
 
+STAND_INS: Mapping[str, tuple[str, ...]] = {
+    "mass": ("1",),
+    "density": ("1000",),
+    "friction": MUJOCO_FRICTION,
+}
+"""What stands for a `?` in them while models are compiled; left out, a class above would answer."""
+
+
+def standing_in(element: Element) -> Iterator[Edit]:
+    """The changes after which MuJoCo sees no `?` in an element's inherited attributes."""
+    for attribute, usual in STAND_INS.items():
+        parts = tokens(element.get(attribute))
+        unknown = {i: usual[min(i, 2)] for i, part in enumerate(parts) if part == UNKNOWN}
+        if unknown:
+            yield Edit(element, attribute, unknown)
+
+
 def answered_elsewhere(element: Element) -> Iterator[Edit]:
     """What becomes of the `?` in an element's inherited attributes once they mean nothing."""
     for attribute, usual in INHERITED.items():

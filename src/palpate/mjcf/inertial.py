@@ -114,8 +114,9 @@ def mass_beside(body: BodyDescription) -> float:
 
 def _stand_in(body: BodyDescription, geom: Element) -> float:
     """kg that a geom of open mass weighs in the compiled scene."""
-    if UNKNOWN in tokens(geom.get("mass")):
-        return 1.0
+    mass = tokens(body.defaults.attribute(geom, "mass"))
+    if mass:
+        return 1.0 if UNKNOWN in mass else float(mass[0])
     return USUAL_DENSITY * body.shapes.volume(geom)
 
 
@@ -202,7 +203,8 @@ def _mass(body: BodyDescription, mass: float, std: float | None) -> Iterator[Edi
     total = sum(weights.values())
     for geom, weight in weights.items():
         share = own * weight / total
-        if UNKNOWN in tokens(geom.get("density")):
+        is_dense = body.defaults.attribute(geom, "mass") is None
+        if is_dense and UNKNOWN in tokens(geom.get("density")):
             yield Edit(geom, "density", {0: number(share / _volume(body, geom))})
         else:
             digits = std if len(weights) == 1 else None

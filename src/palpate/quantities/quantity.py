@@ -133,6 +133,12 @@ class Quantity:
         del body
         return None
 
+    def compiled(self, body: BodyDescription) -> tuple[float, ...] | None:
+        """What the compiled shapes of `body` have of what is written of it, though no number of the
+        file alone states it; None for nothing."""
+        del body
+        return None
+
     def status(self, body: BodyDescription) -> Status:
         """Whether the file states it of `body`, which is of its subject."""
         del body

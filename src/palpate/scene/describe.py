@@ -120,8 +120,9 @@ def _refuse_other_unknowns(document: Document, roles: Roles, slots: Iterable[Slo
             if attribute != "name" and not inherited and _is_uncovered(str(value), here):
                 raise InputError(
                     f'{label(element)}: {attribute}="{str(value)[:60]}" cannot be measured; `?` may '
-                    "stand for an object's mass, density, friction, <inertial> and pos; of a "
-                    "surface only the height can be measured: z in pos, or half height in size"
+                    "stand for an object's mass, density, friction, <inertial>, pos, and size where "
+                    "it is one shape whose z is known; of a surface only the height can be measured: z "
+                    "in pos, or half height in size"
                 )
 
 

@@ -26,6 +26,8 @@ ROUNDED = 1e-5
 """Relative: single precision of meshes, and seven digits of shares that make one value."""
 DIGITS = 0.1
 """Standard deviations: a value is written to a tenth of its own."""
+TOGETHER = 1.0
+"""Standard deviations, where one number states several components: the radius of a round thing."""
 
 
 def misread(
@@ -48,12 +50,16 @@ def misread(
         status = "missing" if body is None else quantity.status(body)
         if body is None or status == "missing":
             yield parameter, "what is written leaves it open"
-        elif status == "known":
-            read = np.array(quantity.known(body))
-            apart = np.abs(read - value)[_open(quantity, before.bodies[parameter.object], values)]
-            size = float(np.abs(value).max())
-            if apart.max() > ROUNDED * size + DIGITS * std.get(parameter, 0.0):
-                yield parameter, _worded(quantity, value, read.tolist())
+            continue
+        stated = status == "known"
+        read = quantity.known(body) if stated else quantity.compiled(body)
+        if read is not None:
+            written = _open(quantity, before.bodies[parameter.object], values)
+            apart = np.abs(np.array(read) - value)[written]
+            share = DIGITS if stated else TOGETHER
+            allowed = ROUNDED * float(np.abs(value).max()) + share * std.get(parameter, 0.0)
+            if (apart > allowed).any():
+                yield parameter, _worded(quantity, value, read)
 
 
 def _open(quantity: Quantity, body: BodyDescription, values: Values) -> Mask:

@@ -209,8 +209,10 @@ class FoldFingers(Primitive):
 
 def _believed_width(state: SymbolicState) -> float:
     """m between the fingers once they are closed on what is believed to be between them; not a
-    number where nothing is, which no width is more or less than."""
+    number where nothing is, or nobody knows how wide it is, which no width is more or less than."""
     pose = state.pose_world_tcp
     body = None if pose is None else state.object_at(pose)
-    held = None if pose is None or body is None else state.grip_of(body, pose)
+    if pose is None or body is None or "size" in body.missing:
+        return float("nan")
+    held = state.grip_of(body, pose)
     return float("nan") if held is None else held.width

@@ -8,7 +8,6 @@ from typing import ClassVar
 
 import numpy as np
 
-from palpate.errors import InputError
 from palpate.estimation import tuning
 from palpate.estimation.agreement import FitTest
 from palpate.estimation.contact.descent import probes
@@ -16,17 +15,28 @@ from palpate.estimation.contact.plane import fit_plane
 from palpate.estimation.contact.touch import Touch, touches_of
 from palpate.estimation.estimate import Estimate, not_identified
 from palpate.estimation.windows import mean_pose
-from palpate.geometry.pose import Array
 from palpate.mjcf.body import Body, BodyDescription
-from palpate.mjcf.document import Element, label
-from palpate.mjcf.edits import Edit, number
+from palpate.mjcf.document import has_unknown
+from palpate.mjcf.edits import Edit, Slot
+from palpate.mjcf.roles import Elements
 from palpate.parameter import Parameter
 from palpate.quantities.evidence import Evidence
-from palpate.quantities.quantity import Quantity
+from palpate.quantities.position import support_z
+from palpate.quantities.quantity import Prior, Quantity, Status, Values
+from palpate.quantities.shape.extents import filled, is_one_shape, open_extents, scaled
 from palpate.trace.recording import Hand, Recording
 from palpate.trace.samples import POSE, Trace
 
 UNIT = "m"
+
+HALF = 0.03
+"""m: half of an extent that nobody states: two fingers of an ordinary hand reach around it."""
+
+LEAST = 0.005
+"""m: the middle of a thing is at least so far above what it stands on."""
+
+OFF = 0.1
+"""A hidden extent is at most this share off the believed one."""
 
 ROUND = frozenset(("cylinder", "sphere", "capsule"))
 """Shapes that are as wide whichever way they are taken."""
@@ -96,59 +106,51 @@ class Size(Quantity):
     def shown(self, body: Body) -> tuple[float, ...]:
         return tuple(body.size.tolist())
 
+    def compiled(self, body: BodyDescription) -> tuple[float, ...]:
+        return tuple(body.box()[1].tolist())
+
+    def status(self, body: BodyDescription) -> Status:
+        """Missing where a `?` stands for it; else MJCF states it in its own way, by shapes."""
+        return "missing" if open_extents(body).any() else "not applicable"
+
+    def slots(self, elements: Elements) -> Iterator[Slot]:
+        """The numbers of a single shape that is centred where its body is."""
+        if is_one_shape(elements) and not has_unknown(elements.element, "pos", 2):
+            yield Slot(elements.geoms[0], "size", str(HALF))
+
+    def prior(self, body: BodyDescription, believed: Values) -> Prior:
+        """As high as fits between its middle and what it stands on; as wide as a hand takes."""
+        extents, is_open = body.box()[1], open_extents(body)
+        mean = np.where(is_open, 2 * HALF, extents)
+        std = np.where(is_open, tuning.EXTENT_PRIOR * mean, 0.0)
+        support = support_z(body, believed)
+        up = np.abs(body.pose_world.rotation[2]) > tuning.ALIGNED
+        if support is not None and float(body.cloud[:, 2].mean()) > support + LEAST:
+            mean = np.where(is_open & up, 2 * (float(body.cloud[:, 2].mean()) - support), mean)
+        return Prior(tuple(mean.tolist()), tuple(std.tolist()))
+
+    def draw(self, body: Body, prior: Prior, random: np.random.Generator) -> tuple[float, ...]:
+        """Up to `OFF` off to the sides; what stands on something is as high as it stands."""
+        up = np.abs(body.pose_world.rotation[2]) > tuning.ALIGNED
+        off = random.uniform(-OFF, OFF, 3) * (np.array(prior.std) > 0.0) * ~up
+        return tuple((np.array(prior.mean) * (1.0 + off)).tolist())
+
     def write(
         self, body: BodyDescription, value: tuple[float, ...], std: float | None
     ) -> Iterator[Edit]:
-        """Into its shapes, which grow from the middle of what it stands on."""
+        """Into its shapes, which grow from the middle of what it stands on; a shape of open numbers
+        about its own."""
         centre, extents = body.box()
         scale = np.array(value) / np.maximum(extents, 1e-9)
+        if open_extents(body).any():
+            yield filled(body, body.elements.geoms[0], scale, std)
+            return
         if np.abs(scale - 1.0).max() < 1e-6:
             return
         down = -body.pose_world.rotation[2]
         anchor = centre + extents / 2 * np.where(np.abs(down) > tuning.ALIGNED, down, 0.0)
         for geom in body.elements.geoms:
-            yield from _scaled(body, geom, scale, anchor, std)
-
-
-def _scaled(
-    body: BodyDescription, geom: Element, scale: Array, anchor: Array, std: float | None
-) -> Iterator[Edit]:
-    """The changes that scale a geom about a point of its body.
-
-    Raises:
-        InputError: a mesh, or a shape that does not lie along the body's axes.
-    """
-    model, index = body.shapes.model, body.shapes.geom_ids[geom]
-    kind = body.defaults.attribute(geom, "type") or "sphere"
-    in_body = body.pose_world.inverse() @ body.shapes.geom_pose(geom)
-    turned = np.abs(in_body.rotation)
-    if kind not in _RADII or geom.get("fromto") or (turned.max(axis=0) < tuning.ALIGNED).any():
-        raise InputError(
-            f"{label(geom)} of '{body.name}' has no numbers that state its extents; shapes along "
-            "the axes of their body have"
-        )
-    own = scale @ turned
-    wanted = model.geom_size[index] * [float(np.mean(own[list(which)])) for which in _RADII[kind]]
-    texts = {i: number(float(wanted[i]), std) for i in range(_SIZES[kind])}
-    stated = " ".join(number(float(value)) for value in model.geom_size[index][: _SIZES[kind]])
-    yield Edit(geom, "size", texts, stated)
-    shifted = (in_body.position - anchor) * (scale - 1.0)
-    if geom is body.elements.element or np.abs(shifted).max() < 1e-7:
-        return
-    middle = in_body.position + shifted
-    place = {i: number(float(middle[i]), std) for i in range(3)}
-    yield Edit(geom, "pos", place, "0 0 0")
-
-
-_RADII: Mapping[str, tuple[tuple[int, ...], ...]] = {
-    "box": ((0,), (1,), (2,)),
-    "ellipsoid": ((0,), (1,), (2,)),
-    "cylinder": ((0, 1), (2,), (2,)),
-    "capsule": ((0, 1), (2,), (2,)),
-    "sphere": ((0, 1, 2), (0,), (0,)),
-}
-"""By type, along which of a geom's axes each of its sizes lies."""
-_SIZES: Mapping[str, int] = {"box": 3, "ellipsoid": 3, "cylinder": 2, "capsule": 2, "sphere": 1}
+            yield from scaled(body, geom, scale, anchor, std)
 
 
 @dataclass(frozen=True, slots=True)
