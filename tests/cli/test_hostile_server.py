@@ -82,7 +82,8 @@ def test_the_key_is_in_no_file_and_on_no_screen(palpate: Palpate, tmp_path: Path
         assert form not in written
         assert form not in answer.out + answer.err
     conversation = json.loads((tmp_path / "run" / "conversation.json").read_text(encoding="utf-8"))
-    assert [round["answer"]["model"] for round in conversation["rounds"]] == ["[key]"] * 3
+    # The last answer is asked about once, and given again.
+    assert [round["answer"]["model"] for round in conversation["rounds"]] == ["[key]"] * 4
 
 
 def test_an_error_that_repeats_the_key(palpate: Palpate, tmp_path: Path) -> None:

@@ -186,3 +186,20 @@ nodes = st.recursive(
 @settings(max_examples=100, deadline=None)
 def test_every_plan_survives_the_file(plan: Plan):
     assert parse_plan(dump_plan(plan)) == plan
+
+
+@pytest.mark.parametrize("outcome", ["nothing_missing", "cannot", "ambiguous"])
+def test_a_plan_without_a_tree_says_what_comes_of_the_request(outcome: str):
+    text = f'{{"parameters": [], "tree": null, "explanation": "so", "outcome": "{outcome}"}}'
+    plan = parse_plan(text)
+    assert (plan.outcome, plan.satisfied) == (outcome, outcome == "nothing_missing")
+    assert parse_plan(dump_plan(plan)) == plan
+
+
+@pytest.mark.parametrize(
+    ("outcome", "said"), [("measure", "'tree' is null"), ("maybe", "must be one of measure")]
+)
+def test_an_outcome_goes_with_the_tree(outcome: str, said: str):
+    text = f'{{"parameters": [], "tree": null, "explanation": "so", "outcome": "{outcome}"}}'
+    with pytest.raises(InputError, match=said):
+        parse_plan(text)

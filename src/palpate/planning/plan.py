@@ -11,7 +11,7 @@ import math
 import re
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any, NoReturn, TypeVar, cast
+from typing import Any, Literal, NoReturn, TypeVar, cast, get_args
 
 from palpate.errors import InputError
 from palpate.parameter import Parameter
@@ -57,6 +57,12 @@ class Node:
         return "\n".join(lines)
 
 
+Outcome = Literal["measure", "nothing_missing", "cannot", "ambiguous"]
+"""What comes of a request: a tree; nothing, for all is known; nothing, for it cannot be measured; or
+a question, for it may mean several things."""
+OUTCOMES: tuple[str, ...] = get_args(Outcome)
+
+
 @dataclass(frozen=True, slots=True, repr=False)
 class Plan:
     """What a planner returns. `tree` is None when the request cannot be measured; the explanation
@@ -68,8 +74,20 @@ class Plan:
     planner: str = ""
     notes: tuple[str, ...] = ()
     """Remarks for the result, e.g. that a requested quantity is known already."""
-    satisfied: bool = False
-    """There is no tree because nothing is missing: all that was asked is known."""
+    declared: Outcome | None = None
+    """What its author says comes of it, where there is no tree."""
+
+    @property
+    def outcome(self) -> Outcome:
+        """What comes of the request."""
+        if self.tree is not None:
+            return "measure"
+        return self.declared or "cannot"
+
+    @property
+    def satisfied(self) -> bool:
+        """There is no tree because nothing is missing: all that was asked is known."""
+        return self.outcome == "nothing_missing"
 
     @property
     def actions(self) -> int:
@@ -119,7 +137,8 @@ def plan_from(document: object) -> Plan:
     explanation = _text(fields.get("explanation", ""), "explanation")
     planner = _text(fields.get("planner", ""), "planner")
     notes = _each(_text, fields.get("notes", []), "notes")
-    return Plan(parameters, tree, explanation, planner, notes)
+    outcome = _outcome(fields.get("outcome"), tree)
+    return Plan(parameters, tree, explanation, planner, notes, outcome)
 
 
 def plan_json(plan: Plan) -> dict[str, Any]:
@@ -129,6 +148,7 @@ def plan_json(plan: Plan) -> dict[str, Any]:
         "parameters": promised,
         "explanation": plan.explanation,
         "tree": _node_document(plan.tree) if plan.tree is not None else None,
+        "outcome": plan.outcome,
     }
     if plan.planner:
         document["planner"] = plan.planner
@@ -145,6 +165,23 @@ def dump_plan(plan: Plan, extra: Mapping[str, Any] | None = None) -> str:
         if key not in Plan.__slots__:
             document[key] = value
     return json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+
+
+def _outcome(value: object, tree: Node | None) -> Outcome | None:
+    """What the author says comes of the request, where that goes with the tree; None where nothing is
+    said, or what the tree says by itself."""
+    if value is None:
+        return None
+    if value not in OUTCOMES:
+        _fail("outcome", f"must be one of {', '.join(OUTCOMES)}")
+    if tree is not None and value != "measure":
+        _fail("outcome", f"is '{value}', yet there is a tree; with a tree it is 'measure'")
+    if tree is None and value == "measure":
+        _fail(
+            "outcome",
+            "is 'measure', yet 'tree' is null; give a tree, or say what stands against it",
+        )
+    return None if value in ("measure", "cannot") else cast("Outcome", value)
 
 
 def _decoded(text: str | bytes) -> str:

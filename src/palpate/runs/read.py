@@ -82,11 +82,13 @@ def _run(folder: Path, settings: Settings, result: dict[str, Any]) -> Run:
     proposal = load_proposal(folder / "plan.json")
     found = _found(folder, settings, proposal.scene)
     estimates = tuple(estimate_from(row) for row in result["parameters"])
-    satisfied = proposal.plan.tree is None and result["status"] == "complete"
+    plan = proposal.plan
+    if plan.tree is None and result["status"] == "complete":
+        plan = replace(plan, declared="nothing_missing")
     return Run(
         settings,
         found.scene,
-        replace(proposal.plan, satisfied=satisfied),
+        plan,
         tuple(Finding.of(**finding) for finding in result["plan"]["findings"]),
         conversation=_conversation(folder / "conversation.json"),
         seen=found.seen,

@@ -330,6 +330,23 @@ def test_what_a_request_means_is_the_models_to_say(scene: Scene) -> None:
             assert asked.plan(request, open_scene).tree is not None
 
 
+def test_a_refusal_of_what_can_be_measured_is_asked_about_once(scene: Scene) -> None:
+    refusal = {"outcome": "cannot", "parameters": [], "explanation": "It is glued.", "tree": None}
+    with Loopback(Says(json.dumps(refusal))) as server:
+        asked = planner(server, rounds=2)
+        plan = asked.plan(REQUEST, scene)
+        assert (plan.tree, plan.outcome) == (None, "cannot")
+        assert len(server.requests) == 2
+        assert "cup.mass" in asked.conversation.rounds[0].findings[0]
+
+
+def test_a_model_may_say_that_nothing_is_missing(scene: Scene) -> None:
+    known = {"outcome": "nothing_missing", "parameters": [], "explanation": "Known.", "tree": None}
+    with Loopback(Says(json.dumps(known))) as server:
+        plan = planner(server, rounds=0).plan("Is the cup clean?", scene)
+    assert plan.satisfied
+
+
 def test_without_a_request_a_plan_that_covers_too_little_is_sent_back(scene: Scene) -> None:
     open_scene = parse_scene(SCENE.replace('"0.5 0 0.10"', '"0.5 0 ?"'))
     with (

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from palpate.planning.plan import OUTCOMES
 from palpate.vocabulary.registry import Vocabulary
 
 Schema = dict[str, Any]
@@ -35,6 +36,7 @@ NOTE = (
 def flat_schema(vocabulary: Vocabulary, with_scene: bool) -> Schema:
     """JSON schema of an answer: strict (all fields required), no references, no recursion."""
     properties = {
+        "outcome": {"type": "string", "enum": list(OUTCOMES)},
         "parameters": _list_of(_object({"object": _TEXT, "quantity": _TEXT})),
         "explanation": _TEXT,
         "nodes": _list_of(_object(_node_properties(vocabulary))),

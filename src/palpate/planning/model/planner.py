@@ -50,6 +50,7 @@ class VlmPlanner:
     builder: SceneBuilder | None = None
     conversation: Conversation | None = field(default=None, init=False)
     seen: DetectedScene | None = field(default=None, init=False)
+    _challenged: bool = field(default=False, init=False)
 
     @property
     def name(self) -> str:
@@ -64,6 +65,7 @@ class VlmPlanner:
             Unavailable: no extra, no key, provider out of reach or refusing, time used up.
             PlanRejected: the model gave no valid plan.
         """
+        self._challenged = False
         provider, model = find_provider(self.model)
         provider.require_key()
         settings = self.model_settings
@@ -130,7 +132,23 @@ class VlmPlanner:
         if plan.tree is not None and scene is not None:
             wanted = self._wanted(request, scene)
         found = check(plan, scene, remeasure=self.remeasure, requested=wanted)
-        return [f"{finding.path}: {finding.message}" for finding in found]
+        told = [f"{finding.path}: {finding.message}" for finding in found]
+        return told or self._challenge(plan, scene, request)
+
+    def _challenge(self, plan: Plan, scene: Scene | None, request: str | None) -> list[str]:
+        """Asks once whether a refusal is meant, where what R seems to ask for can be measured."""
+        doubtful = plan.tree is None and not self._challenged and scene is not None
+        if not doubtful or scene is None or "text" in self.model_settings.without:
+            return []
+        wanted = requested(request or None, scene, self.remeasure)
+        if not wanted:
+            return []
+        self._challenged = True
+        named = ", ".join(str(parameter) for parameter in wanted)
+        return [
+            f"tree: there is none, yet R seems to ask for {named}, which D leaves out and the robot can "
+            "measure; give a tree for what is meant, or return the same answer again if none of it is"
+        ]
 
     def _wanted(self, request: str | None, scene: Scene) -> tuple[Parameter, ...] | None:
         """What the plan must measure where nobody asked for anything: all that is missing. What a

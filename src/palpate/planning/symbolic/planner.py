@@ -80,7 +80,7 @@ class SymbolicPlanner:
             explanation=" ".join(sentences) or "Nothing is missing.",
             planner=self.name,
             notes=tuple(remarks),
-            satisfied=not (wanted or cannot or made.failed),
+            declared=None if wanted or cannot or made.failed else "nothing_missing",
         )
 
 
