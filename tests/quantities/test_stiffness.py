@@ -68,6 +68,33 @@ def test_what_hardens_is_no_even_spring(bench, noises):
     assert "proportion" in found.contradiction
 
 
+@pytest.mark.parametrize("world", ["lab", "datasheet"])
+def test_two_layers_are_no_even_spring(bench, noises, world):
+    def layers(z):
+        depth = max(0.0, TOP - z)
+        return 800 * min(depth, 0.0015) + 6000 * max(depth - 0.0015, 0.0)
+
+    found = pressed(bench, noises[world], layers)
+    assert found.verdict == "contradicted"
+    assert "proportion" in found.contradiction
+
+
+def test_a_rough_signal_makes_no_spring_uneven(bench, noises):
+    """Forces that come late, are held, and are wild now and then."""
+    b = bench(noises["lab"])
+    b.go("mat_approach", (0.5, 0.0, 0.32))
+    b.descend(spring(800), "mat")
+    trace = b.trace()
+    random = np.random.default_rng(0)
+    wrench = trace.samples.wrench
+    late = np.arange(len(wrench)) - 1 - (random.random(len(wrench)) < 0.1)
+    wild = random.random(len(wrench)) < 0.02
+    wrench[:] = wrench[np.maximum(late, 0)] + random.normal(0.0, 10.0, wrench.shape) * wild[:, None]
+    found = estimate_stiffness(trace, STIFFNESS, None)
+    assert found.verdict == "identified"
+    assert found.value[0] == pytest.approx(800, rel=0.03)
+
+
 def test_touches_count_together(bench, noises):
     places = ((0.45, 0.0), (0.5, 0.0), (0.55, 0.0))
     once = pressed(bench, noises["lab"], spring(600))

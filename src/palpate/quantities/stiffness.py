@@ -104,9 +104,15 @@ def _tests(found: Sequence[Spring], touches: Sequence[Touch], misfit: float) -> 
     """Whether the surface is one even spring under both fingers."""
     yield FitTest(
         "one spring",
-        max(spring.misfit for spring in found),
-        tuning.SPRING_MISFIT,
+        max(spring.unevenness for spring in found),
+        1.0,
         "The force does not rise in proportion to the depth: it is not one even spring.",
+    )
+    yield FitTest(
+        "held against pressed",
+        max(spring.flow for spring in found),
+        tuning.BEYOND_DOUBT,
+        "It flows: at rest it gives way more than a spring would that is pressed so fast.",
     )
     for touch in touches:
         yield from touch.sides()

@@ -53,7 +53,8 @@ class Spring:
         held, held_std: m/N, the same as the arm at rest shows it: how deep the tip is held below where
             the force began to rise, over the force.
         first: m, tip height at which it was met.
-        misfit: what the spring leaves of the force, in means over some rows, over what chance would.
+        hardening: by how much of itself the stiffness grows at most from some depth on, with its
+            standard deviation.
     """
 
     compliance: float
@@ -61,7 +62,20 @@ class Spring:
     held: float
     held_std: float
     first: float
-    misfit: float
+    hardening: float
+    hardening_std: float
+
+    @property
+    def unevenness(self) -> float:
+        """1 where it certainly hardens or softens by too much to be one spring, and more beyond."""
+        size = abs(self.hardening)
+        return min(size / tuning.HARDENS, size / self.hardening_std / tuning.BEYOND_DOUBT)
+
+    @property
+    def flow(self) -> float:
+        """Standard deviations by which what is held at rest is deeper than a spring would be."""
+        doubt = float(np.hypot(self.held_std, self.compliance_std))
+        return (self.held - self.compliance) / doubt
 
     def at_most(self, sigmas: float) -> float:
         """m/N that it gives way at most, as far as so many standard deviations tell: by the whole
@@ -135,8 +149,8 @@ def fit_spring(descent: Descent, onset: Onset, hand: Hand) -> Spring:
 
     The standard deviation holds the fit's, and so what the joints' friction lets go of as the arm stops;
     the gain of the joints' sensors; how the force changes and wanders with the place, in free air and so
-    on the way through; the stretch of a row, within which the first contact is not seen; and what is not
-    known of the pads.
+    on the way through; by how much the stiffness certainly changes on that way; and what is not known of
+    the pads.
     """
     curve = _curve(descent, onset, hand)
     first = _first(descent, onset, curve)
@@ -145,15 +159,18 @@ def fit_spring(descent: Descent, onset: Onset, hand: Hand) -> Spring:
     relative = np.sqrt(curve.variance(found, first)) / stiffness
     gain = tuning.GAIN_RATIO * hand.torque_gain
     total = 1.0 / stiffness
-    row = float(np.abs(np.diff(descent.z))[: descent.onset + 1].max(initial=0.0))
-    unseen = row / np.sqrt(12.0) / descent.full
     # What free air does on the way down to the contact, it may do otherwise on the way through, and
     # what joints rub with is another force in another posture.
-    slopes = (tuning.FREE_SLOPE_STD, descent.slope / 2, descent.set_out[2] / tuning.POSTURE)
+    rubs = max(abs(float(descent.set_out[2])) - 2.0 * hand.force_repeatability, 0.0)
+    slopes = (tuning.FREE_SLOPE_STD, descent.slope / 2, rubs / tuning.POSTURE)
     slope = np.linalg.norm(slopes) / stiffness
-    shares = total * np.array([relative, gain, slope, descent.wander[2] / descent.full])
-    std = np.linalg.norm([*shares, unseen, hand.tip_compliance_std])
-    left = curve.force - curve.design(first) @ found
+    hardening, hardening_std = _hardening(curve, found, first, float(descent.wander[2]))
+    # Where it changes, it is half of that off its mean; where it changes by more, it is no spring.
+    certain = max(abs(hardening) - tuning.LOOKED_FOR * hardening_std, 0.0)
+    uneven = min(certain, tuning.HARDENS) / 2
+    wander = descent.wander[2] / descent.full
+    shares = total * np.array([relative, gain, slope, wander, uneven])
+    std = np.linalg.norm([*shares, hand.tip_compliance_std])
     at_rest = np.array([onset.first_std, descent.friction * onset.secant]) / descent.full
     return Spring(
         total - hand.tip_compliance,
@@ -161,15 +178,48 @@ def fit_spring(descent: Descent, onset: Onset, hand: Hand) -> Spring:
         onset.secant - hand.tip_compliance,
         float(np.linalg.norm([*at_rest, hand.tip_compliance_std])),
         first,
-        _misfit(left, curve.noise, float(np.hypot(descent.friction, hand.force_resolution))),
+        hardening,
+        hardening_std,
     )
 
 
-def _misfit(left: Array, noise: float, friction: float) -> float:
-    """Root mean square of means over some rows, over what chance and the joints' friction make of
-    them."""
-    chance = np.hypot(noise * np.sqrt(tuning.ALIKE / tuning.BLOCK_ROWS), friction)
-    return float(np.sqrt(np.mean(block_means(left) ** 2)) / chance)
+def _hardening(curve: _Curve, found: Array, first: float, wander: float) -> tuple[float, float]:
+    """By how much of itself the stiffness grows from that depth on from which growing explains most, and
+    its standard deviation: an F-test of one more slope (Hudson 1966), in means over some rows.
+
+    The noise is what the two slopes leave, and no less than what free air shows: what makes the whole
+    curve rough, such as delays and wild samples, makes nothing hard.
+    """
+    design = curve.design(first)
+    depth = design[:, STIFFNESS]
+    edge = found[STIFFNESS] * (depth > 0.0)
+    chance = float(np.hypot(curve.noise * np.sqrt(tuning.ALIKE / tuning.BLOCK_ROWS), wander))
+    # What is believed beforehand counts as rows, too.
+    beliefs = np.diag(np.append(chance / curve.prior, 0.0))
+    known = np.vstack([block_means(np.column_stack([design, edge])), beliefs])
+    nothing = np.zeros(len(beliefs))
+    left = _beside(known, np.append(block_means(curve.force - design @ found), nothing))
+    pressing = block_means(depth) > 0.0
+    best, most = (0.0, np.inf), 0.0
+    for share in np.linspace(0.1, 0.9, tuning.HINGES):
+        further = np.maximum(depth - share * depth.max(), 0.0)
+        steeper = _beside(known, np.append(block_means(further), nothing))
+        size = float(steeper @ steeper)
+        if size <= tuning.UNSEEN**2:
+            continue
+        grows = float(steeper @ left) / size
+        if grows**2 * size <= most:
+            continue
+        most, noise = grows**2 * size, (left - grows * steeper)[: len(pressing)][pressing]
+        spread = max(float(np.sqrt(noise @ noise / max(len(noise) - 4, 1))), chance)
+        best = (grows / found[STIFFNESS], spread / np.sqrt(size) / found[STIFFNESS])
+    return best
+
+
+def _beside(known: Array, column: Array) -> Array:
+    """What of a column (n,) the known ones (n, m) do not hold."""
+    share = np.linalg.lstsq(known, column, rcond=None)[0].astype(np.float64)
+    return column - known @ share
 
 
 def _curve(descent: Descent, onset: Onset, hand: Hand) -> _Curve:

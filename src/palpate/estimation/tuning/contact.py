@@ -26,13 +26,14 @@ FREE_SLOPE = 5.0
 """N/m (1 sigma): how the force in free air changes along the way down, by friction and gravity that
 change with the place. Sensitive: hardly."""
 
-FREE_SLOPE_STD = 1.0
+FREE_SLOPE_STD = 0.5
 """N/m (1 sigma): how well the change of the force on the way down is known to go on. Sensitive:
 stiffness below 200 N/m, std ×0.7–1.6."""
 
 POSTURE = 0.2
-"""m of descent over which what the joints' friction makes of a force becomes another (1 sigma of all of it):
-levers are some tenths of a metre. Sensitive: stiffness below 500 N/m, std."""
+"""m of descent over which what the joints' friction makes of a force, beyond what a force repeats to, becomes
+another (1 sigma of all of it): levers are some tenths of a metre. Sensitive: stiffness below 500 N/m, std
+of arms whose joints rub."""
 
 CANDIDATES = 50
 """places of the first contact that are tried before the best of them is refined. Sensitive: no."""
@@ -134,9 +135,18 @@ BLOCK_ROWS = 20
 """rows, 0.1 s, of a descent over whose means white noise is small beside what else there is.
 Sensitive: no."""
 
-SPRING_MISFIT = 1.0
-"""times what chance and the joints' friction would leave of the force's means, root mean square, that
-a spring may leave. Sensitive: no."""
+HARDENS = 1.0 / 3.0
+"""part by which a spring's stiffness may change on the way and still be one number. Sensitive: no."""
+
+BEYOND_DOUBT = 4.0
+"""standard deviations of what is certain of a spring: that it hardens somewhere, wherever that is looked
+for, or flows. Sensitive: no."""
+
+LOOKED_FOR = 3.0
+"""standard deviations by which the largest of so many hardenings is off by chance. Sensitive: no."""
+
+HINGES = 17
+"""depths, every twentieth of the greatest, from which on a surface may be stiffer. Sensitive: no."""
 
 APART = 0.05
 """m: three touches so far from one another show how a surface leans; 0.1 mm between two touches is
