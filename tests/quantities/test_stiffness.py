@@ -76,7 +76,7 @@ def test_two_layers_are_no_even_spring(bench, noises, world):
 
     found = pressed(bench, noises[world], layers)
     assert found.verdict == "contradicted"
-    assert "proportion" in found.contradiction
+    assert "spring" in found.contradiction
 
 
 def test_a_rough_signal_makes_no_spring_uneven(bench, noises):

@@ -112,7 +112,8 @@ def _tests(found: Sequence[Spring], touches: Sequence[Touch], misfit: float) -> 
         "held against pressed",
         max(spring.flow for spring in found),
         tuning.BEYOND_DOUBT,
-        "It flows: at rest it gives way more than a spring would that is pressed so fast.",
+        "At rest it gives way more than the spring does that it was pressed like: it flows, or is softer "
+        "where it is met.",
     )
     for touch in touches:
         yield from touch.sides()
