@@ -21,6 +21,7 @@ from .plant import Fingers, Plant
 from .robot import FrankaRobot
 from .sensing import Sensing
 from .server import Server
+from .wire import ROBOT_VERSION
 
 
 @dataclass(frozen=True)
@@ -32,6 +33,7 @@ class Setup:
             its unknowns drawn, by default. poses: where things are, a file.
         address: of both ports. q: joint angles to start at, rad; home by default.
         lockstep, pace, fastest: see `Server`; `fastest` 0: as fast as it goes. homed: the hand knows its opening.
+        version: of the protocol that the arm speaks.
     """
 
     scene: str
@@ -46,6 +48,7 @@ class Setup:
     fastest: float = 0.0
     q: list[float] | None = None
     homed: bool = True
+    version: int = ROBOT_VERSION
 
 
 class Workbench:
@@ -76,4 +79,5 @@ class Workbench:
             lockstep=setup.lockstep,
             pace=setup.pace,
             fastest=setup.fastest or math.inf,
+            version=setup.version,
         )

@@ -18,6 +18,8 @@ HOLDING = 1e4 * np.ones(7)
 """N m/rad of the position controller that holds an arm that nobody commands."""
 DECELERATION = 10.0
 """rad/s^2 at which an arm is stopped: FR3's largest (franka/rate_limiting.h)."""
+GUIDED = 0.5
+"""rad/s: how fast somebody leads the arm by hand."""
 PULL = 3.0
 """1/s: how fast the elbow comes back where a Cartesian motion leaves it free."""
 
@@ -37,6 +39,13 @@ class Desired:
         """One cycle of coming to rest."""
         slower = np.sign(self.dq) * np.maximum(np.abs(self.dq) - DECELERATION * TIMESTEP, 0.0)
         self.become(self.q + slower * TIMESTEP)
+
+    def approach(self, goal: Array) -> bool:
+        """One cycle of being led to `goal` (7,), rad, by a hand; whether it is there."""
+        way = goal - self.q
+        self.dq = np.clip(way / TIMESTEP, -GUIDED, GUIDED)
+        self.q, self.ddq = self.q + self.dq * TIMESTEP, np.zeros(7)
+        return not way.any()
 
 
 class Controller:

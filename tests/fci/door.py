@@ -65,6 +65,14 @@ class Door:
         """Press the button, or release it."""
         self._bench.robot.user_stop(pressed)
 
+    def brakes(self, closed: bool) -> None:
+        """Close them in Desk, or open them."""
+        self._bench.robot.lock(closed)
+
+    def guide(self, q: list[float]) -> None:
+        """Take the arm by hand, to joint angles (7,), rad."""
+        self._bench.robot.guide(np.array(q))
+
     def reflex(self) -> None:
         """Something hits the arm."""
         if self._bench.robot.moving:

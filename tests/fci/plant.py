@@ -10,6 +10,7 @@ import numpy as np
 from palpate.errors import ExecutionAborted
 from palpate.geometry.pose import Array, Pose
 from palpate.robots.description import RobotDescription
+from palpate.robots.model import PREFIX
 from palpate.robots.simulated.gripper import LAG, STANDSTILL
 from palpate.robots.simulated.impedance import Gains
 from palpate.robots.simulated.noise.true_arm import Truth
@@ -39,7 +40,7 @@ class Plant(World):
         if q is not None:
             self._data.qpos[self._q] = q
         self.actuators.set(Gains.of_torques(np.eye(7)))
-        self.cycles = 0
+        self.cycles, self._tcp, self._hand = 0, arm.tcp, arm.hand.body
         self.q, self.dq = self._data.qpos[self._q], self._data.qvel[self._v]
         self.motor, self.contact = (
             self._data.qfrc_actuator[self._v],
@@ -86,12 +87,19 @@ class Plant(World):
         width = float(data.qpos[self._finger_q].sum())
         return width, float(np.abs(data.qvel[self._finger_v]).max())
 
+    def pull(self, force: Array) -> None:
+        """From now on a force (3,), N, world axes, pulls at the TCP."""
+        data, tcp = self._data, self._data.site(PREFIX + self._tcp).xpos
+        hand = int(self.model.body(PREFIX + self._hand).id)
+        arm = tcp - data.xipos[hand]
+        data.xfrc_applied[hand] = [*force, *np.cross(arm, force)]
+
     def touching(self) -> float:
         """N, the largest contact force between the arm and anything else now."""
         model, data, force, most = self.model, self._data, np.empty(6), 0.0
         for i in range(data.ncon):
             owners = [model.body(model.geom_bodyid[g]).name for g in data.contact.geom[i]]
-            if sum(name.startswith("robot/") for name in owners) == 1:
+            if sum(name.startswith(PREFIX) for name in owners) == 1:
                 mujoco.mj_contactForce(model, data, i, force)
                 most = max(most, math.hypot(*force[:3]))
         return most

@@ -87,7 +87,7 @@ class FrankaRobot:
         self._upper = np.full((2, 13), DEFAULT_TORQUE)
         self._lower = self._upper.copy()
         self._ids, self._missed = 0, 0
-        self._felt = np.zeros(13)
+        self._felt, self._led_to = np.zeros(13), np.zeros(7)
         self._history: deque[bool] = deque([True] * REMEMBERED, REMEMBERED)
         self._succeeded = REMEMBERED
         self.lost = self.commanded = 0
@@ -152,6 +152,19 @@ class FrankaRobot:
         reasons[list(errors)] = 1
         self.state.fields["errors"][list(errors)] = 1
         self._end(MoveStatus.REFLEX, RobotMode.REFLEX)
+
+    def guide(self, q: Array) -> None:
+        """Somebody takes the arm and leads it to `q` (7,), rad."""
+        if self.mode is RobotMode.IDLE:
+            self._led_to, self.mode = q, RobotMode.GUIDING
+
+    def lock(self, locked: bool) -> None:
+        """Somebody closes the brakes in Desk, or opens them."""
+        if locked:
+            self._end(MoveStatus.ABORTED, RobotMode.OTHER)
+        elif self.mode is RobotMode.OTHER:
+            self.mode = RobotMode.IDLE
+        self._tell()
 
     def recover(self) -> None:
         """Forget a reflex."""
@@ -283,8 +296,12 @@ class FrankaRobot:
             self._end(MoveStatus.SUCCESS, RobotMode.IDLE)
 
     def _stay(self) -> None:
-        """Nobody is in command: come to rest, and tell of no desired torque, as a Franka does."""
-        self.controller.desired.brake()
+        """No client is in command: come to rest, and tell of no desired torque, as a Franka does."""
+        desired = self.controller.desired
+        if self.mode is not RobotMode.GUIDING:
+            desired.brake()
+        elif desired.approach(self._led_to):
+            self.mode = RobotMode.IDLE
         self._torque, self._told = self.controller.joints(), np.zeros(7)
 
     def _miss(self) -> None:

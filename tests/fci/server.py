@@ -153,10 +153,12 @@ class Server:
         lockstep: bool = True,
         pace: float = 1.0,
         fastest: float = math.inf,
+        version: int = ROBOT_VERSION,
     ) -> None:
+        """`version`: of the protocol that the arm speaks."""
         self._robot, self._hand, self._lockstep = robot, hand, lockstep
         self._cycle, self._shortest = CYCLE / pace, CYCLE / fastest
-        self._arm_line = Line(address, ROBOT_PORT, ROBOT_HEADER, ROBOT_VERSION, 1)
+        self._arm_line = Line(address, ROBOT_PORT, ROBOT_HEADER, version, 1)
         self._hand_line = Line(address, GRIPPER_PORT, GRIPPER_HEADER, GRIPPER_VERSION, 2)
         self._command: NDArray[np.void] | None = None
         self._locked = False
@@ -175,8 +177,12 @@ class Server:
             while self._wait():
                 self._step()
         finally:
-            self._arm_line.close()
-            self._hand_line.close()
+            self.close()
+
+    def close(self) -> None:
+        """Let go of the ports."""
+        self._arm_line.close()
+        self._hand_line.close()
 
     def hang_up(self) -> None:
         """Cut both connections; the world goes on."""

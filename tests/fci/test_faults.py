@@ -31,6 +31,7 @@ def client(bench: Served) -> Iterator[Any]:
     robot.move(franky.JointMotion(HOME))
     yield robot
     bench.ask("user_stop", pressed=False)
+    bench.ask("brakes", closed=False)
     bench.ask("lose", share=0.0)
     bench.ask("end_effector", mass=0.76)
     bench.ask("freeze", frozen=False)
@@ -192,3 +193,29 @@ def test_a_free_running_robot_does_not_wait() -> None:
         assert passed == pytest.approx(time.monotonic() - began, abs=0.1)
         tracking(robot)
         assert 0.0 < robot.state.control_command_success_rate <= 1.0
+
+
+def test_another_version_of_the_protocol_is_said() -> None:
+    with (
+        served(**files("bottle_and_table"), version=9) as bench,
+        pytest.raises(franky.IncompatibleVersionException),
+    ):
+        connected(bench)
+
+
+def test_closed_brakes_are_said(client: Any, bench: Served) -> None:
+    bench.ask("brakes", closed=True)
+    _until(client, franky.RobotMode.Other)
+    with pytest.raises(franky.CommandException, match="brakes"):
+        client.move(franky.JointMotion(HOME))
+    bench.ask("brakes", closed=False)
+    _until(client, franky.RobotMode.Idle)
+
+
+def test_an_arm_that_is_led_by_hand_says_so_and_goes_along(client: Any, bench: Served) -> None:
+    goal = (np.array(HOME) + 0.05).tolist()
+    bench.ask("guide", q=goal)
+    _until(client, franky.RobotMode.Guiding)
+    _until(client, franky.RobotMode.Idle)
+    time.sleep(0.1)
+    assert client.state.q == pytest.approx(goal, abs=2e-3)

@@ -16,6 +16,7 @@ BY = np.array([0.05, 0.04, -0.05, 0.06, 0.03, -0.05, 0.08])
 
 
 def test_a_robot_at_rest_says_where_it_is_and_what_it_carries(robot: Any) -> None:
+    robot.move(franky.JointMotion(HOME))
     state = robot.state
     assert state.robot_mode == franky.RobotMode.Idle
     assert str(state.current_errors) == "[]"
