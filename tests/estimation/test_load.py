@@ -120,6 +120,31 @@ def height(samples):
     return samples.pose_world_tcp[:, 2] - 0.2
 
 
+def staying(seed):
+    """What each rest leaves in the joints until the next one, of the size that a datasheet allows."""
+
+    def forces(samples):
+        rests = np.linalg.norm(samples.twist[:, :3], axis=1) < 1e-4
+        begins = np.diff(rests.astype(int), prepend=0) > 0
+        drawn = np.random.default_rng(seed).normal(0.0, 0.15, (1 + begins.sum(), 3))
+        return np.hstack([drawn, np.zeros_like(drawn)])[np.cumsum(begins)]
+
+    return forces
+
+
+def test_what_stays_from_a_rest_on_is_told_by_the_width(lifted):
+    found = [estimate_mass(lifted(seed, extra=staying(seed)), BOTTLE, None) for seed in range(12)]
+    errors = np.array([one.value[0] - MASS for one in found])
+    stated = np.array([one.std[0] for one in found])
+    assert 0.8 < np.sqrt(np.mean(stated**2) / np.mean(errors**2)) < 1.5
+    assert np.mean([one.ci95[0, 0] < MASS < one.ci95[0, 1] for one in found]) >= 0.9
+
+
+def test_rests_that_agree_tell_that_nothing_stays(lifted):
+    kept = estimate_mass(lifted(extra=staying(0)), BOTTLE, None).std[0]
+    assert estimate_mass(lifted(), BOTTLE, None).std[0] < 0.3 * kept
+
+
 DECEPTIONS = {
     "along the lift": lambda s: upward(30.0 * height(s) * held(s)),
     "sideways": lambda s: np.outer(0.6 * held(s), np.eye(6)[1]),

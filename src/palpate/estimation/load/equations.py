@@ -14,6 +14,7 @@ from scipy.linalg.lapack import dpotrf, dpotrs
 
 from palpate.estimation import tuning
 from palpate.estimation.load.segments import Segment, Weighing
+from palpate.estimation.windows import Mask
 from palpate.geometry.pose import Array
 
 FORCE_Z, TORQUE_X, TORQUE_Y, TORQUE_Z = 2, 3, 4, 5
@@ -22,8 +23,6 @@ LEANING = (0, 1)
 """Those that a weight has where gravity leans."""
 SIDEWAYS = (0, 1, 5)
 """Those that a thing which hangs free does not have."""
-NEGLIGIBLE = 1e-9
-"""Of the probability of a choice."""
 WAYS = {"up": 1.0, "down": -1.0}
 
 
@@ -32,12 +31,20 @@ class Left(NamedTuple):
 
     Attributes:
         stuck: (n, 3 rests) at a rest, as forces at the TCP of a newton an axis. forces: (n, 3 passes)
-            in a pass, likewise. offsets: (n, m passes) in a pass, in each signal.
+            in a pass, likewise. carried: (n, 3 pairs) at a rest and in the pass that begins at it.
+        offsets: (n, m passes) in a pass, in each signal.
+        paired: (3 rests + 3 passes,) which of `stuck` and `forces` are of such a pair.
     """
 
     stuck: Array
     forces: Array
+    carried: Array
     offsets: Array
+    paired: Mask
+
+    @property
+    def columns(self) -> tuple[Array, Array, Array, Array]:
+        return self.stuck, self.forces, self.carried, self.offsets
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -92,11 +99,12 @@ class _Solved(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Unsure:
-    """How far the prior deviations of some coefficients are off themselves: by one of `factors`,
-    `chance` of each of which is what is believed before anything is recorded."""
+    """How far the prior deviations of some coefficients are off themselves: by one of `factors`, of
+    all of them or of each, `chance` of each of which is what is believed before anything is
+    recorded."""
 
     columns: slice
-    factors: Sequence[float]
+    factors: Sequence[float | Array]
     chance: Sequence[float]
 
 
@@ -120,7 +128,7 @@ class Model:
         evidence = np.array([self._solve(choice, told, gram).evidence for choice in choices])
         weights = np.exp(evidence - evidence.max())
         weights /= weights.sum()
-        counted = np.flatnonzero(weights > NEGLIGIBLE)
+        counted = np.flatnonzero(weights > tuning.COUNTED)
         weights = weights[counted] / weights[counted].sum()
         solved = [self._solve(choices[i], told, gram) for i in counted]
         means = np.array([each.mean for each in solved])
@@ -211,23 +219,40 @@ def _left(weighing: Weighing, maps: Array) -> Left:
     """The columns of `Rows.left`."""
     signals, count = int(maps.shape[1]), len(maps)
     own = np.eye(signals) * weighing.scale[:, None]
-    nothing = np.zeros((signals, count, 0))
-    stuck, at_hand, in_signals = [nothing], [nothing], [nothing]
+    forces: list[Array] = []
+    offsets: list[Array] = []
     at = 0
     for segment in weighing.segments:
         here = slice(at, at + len(segment.t))
         at = here.stop
-        forces, offsets = np.zeros((signals, count, 3)), np.zeros((signals, count, signals))
-        forces[:, here] = maps[here, :, :3].transpose(1, 0, 2)
-        offsets[:, here] = own[:, None, :]
-        if segment.at_rest:
-            stuck.append(forces)
-        else:
-            at_hand.append(forces)
-            in_signals.append(offsets)
-    rows = signals * count
-    columns = [np.concatenate(kind, axis=2) for kind in (stuck, at_hand, in_signals)]
-    return Left(*(kind.reshape(rows, -1) for kind in columns))
+        pushed, off = np.zeros((signals, count, 3)), np.zeros((signals, count, signals))
+        pushed[:, here] = maps[here, :, :3].transpose(1, 0, 2)
+        off[:, here] = own[:, None, :]
+        forces.append(pushed.reshape(signals * count, 3))
+        offsets.append(off.reshape(signals * count, signals))
+    rests = [i for i, segment in enumerate(weighing.segments) if segment.at_rest]
+    passes = [i for i, segment in enumerate(weighing.segments) if not segment.at_rest]
+    pairs = _pairs(weighing.segments)
+    both = {i for pair in pairs for i in pair}
+    nothing = np.zeros((signals * count, 0))
+    return Left(
+        np.hstack([nothing, *(forces[i] for i in rests)]),
+        np.hstack([nothing, *(forces[i] for i in passes)]),
+        np.hstack([nothing, *(forces[i] + forces[j] for i, j in pairs)]),
+        np.hstack([nothing, *(offsets[i] for i in passes)]),
+        np.repeat([i in both for i in [*rests, *passes]], 3),
+    )
+
+
+def _pairs(found: Sequence[Segment]) -> list[tuple[int, int]]:
+    """Each rest with the pass that begins at it."""
+    pairs: list[tuple[int, int]] = []
+    for i, rest in enumerate(found):
+        for j, one in enumerate(found):
+            begins = 0.0 < one.start - rest.end < tuning.PAUSE
+            if rest.at_rest and not one.at_rest and begins:
+                pairs.append((i, j))
+    return pairs
 
 
 def _covariance(weighing: Weighing, maps: Array) -> Array:

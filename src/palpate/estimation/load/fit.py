@@ -142,9 +142,28 @@ def foreseen(weighing: Weighing, weight: float, gravity: float, hand: Hand) -> t
     return float(np.sqrt(noise)), float(np.sqrt(max(whole - noise, 0.0)))
 
 
+def untested(weighings: Sequence[Weighing], gravity: float, hand: Hand) -> tuple[float, float]:
+    """N, F and its standard deviation, as `fit_load` has them together, whatever else might act."""
+    _, _, mean, covariance = _solved(weighings, gravity, hand)
+    return float(mean[0]), float(np.sqrt(covariance[0, 0]))
+
+
 def _fit(weighings: Sequence[Weighing], gravity: float, hand: Hand) -> Load:
+    rows, model, mean, covariance = _solved(weighings, gravity, hand)
+    grasps = _grasps(weighings)
+    count = 1 + 2 * len(grasps)
+    tests = tests_of(rows, grasps, model, float(mean[0]))
+    # With prior deviations P of the coefficients x, the error is -covariance P^-2 x.
+    gains = -(covariance / model.prior)[:count, -(int(rows[0].signal.max()) + 1) :]
+    return Load(grasps, mean[:count], covariance[:count, :count], model.freedom, tests, gains)
+
+
+def _solved(
+    weighings: Sequence[Weighing], gravity: float, hand: Hand
+) -> tuple[Sequence[Rows], Model, Array, Array]:
+    """The equations, their model at what was found, and mean and covariance of its coefficients."""
     rows = [equations(weighing, gravity) for weighing in weighings]
-    grasps = tuple(time for weighing in weighings for time in weighing.grasps)
+    grasps = _grasps(weighings)
     count = 1 + 2 * len(grasps)
     # What gains and tilts do is in proportion to the load, which is not known at first.
     model = load_model(rows, grasps, np.zeros(count), hand)
@@ -152,10 +171,11 @@ def _fit(weighings: Sequence[Weighing], gravity: float, hand: Hand) -> Load:
     for _ in range(tuning.LOAD_ITERATIONS):
         model = load_model(rows, grasps, mean[:count], hand)
         mean, covariance = model.solve()
-    tests = tests_of(rows, grasps, model, float(mean[0]))
-    # With prior deviations P of the coefficients x, the error is -covariance P^-2 x.
-    gains = -(covariance / model.prior)[:count, -(int(rows[0].signal.max()) + 1) :]
-    return Load(grasps, mean[:count], covariance[:count, :count], model.freedom, tests, gains)
+    return rows, model, mean, covariance
+
+
+def _grasps(weighings: Sequence[Weighing]) -> tuple[float, ...]:
+    return tuple(time for weighing in weighings for time in weighing.grasps)
 
 
 def load_model(rows: Sequence[Rows], grasps: Sequence[float], about: Array, hand: Hand) -> Model:
@@ -169,14 +189,14 @@ def load_model(rows: Sequence[Rows], grasps: Sequence[float], about: Array, hand
     small = float(np.hypot(tuning.RUB_SMALL, tuning.RUB_SHARE * force))
     aside = (small, small, small * tuning.TORQUE_LEVER)
     levels = np.full(rows[0].rubbed.shape[1], tuning.JOINT_LEVEL)
-    left = [_each_its_own([row.left[i] for row in rows]) for i in range(3)]
-    stuck, forces, offsets = (blocks[0].shape[1] for blocks in left)
+    left = [_each_its_own([row.left.columns[i] for row in rows]) for i in range(4)]
+    at_hand, offsets = sum(blocks[0].shape[1] for blocks in left[:3]), left[3][0].shape[1]
     first = count + len(SIDEWAYS) * len(grasps) + len(LEANING)
     most = hand.force_repeatability + tuning.FLOOR
     prior = [np.full(count, tuning.LOAD_PRIOR), *[aside] * len(grasps)]
     prior += [
         np.full(len(LEANING), lean),
-        np.full(stuck + forces + offsets, most),
+        np.full(at_hand + offsets, most),
         levels,
         np.ones(signals),
     ]
@@ -195,15 +215,29 @@ def load_model(rows: Sequence[Rows], grasps: Sequence[float], about: Array, hand
     deviations = np.concatenate(prior)
     shares = tuning.LEFT_SHARES
     even = [1.0 / len(shares)] * len(shares)
-    in_passes = first + stuck
+    in_signals = slice(first + at_hand, first + at_hand + offsets)
     # How much of the datasheet's figure this arm leaves; how much of that stays in motion.
     unsure = (
-        Unsure(slice(first, in_passes + forces + offsets), shares, even),
-        Unsure(slice(in_passes, in_passes + forces), shares, even),
-        Unsure(slice(in_passes + forces, in_passes + forces + offsets), shares, even),
+        Unsure(slice(first, in_signals.stop), shares, even),
+        Unsure(slice(first, in_signals.start), _staying(rows), even),
+        Unsure(in_signals, shares, even),
         Unsure(slice(len(deviations) - signals, len(deviations)), *tuning.GAINS_OFF),
     )
     return Model(np.concatenate(designs), y, deviations, freedom, unsure)
+
+
+def _staying(rows: Sequence[Rows]) -> Sequence[Array]:
+    """What of the forces at rests, in passes, and in both alike there is, for each of
+    `tuning.LEFT_SHARES`: what stays wholly in a pass is what was there at the rest before it."""
+    paired = [np.split(row.left.paired, [row.left.stuck.shape[1]]) for row in rows]
+    rests, passes = (np.concatenate([pair[i] for pair in paired]) for i in (0, 1))
+    both = sum(row.left.carried.shape[1] for row in rows)
+    found: list[Array] = []
+    for share in tuning.LEFT_SHARES[:-1]:
+        parts = [np.ones(len(rests)), np.full(len(passes), share), np.zeros(both)]
+        found.append(np.concatenate(parts))
+    found.append(np.concatenate([~rests, ~passes, np.ones(both)]).astype(np.float64))
+    return found
 
 
 def _leaning(row: Rows, grasps: Sequence[float], about: Array) -> Array:

@@ -12,7 +12,7 @@ from scipy.special import stdtrit
 from palpate.estimation.agreement import FitTest
 from palpate.estimation.estimate import Part, Shared, Verdict
 from palpate.estimation.load.equations import FORCE_Z
-from palpate.estimation.load.fit import fit_load
+from palpate.estimation.load.fit import fit_load, untested
 from palpate.estimation.load.segments import Segment, Weighing, referenced, weighings
 from palpate.geometry.pose import Array
 from palpate.trace.recording import Recording
@@ -107,8 +107,8 @@ def alone(trace: Trace, found: Sequence[Weighing]) -> Mapping[str, Part]:
         group = [weighing.only(at_rest) for weighing in found]
         group = [weighing for weighing in group if referenced(weighing.segments)]
         if group:
-            load = fit_load(group, trace.gravity, trace.hand)
-            parts[name] = Part(load.force / trace.gravity, load.force_std / trace.gravity, "kg")
+            force, std = untested(group, trace.gravity, trace.hand)
+            parts[name] = Part(force / trace.gravity, std / trace.gravity, "kg")
     return parts
 
 

@@ -58,10 +58,13 @@ REST_FRICTION = 0.1
 """N (1 sigma): friction that is another at every rest, though the arm came the same way. Sensitive:
 mass 0.08 σ."""
 
-LEFT_SHARES = tuple(0.25 ** (3 - i) for i in range(4))
+LEFT_SHARES = (1.0 / 64.0, 1.0 / 8.0, 1.0)
 """parts of the datasheet's `force_repeatability` that an approach may leave in the joints of this very
 arm, and parts of that which stay while they move, as forces at the hand and in each joint: from next
 to nothing to all of it, each as likely before anything is recorded. Sensitive: mass std ×0.9–1.2."""
+
+COUNTED = 1e-4
+"""Probability from which a choice of what is unsure is averaged over. Sensitive: no."""
 
 GAINS_OFF = ((1.0, 3.0), (0.95, 0.05))
 """by how much more than the datasheet says gains may be off, and how likely each is before anything is
