@@ -163,9 +163,9 @@ def _steady(samples: Samples, rows: slice) -> bool:
 
 def _reached(samples: Samples, shares: Array) -> NDArray[np.intp]:
     """Rows at which shares of a turn are gone."""
-    first = Pose(np.zeros(3), samples.pose_world_tcp[0, 3:])
-    gone = [first.angle_to(Pose(np.zeros(3), row)) for row in samples.pose_world_tcp[:, 3:]]
-    progress = np.maximum.accumulate(np.array(gone))
+    quaternions = samples.pose_world_tcp[:, 3:]
+    gone = 2.0 * np.arccos(np.minimum(np.abs(quaternions @ quaternions[0]), 1.0))
+    progress = np.maximum.accumulate(gone)
     return np.asarray(np.searchsorted(progress, shares * progress[-1]), dtype=np.intp)
 
 

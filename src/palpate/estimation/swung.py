@@ -25,7 +25,7 @@ from palpate.estimation import tuning
 from palpate.estimation.load.feeling import Feeling, feeling
 from palpate.estimation.load.noise import Noise
 from palpate.estimation.windows import commanded, mean_pose, runs
-from palpate.geometry.pose import Array, Pose
+from palpate.geometry.pose import Array, Pose, rotations
 from palpate.trace.recording import Recording
 from palpate.trace.samples import Samples, Trace
 
@@ -134,11 +134,12 @@ def _swing(samples: Samples, signals: Array, felt: Feeling, noise: Noise, gravit
         return flat.real.reshape(values.shape[1:])
 
     maps = felt.maps(samples.q)
-    rotations = np.array([Pose(np.zeros(3), row).rotation for row in samples.pose_world_tcp[:, 3:]])
     alpha = -(rate**2) * in_phase(turned)
     a = -(rate**2) * in_phase(samples.pose_world_tcp[:, :3])
     inertial = maps.mean(axis=0) @ _resisting(pose.rotation, a, alpha)
-    hanging = in_phase(np.einsum("nij,njk->nik", maps, _hanging(rotations, gravity)))
+    hanging = in_phase(
+        np.einsum("nij,njk->nik", maps, _hanging(rotations(samples.pose_world_tcp[:, 3:]), gravity))
+    )
     variance = 2.0 * noise.white / len(samples.t)
     links = felt.inertia(samples.q.mean(axis=0))
     own = np.zeros(signals.shape[1])
@@ -188,8 +189,7 @@ def _rate(samples: Samples) -> float:
 
 def _rotation_vectors(quaternions: Array, about: Pose) -> Array:
     """(n, 3) rad, world axes: how far poses are turned from `about`, for small angles."""
-    rotations = np.array([Pose(np.zeros(3), row).rotation for row in quaternions])
-    relative = rotations @ about.rotation.T
+    relative = rotations(quaternions) @ about.rotation.T
     skew = relative - relative.transpose(0, 2, 1)
     vectors = np.stack([skew[:, 2, 1], skew[:, 0, 2], skew[:, 1, 0]], axis=1) / 2.0
     sines = np.minimum(np.linalg.norm(vectors, axis=1, keepdims=True), 1.0)
@@ -211,11 +211,11 @@ def _resisting(rotation: Array, a: Array, alpha: Array) -> Array:
     return found
 
 
-def _hanging(rotations: Array, gravity: float) -> Array:
-    """(n, 6, 10) likewise, by gravity."""
+def _hanging(tools: Array, gravity: float) -> Array:
+    """(n, 6, 10) likewise, by gravity, in tools' axes (n, 3, 3)."""
     up = np.array([0.0, 0.0, gravity])
-    found = np.zeros((len(rotations), 6, 10))
+    found = np.zeros((len(tools), 6, 10))
     found[:, :3, 0] = up
     for k in range(3):
-        found[:, 3:, 1 + k] = np.cross(rotations[:, :, k], up)
+        found[:, 3:, 1 + k] = np.cross(tools[:, :, k], up)
     return found

@@ -351,7 +351,7 @@ def _estimate(
         value,
         std,
         np.column_stack([value - half, value + half]),
-        _method(len(grasps.recordings), blind.tolist(), accuracy(body)),
+        _method(len(grasps.recordings), blind.tolist(), body),
         tuple(grasps.recordings),
         "prior-dominated" if bool(blind.all()) else "identified",
         parts,
@@ -360,11 +360,12 @@ def _estimate(
     )
 
 
-def _method(grasps: int, blind: Sequence[bool], accuracy: float) -> str:
+def _method(grasps: int, blind: Sequence[bool], body: Body) -> str:
+    said = "as stated" if body.accuracy else "assumed, as poses.yaml states no accuracy"
     method = (
         f"Horizontal moment over weight of the object held still at {grasps} "
         f"grasp{'s' * (grasps > 1)}, each against the empty hand, and from where the scene has the "
-        f"object, whose error along the fingers, here {1e3 * accuracy:.2g} mm (1 sigma), no grasp shows"
+        f"object, whose error along the fingers, {1e3 * accuracy(body):.2g} mm (1 sigma, {said}), no grasp shows"
     )
     axes = " and ".join(axis for axis, unseen in zip("xyz", blind, strict=True) if unseen)
     if axes:
