@@ -130,8 +130,8 @@ def test_how_well_poses_are_known_is_in_the_interval(bench, noises):
     usual = estimate_com(trace, PARAMETER, parse_scene(SCENE).body("hammer"))
     found = estimate_com(trace, PARAMETER, rough)
     assert found.std[0] > 5 * usual.std[0]
-    assert "here 10 mm" in found.method
-    assert "here 0.5 mm" in usual.method
+    assert "10 mm (1 sigma, as stated)" in found.method
+    assert "0.5 mm (1 sigma, assumed" in usual.method
 
 
 def test_runs_of_one_scene_share_its_poses_and_what_was_believed(bench, noises, scene):
