@@ -72,3 +72,8 @@ def test_a_flexible_thing_from_a_file(tmp_path: Path) -> None:
         </worldbody></mujoco>"""
     )
     assert list(load_scene(tmp_path / "scene.xml", root=tmp_path).objects) == ["cup"]
+
+
+def test_room_for_many_constraints_is_not_made_beforehand() -> None:
+    found = scene(before='<size njmax="5000" nconmax="5000"/>')
+    assert found.spec().compile().narena < 100e6

@@ -66,7 +66,7 @@ def judge(random: Random, steps: int = 30) -> Verdict:
         if not any(name in note for note in made.notes):
             verdict.wrong.append(f"{name} is not in the twin, and no note says so")
     verdict.wrong += _changed_besides(verdict.text, made.texts.main)
-    verdict.wrong += _misread(scene, made.texts.main, estimates, verdict)
+    verdict.wrong += _misread(made.texts.main, estimates, verdict)
     return verdict
 
 
@@ -152,21 +152,21 @@ def _may_come(piece: str) -> bool:
     return not piece.strip() or (name is not None and name[1] in MAY_COME)
 
 
-def _misread(scene: Scene, text: str, estimates: list[Estimate], verdict: Verdict) -> Iterator[str]:
+def _misread(text: str, estimates: list[Estimate], verdict: Verdict) -> Iterator[str]:
     """What MuJoCo does not read in the twin as it was measured."""
     try:
-        model = mujoco.MjModel.from_xml_string(text)
+        spec = mujoco.MjSpec.from_string(text)
+        model = spec.compile()
     except (ValueError, mujoco.FatalError) as error:
         yield f"the twin does not compile: {' '.join(str(error).split())}"
         return
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
-    mujoco.mj_comPos(model, data)
     for estimate in estimates:
         name = str(estimate.parameter)
         if name in verdict.unwritten:
             continue
-        read = _read(model, data, scene, estimate.parameter)
+        read = _read(model, data, spec, estimate.parameter)
         if read is None:
             continue
         verdict.values += 1
@@ -175,9 +175,10 @@ def _misread(scene: Scene, text: str, estimates: list[Estimate], verdict: Verdic
 
 
 def _read(
-    model: mujoco.MjModel, data: mujoco.MjData, scene: Scene, parameter: Parameter
+    model: mujoco.MjModel, data: mujoco.MjData, spec: mujoco.MjSpec, parameter: Parameter
 ) -> np.ndarray | None:
-    """A quantity as MuJoCo has it; None where it has not got the name."""
+    """A quantity as MuJoCo has it; None where it has not got the name. Places in the body's own
+    frame are the file's: `alignfree` moves the compiled one."""
     kind = mujoco.mjtObj.mjOBJ_BODY
     body = mujoco.mj_name2id(model, kind, parameter.object)
     if parameter.quantity == "height":
@@ -187,10 +188,9 @@ def _read(
     if parameter.quantity == "mass":
         return np.array([model.body_subtreemass[body]])
     if parameter.quantity == "com":
-        there = data.subtree_com[body] - data.xpos[body]
-        return there @ data.xmat[body].reshape(3, 3)
+        return np.array(spec.body(parameter.object).ipos)
     if parameter.quantity == "position":
-        return data.xpos[body, :2]
+        return np.array(spec.body(parameter.object).pos[:2])
     if parameter.quantity == "friction":
         return _friction(model, body)
     return None

@@ -95,10 +95,15 @@ def _settle_defaults(root: Element) -> None:
 
 def _keep_all(root: Element) -> None:
     """Every body and geom of the file is in the model: physics are the same without, and what is
-    known of them is looked up there."""
-    for compiler in root.iterfind("compiler"):
-        for leaving_out in ("discardvisual", "fusestatic"):
-            compiler.attrib.pop(leaving_out, None)
+    known of them is looked up there. `njmax`, which MuJoCo keeps for old files alone, says no more
+    than how much memory to take (XMLreference, size-njmax): gigabytes, where it is 5000."""
+    for tag, attributes in (
+        ("compiler", ("discardvisual", "fusestatic")),
+        ("size", ("njmax",)),
+    ):
+        for element in root.iterfind(tag):
+            for attribute in attributes:
+                element.attrib.pop(attribute, None)
 
 
 def _remove_robots(root: Element, robots: list[Element]) -> None:
