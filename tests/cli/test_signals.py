@@ -83,7 +83,7 @@ def interrupted(
     path = os.pathsep.join(map(str, (desk, TESTS, TESTS / "helpers", *sys.path)))
     process = subprocess.Popen(
         [
-            *(sys.executable, "-m", "palpate.cli.main", "run", "--scene", "desk.xml", "--json"),
+            *(sys.executable, "-m", "palpate", "run", "--scene", "desk.xml", "--json"),
             *("-r", "how heavy is the mug?", "--robot", "scripted://here", "--yes"),
             *("--planner", planner, "--out", "run", "--rehearse" if rehearse else "--no-rehearse"),
         ],
@@ -151,7 +151,7 @@ def test_while_the_twin_is_built(desk: Path, monkeypatch: pytest.MonkeyPatch) ->
 def test_a_result_that_cannot_be_printed_is_no_success(desk: Path) -> None:
     with Path("/dev/full").open("w") as full:
         done = subprocess.run(
-            [sys.executable, "-m", "palpate.cli.main", "gap", "desk.xml", "--json"],
+            [sys.executable, "-m", "palpate", "gap", "desk.xml", "--json"],
             stdout=full,
             stderr=subprocess.PIPE,
             check=False,
