@@ -23,24 +23,25 @@ def lift(white: float = 1e-5) -> Lift:
 
 
 def test_slow_passes_average_what_is_white() -> None:
-    slow, fast = (lift().std(1, speed, 2.0, GRAVITY, ARM.nominal)[0] for speed in (0.05, 0.2))
+    slow, fast = (lift().noise(1, speed, 2.0, GRAVITY, ARM.nominal) for speed in (0.05, 0.2))
     assert slow < 0.7 * fast
 
 
 def test_noisier_signals_leave_more() -> None:
-    quiet, loud = (lift(w).std(1, 0.1, 2.0, GRAVITY, ARM.nominal)[0] for w in (1e-6, 1e-4))
+    quiet, loud = (lift(w).noise(1, 0.1, 2.0, GRAVITY, ARM.nominal) for w in (1e-6, 1e-4))
     assert loud > 3 * quiet
 
 
 def test_gains_leave_what_is_in_proportion_to_the_load() -> None:
-    one, two = (lift().std(1, 0.05, weight, GRAVITY, ARM.nominal) for weight in (2.0, 4.0))
-    assert two[0] == pytest.approx(one[0], rel=0.1)
-    assert two[1] == pytest.approx(2 * one[1], rel=0.2)
-    assert one[1] == pytest.approx(2.0 * ARM.nominal.torque_gain / np.sqrt(3), rel=0.5)
+    noises = [lift().noise(1, 0.05, weight, GRAVITY, ARM.nominal) for weight in (2.0, 4.0)]
+    one, two = (lift().floor(1, 0.05, weight, GRAVITY, ARM.nominal) for weight in (2.0, 4.0))
+    assert noises[1] == pytest.approx(noises[0], rel=0.1)
+    assert two == pytest.approx(2 * one, rel=0.2)
+    assert one == pytest.approx(2.0 * ARM.nominal.torque_gain / np.sqrt(3), rel=0.5)
 
 
 def test_more_cycles_show_how_well_passes_agree() -> None:
-    one, two = (lift().std(cycles, 0.1, 2.0, GRAVITY, ARM.nominal)[0] for cycles in (1, 2))
+    one, two = (lift().noise(cycles, 0.1, 2.0, GRAVITY, ARM.nominal) for cycles in (1, 2))
     assert two < one / np.sqrt(2)
 
 

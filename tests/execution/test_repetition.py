@@ -147,7 +147,7 @@ def test_a_round_that_fails_leaves_what_the_first_one_measured(weighed) -> None:
             weighed.execution, trace=nothing, status="stopped", stopped_by=why, fault=why
         )
 
-    whole, mass = weighed.again(failing, weighed.execution, "0.5g")
+    whole, mass = weighed.again(failing, weighed.execution, "2g")
     assert whole.status == "stopped"
     assert whole.stopped_by == "the torques are frozen"
     assert mass.identified

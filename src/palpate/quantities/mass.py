@@ -117,7 +117,7 @@ class Mass(Quantity):
     def floor(self, site: Site) -> float:
         """By the gains of the joints' sensors."""
         weight, gravity, hand = site.believed[0] * site.gravity, site.gravity, site.arm.nominal
-        return _lift(site, None).std(1, site.arm.pace.speed, weight, gravity, hand)[1] / gravity
+        return _lift(site, None).floor(1, site.arm.pace.speed, weight, gravity, hand) / gravity
 
     def effort(self, site: Site, std: float, trace: Trace | None) -> Effort:
         """Cycles of an empty and a loaded pass each way, as fast and as few as will do: slow passes
@@ -127,7 +127,7 @@ class Mass(Quantity):
         least, best = np.inf, Effort()
         for speed in np.geomspace(SLOWEST, site.arm.pace.speed, SPEEDS).round(3).tolist():
             for cycles in range(1, MOST_CYCLES + 1):
-                left = lift.std(cycles, speed, weight, gravity, hand)[0] / gravity
+                left = lift.noise(cycles, speed, weight, gravity, hand) / gravity
                 enough, takes = left <= std, cycles * lift.seconds(speed)
                 # What is missed takes as much again and again, in another round.
                 cost = takes if enough else takes * (left / std) ** 2 + ROUND

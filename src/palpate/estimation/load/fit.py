@@ -122,24 +122,20 @@ def fit_load(weighings: Sequence[Weighing], gravity: float, hand: Hand) -> Load:
     return replace(rest, tests=(*rest.tests, *tests))
 
 
-def foreseen(weighing: Weighing, weight: float, gravity: float, hand: Hand) -> tuple[float, float]:
-    """N, 1 sigma of F of a load of `weight` N that rests and passes to come would leave: by noise,
-    and by the gains, which no number of them makes smaller. What the segments felt does not matter:
-    how well passes will agree is seen from typical draws of the noise."""
+def foreseen(weighing: Weighing, weight: float, gravity: float, hand: Hand) -> float:
+    """N², variance of F of a load of `weight` N that rests and passes to come would leave. What the
+    segments felt does not matter: how well passes will agree is seen from typical draws of the
+    noise."""
     rows = [equations(weighing, gravity)]
     grasps = tuple(weighing.grasps)
     about = np.zeros(1 + 2 * len(grasps))
     about[0] = weight
-    variances: list[float] = []
-    for told in (replace(hand, torque_gain=0.0, gain_covariance=None), hand):
-        model, random = load_model(rows, grasps, about, told), np.random.default_rng(0)
-        found = 0.0
-        for _ in range(tuning.FORESEEN_DRAWS):
-            typical = replace(model, y=random.standard_normal(len(model.y)))
-            found += float(typical.solve()[1][0, 0]) / tuning.FORESEEN_DRAWS
-        variances.append(found)
-    noise, whole = variances
-    return float(np.sqrt(noise)), float(np.sqrt(max(whole - noise, 0.0)))
+    model, random = load_model(rows, grasps, about, hand), np.random.default_rng(0)
+    found = 0.0
+    for _ in range(tuning.FORESEEN_DRAWS):
+        typical = replace(model, y=random.standard_normal(len(model.y)))
+        found += float(typical.solve()[1][0, 0]) / tuning.FORESEEN_DRAWS
+    return found
 
 
 def untested(weighings: Sequence[Weighing], gravity: float, hand: Hand) -> tuple[float, float]:

@@ -3,7 +3,7 @@ needs no measured values, only where the arm will be when, and how noisy its sig
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -47,12 +47,16 @@ class Lift:
         slowly = near / min(speed, self.near_speed) + speed / self.acceleration
         return len(PASSES) * ((self.length - near) / speed + slowly + tuning.HANDLING)
 
-    def std(
-        self, cycles: int, speed: float, weight: float, gravity: float, hand: Hand
-    ) -> tuple[float, float]:
-        """N, 1 sigma of a load of `weight` N after some cycles at `speed` m/s: by noise, and by what
-        no further one makes smaller."""
-        return foreseen(self._weighing(cycles, speed), weight, gravity, hand)
+    def noise(self, cycles: int, speed: float, weight: float, gravity: float, hand: Hand) -> float:
+        """N, 1 sigma of a load of `weight` N after some cycles at `speed` m/s, by noise alone."""
+        exact = replace(hand, torque_gain=0.0, gain_covariance=None)
+        return float(np.sqrt(foreseen(self._weighing(cycles, speed), weight, gravity, exact)))
+
+    def floor(self, cycles: int, speed: float, weight: float, gravity: float, hand: Hand) -> float:
+        """N, 1 sigma of it by the gains, which no further cycle makes smaller."""
+        noise = self.noise(cycles, speed, weight, gravity, hand)
+        whole = foreseen(self._weighing(cycles, speed), weight, gravity, hand)
+        return float(np.sqrt(max(whole - noise**2, 0.0)))
 
     def _weighing(self, cycles: int, speed: float) -> Weighing:
         segments: list[Segment] = []
