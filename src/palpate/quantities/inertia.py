@@ -192,8 +192,8 @@ def _evidence(trace: Trace, body: Body) -> _Evidence | None:
 
 def _fit(found: _Evidence, body: Body) -> tuple[Array, Array, FitTest]:
     """The ten numbers of the object in its own frame (and how it gives way about three axes), their
-    covariance, and whether the swings agree: Gauss-Newton from the box's (e.g. Nocedal and Wright,
-    Numerical Optimization, section 10.3)."""
+    covariance, inflated where the swings disagree, and whether they do: Gauss-Newton from the box's
+    (e.g. Nocedal and Wright, Numerical Optimization, section 10.3)."""
     mass = found.held.load.force / found.gravity
     start = np.concatenate([of_box(max(mass, 1e-3), body.centre, body.size), np.zeros(3)])
     spread = _spread(body)
@@ -204,12 +204,14 @@ def _fit(found: _Evidence, body: Body) -> tuple[Array, Array, FitTest]:
 
     solved: Any = least_squares(misfit, start, x_scale=spread)
     numbers, slopes = np.asarray(solved.x, float), np.asarray(solved.jac, float)
-    covariance = np.linalg.inv(slopes.T @ slopes)
     left = np.concatenate(_swung(numbers, found))
+    misfit_squared, freedom = float(left @ left), max(1, len(left) - len(start))
+    # What joints feel beside one rigid body counts as noise (Birge ratio).
+    covariance = np.linalg.inv(slopes.T @ slopes) * max(1.0, misfit_squared / freedom)
     test = chi_squared(
         "swings agree",
-        float(left @ left),
-        max(1, len(left) - len(start)),
+        misfit_squared,
+        freedom,
         "The swings do not fit one rigid body: something in the object moves, or it moves in the "
         "fingers.",
         found.held.load.freedom,
