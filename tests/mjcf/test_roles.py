@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import mujoco
 import pytest
 
@@ -10,6 +12,7 @@ from palpate.mjcf.reading import parse_document
 from palpate.mjcf.roles import find_roles
 from palpate.parameter import Parameter
 from palpate.scene.load import parse_scene
+from palpate.scene.remarks import remarks
 from palpate.scene.scene import Scene
 from palpate.twin.inject import inject, unfilled
 
@@ -352,3 +355,38 @@ def test_an_inertial_without_its_mass_is_completed() -> None:
     assert unfilled(text) == [Parameter("cup", "mass")]
     twin = inject(text, {Parameter("cup", "mass"): (0.25,)})
     assert mujoco.MjModel.from_xml_string(twin).body("cup").mass[0] == pytest.approx(0.25)
+
+
+PANDA = """<mujoco model="panda"><worldbody><body name="link0" pos="0.1 0 0"><geom size=".05"/>
+<body name="link1"><joint name="j"/><geom size=".05"/></body></body></worldbody>
+<actuator><motor name="m" joint="j"/></actuator></mujoco>"""
+SHELF = """<mujoco><worldbody><body name="shelf"><geom type="box" size=".3 .3 .1"/></body>
+<body name="tin"><freejoint/><geom size=".05" {}/></body></worldbody></mujoco>"""
+
+
+def attaching(folder: Path, sub: str) -> Scene:
+    (folder / "panda.xml").write_text(PANDA)
+    (folder / "shelf.xml").write_text(sub)
+    return parse_scene(
+        """<mujoco><asset><model file="panda.xml"/><model name="s" file="shelf.xml"/></asset>
+        <worldbody><frame pos="0 0.5 0"><attach model="panda" body="link0" prefix="left_"/></frame>
+        <attach model="s" prefix="s_"/></worldbody>
+        <contact><exclude body1="left_link0" body2="left_link1"/></contact></mujoco>""",
+        folder,
+    )
+
+
+def test_an_attached_robot_makes_way_and_what_else_is_attached_stays(tmp_path: Path) -> None:
+    found = attaching(tmp_path, SHELF.format(""))
+    assert found.pose_world_base.position == pytest.approx([0.1, 0.5, 0])
+    model = found.spec().compile()
+    assert [model.body(i).name for i in range(model.nbody)] == ["world", "s_shelf", "s_tin"]
+    assert (model.nu, model.nexclude) == (0, 0)
+    lines = remarks(found)
+    assert lines[0].startswith("Robot left out: 'panda'")
+    assert any("Attached models are taken as they are" in line and "'s'" in line for line in lines)
+
+
+def test_an_unknown_in_an_attached_model_is_told(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"<geom>.*cannot be measured"):
+        attaching(tmp_path, SHELF.format('mass="?"'))

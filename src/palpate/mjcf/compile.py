@@ -14,6 +14,7 @@ from palpate.errors import InputError
 from palpate.mjcf.defaults import standing_in
 from palpate.mjcf.document import Document, Element, children, copy_root, elements
 from palpate.mjcf.edits import Edit, Insert, apply
+from palpate.mjcf.robots import attached_body, attached_names
 from palpate.mjcf.roles import Roles
 
 BASE_SITE = "robot_base"
@@ -38,7 +39,7 @@ def model_tree(
     _settle_defaults(root)
     _keep_all(root)
     robots = [twin_of[robot] for robot in roles.robots]
-    _remove_robots(root, robots)
+    _remove_robots(root, robots, roles)
     return root, twin_of
 
 
@@ -49,7 +50,7 @@ def removed_with_robots(document: Document, roles: Roles) -> dict[str, int]:
     before = Counter(str(part.tag) for part in elements(root))
     for robot in robots:
         before -= Counter(str(part.tag) for part in elements(robot))
-    _remove_robots(root, robots)
+    _remove_robots(root, robots, roles)
     after = Counter(str(part.tag) for part in elements(root))
     return {tag: number for tag, number in (before - after).items() if tag not in _ASSETS}
 
@@ -106,11 +107,11 @@ def _keep_all(root: Element) -> None:
                 element.attrib.pop(attribute, None)
 
 
-def _remove_robots(root: Element, robots: list[Element]) -> None:
+def _remove_robots(root: Element, robots: list[Element], roles: Roles) -> None:
     removed: set[str] = set()
     for robot in robots:
-        removed |= _names(robot)
-        _leave_site(root, robot)
+        removed |= _names(robot) | attached_names(robot, roles.models)
+        _leave_site(root, robot, roles)
     for keyframe in root.findall("keyframe"):
         root.remove(keyframe)
     if robots:
@@ -128,14 +129,18 @@ def _names(element: Element) -> set[str]:
     return {name for name in found if name}
 
 
-def _leave_site(root: Element, robot: Element) -> None:
+def _leave_site(root: Element, robot: Element, roles: Roles) -> None:
     """The arm stands where the scene's own robot stood, unless a site says otherwise."""
     parent = robot.getparent()
     assert parent is not None
     if root.find(f".//site[@name='{BASE_SITE}']") is None:
         site = etree.Element("site", {"name": BASE_SITE})
+        placed = robot
+        if robot.tag == "attach":
+            placed = attached_body(robot, roles.models)
+            assert placed is not None
         for attribute in _PLACING:
-            value = robot.get(attribute)
+            value = placed.get(attribute)
             if value is not None:
                 site.set(attribute, value)
         parent.insert(parent.index(robot), site)

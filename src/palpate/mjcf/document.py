@@ -85,6 +85,7 @@ class Document:
             them, from `folder`, by the names that they have there.
         texts: the text of each included file. named: what names a file in all of them.
         attached: roots of the models that it attaches, and of those that these do.
+        models: roots of those that it attaches itself, by the names that `<attach>` calls them by.
         robots: names of the bodies that robots begin with, where somebody said so.
     """
 
@@ -99,6 +100,7 @@ class Document:
     texts: Mapping[Path, str] = field(default_factory=dict[Path, str])
     named: tuple[Named, ...] = ()
     attached: tuple[Element, ...] = ()
+    models: Mapping[str, Element] = field(default_factory=dict[str, Element])
     robots: tuple[str, ...] = ()
 
     @property

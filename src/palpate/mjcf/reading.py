@@ -112,6 +112,8 @@ class _Reader:
     index: dict[Element, Place] = field(default_factory=dict[Element, Place])
     texts: dict[Path, str] = field(default_factory=dict[Path, str])
     named: list[Named] = field(default_factory=list[Named])
+    attachable: dict[str, Element] = field(default_factory=dict[str, Element])
+    """Roots of attached models by name."""
     beside: dict[str, str] = field(default_factory=dict[str, str])
     """Assets found beside the included file that names them: from the scene's folder, by name."""
 
@@ -137,6 +139,7 @@ class _Reader:
             self.texts,
             tuple(self.named),
             tuple(attached),
+            self.attachable,
         )
 
     def _number(self, root: Element, file: Path | None) -> None:
@@ -196,6 +199,8 @@ class _Reader:
                     model = self._attached(path, where)
                     found.extend(model.files)
                     attached += [model.root, *model.attached]
+                    called = element.get("name") or model.root.get("model") or path.stem
+                    self.attachable[called] = model.root
                 else:
                     self._take_asset(path, element, where)
         return attached

@@ -6,6 +6,7 @@ surface; an articulated body that is driven, or ends in a hand, is a robot and n
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
@@ -24,6 +25,7 @@ from palpate.mjcf.robots import (
     NOBODY,
     TRANSPARENT,
     Robots,
+    attached_body,
     copy_mark,
     find_robots,
     has_joint,
@@ -66,7 +68,8 @@ class Roles:
     Attributes:
         robots: the bodies that robots begin with. ignored: bodies with other joints, which are
             neither robot nor object: drawers and doors. replicated: free bodies of which
-            `<replicate>` makes the parts, so that one element is many shapes.
+            `<replicate>` makes the parts, so that one element is many shapes. attached: the
+            `<attach>`s of what is taken as it is in its own file. models: those that it attaches.
     """
 
     defaults: Defaults
@@ -74,6 +77,8 @@ class Roles:
     robots: list[Element] = field(default_factory=list[Element])
     ignored: list[Element] = field(default_factory=list[Element])
     replicated: list[Element] = field(default_factory=list[Element])
+    attached: list[Element] = field(default_factory=list[Element])
+    models: Mapping[str, Element] = field(default_factory=dict[str, Element])
 
     @property
     def objects(self) -> dict[str, Elements]:
@@ -96,7 +101,7 @@ def find_roles(document: Document) -> Roles:
         InputError: an object without a geom, a name used twice, a surface with several geoms of
             unknown height, a robot that is not there.
     """
-    found = Roles(Defaults(document.root))
+    found = Roles(Defaults(document.root), models=document.models)
     robots = find_robots(document.root, document.robots, found.defaults)
     for world in document.root.iterfind("worldbody"):
         _walk(world, found, robots, world=True)
@@ -122,6 +127,19 @@ def _walk(parent: Element, found: Roles, robots: Robots, world: bool) -> None:
             _add_surface(child, (child,), found)
         elif child.tag == "body":
             _sort_body(child, found, robots)
+        elif child.tag == "attach":
+            _sort_attached(child, found, robots)
+
+
+def _sort_attached(attach: Element, found: Roles, robots: Robots) -> None:
+    """What an attached model brings is a robot, or stands as its own file has it."""
+    body = attached_body(attach, found.models)
+    if body is not None:
+        own = body.getroottree().getroot()
+        if find_robots(own, robots.named, Defaults(own)).are_attached(body):
+            found.robots.append(attach)
+            return
+    found.attached.append(attach)
 
 
 def _is_floor(geom: Element, found: Roles) -> bool:

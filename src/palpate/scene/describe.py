@@ -111,7 +111,7 @@ def _refuse_other_unknowns(document: Document, roles: Roles, slots: Iterable[Slo
     robots: set[Element] = set()
     for robot in roles.robots:
         robots.update(elements(robot))
-    for element in elements(document.root):
+    for element in _all_elements(document, roles):
         if element in robots:
             continue
         for attribute, value in element.items():
@@ -124,6 +124,15 @@ def _refuse_other_unknowns(document: Document, roles: Roles, slots: Iterable[Slo
                     "it is one shape whose z is known; of a surface only the height can be measured: z "
                     "in pos, or half height in size"
                 )
+
+
+def _all_elements(document: Document, roles: Roles) -> Iterator[Element]:
+    """Those of the scene, and of the models that it attaches for others than robots."""
+    yield from elements(document.root)
+    for attach in roles.attached:
+        model = document.models.get(attach.get("model") or "")
+        if model is not None:
+            yield from elements(model)
 
 
 def _is_uncovered(value: str, slots: list[Slot]) -> bool:

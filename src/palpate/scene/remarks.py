@@ -78,6 +78,12 @@ def _others(scene: Scene) -> Iterator[str]:
             "Neither object nor surface nor robot, as they have joints that are not free: "
             f"{_names(map(_called, description.roles.ignored))}.{advice}"
         )
+    if description.roles.attached:
+        models = sorted({str(attach.get("model")) for attach in description.roles.attached})
+        yield (
+            "Attached models are taken as they are, and nothing in them is measured: "
+            f"{_names(map(_quoted, models))}. Where it is to be, <include> them instead."
+        )
     copied = [name for name, body in description.bodies.items() if copy_mark(body.elements.element)]
     if copied:
         yield (
@@ -125,5 +131,5 @@ def _quoted(name: str) -> str:
 
 
 def _called(body: Element) -> str:
-    name = body.get("name")
+    name = body.get("name") or body.get("model")
     return _quoted(name) if name else f"a body in line {body.sourceline}"
