@@ -520,3 +520,73 @@ def test_any_style_of_text_survives(case: tuple[str, str, set[str]]) -> None:
 def subsequence(part: str, whole: str) -> bool:
     rest = iter(whole)
     return all(character in rest for character in part)
+
+
+RUBBING = """<mujoco>{before}<worldbody><geom name="table" type="box" size=".3 .3 .02" {table}/>
+<body name="cup" pos="0 0 0.07"><freejoint/><geom name="c" type="box" size=".02 .03 .05" mass="0.2" {cup}/>
+</body></worldbody>{after}</mujoco>"""
+
+
+def rubbing(before: str = "", table: str = "", cup: str = "", after: str = "") -> str:
+    """A cup on a table whose friction is larger than what is measured."""
+    table = f'friction="0.9" {table}'
+    return RUBBING.format(before=before, table=table, cup=cup, after=after)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        rubbing(),
+        rubbing(cup='priority="0"'),
+        rubbing(table='priority="1"'),
+        rubbing(table='priority="3"', cup='priority="3"'),
+        rubbing(table='condim="1"'),
+    ],
+)
+def test_a_friction_that_is_written_acts(text: str) -> None:
+    model = mujoco.MjModel.from_xml_string(inject(text, {Parameter("cup", "friction"): (0.42,)}))
+    data = mujoco.MjData(model)
+    mujoco.mj_step(model, data, 5)
+    assert data.contact[0].friction[0] == pytest.approx(0.42)
+    assert data.contact[0].dim == 3
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        (rubbing(cup='condim="1"'), "without friction"),
+        (rubbing('<option><flag override="enable"/></option>'), "<option> overrides"),
+        (
+            rubbing(after='<contact><pair geom1="c" geom2="table" friction=".8"/></contact>'),
+            "a <pair> decides",
+        ),
+    ],
+)
+def test_a_friction_that_would_not_act_is_not_in_the_twin(text: str, reason: str) -> None:
+    made = complete(parse_scene(text), [estimate("cup", "friction", 0.42)])
+    assert [str(parameter) for parameter in made.unwritten] == ["cup.friction"]
+    assert reason in made.notes[0]
+
+
+@pytest.mark.parametrize(
+    ("compiler", "quantity", "value"),
+    [
+        ('inertiafromgeom="true"', "com", (0.01, 0.0, 0.02)),
+        ('boundinertia="0.01"', "inertia", (1e-4, 2e-4, 1.5e-4, 0, 0, 0)),
+        ('balanceinertia="true"', "inertia", (1e-4, 2e-4, 4e-4, 0, 0, 0)),
+    ],
+)
+def test_what_the_compiler_overrules_is_not_in_the_twin(
+    compiler: str, quantity: str, value: tuple[float, ...]
+) -> None:
+    text = rubbing(f"<compiler {compiler}/>", cup='friction="0.4"')
+    made = complete(parse_scene(text), [estimate("cup", quantity, *value, std=1e-6)])
+    assert [str(parameter) for parameter in made.unwritten] == [f"cup.{quantity}"]
+
+
+def test_a_hollow_part_beside_a_stated_one_is_weighed() -> None:
+    hollow = 'shellinertia="true" friction="1"/><geom size=".01" mass="0.1"'
+    text = rubbing(cup=hollow).replace('mass="0.2" shell', "shell")
+    assert body(inject(text, {Parameter("cup", "mass"): (0.25,)}), "cup").mass[0] == pytest.approx(
+        0.25
+    )

@@ -108,8 +108,29 @@ def mass_beside(body: BodyDescription) -> float:
         model = body.shapes.model
         return mass_of(body) - float(model.body_mass[model.body(body.name).id])
     unweighed = unweighed_geoms(body)
+    if not unweighed:
+        return 0.0
+    stated = _stated_masses(body, unweighed)
+    if stated is not None:
+        return stated
     standing_in = sum(_stand_in(body, geom) for geom in unweighed)
-    return max(mass_of(body) - standing_in, 0.0) if unweighed else 0.0
+    return max(mass_of(body) - standing_in, 0.0)
+
+
+def _stated_masses(body: BodyDescription, unweighed: Sequence[Element]) -> float | None:
+    """kg of the parts that state a mass; None where one states a density instead, which weighs what
+    MuJoCo takes for its volume."""
+    total = 0.0
+    for geom in _weighing(body):
+        mass = tokens(body.defaults.attribute(geom, "mass"))
+        if geom not in unweighed:
+            if not mass:
+                return None
+            total += float(mass[0])
+    for part in body.elements.element.iterdescendants("body"):
+        inertial = inertial_of(part)
+        total += 0.0 if inertial is None else float(inertial.get("mass") or 0.0)
+    return total
 
 
 def _stand_in(body: BodyDescription, geom: Element) -> float:

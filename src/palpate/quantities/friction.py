@@ -24,6 +24,7 @@ from palpate.mjcf.document import UNKNOWN, Element, tokens
 from palpate.mjcf.edits import Edit, Slot, number
 from palpate.mjcf.roles import Elements
 from palpate.parameter import Parameter
+from palpate.quantities.contacts import highest_priority, what_decides
 from palpate.quantities.evidence import Evidence
 from palpate.quantities.quantity import Prior, Quantity, Status, Values
 from palpate.trace.recording import Recording
@@ -91,17 +92,20 @@ class Friction(Quantity):
     def write(
         self, body: BodyDescription, value: tuple[float, ...], std: float | None
     ) -> Iterator[Edit]:
-        """With `priority="1"`, without which MuJoCo would take the larger of the object's and its
-        support's coefficient."""
-        text = number(value[0], std)
+        """With a `priority` above that of all that stands still, without which MuJoCo would take the
+        larger of the object's and its support's coefficient, or the support's."""
+        text, above = number(value[0], std), highest_priority(body) + 1
         for geom in _lacking(body) or body.elements.colliding:
             base = body.defaults.attribute(geom, "friction") or " ".join(MUJOCO_FRICTION)
             numbers = {
                 i: MUJOCO_FRICTION[i] for i, part in enumerate(tokens(base)[:3]) if part == UNKNOWN
             }
             yield Edit(geom, "friction", {**numbers, 0: text}, base)
-            if not body.defaults.attribute(geom, "priority"):
-                yield Edit(geom, "priority", {0: "1"})
+            if int(body.defaults.attribute(geom, "priority") or 0) < above:
+                yield Edit(geom, "priority", {0: str(above)}, "0")
+
+    def overruled(self, body: BodyDescription) -> str:
+        return what_decides(body)
 
 
 def _lacking(body: BodyDescription) -> tuple[Element, ...]:

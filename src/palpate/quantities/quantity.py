@@ -139,6 +139,12 @@ class Quantity:
         del body
         return None
 
+    def overruled(self, body: BodyDescription) -> str:
+        """What else in the file decides in the place of what it states of `body`; empty for
+        nothing."""
+        del body
+        return ""
+
     def status(self, body: BodyDescription) -> Status:
         """Whether the file states it of `body`, which is of its subject."""
         del body

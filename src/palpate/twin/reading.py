@@ -51,7 +51,10 @@ def misread(
         if body is None or status == "missing":
             yield parameter, "what is written leaves it open"
             continue
-        stated = status == "known"
+        if reason := quantity.overruled(body):
+            yield parameter, reason
+            continue
+        stated = status in ("known", "assumed")
         read = quantity.known(body) if stated else quantity.compiled(body)
         if read is not None:
             written = _open(quantity, before.bodies[parameter.object], values)
