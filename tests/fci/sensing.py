@@ -13,7 +13,7 @@ import numpy as np
 from palpate.geometry.pose import Array
 from palpate.robots.description import RobotDescription
 from palpate.robots.nominal import RIDGE, wrench
-from palpate.robots.simulated.noise.encoders import Encoders
+from palpate.robots.simulated.noise.encoders import PAD_TIME, Encoders
 from palpate.robots.simulated.noise.model import NoiseModel
 from palpate.robots.simulated.noise.motion import Motion
 from palpate.robots.simulated.noise.sensors import Sensors
@@ -24,6 +24,8 @@ from palpate.robots.simulated.timing import BLOCK, PERIOD, TIMESTEP
 from .believed import BelievedArm
 from .plant import Plant
 
+YIELDS = -math.expm1(-TIMESTEP / PAD_TIME)
+"""Links give way as slowly as pads do: what a joint bends under a torque moves inertias."""
 KEEPS = math.exp(-TIMESTEP / OBSERVER_TIME)
 
 
@@ -51,19 +53,27 @@ class Sensing:
         self._white, self._looks = noise.torque.white, streams.run("torque.white.looks")
         self._encoders = Encoders(noise, self._sensors.rests, streams)
         self._fine, self._blur = noise.pose.encoder, streams.run("pose.encoder")
-        self._astray, self._next = np.zeros(7), np.zeros(7)
-        self._late = [np.zeros(7) for _ in range(BLOCK)]
         self._deviation, self.external = np.zeros(7), np.zeros(7)
         self._sums, self._cycle, self.peak = np.zeros((4, 7)), 0, 0.0
+        self._bearing = plant.true_gravity_torque()
+        self._start()
+
+    def _start(self) -> None:
+        """At rest, the torque sensors zeroed."""
+        plant, believed = self._plant, self._believed
         self.q, self.dq = plant.q.copy(), np.zeros(7)
-        believed.update(self.q, self.dq, np.zeros(7))
-        weight = plant.true_gravity_torque()
-        start = Motion(
-            self.q[None], np.zeros((1, 7)), believed.jacobian, believed.O_T_EE[None, :3, 3]
-        )
-        self._sensors.zero(weight, believed.gravity.copy(), start)
-        self.tau = believed.gravity.copy()
+        believed.update(self.q, self.dq, self.dq)
+        self._next = np.zeros(7)
         self._step_block(np.zeros(3))
+        self._astray = self._next
+        off = self._astray + self._bent()
+        self._late = [off] * BLOCK
+        self.q = plant.q + off
+        believed.update(self.q, self.dq, self.dq)
+        place = believed.O_T_EE[None, :3, 3]
+        start = Motion(self.q[None], np.zeros((1, 7)), believed.jacobian, place)
+        self.tau = believed.gravity.copy()
+        self._sensors.zero(self._bearing, self.tau, start)
 
     def update(self) -> None:
         """After a cycle."""
@@ -84,13 +94,19 @@ class Sensing:
         plant, part = self._plant, (self._cycle % BLOCK) / BLOCK
         q = plant.q + self._astray + part * (self._next - self._astray)
         if not self._encoders.exact:
-            q += self._encoders.reported(plant.q[None], plant.motor[None])[0] - plant.q
+            self._bearing += YIELDS * (plant.link - self._bearing)
+            q += self._bent()
         if self._fine.any():
             q += self._fine * self._blur.standard_normal(JOINTS)
         q = self._encoders.quantised(q)
         off = q - plant.q
         self.q, self.dq = q, plant.dq + (off - self._late[self._cycle % BLOCK]) / PERIOD
         self._late[self._cycle % BLOCK] = off
+
+    def _bent(self) -> Array:
+        """(7,) rad by which the encoders are off for joints that give way, and by themselves."""
+        q = self._plant.q
+        return self._encoders.reported(q[None], self._bearing[None])[0] - q
 
     def _live(self) -> None:
         """A block has passed."""

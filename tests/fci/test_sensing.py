@@ -62,3 +62,14 @@ def test_the_gains_are_those_of_the_robot_with_this_seed(seed: int) -> None:
     after = rest(made, 800, 3 * PUSH)[400:].mean(axis=0)
     felt, given = after - before, made.plant.link - true
     assert felt[3] / given[3] - 1.0 == pytest.approx(drawn[3], abs=0.004)
+
+
+def test_an_arm_that_is_held_stands_still_however_its_encoders_are_off() -> None:
+    """Joints that give way, pads, ripple, noise: none of it is fed back into a hum."""
+    made = bench("hardware", seed=2)
+    start, fastest = made.plant.q.copy(), 0.0
+    for _ in range(500):
+        made.robot.cycle(None)
+        fastest = max(fastest, float(np.abs(made.robot.state.fields["dq"]).max()))
+    assert fastest < 0.02
+    assert np.abs(made.plant.q - start).max() < 5e-4
