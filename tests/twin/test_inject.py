@@ -590,3 +590,17 @@ def test_a_hollow_part_beside_a_stated_one_is_weighed() -> None:
     assert body(inject(text, {Parameter("cup", "mass"): (0.25,)}), "cup").mass[0] == pytest.approx(
         0.25
     )
+
+
+@pytest.mark.parametrize(
+    "tie", ['<weld body1="cup" body2="lid"/>', '<connect body1="lid" body2="cup" anchor="0 0 0"/>']
+)
+def test_what_is_tied_to_something_was_not_weighed_alone(tie: str) -> None:
+    lid = '<body name="lid" pos="0 0 0.13"><freejoint/><geom size=".01" mass="0.1" friction="1"/></body>'
+    text = rubbing(cup='friction="0.4"', after=f"<equality>{tie}</equality>")
+    text = text.replace('mass="0.2"', "").replace("</worldbody>", f"{lid}</worldbody>")
+    made = complete(parse_scene(text), [estimate("cup", "mass", 0.3)])
+    assert [str(parameter) for parameter in made.unwritten] == ["cup.mass"]
+    assert "it is tied to 'lid' (<equality>), with which it was lifted" in made.notes[0]
+    loose = text.replace("body1", 'active="false" body1')
+    assert complete(parse_scene(loose), [estimate("cup", "mass", 0.3)]).unwritten == ()

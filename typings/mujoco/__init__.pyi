@@ -65,6 +65,8 @@ class mjtCone(_Enum):
     mjCONE_ELLIPTIC: ClassVar[mjtCone]
 
 class mjtEq(_Enum):
+    mjEQ_CONNECT: ClassVar[mjtEq]
+    mjEQ_WELD: ClassVar[mjtEq]
     mjEQ_JOINT: ClassVar[mjtEq]
 
 class mjtTrn(_Enum):
@@ -83,6 +85,9 @@ class mjtDisableBit(_Enum):
     mjDSBL_GRAVITY: ClassVar[mjtDisableBit]
     mjDSBL_ACTUATION: ClassVar[mjtDisableBit]
 
+class mjtEnableBit(_Enum):
+    mjENBL_OVERRIDE: ClassVar[mjtEnableBit]
+
 class mjtCtrlChart(_Enum):
     mjCHART_EXPMAP: ClassVar[mjtCtrlChart]
     mjCHART_QUAT: ClassVar[mjtCtrlChart]
@@ -98,6 +103,7 @@ class mjtBuiltin(_Enum):
 # Compiled model
 
 class MjOption:
+    enableflags: int
     timestep: float
     gravity: _Doubles
     integrator: int
@@ -203,7 +209,19 @@ class MjModel:
     geom_contype: _Ints
     geom_conaffinity: _Ints
     geom_bodyid: _Ints
+    site_bodyid: _Ints
+    neq: int
+    eq_type: _Ints
+    eq_obj1id: _Ints
+    eq_obj2id: _Ints
+    eq_objtype: _Ints
+    eq_active0: NDArray[np.bool_]
     geom_priority: _Ints
+    geom_condim: _Ints
+    pair_dim: _Ints
+    pair_geom1: _Ints
+    pair_geom2: _Ints
+    pair_friction: _Doubles
     geom_rbound: _Doubles
     geom_dataid: _Ints
     geom_group: _Ints

@@ -22,6 +22,7 @@ from palpate.mjcf.edits import Slot
 from palpate.mjcf.inertial import Statement, lacks
 from palpate.mjcf.roles import Elements
 from palpate.parameter import Parameter
+from palpate.quantities.contacts import tied_to
 from palpate.quantities.evidence import Evidence
 from palpate.quantities.quantity import Prior, Quantity, Status, Values
 from palpate.trace.recording import Hand, Recording
@@ -79,6 +80,9 @@ class CentreOfMass(Quantity):
 
     def known(self, body: BodyDescription) -> tuple[float, ...]:
         return tuple(float(v) for v in body.shapes.model.body(body.name).ipos)
+
+    def overruled(self, body: BodyDescription) -> str:
+        return tied_to(body)
 
     def slots(self, elements: Elements) -> Iterator[Slot]:
         if elements.inertial is not None:

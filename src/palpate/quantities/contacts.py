@@ -1,4 +1,5 @@
-"""Which of several statements decides how an object rubs on what stands still.
+"""What else acts on an object than what its file states of it: which of several statements decides
+how it rubs on what stands still, and what it is tied to.
 
 MuJoCo takes friction and `condim` from a `<pair>` that names both shapes, else from the shape of higher
 `priority`, else the larger of both (documentation, "Computation", contact).
@@ -26,7 +27,7 @@ def what_decides(body: BodyDescription) -> str:
     """What else than the object's own friction acts where it touches what stands still; empty for
     nothing."""
     model = body.shapes.model
-    if model.opt.enableflags & mujoco.mjtEnableBit.mjENBL_OVERRIDE:
+    if model.opt.enableflags & int(mujoco.mjtEnableBit.mjENBL_OVERRIDE):
         return "<option> overrides the friction of every contact"
     standing = _standing(body)
     priorities, frictions = model.geom_priority[standing], model.geom_friction[standing, 0]
@@ -41,6 +42,33 @@ def what_decides(body: BodyDescription) -> str:
         if model.geom_condim[i] < FRICTIONAL:
             return 'its contacts are without friction (condim="1")'
     return ""
+
+
+def tied_to(body: BodyDescription) -> str:
+    """That an object does not move alone, in words; empty where it does. What is tied to it is lifted
+    and turned with it."""
+    model = body.shapes.model
+    own = {int(model.body(body.name).id)}
+    for geom in body.elements.geoms:
+        own.add(int(model.geom_bodyid[body.shapes.geom_ids[geom]]))
+    for equality in range(model.neq):
+        ends = _ends(model, equality)
+        if len(own.intersection(ends)) == 1:
+            (other,) = set(ends) - own
+            name = model.body(other).name or "something without a name"
+            return f"it is tied to '{name}' (<equality>), with which it was lifted"
+    return ""
+
+
+def _ends(model: mujoco.MjModel, equality: int) -> tuple[int, ...]:
+    """The two bodies that an active constraint ties to each other; none of others."""
+    ties = (int(mujoco.mjtEq.mjEQ_CONNECT), int(mujoco.mjtEq.mjEQ_WELD))
+    if model.eq_type[equality] not in ties or not model.eq_active0[equality]:
+        return ()
+    ends = (int(model.eq_obj1id[equality]), int(model.eq_obj2id[equality]))
+    if model.eq_objtype[equality] == int(mujoco.mjtObj.mjOBJ_SITE):
+        ends = (int(model.site_bodyid[ends[0]]), int(model.site_bodyid[ends[1]]))
+    return ends
 
 
 def _standing(body: BodyDescription) -> NDArray[np.intp]:

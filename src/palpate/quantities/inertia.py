@@ -22,6 +22,7 @@ from palpate.mjcf.edits import Slot
 from palpate.mjcf.inertial import Statement, com_of, inertia_for, inertia_is_open, mass_of
 from palpate.mjcf.roles import Elements
 from palpate.parameter import Parameter
+from palpate.quantities.contacts import tied_to
 from palpate.quantities.evidence import Evidence
 from palpate.quantities.quantity import Prior, Quantity, Status, Values
 from palpate.trace.samples import FORCES, Trace
@@ -78,6 +79,9 @@ class Inertia(Quantity):
     def known(self, body: BodyDescription) -> tuple[float, ...]:
         compiled = body.shapes.model.body(body.name)
         return inertia_components(compiled.inertia, compiled.iquat)
+
+    def overruled(self, body: BodyDescription) -> str:
+        return tied_to(body)
 
     def slots(self, elements: Elements) -> Iterator[Slot]:
         if elements.inertial is not None:

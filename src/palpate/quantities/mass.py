@@ -26,6 +26,7 @@ from palpate.mjcf.inertial import (
 )
 from palpate.mjcf.roles import Elements
 from palpate.parameter import Parameter
+from palpate.quantities.contacts import tied_to
 from palpate.quantities.evidence import Evidence
 from palpate.quantities.precision.effort import Effort, Site
 from palpate.quantities.quantity import Prior, Quantity, Status, Values
@@ -91,6 +92,9 @@ class Mass(Quantity):
 
     def known(self, body: BodyDescription) -> tuple[float, ...]:
         return (mass_of(body),)
+
+    def overruled(self, body: BodyDescription) -> str:
+        return tied_to(body)
 
     def slots(self, elements: Elements) -> Iterator[Slot]:
         for geom in elements.geoms:
