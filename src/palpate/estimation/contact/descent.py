@@ -73,6 +73,17 @@ class Descent:
         """m, tip height meanwhile."""
         return float(np.median(self.z[self.pressed]))
 
+    @property
+    def borne(self) -> Mask:
+        """Rows in which it pressed most at rest: of the recording, or before it was eased."""
+        told = self.samples.target_world_tcp[:, 2]
+        lowest = int(np.argmin(told))
+        if told[-1] - told[lowest] < tuning.EASED:
+            return self.pressed
+        risen = np.flatnonzero(told[lowest:] > told[lowest] + tuning.EASED / 10)
+        rows = np.arange(len(told)) - lowest - int(risen[0])
+        return (rows < 0) & (rows >= -tuning.BLOCK_ROWS)
+
     def crossing(self, force: float) -> int:
         """The first row of the contact at which the force has risen to `force` N."""
         after = np.flatnonzero(self.smooth[self.onset :] >= force)

@@ -44,7 +44,7 @@ class Touch:
     Attributes:
         recording: of the pose in which the tip was held.
         spot: (2,) m, world x and y of the fingertips.
-        held: m, tip height at the force `full`, N.
+        held: m, tip height at the force `full`, N. rise: N, of the last stretch.
         compliance: m/N, of the last stretch of the loading curve.
         knee: N, the force at which that stretch began; 0 where it began in free air.
         bottomed: m, tip height at which something soft had been pressed through; None for none.
@@ -63,6 +63,7 @@ class Touch:
     spot: Array
     held: float
     full: float
+    rise: float
     compliance: float
     knee: float
     bottomed: float | None
@@ -108,7 +109,7 @@ class Touch:
         whole = max(self.first - self.held, 0.0)
         if self.gives_way:
             return whole
-        stretch = self.compliance * (self.full - self.knee)
+        stretch = self.compliance * max(self.full - self.knee, 0.0)
         if self.knee > 0.0 or abs(whole - stretch) < 2.0 * self.first_std:
             return stretch
         return whole
@@ -131,9 +132,8 @@ class Touch:
     def _stretched(self, sigmas: float) -> float:
         """m/N of the last stretch, had the force risen by so many standard deviations more: the joints'
         friction lets go of an unknown part of it as the arm stops."""
-        rise = (1.0 - tuning.LATE_FORCE) * self.full
-        risen = max(rise + sigmas * self.descent.friction, tuning.SOFT_FORCE)
-        return self.compliance * rise / risen
+        risen = max(self.rise + sigmas * self.descent.friction, tuning.SOFT_FORCE)
+        return self.compliance * self.rise / risen
 
     @property
     def gives_way(self) -> bool:
@@ -205,12 +205,16 @@ def touched(trace: Trace, recording: Recording) -> Touch | None:
     if descent is None:
         return None
     samples, full, held = descent.samples, descent.full, descent.held
-    late = descent.crossing(tuning.LATE_FORCE * full)
-    rise = full - tuning.LATE_FORCE * full
-    sunk = float(np.median(descent.z[late - 2 : late + 3])) - held
+    most, deepest = _at_most(descent)
+    late = descent.crossing(tuning.LATE_FORCE * most)
     first, first_std = _first_contact(descent, late)
+    rise = most - tuning.LATE_FORCE * most
+    if first - float(descent.z[late]) > tuning.SOFT:
+        # Something soft may bear as much as that.
+        late, rise = descent.crossing(tuning.LATER_FORCE * most), most - tuning.LATER_FORCE * most
+    sunk = float(np.median(descent.z[late - 2 : late + 3])) - deepest
     bottomed = _bottomed(descent, late, first)
-    onset = Onset(first, first_std, bottomed, max(first - held, 0.0) / full)
+    onset = Onset(first, first_std, bottomed, max(first - deepest, 0.0) / most)
     lever, lever_std = _lever(descent, trace.hand)
     return Touch(
         recording,
@@ -218,6 +222,7 @@ def touched(trace: Trace, recording: Recording) -> Touch | None:
         samples.pose_world_tcp[descent.pressed, :2].mean(axis=0),
         held,
         full,
+        rise,
         compliance=max(sunk, 0.0) / rise,
         knee=_knee(descent, late, first),
         bottomed=bottomed,
@@ -232,6 +237,12 @@ def touched(trace: Trace, recording: Recording) -> Touch | None:
         out_of_level=max(tuning.LEANS_OVER, trace.hand.tip_offset_std / tuning.REACH),
         spring=fit_spring(descent, onset, trace.hand),
     )
+
+
+def _at_most(descent: Descent) -> tuple[float, float]:
+    """N that it pressed with at rest at most, and m, tip height meanwhile."""
+    borne = descent.borne
+    return float(np.mean(descent.smooth[borne])), float(np.median(descent.z[borne]))
 
 
 def _first_contact(descent: Descent, late: int) -> tuple[float, float]:
@@ -272,8 +283,9 @@ def _knee(descent: Descent, late: int, first: float) -> float:
 def _bottomed(descent: Descent, late: int, first: float) -> float | None:
     """m: the tip's height at which the surface became far stiffer than it had been."""
     late_z, late_force = float(descent.z[late]), float(descent.smooth[late])
+    most, deepest = _at_most(descent)
     before = (first - late_z) / late_force
-    after = (late_z - descent.held) / (descent.full - late_force)
+    after = (late_z - deepest) / (most - late_force)
     if first - late_z < tuning.SOFT or after > tuning.STIFFER * before:
         return None
     return late_z + tuning.STIFF_SHARE * (first - late_z)

@@ -46,6 +46,9 @@ LATE_FORCE = 0.6
 """part of the pressing force from which the last stretch of the loading curve reaches to all of
 it: reached before the arm is told to stop, whose swing would disturb it. Sensitive: hardly."""
 
+LATER_FORCE = 0.66
+"""the same below something soft, which may bear as much. Sensitive: cloths of some 400 N/m, foams in layers."""
+
 STIFF_SHARE = 0.1
 """part of the way through something soft that still belongs to the stiff stretch below it.
 Sensitive: hardly."""
