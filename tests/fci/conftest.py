@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Any
 
 import pytest
 
 from .served import Served, files, served
-
-franky = pytest.importorskip("franky", reason="franky-control has no wheel for this machine")
 
 
 @pytest.fixture(scope="session")
@@ -19,13 +18,15 @@ def bench() -> Iterator[Served]:
 
 
 @pytest.fixture
-def robot(bench: Served) -> franky.Robot:
+def robot(bench: Served) -> Any:
     """A client, newly connected."""
     return connected(bench)
 
 
-def connected(bench: Served) -> franky.Robot:
+def connected(bench: Served) -> Any:
     """A client with thresholds that no motion of these tests comes near."""
+    import franky
+
     robot = franky.Robot(bench.address, realtime_config=franky.RealtimeConfig.Ignore)
     robot.set_collision_behavior(60.0, 60.0)
     robot.relative_dynamics_factor = 0.3

@@ -27,10 +27,10 @@ SERVERS = count(1)
 
 
 def own_address() -> str:
-    """A loopback address that no other server of any test worker has: libfranka's ports are
-    fixed."""
+    """A loopback address that no other server of any test worker or test run has: libfranka's
+    ports are fixed."""
     worker = os.environ.get("PYTEST_XDIST_WORKER", "gw0").removeprefix("gw")
-    return f"127.0.{10 + int(worker)}.{next(SERVERS)}"
+    return f"127.{10 + int(worker)}.{os.getpid() % 250}.{next(SERVERS)}"
 
 
 class Served:

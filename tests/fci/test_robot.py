@@ -5,11 +5,12 @@ from __future__ import annotations
 import time
 from typing import Any
 
-import franky
 import numpy as np
 import pytest
 
 from .served import Served
+
+franky = pytest.importorskip("franky", reason="franky-control has no wheel for this machine")
 
 HOME = [0.0, -0.785398, 0.0, -2.356194, 0.0, 1.570796, 0.785398]
 BY = np.array([0.05, 0.04, -0.05, 0.06, 0.03, -0.05, 0.08])
