@@ -36,6 +36,7 @@ from palpate.scene.load import load_scene, parse_scene
 from palpate.scene.poses import read_poses
 from palpate.scene.remarks import remarks
 from palpate.scene.scene import Scene as InnerScene
+from palpate.scene.scene import with_real_arm
 from palpate.settings import Settings
 
 if TYPE_CHECKING:
@@ -208,6 +209,8 @@ class Plan(InnerPlan):
         if within is not None:
             settings = replace(settings, within=Within.read(within))
         made = replace(self.made, settings=settings)
+        if robot is not None:
+            made = replace(made, scene=with_real_arm(made.scene))
         return _run_of(pipeline.carry_out(made, observer, progress, confirm, cell, settings.out))
 
     def _repr_html_(self) -> str:
@@ -354,8 +357,7 @@ def run(
         pipeline.preflight(planned)
     found = scene
     if isinstance(found, str | Path):
-        real = planned.robot is not None
-        found = _loaded(found, poses, arm, cautious, robot_config, root, robot_body, real)
+        found = load(found, poses, arm, cautious, robot_config, root, robot_body)
     if found is not None:
         planned = found.settings(planned)
     options.get("progress", quiet)("planning")
@@ -387,22 +389,8 @@ def load(
     Raises:
         InputError: malformed XML, missing files, names that do not match.
     """
-    return _loaded(source, poses, arm, cautious, robot_config, root, robot_body, real=False)
-
-
-def _loaded(
-    source: str | Path,
-    poses: str | Path | None,
-    arm: str | Path,
-    cautious: bool,
-    robot_config: str | Path | None,
-    root: str | Path | None,
-    robot_body: str | Sequence[str],
-    real: bool,
-) -> Scene:
-    """As `load`; `real`: the arm is not simulated."""
     file, config = _path(poses), _path(robot_config)
-    description = own_arm(str(arm), cautious, config, real=real)
+    description = own_arm(str(arm), cautious, config)
     robots = _names(robot_body)
     if _is_text(source):
         entries = read_poses(file) if file is not None else None

@@ -250,7 +250,8 @@ def execute(
     robot = stages.robot_of(cell)
     progress(f"executing on the {'simulated' if cell.simulated else 'real'} robot")
     policy, within = made.settings.on_failure, made.settings.within
-    done = stages.perform(made.plan, made.scene, robot, observer, policy, keep, within, progress)
+    plan, scene, real = made.plan, made.scene, not cell.simulated
+    done = stages.perform(plan, scene, robot, observer, policy, keep, within, progress, real)
     return replace(
         made,
         world=cell.description,

@@ -137,17 +137,19 @@ def perform(
     keep: Keep | None = None,
     within: Within | None = None,
     say: Callable[[str], None] = print,
+    real: bool = False,
 ) -> Execution:
     """Run the tree on the robot, go on after a failure as far as the policy allows, and measure
     again what is wider than `within` asks, of which `say` is told; the robot is let go in any case.
-    `keep` writes down what it senses meanwhile."""
+    `keep` writes down what it senses meanwhile. `real`: something real moves."""
     from palpate.execution.recovery import recover
     from palpate.execution.repetition import repeat
     from palpate.execution.runner import run as run_tree
 
     attempt = partial(run_tree, observer=observer, keep=keep)
     try:
-        done = recover(attempt(plan, scene, robot), plan, scene, robot, on_failure, attempt)
+        first = attempt(plan, scene, robot)
+        done = recover(first, plan, scene, robot, on_failure, attempt, real)
         if within:
             done = repeat(done, plan, scene, robot, within, attempt, say)
         return done

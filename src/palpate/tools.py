@@ -5,16 +5,19 @@ With `palpate.api` this is all that the command line stands on.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from palpate import pipeline
+from palpate.cells.registry import drivers
+from palpate.errors import Unavailable
 from palpate.planning.check.check import check
 from palpate.planning.model.prompt.compose import Prompt, checked_modules, compose
 from palpate.planning.model.session import Budget, ModelSettings
 from palpate.planning.recorded import load_proposal, plan_file
 from palpate.quantities.precision.within import Within
+from palpate.robots.owner.registered import own_arm
 from palpate.robots.registry import DEFAULT, load_description
 from palpate.scene.from_picture import DetectedScene, SceneBuilder
 from palpate.scene.load import load_scene
@@ -29,6 +32,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "check_file",
+    "examined",
     "model_settings",
     "paper_notation",
     "pictures",
@@ -38,6 +42,21 @@ __all__ = [
     "tree_nodes_model",
     "vocabulary",
 ]
+
+
+def examined(
+    url: str, arm: str, robot_config: Path | None, may_hold: Callable[[], bool]
+) -> Iterator[tuple[bool, str, str]]:
+    """What there is to say of the real robot at a URL: whether a thing is well, what it is, and what is
+    so, or what to do about it. `may_hold` is asked whether the arm may hold itself for some seconds.
+
+    Raises:
+        InputError: no such URL or arm. Unavailable: no driver, or one that can say nothing.
+    """
+    driver = drivers().of(url)
+    if driver.examine is None:
+        raise Unavailable(f"the driver for '{url}' has nothing to say of its robot")
+    return driver.examine(url, own_arm(arm, False, robot_config, real=True), may_hold)
 
 
 def check_file(

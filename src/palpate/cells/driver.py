@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from palpate.cells.cell import Cell
 
 if TYPE_CHECKING:
+    from palpate.robots.description import RobotDescription
     from palpate.scene.scene import Scene
+
+Finding = tuple[bool, str, str]
+"""Whether a thing is well, what it is, and what is so, or what to do about it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,7 +25,10 @@ class Driver:
         scheme: of the robot's URLs, e.g. `franky` for `franky://HOST`.
         connect: makes the cell at a URL, for a scene. Without a scene (a plan is made of a picture
             alone) the cell is asked for that picture and for nothing else.
+        examine: what `palpate doctor --robot` tells of the robot at a URL that is described so; the
+            last argument asks whether it may hold itself for some seconds. None where nobody can say.
     """
 
     scheme: str
     connect: Callable[[str, Scene | None], Cell]
+    examine: Callable[[str, RobotDescription, Callable[[], bool]], Iterator[Finding]] | None = None

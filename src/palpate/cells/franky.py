@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from palpate.cells.driver import Driver
+from palpate.cells.driver import Driver, Finding
 from palpate.errors import InputError
+from palpate.geometry.pose import Pose
 from palpate.parameter import Parameter
 from palpate.robots.franky.address import SCHEME, Address, read_address
 from palpate.robots.franky.preflight import require_answer
 
 if TYPE_CHECKING:
     from palpate.pictures.footage import Footage
+    from palpate.robots.description import RobotDescription
     from palpate.robots.franky.robot import FrankyRobot
     from palpate.scene.poses import CameraEntry
     from palpate.scene.scene import Scene
@@ -48,9 +51,8 @@ class FrankyCell:
             raise InputError("a robot needs a scene to work in: give scene=D.xml")
         session = Session(self.address)
         try:
-            return FrankyRobot(
-                session, self.scene.arm, self.scene.pose_world_base, self.scene.gravity
-            )
+            scene = self.scene
+            return FrankyRobot(session, scene.arm.real(), scene.pose_world_base, scene.gravity)
         except BaseException:
             session.close()
             raise
@@ -75,4 +77,16 @@ def connect(url: str, scene: Scene | None) -> FrankyCell:
     return FrankyCell(address, scene)
 
 
-driver = Driver(SCHEME, connect)
+def examine(url: str, arm: RobotDescription, may_hold: Callable[[], bool]) -> Iterator[Finding]:
+    """What there is to say of the arm at a URL; see `Driver`.
+
+    Raises:
+        InputError: no such URL.
+    """
+    from palpate.robots.franky import doctor
+
+    origin = arm.stands(Pose.of((0.0, 0.0, 0.0)))
+    return doctor.examine(read_address(url), arm, origin, may_hold)
+
+
+driver = Driver(SCHEME, connect, examine)

@@ -29,13 +29,21 @@ class Drivers:
         Raises:
             Unavailable: no driver for its scheme, or no answer at the URL.
         """
+        return self.of(url).connect(url, scene)
+
+    def of(self, url: str) -> Driver:
+        """The driver for a URL.
+
+        Raises:
+            Unavailable: there is none for its scheme.
+        """
         scheme = url.partition("://")[0]
         if scheme not in self.known:
             have = ", ".join(sorted(self.known)) or "none"
             raise Unavailable(
                 f"no driver for '{url}': leave robot= out to use the embedded one; drivers: {have}"
             )
-        return self.known[scheme].connect(url, scene)
+        return self.known[scheme]
 
 
 OWN = (franky,)

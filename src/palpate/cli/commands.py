@@ -29,6 +29,7 @@ from palpate.cli.options import (
     Remeasure,
     RobotBody,
     RobotConfig,
+    RobotUrl,
     Root,
     RunFolder,
     SceneOptions,
@@ -353,11 +354,23 @@ def calibrate(
 
 
 @command(app)
-def doctor() -> None:
-    """Explain what is and what is not available on this machine."""
-    from palpate.cli.doctor import examine
+def doctor(
+    *,
+    robot: RobotUrl = None,
+    arm: Arm = DEFAULT_ARM,
+    robot_config: RobotConfig = None,
+    yes: Yes = False,
+) -> None:
+    """Explain what is and what is not available on this machine, or at a real robot."""
+    from palpate.cli.doctor import examine, examine_robot
 
-    raise typer.Exit(examine())
+    if robot is None:
+        raise typer.Exit(examine())
+
+    def may_hold() -> bool:
+        return yes or typer.confirm("Let the arm hold itself for 5 s, to count cycles?", err=True)
+
+    raise typer.Exit(examine_robot(robot, arm, robot_config, may_hold))
 
 
 def carry_out(settings: Settings, as_json: bool, yes: bool = False) -> None:

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import os
 import platform
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
 from typing import NamedTuple
 
 from rich.markup import escape
@@ -52,6 +53,21 @@ def examine() -> int:
         table.add_row(mark, line.what, f"[dim]{escape(line.detail)}[/]")
     out.print(table)
     return 0 if all(line.good for line in core) else 5
+
+
+def examine_robot(
+    url: str, arm: str, robot_config: Path | None, may_hold: Callable[[], bool]
+) -> int:
+    """Print a line for each thing that a real robot needs, as soon as it is known; 0 when all is well,
+    else 5."""
+    from palpate.tools import examined
+
+    well = True
+    for good, what, detail in examined(url, arm, robot_config, may_hold):
+        mark = "[green]✓[/]" if good else "[red]✗[/]"
+        out.print(f"{mark} {escape(what):18} [dim]{escape(detail)}[/]")
+        well = well and good
+    return 0 if well else 5
 
 
 def _palpate() -> Line:

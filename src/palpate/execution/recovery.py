@@ -9,8 +9,9 @@ run on.
 - `skip`: the object at which it failed is left alone, the rest is measured.
 - `replan`: everything still missing is tried again, at most `MAX_REPLANS` times.
 
-A run that somebody stopped, that still holds an object, or whose sensors cannot be believed, is never
-taken up again.
+A run that somebody stopped, that still holds an object, or whose robot cannot be believed or does not
+move any more, is never taken up again; nor, on a real robot, one in which the arm stopped itself: a
+person has to see first what it met.
 """
 
 from __future__ import annotations
@@ -43,12 +44,22 @@ MAX_REPLANS = 2
 
 
 def recover(
-    first: Execution, plan: Plan, scene: Scene, robot: Robot, policy: OnFailure, run: Runner
+    first: Execution,
+    plan: Plan,
+    scene: Scene,
+    robot: Robot,
+    policy: OnFailure,
+    run: Runner,
+    real: bool = False,
 ) -> Execution:
-    """The execution with all further attempts that the policy allows joined to it."""
+    """The execution with all further attempts that the policy allows joined to it; `real`: something
+    real moves."""
     done, now, left_alone = first, plan, set[str]()
     for attempt in range(len(scene.bodies) if policy == "skip" else MAX_REPLANS):
         if policy == "stop" or not resumable(done):
+            break
+        if real and done.reflex is not None:
+            log.warning("not taken up again by itself: see what the arm met, then run again")
             break
         rest = remaining(plan.parameters, done.trace)
         if policy == "skip" and rest:

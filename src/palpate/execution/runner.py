@@ -64,7 +64,9 @@ class Execution:
         robot_seconds, wall_seconds: how long it took.
         setbacks: why earlier attempts stopped that were gone on from (see `palpate.recovery`).
         asked: whether somebody wanted it to stop.
-        fault: why the robot's signals cannot be believed any more; None while they can.
+        fault: why the robot's signals cannot be believed any more, or why it does not move any more;
+            None while all is well.
+        reflex: why the arm stopped itself, and so the run; None if it did not.
     """
 
     trace: Trace
@@ -77,6 +79,7 @@ class Execution:
     setbacks: tuple[str, ...] = ()
     asked: bool = False
     fault: str | None = None
+    reflex: str | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -159,6 +162,7 @@ class _Loop:
     keep: Keep | None
     signals: Interrupts
     stopping: str | None = None
+    reflex: str | None = None
     start: float | None = None
     now: float = 0.0
 
@@ -167,7 +171,10 @@ class _Loop:
         s."""
         if self.start is None:
             self.start = self.now = self.blackboard.robot.state.t
+        until = self.now + budget
         for _ in range(math.ceil(budget / self.tick_period)):
+            if self.now >= until:
+                break  # more time passed than was asked for: a real robot's does
             self._advance()
             if reason := asked():
                 return reason
@@ -176,6 +183,7 @@ class _Loop:
             if root.status is Status.SUCCESS:
                 return None
             if root.status is Status.FAILURE:
+                self.reflex = self.reflex or self.blackboard.robot.state.reflex
                 return self._failure()
         return f"not done after {budget:g} s of robot time, the budget of a run"
 
@@ -216,8 +224,16 @@ class _Loop:
             self._elapsed(),
             wall_seconds,
             asked=asked,
-            fault=fault,
+            fault=fault or self._lost(),
+            reflex=self.reflex,
         )
+
+    def _lost(self) -> str | None:
+        """Why the robot does not move any more."""
+        try:
+            return self.blackboard.robot.state.fault
+        except Exception as error:
+            return str(error)
 
     def _note_fault(self) -> str | None:
         """What is wrong with the signals stands in the trace from when it began on, which may be
@@ -254,7 +270,10 @@ class _Loop:
                 return
 
     def _rest(self) -> None:
+        until = self.now + STOP_SECONDS
         for _ in range(math.ceil(STOP_SECONDS / self.tick_period)):
+            if self.now >= until:
+                return
             self._advance()
             self._show()
             state = self.blackboard.robot.state

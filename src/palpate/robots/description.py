@@ -151,8 +151,11 @@ class RobotDescription:
         return replace(self, pace=self.pace.model_copy(update=slower))
 
     def real(self) -> RobotDescription:
-        """The same arm as it is where it is not simulated."""
-        return replace(self, stiffness=self.hardware or self.stiffness)
+        """The same arm as it is where it is not simulated; springs that its owner set stay."""
+        set_by_hand = self.config is not None and self.config.stiffness is not None
+        if set_by_hand or self.hardware is None:
+            return self
+        return replace(self, stiffness=self.hardware)
 
     def spec(self, gravity: Array | None = None) -> mujoco.MjSpec:
         """An editable copy of the arm's model, its options those of every world it is put in."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -129,3 +129,8 @@ class Scene:
 
 def _counted(number: int, noun: str) -> str:
     return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
+
+
+def with_real_arm(scene: Scene) -> Scene:
+    """The scene with an arm in it that is not simulated."""
+    return replace(scene, arm=scene.arm.real())

@@ -66,17 +66,17 @@ POSITION_TOLERANCE = 0.010
 ANGLE_TOLERANCE = np.radians(3.0)
 FIRMLY = 0.8
 """part of what keeps an object from turning between the pads that a slide may take: they creep."""
-LIGHTLY = 0.001
-"""m by which the equilibrium is lowered at least, lest a slide lifts what it drags."""
+LIGHTLY = 3.0
+"""N that is pressed at least, lest a slide lifts what it drags."""
 PRESSED = (
     (0.0, LIGHTLY, CONTACT_SPEED),
-    (0.5, 0.005, CONTACT_SPEED),
+    (0.5, 15.0, CONTACT_SPEED),
     (1.0, LIGHTLY, 2.0 * CONTACT_SPEED),
 )
-"""Part of a slide, how far the equilibrium is lowered there, m, and how fast it goes there, m/s, at
-most: a normal force that the torque sensors resolve, and that rises and falls again, so that neither
-what the arm's own friction adds to the sliding force nor what pulls with the way, like a spring,
-passes for friction; and two speeds, so that what grows with the speed does not, either."""
+"""Part of a slide, how hard it is pressed there, N, and how fast it goes there, m/s, at most: a
+normal force that the torque sensors resolve, and that rises and falls again, so that neither what the
+arm's own friction adds to the sliding force nor what pulls with the way, like a spring, passes for
+friction; and two speeds, so that what grows with the speed does not, either."""
 UNDER_WAY = 90.0
 """s that one motion may take: half a metre at the least speed of a cautious arm."""
 LEAST_SPEED = 0.01
@@ -137,20 +137,19 @@ def _reflex(of: Reflexes, span: Span, holding: str | None, sets_down: bool) -> R
 def _sliding(blackboard: Blackboard) -> Reflex:
     """At what the arm stops itself as it drags what it holds: at more than the roughest support
     holds back of what presses on it, it has met something else."""
-    arm, contact = blackboard.scene.arm, blackboard.robot.limits.reflexes.contact
-    deepest = max(depth for _, depth, _ in PRESSED)
-    pressed = arm.stiffness.translation * deepest + _weight(blackboard)
+    contact = blackboard.robot.limits.reflexes.contact
+    pressed = max(force for _, force, _ in PRESSED) + _weight(blackboard)
     return replace(contact, sideways=ROUGHEST * pressed + MET)
 
 
-def _pressed(blackboard: Blackboard, way: Array, depth: float) -> float:
-    """m by which the equilibrium is lowered on a slide along `way` (3,): `depth`, or less where what
-    it then takes to drag the object would turn it between the pads; at most half of its weight is
-    taken off its support."""
+def _lowered(blackboard: Blackboard, way: Array, force: float) -> float:
+    """m by which the equilibrium is lowered on a slide along `way` (3,): it presses with `force`, N,
+    or less where what it then takes to drag the object would turn it between the pads; at most half of
+    its weight is taken off its support."""
     load, stiffness = blackboard.load, blackboard.scene.arm.stiffness.translation
     bearable = FIRMLY * most_sideways(blackboard.state, way) / load.rough
-    spare = (bearable - _weight(blackboard)) / stiffness
-    return min(depth, max(spare, -0.5 * load.weight / stiffness))
+    spare = bearable - _weight(blackboard)
+    return min(force, max(spare, -0.5 * load.weight)) / stiffness
 
 
 def _drag(blackboard: Blackboard) -> Generator[None, None, Array]:
@@ -333,8 +332,8 @@ class MovePose(Primitive):
         start = robot.state.target_world_tcp
         safe = max(CONTACT_SPEED, speed(Span(start, target, True), blackboard.scene))
         fastest = self._at_most(safe)
-        for share, depth, pace in PRESSED:
-            down = _pressed(blackboard, target.position - start.position, depth)
+        for share, force, pace in PRESSED:
+            down = _lowered(blackboard, target.position - start.position, force)
             way = share * (target.position - start.position)
             here = Pose(start.position + way - [0.0, 0.0, down], target.quaternion)
             robot.move_pose(here, min(pace, fastest))

@@ -53,7 +53,7 @@ def of_error(error: BaseException, mode: str | None = None) -> str:
     lowered = text.lower()
     if "user stop" in lowered or mode == "UserStopped":
         return f"the user stop was pressed: {REMEDIES['UserStopped']}"
-    if "net exception" in lowered or "udp" in lowered or kind == "NetworkException":
+    if is_network(error):
         return "the connection to the control box is lost: look at the network cable and at Desk"
     if "reflex" in lowered or mode == "Reflex":
         return f"the arm stopped itself ({text}): {REMEDIES['Reflex']}"
@@ -63,3 +63,9 @@ def of_error(error: BaseException, mode: str | None = None) -> str:
             f"network card and cable of its own ({text})"
         )
     return f"{kind}: {text}"
+
+
+def is_network(error: BaseException) -> bool:
+    """Whether the connection is lost; franky says so in several ways."""
+    text = str(error).lower()
+    return "net exception" in text or "udp" in text or type(error).__name__ == "NetworkException"

@@ -107,10 +107,10 @@ class Hand:
                 command, self._wanted = self._wanted, None
             assert command is not None
             try:
-                if not command():
-                    self.problem = "the hand refused, or did not end, what it was told"
+                if not command() and not self._closed:
+                    self.problem = "the hand did not open"
             except Exception as error:
-                self.problem = f"the hand: {error}"
+                self.problem = f"the hand does not do what it is told: {error}"
             self._settle()
 
     def _settle(self) -> None:

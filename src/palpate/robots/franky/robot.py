@@ -8,11 +8,12 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
 
-from palpate.errors import InputError
+from palpate.errors import InputError, Unavailable
 from palpate.geometry.pose import Array, Pose
 from palpate.robots.commanded import (
     ahead_of,
@@ -25,9 +26,10 @@ from palpate.robots.commanded import (
 from palpate.robots.description import Limits, RobotDescription
 from palpate.robots.franky import faults
 from palpate.robots.franky.course import Course, joint_course, pose_course
+from palpate.robots.franky.deadline import Call
 from palpate.robots.franky.drive import Drive, Reacted, Row
-from palpate.robots.franky.hand import Hand
-from palpate.robots.franky.readout import Readout, pose_of
+from palpate.robots.franky.hand import NOTHING, Hand
+from palpate.robots.franky.readout import PERIOD, Readout, pose_of
 from palpate.robots.franky.session import Session
 from palpate.robots.franky.springs import Springs
 from palpate.robots.nominal import NominalArm
@@ -40,10 +42,15 @@ from palpate.trace.samples import Samples
 
 SLICE = 0.005
 """s of wall time that is waited for the next cycle at a time."""
-OWN_STALL = 0.3
-"""s that a computer without a realtime kernel may stall before the arm's silence counts."""
-SILENT = 0.7
-"""s of silence after which the control box is taken for gone."""
+OWN_STALL = 0.4
+"""s of silence that do not count on a computer without a realtime kernel, or on loopback."""
+SILENT = 0.08
+"""s of silence beyond that after which the control box is taken for gone: sooner than what it said
+last is too old to act upon."""
+GAP = 0.03
+"""s without a sample."""
+ANSWERS = 0.1
+"""s in which a control box that ended a motion says in which mode it is."""
 APPROACH = 0.25
 """Part of the pace at which the arm goes to its ready pose for the first time: from wherever it was
 left, past what nobody has looked at since."""
@@ -63,7 +70,8 @@ class FrankyRobot:
         """The arm as it stands; nothing moves.
 
         Raises:
-            InputError: its end effector is not the description's. Unavailable: it is not ready.
+            InputError: its end effector is not the description's. Unavailable: it is not ready, or
+                holds something.
         """
         self._session, self._arm = session, arm
         self._gravity = arm.gravity if arm.gravity is not None else gravity
@@ -85,14 +93,15 @@ class FrankyRobot:
         self._springs = Springs(arm.stiffness)
         self._drive = Drive(session.robot, self._springs, self._base)
         self._hand = Hand(session.gripper, arm.hand)
+        require_free(self._hand)
         self._width = self._hand.fingers.width
         self._thresholds = arm.limits.reflexes.contact
         self._reflex: str | None = None
         self._fault: str | None = None
         self._mode = faults.mode_of(state)
-        self._guard_due = self._ready = self._closed = False
-        self._t = self._due = self._t_width = self._readout.stamp
-        self._heard = time.perf_counter()
+        self._guard_due = self._ready = self._closed = self._lost = False
+        self._t = self._due = self._t_width = self._sampled = self._readout.stamp
+        self._silence = 0.0
         self._slack = 0.0 if session.address.realtime else OWN_STALL
         self._logged: list[Samples] = []
         self._cached: RobotState | None = None
@@ -231,7 +240,13 @@ class FrankyRobot:
         self._due = max(self._due, self._t) + duration
         self._cached = None
         self._renew_guard()
-        while self._t < self._due:
+        self._pass_until(self._due)
+        if self._fault is None and self._t - self._sampled > GAP:
+            # The control loop has just begun: its first cycles make no sample yet.
+            self._pass_until(self._t + 2 * PERIOD)
+
+    def _pass_until(self, t: float) -> None:
+        while self._t < t:
             self._listen()
         self._take()
 
@@ -246,7 +261,7 @@ class FrankyRobot:
             return
         self._closed = True
         self._hand.end()
-        self._session.close()
+        self._session.close(self._lost)
 
     def _follow(self, make: Callable[[Course | None, float], Course], clears: bool = True) -> None:
         """Take up a course; where nothing moves it is made before the control loop is kept waiting."""
@@ -274,23 +289,27 @@ class FrankyRobot:
             self._fail(faults.of_error(error, self._mode))
 
     def _listen(self) -> None:
-        """Wait for the next cycle, or a while."""
+        """Wait for the next cycle, or a while. A silence counts as long as this computer listened."""
+        began, heard = time.perf_counter(), self._stamp()
         if self._fault is not None:
             time.sleep(SLICE)
         elif self._drive.begun:
-            self._hear_loop()
+            self._hear_loop(heard)
         else:
             self._ask()
-        silent = time.perf_counter() - self._heard
-        self._t = max(self._t, self._stamp() + max(silent - self._slack, 0.0))
-        if silent > SILENT and self._fault is None:
-            self._fail(f"the control box has said nothing for {silent:.1f} s: {LOST}")
+        waited = min(time.perf_counter() - began, 2 * SLICE)
+        self._silence = 0.0 if self._stamp() > heard else self._silence + waited
+        self._t = max(self._t, self._stamp() + max(self._silence - self._slack, 0.0))
+        if self._fault is not None:
+            self._t += waited
+        elif self._silence > self._slack + SILENT:
+            self._lost = True
+            self._fail(f"the control box has said nothing for {self._silence:.1f} s: {LOST}")
 
-    def _hear_loop(self) -> None:
+    def _hear_loop(self, heard: float) -> None:
         drive = self._drive
         with drive.fresh:
-            drive.fresh.wait_for(lambda: drive.heard > self._heard, SLICE)
-            self._heard = max(self._heard, drive.heard)
+            drive.fresh.wait_for(lambda: drive.last > heard, SLICE)
         if not self._session.robot.is_in_control:
             self._loop_ended()
 
@@ -299,13 +318,16 @@ class FrankyRobot:
         try:
             self._session.robot.join_motion(SLICE)
         except Exception as error:
-            self._mode = self._newest_mode()
+            self._lost = faults.is_network(error)
+            if not self._lost:
+                self._ask_mode()
             self._fail(faults.of_error(error, self._mode))
         self._drive.ended()
 
-    def _newest_mode(self) -> str:
-        rows = self._drive.log
-        return faults.mode_of(rows[-1].state) if rows else self._mode
+    def _ask_mode(self) -> None:
+        with suppress(Exception):
+            state = Call(lambda: self._session.robot.state, "palpate mode").result(ANSWERS)
+            self._mode = faults.mode_of(state)
 
     def _ask(self) -> None:
         """The state of an arm that no loop controls."""
@@ -315,7 +337,6 @@ class FrankyRobot:
             self._fail(faults.of_error(error, self._mode))
             return
         if state.time.to_sec() > self._stamp():
-            self._heard = time.perf_counter()
             self._idle(Row(state, self._readout.pose_world_tcp.vector, False))
         if reason := faults.of_mode(state):
             self._mode = faults.mode_of(state)
@@ -324,7 +345,12 @@ class FrankyRobot:
     def _idle(self, row: Row) -> None:
         with self._drive.fresh:
             self._drive.log.append(row)
-        self._logged.append(self._readout.read([row], self._width))
+        self._keep(self._readout.read([row], self._width))
+
+    def _keep(self, samples: Samples) -> None:
+        self._logged.append(samples)
+        if len(samples):
+            self._sampled = float(samples.t[-1])
 
     def _stamp(self) -> float:
         """s, robot time of the newest cycle."""
@@ -335,12 +361,13 @@ class FrankyRobot:
         self._follow_width()
         rows = self._drive.take()
         if rows:
-            self._logged.append(self._readout.read(rows, self._width))
-            self._mode = faults.mode_of(rows[-1].state)
+            self._keep(self._readout.read(rows, self._width))
+            if self._fault is None:
+                self._mode = faults.mode_of(rows[-1].state)
         if self._drive.reacted is not None and self._reflex is None:
             self._reflex = self._why(self._drive.reacted)
-        if self._hand.lost is not None and self._fault is None:
-            self._fail(self._hand.lost)
+        if problem := self._hand.lost or self._hand.problem:
+            self._fail(problem)
 
     def _why(self, how: Reacted) -> str:
         felt = np.array(how.state.O_F_ext_hat_K)
@@ -406,8 +433,23 @@ class FrankyRobot:
         return self._readout.q if before is None or before.bent is None else before.bent
 
 
-def require_end_effector(state: Any, nominal: NominalArm, pose_world_base: Pose) -> None:
-    """That the control box means the same TCP.
+def require_free(hand: Hand) -> None:
+    """That nothing is in the hand.
+
+    Raises:
+        Unavailable: it holds something.
+    """
+    fingers = hand.fingers
+    if fingers.grasped and fingers.width > NOTHING:
+        hand.end()
+        raise Unavailable(
+            f"the hand holds something at {1e3 * fingers.width:.0f} mm: take it out (Desk opens the "
+            "fingers), then run again"
+        )
+
+
+def require_end_effector(state: Any, nominal: NominalArm, pose_world_base: Pose) -> float:
+    """That the control box means the same TCP; m that is between the two.
 
     Raises:
         InputError: it does not.
@@ -421,6 +463,7 @@ def require_end_effector(state: Any, nominal: NominalArm, pose_world_base: Pose)
             f"{np.degrees(turned):.1f}° from where the arm's description has it: set the Franka Hand as "
             "end effector in Desk, or describe the one that is there (docs/arms.md)"
         )
+    return away
 
 
 def _as_made(course: Course) -> Callable[[Course | None, float], Course]:

@@ -79,9 +79,12 @@ class Session:
         torques = (TORQUES * np.asarray(torque_max)).tolist()
         self.robot.set_collision_behavior(torques, torques, wrench, wrench)
 
-    def close(self) -> None:
+    def close(self, lost: bool = False) -> None:
         """End the control loop without a jerk, and let go; an arm that does not answer is left
-        alone."""
+        alone, at once where it is known to be `lost`."""
+        if lost:
+            self.abandon()
+            return
         ending = Call(self._end, "palpate end")
         try:
             ending.result(LET_GO)

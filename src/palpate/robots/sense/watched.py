@@ -116,4 +116,4 @@ class Watched:
         fault = self._watch.fault
         if fault is None:
             return shown
-        return replace(shown, fault=str(fault))
+        return replace(shown, fault=shown.fault or str(fault))

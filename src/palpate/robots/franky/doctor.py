@@ -1,0 +1,220 @@
+"""What `palpate doctor --robot` looks at: each line with its remedy. Nothing moves but, where somebody
+allows it, an arm that holds still under control for some seconds."""
+
+from __future__ import annotations
+
+import os
+import platform
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from palpate.errors import InputError, PalpateError
+from palpate.geometry.pose import Pose
+from palpate.robots.description import RobotDescription
+from palpate.robots.franky import faults
+from palpate.robots.franky.address import Address
+from palpate.robots.franky.preflight import SPOKEN, greet
+from palpate.robots.franky.session import Session
+from palpate.robots.nominal import NominalArm
+from palpate.trace.samples import STANDARD_GRAVITY
+
+NEAR_END = np.radians(5.0)
+"""rad: a joint nearer to its end stop has no room to plan with."""
+WEIGHT, CENTRE = 0.05, 0.01
+"""kg, m by which the end effector in Desk may differ from the one that is known: 5 cm beside the
+wrist's axis that is 0.2 N m."""
+LEFT = (1.5, 1.5, 1.5, 1.5, 0.6, 0.6, 0.6)
+"""N m that a resting arm may feel beyond its model: friction that holds it, and the model's error (Gaz
+et al., RA-L 2019, doi:10.1109/LRA.2019.2931248, about 1 N m in the large joints)."""
+ARRIVE = 0.99
+"""Part of the cycles whose answers arrive in time: franky-control's README, and libfranka's
+communication_test, ask for more than 0.95."""
+LISTENED = 5.0
+"""s."""
+
+
+class Line(NamedTuple):
+    """Whether a thing is well, what it is, and what is so, or what to do about it."""
+
+    good: bool
+    what: str
+    detail: str
+
+
+def examine(
+    address: Address, arm: RobotDescription, pose_world_base: Pose, may_hold: Callable[[], bool]
+) -> Iterator[Line]:
+    """One line after the other; the first that others depend on ends it."""
+    began = time.perf_counter()
+    greeting = greet(address)
+    took = time.perf_counter() - began
+    if greeting.problem is not None:
+        yield Line(False, "control box", greeting.problem)
+        return
+    yield Line(True, "control box", f"{address.host} answers in {1e3 * took:.0f} ms")
+    yield Line(
+        True, "robot interface", f"version {greeting.version}, as franky-control's ({SPOKEN})"
+    )
+    yield from _computer(address)
+    try:
+        session = Session(address)
+    except PalpateError as error:
+        yield Line(False, "connection", str(error))
+        return
+    try:
+        yield from _arm(session, arm, pose_world_base)
+        yield from _hand(session)
+        yield _success(session, may_hold)
+    except PalpateError as error:
+        yield Line(False, "arm", str(error))
+    finally:
+        session.close()
+
+
+def _computer(address: Address) -> Iterator[Line]:
+    """A kernel that keeps time, and the permission to use it."""
+    kernel = platform.release()
+    realtime = Path("/sys/kernel/realtime")
+    good = realtime.is_file() and realtime.read_text().strip() == "1"
+    remedy = (
+        f"{kernel} is none: install a PREEMPT_RT kernel (Ubuntu: linux-image-realtime), or give "
+        "?realtime=ignore and expect lost cycles"
+    )
+    if not good and not address.realtime:
+        remedy = f"{kernel} is none, which this address does not ask for"
+    yield Line(good, "realtime kernel", kernel if good else remedy)
+    most = os.sched_get_priority_max(os.SCHED_FIFO)
+    allowed = _priority()
+    detail = f"up to {allowed} of {most}"
+    if allowed < most:
+        detail += (
+            ": add '@realtime - rtprio 99' to /etc/security/limits.conf, and yourself to the group"
+        )
+    yield Line(allowed >= most, "realtime priority", detail)
+
+
+def _priority() -> int:
+    """The highest realtime priority that this process may take."""
+    import resource
+
+    if os.geteuid() == 0:
+        return os.sched_get_priority_max(os.SCHED_FIFO)
+    most = resource.getrlimit(resource.RLIMIT_RTPRIO)[1]
+    highest = os.sched_get_priority_max(os.SCHED_FIFO)
+    return highest if most == resource.RLIM_INFINITY else min(most, highest)
+
+
+def _arm(session: Session, arm: RobotDescription, pose_world_base: Pose) -> Iterator[Line]:
+    state = session.state()
+    problem = faults.of_mode(state)
+    yield Line(problem is None, "mode", problem or faults.MODES[faults.mode_of(state)])
+    errors = faults.errors_of(state)
+    cleared = f"{', '.join(errors)}: see what it met, and clear them in Desk"
+    yield Line(not errors, "errors", cleared if errors else "none")
+    yield _room(np.array(state.q), arm)
+    yield _end_effector(state, arm)
+    yield _tcp(state, arm, pose_world_base)
+    yield _weight(session, state, arm, pose_world_base)
+
+
+def _room(q: Any, arm: RobotDescription) -> Line:
+    """How far the joints are from their end stops."""
+    limits = arm.limits
+    room = np.minimum(q - limits.q_min, limits.q_max - q)
+    i = int(room.argmin())
+    detail = f"joint {i + 1} is {np.degrees(room[i]):.0f}° from its end stop"
+    if room[i] < NEAR_END:
+        return Line(False, "joint margins", f"{detail}: guide the arm to its middle by hand")
+    return Line(True, "joint margins", f"{detail}, the others farther")
+
+
+def _end_effector(state: Any, arm: RobotDescription) -> Line:
+    """What Desk says hangs on the flange, against what is known of it."""
+    mass, centre = float(state.m_ee), np.array(state.F_x_Cee)
+    told = f"{mass:.3f} kg at {np.round(1e3 * centre).astype(int).tolist()} mm from the flange"
+    known = arm.end_effector
+    if known is None:
+        return Line(
+            mass > 0.0, "end effector", f"{told}, as Desk has it; robot.yaml says nothing of it"
+        )
+    if abs(mass - known.mass) <= WEIGHT:
+        return Line(True, "end effector", f"{told}, as robot.yaml says within {1e3 * WEIGHT:.0f} g")
+    return Line(
+        False,
+        "end effector",
+        f"{told}, but robot.yaml says {known.mass:.3f} kg: set the same in Desk (Settings, End "
+        "effector) and in robot.yaml",
+    )
+
+
+def _tcp(state: Any, arm: RobotDescription, pose_world_base: Pose) -> Line:
+    """Forward kinematics against the control box's."""
+    from palpate.robots.franky.robot import require_end_effector
+
+    nominal = NominalArm(arm, pose_world_base, np.zeros(3))
+    try:
+        away = require_end_effector(state, nominal, pose_world_base)
+    except InputError as error:
+        return Line(False, "TCP", str(error))
+    return Line(True, "TCP", f"{1e3 * away:.2f} mm from the description's")
+
+
+def _weight(session: Session, state: Any, arm: RobotDescription, pose_world_base: Pose) -> Line:
+    """What a resting arm feels beyond its own model."""
+    down = np.array([0.0, 0.0, -(arm.gravity or STANDARD_GRAVITY)])
+    into_base = pose_world_base.rotation.T @ down
+    weight = session.model.gravity(state.q, state.m_total, state.F_x_Ctotal, into_base)
+    left = np.array(state.tau_J) - np.array(weight)
+    excess = np.abs(left) - np.array(LEFT)
+    i = int(excess.argmax())
+    detail = f"joint {i + 1} feels {left[i]:+.2f} N m beyond its model at rest"
+    if excess[i] > 0.0:
+        return Line(
+            False,
+            "gravity residual",
+            f"{detail}: is anything in the hand, does it touch something, is the end effector's mass "
+            "right, does the base stand upright?",
+        )
+    return Line(True, "gravity residual", detail)
+
+
+def _hand(session: Session) -> Iterator[Line]:
+    from palpate.robots.franky.deadline import Call
+
+    try:
+        state = Call(lambda: session.gripper.state, "palpate fingers").result(LISTENED)
+    except Exception as error:
+        yield Line(False, "hand", f"{error}: is it set as end effector in Desk?")
+        return
+    homed = state.max_width > 0.0
+    detail = f"opens {1e3 * state.max_width:.0f} mm"
+    yield Line(homed, "hand", detail if homed else "not homed: Homing in Desk, End effector")
+    if state.is_grasped:
+        yield Line(False, "fingers", f"hold something at {1e3 * state.width:.0f} mm: take it out")
+
+
+def _success(session: Session, may_hold: Callable[[], bool]) -> Line:
+    """The part of cycles that are answered in time, while the arm holds still."""
+    if not may_hold():
+        return Line(True, "answered cycles", "not tried: the arm was not allowed to hold itself")
+    from palpate.robots.franky.library import franky
+
+    module, robot = franky(), session.robot
+    motion = module.JointImpedanceTrackingMotion(stiffness=np.full(7, 50.0))
+    robot.move(motion, asynchronous=True)
+    rates: list[float] = []
+    until = time.perf_counter() + LISTENED
+    while time.perf_counter() < until and robot.is_in_control:
+        time.sleep(0.05)
+        rates.append(float(robot.state.control_command_success_rate))
+    settled = rates[len(rates) // 4 :]
+    rate = float(np.mean(settled)) if settled else 0.0
+    detail = f"{100 * rate:.1f} % over {LISTENED:g} s"
+    if rate >= ARRIVE:
+        return Line(True, "answered cycles", detail)
+    remedy = "use a realtime kernel, a network card and cable of its own, and no power saving"
+    return Line(False, "answered cycles", f"{detail}: {remedy}")

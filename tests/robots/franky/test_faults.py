@@ -1,0 +1,114 @@
+"""What goes wrong on a real arm ends the run at once, with one clear message, and drops nothing."""
+
+from __future__ import annotations
+
+import os
+import signal
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+
+import pytest
+from tests.fci.served import Served, files, served
+
+import palpate as pp
+from palpate.cells.registry import drivers
+from palpate.execution.recovery import OnFailure
+from palpate.execution.runner import Execution, Snapshot
+from palpate.scenarios.catalogue import scenario
+from palpate.scene.scene import with_real_arm
+from palpate.stages import perform
+
+pytest.importorskip("franky", reason="franky-control has no wheel for this machine")
+
+BOTTLE = "green_bottle"
+
+
+@pytest.fixture(scope="module")
+def bench() -> Iterator[Served]:
+    with served(**files("one_missing_mass"), pace=4.0) as running:
+        yield running
+
+
+@dataclass
+class Mishap:
+    """Strikes half a second of robot time after a leaf has ended."""
+
+    after: str
+    strike: Callable[[], object]
+    struck: float | None = None
+    due: float | None = field(default=None, init=False)
+
+    def on_tick(self, snapshot: Snapshot) -> None:
+        if self.struck is not None or not any(self.after in leaf.label for leaf in snapshot.leaves):
+            return
+        self.due = self.due or snapshot.elapsed + 0.5
+        if snapshot.elapsed >= self.due:
+            self.struck = time.perf_counter()
+            self.strike()
+
+
+def ran(bench: Served, mishap: Mishap, policy: OnFailure = "stop") -> tuple[Execution, float]:
+    """An execution with a mishap, and s from that to its end."""
+    asked = scenario("one_missing_mass").settings()
+    assert asked.scene is not None
+    scene = with_real_arm(pp.load(asked.scene))
+    plan = pp.load(asked.scene).plan(asked.request)
+    robot = drivers().connect(f"franky://{bench.address}", scene).robot()
+    done = perform(plan, scene, robot, mishap, policy, real=True)
+    assert mishap.struck is not None
+    return done, time.perf_counter() - mishap.struck
+
+
+def stopped_by(done: Execution) -> str:
+    assert done.status == "stopped"
+    assert done.setbacks == ()
+    return str(done.stopped_by)
+
+
+def test_a_frozen_control_box_is_noticed_and_taken_up_again(bench: Served) -> None:
+    mishap = Mishap("OpenGripper", lambda: bench.ask("freeze", frozen=True))
+    try:
+        done, seconds = ran(bench, mishap)
+    finally:
+        bench.ask("freeze", frozen=False)
+    assert "has said nothing" in stopped_by(done) or "connection" in stopped_by(done)
+    assert seconds < 2.0  # 0.6 s on an idle machine
+    with pytest.raises(pp.Unavailable, match=r"stopped by a reflex: see what it met"):
+        ran(bench, Mishap("nothing", lambda: None))
+    bench.ask("recover")
+
+
+def test_a_cut_connection_is_said_and_another_one_can_be_made(bench: Served) -> None:
+    done, _ = ran(bench, Mishap("OpenGripper", lambda: bench.ask("hang_up")))
+    assert "network cable" in stopped_by(done)
+    bench.ask("recover")
+
+
+def test_lost_cycles_end_nothing(bench: Served) -> None:
+    """And Ctrl-C puts down what is held."""
+    bench.ask("lose", share=0.2)
+    mishap = Mishap("Force2Mass", lambda: os.kill(os.getpid(), signal.SIGINT))
+    before = bench.ask("pose", body=BOTTLE)
+    done, _ = ran(bench, mishap)
+    bench.ask("lose", share=0.0)
+    assert stopped_by(done) == "interrupted"
+    assert done.fault is None
+    assert done.final_state.holding is None
+    assert bench.ask("pose", body=BOTTLE)[:3] == pytest.approx(before[:3], abs=2e-3)
+    assert bench.ask("counts")["lost"] > 100
+
+
+def test_after_a_user_stop_nothing_is_put_down_and_nobody_goes_on(bench: Served) -> None:
+    mishap = Mishap("Force2Mass", lambda: bench.ask("user_stop", pressed=True))
+    lifted = bench.ask("pose", body=BOTTLE)[2] + 0.05
+    done, seconds = ran(bench, mishap, "replan")
+    assert "user stop" in stopped_by(done)
+    assert "still hold 'green_bottle'" in stopped_by(done)
+    assert seconds < 1.5  # 0.13 s on an idle machine
+    assert bench.ask("pose", body=BOTTLE)[2] > lifted
+    with pytest.raises(pp.Unavailable, match=r"stopped by the user stop: release"):
+        ran(bench, Mishap("nothing", lambda: None))
+    bench.ask("user_stop", pressed=False)
+    with pytest.raises(pp.Unavailable, match=r"the hand holds something at 6\d mm: take it out"):
+        ran(bench, Mishap("nothing", lambda: None))

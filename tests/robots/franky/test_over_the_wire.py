@@ -1,0 +1,98 @@
+"""Runs over libfranka's own protocol, on loopback, in hidden worlds."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pytest
+from tests.fci.served import Served, files, served
+
+import palpate as pp
+from palpate.cells.registry import drivers
+from palpate.scenarios.catalogue import scenario
+
+pytest.importorskip("franky", reason="franky-control has no wheel for this machine")
+
+
+@dataclass(frozen=True)
+class Wired:
+    """A finished run, and the server that it ran against."""
+
+    run: pp.Run
+    bench: Served
+    robot: Any
+
+    def error(self, name: str) -> float:
+        """Of a parameter, in its unit."""
+        return float(self.run[name].value[0] - self.bench.ask("truth", name=name)[0])
+
+
+@pytest.fixture(scope="module")
+def wired() -> Iterator[Wired]:
+    asked = scenario("bottle_and_table").settings(noise="lab")
+    with served(**files("bottle_and_table"), seed=3, pace=4.0) as bench:
+        assert asked.scene is not None
+        scene = pp.load(asked.scene)
+        cell = drivers().connect(f"franky://{bench.address}", scene)
+        robots: list[Any] = []
+
+        class Looked:
+            """The cell, and the robot that it hands out."""
+
+            def __getattr__(self, name: str) -> Any:
+                return getattr(cell, name)
+
+            def robot(self) -> Any:
+                robots.append(cell.robot())
+                return robots[-1]
+
+        looked: Any = Looked()
+        run = scene.plan(asked.request).run(looked, rehearse=False)
+        yield Wired(run, bench, robots[-1])
+
+
+def test_the_paper_s_first_scenario_is_complete(wired: Wired) -> None:
+    assert wired.run.execution is not None
+    assert wired.run.execution.stopped_by is None
+    assert wired.run.status == "complete"
+    assert not wired.run.simulated
+    assert wired.run.truth == {}
+
+
+def test_mass_and_height_are_right(wired: Wired) -> None:
+    low, high = wired.run["bottle.mass"].ci95[0]
+    assert low < wired.bench.ask("truth", name="bottle.mass")[0] < high
+    assert abs(wired.error("bottle.mass")) < 0.004
+    assert abs(wired.error("table.height")) < 0.5e-3
+
+
+def test_no_cycle_is_lost_in_lockstep(wired: Wired) -> None:
+    counts = wired.bench.ask("counts")
+    assert counts["lost"] == 0
+    assert counts["commanded"] > 20_000
+
+
+def test_the_reference_never_jumps_while_probing(wired: Wired) -> None:
+    """0.02 mm a cycle, the way at 20 mm/s, whatever held the computer up."""
+    trace = wired.run.trace
+    assert trace is not None
+    probe = next(leaf for leaf in trace.leaves if leaf.label.startswith("MoveUntilContact"))
+    samples = trace.samples.between(probe.start, probe.end)
+    steps = np.linalg.norm(np.diff(samples.target_world_tcp[:, :3], axis=0), axis=1)
+    cycles = np.round(np.diff(samples.t) / 0.001)
+    assert (steps / cycles).max() < 0.021e-3
+
+
+def test_nothing_was_pressed_hard(wired: Wired) -> None:
+    trace = wired.run.trace
+    assert trace is not None
+    assert np.linalg.norm(trace.wrench[:, :3], axis=1).max() < 40.0
+
+
+def test_every_cycle_is_in_the_log(wired: Wired) -> None:
+    stamps = np.array([row.state.time.to_msec() for row in wired.robot.cycles])
+    assert len(stamps) == 5000
+    assert (np.diff(stamps) == 1).all()
