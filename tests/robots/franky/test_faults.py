@@ -26,7 +26,7 @@ BOTTLE = "green_bottle"
 
 @pytest.fixture(scope="module")
 def bench() -> Iterator[Served]:
-    with served(**files("one_missing_mass"), pace=4.0) as running:
+    with served(**files("one_missing_mass")) as running:
         yield running
 
 
@@ -56,7 +56,7 @@ def ran(bench: Served, mishap: Mishap, policy: OnFailure = "stop") -> tuple[Exec
     plan = pp.load(asked.scene).plan(asked.request)
     robot = drivers().connect(f"franky://{bench.address}", scene).robot()
     done = perform(plan, scene, robot, mishap, policy, real=True)
-    assert mishap.struck is not None
+    assert mishap.struck is not None, done.stopped_by
     return done, time.perf_counter() - mishap.struck
 
 

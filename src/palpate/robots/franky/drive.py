@@ -61,8 +61,8 @@ class Drive:
         self._arm, self._springs = arm, springs
         self._up = pose_world_base.rotation[2]
         self._turn_of = pose_world_base
-        self.fresh = threading.Condition()
-        """Notified with every cycle; guards all that follows."""
+        self.lock = threading.RLock()
+        """Guards all that follows."""
         self.log: deque[Row] = deque(maxlen=KEPT)
         self.reacted: Reacted | None = None
         self.longest_stall = 0.0
@@ -107,7 +107,7 @@ class Drive:
 
     def take(self) -> list[Row]:
         """The cycles since the last call."""
-        with self.fresh:
+        with self.lock:
             rows, self._rows = self._rows, []
         return rows
 
@@ -119,7 +119,7 @@ class Drive:
         Raises:
             Exception: whatever franky says against it.
         """
-        with self.fresh:
+        with self.lock:
             before = self._course
             course = make(before, self._clock)
             self._course, self._clock, self.reacted = course, 0.0, None
@@ -128,13 +128,13 @@ class Drive:
 
     def guard(self, inertia: Inertia, reflex: Reflex) -> None:
         """Stop at other thresholds from now on."""
-        with self.fresh:
+        with self.lock:
             if self._course is not None and self._begun:
                 self._enter(inertia, reflex, blends=False)
 
     def ended(self) -> None:
         """Nobody follows any more: the loop has ended."""
-        with self.fresh:
+        with self.lock:
             self._course, self._motion, self._begun = None, None, False
 
     def _enter(self, inertia: Inertia, reflex: Reflex, blends: bool) -> None:
@@ -201,14 +201,13 @@ class Drive:
         motion.add_reaction(reaction)
 
     def _stopped_itself(self, how: Reacted) -> None:
-        with self.fresh:
+        with self.lock:
             self.reacted = how
             self._course, self._motion = None, None
-            self.fresh.notify_all()
 
     def _cycle(self, state: Any, *_: Any) -> None:
         """After a cycle. Nothing may be raised here."""
-        with self.fresh:
+        with self.lock:
             heard, now = time.perf_counter(), state.time.to_sec()
             gap, self._heard = heard - self._heard, heard
             passed, self._last = now - self._last, now
@@ -226,4 +225,3 @@ class Drive:
                 row = Row(state, course.target(self._clock), self.moving)
                 self.log.append(row)
                 self._rows.append(row)
-            self.fresh.notify_all()

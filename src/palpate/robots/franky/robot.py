@@ -40,8 +40,8 @@ from palpate.robots.trajectory import Motion, Path, PosePath, Stretch
 from palpate.trace.recording import Hand as NominalHand
 from palpate.trace.samples import Samples
 
-SLICE = 0.005
-"""s of wall time that is waited for the next cycle at a time."""
+SHORTEST, SLICE = 0.001, 0.005
+"""s of wall time that are waited for the next cycles at a time."""
 OWN_STALL = 0.4
 """s of silence that do not count on a computer without a realtime kernel, or on loopback."""
 SILENT = 0.08
@@ -129,7 +129,7 @@ class FrankyRobot:
     @property
     def cycles(self) -> Sequence[Row]:
         """The last cycles of the control loop."""
-        with self._drive.fresh:
+        with self._drive.lock:
             return list(self._drive.log)
 
     @property
@@ -294,7 +294,7 @@ class FrankyRobot:
         if self._fault is not None:
             time.sleep(SLICE)
         elif self._drive.begun:
-            self._hear_loop(heard)
+            self._hear_loop()
         else:
             self._ask()
         waited = min(time.perf_counter() - began, 2 * SLICE)
@@ -306,10 +306,9 @@ class FrankyRobot:
             self._lost = True
             self._fail(f"the control box has said nothing for {self._silence:.1f} s: {LOST}")
 
-    def _hear_loop(self, heard: float) -> None:
-        drive = self._drive
-        with drive.fresh:
-            drive.fresh.wait_for(lambda: drive.last > heard, SLICE)
+    def _hear_loop(self) -> None:
+        # Woken at every cycle, this thread would keep the one that leads the arm from it.
+        time.sleep(min(max(0.5 * (self._due - self._t), SHORTEST), SLICE))
         if not self._session.robot.is_in_control:
             self._loop_ended()
 
@@ -343,7 +342,7 @@ class FrankyRobot:
             self._fail(reason)
 
     def _idle(self, row: Row) -> None:
-        with self._drive.fresh:
+        with self._drive.lock:
             self._drive.log.append(row)
         self._keep(self._readout.read([row], self._width))
 

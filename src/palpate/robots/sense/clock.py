@@ -10,7 +10,7 @@ from palpate.trace.samples import Samples
 STALLED = 5
 """Advances after which a clock that has not moved stands."""
 
-BY_ITSELF = 2.0
+BY_ITSELF = 5.0
 """s that may pass unasked on a real arm, whose time goes on while a computer thinks."""
 
 
