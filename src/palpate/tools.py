@@ -11,7 +11,9 @@ from typing import TYPE_CHECKING, Any
 
 from palpate import pipeline
 from palpate.cells.registry import drivers
-from palpate.errors import Unavailable
+from palpate.cells.teach import GuidedHand, Lesson
+from palpate.errors import InputError, Unavailable
+from palpate.files.plain_yaml import yaml_text
 from palpate.planning.check.check import check
 from palpate.planning.model.prompt.compose import Prompt, checked_modules, compose
 from palpate.planning.model.session import Budget, ModelSettings
@@ -21,7 +23,7 @@ from palpate.robots.owner.registered import own_arm
 from palpate.robots.registry import DEFAULT, load_description
 from palpate.scene.from_picture import DetectedScene, SceneBuilder
 from palpate.scene.load import load_scene
-from palpate.scene.poses import Poses, read_poses
+from palpate.scene.poses import Poses, parse_poses, read_poses
 from palpate.settings import Settings
 from palpate.vocabulary.composites import COMPOSITES
 from palpate.vocabulary.registry import vocabulary
@@ -33,6 +35,8 @@ if TYPE_CHECKING:
 __all__ = [
     "check_file",
     "examined",
+    "guided_hand",
+    "lesson",
     "model_settings",
     "paper_notation",
     "pictures",
@@ -41,6 +45,7 @@ __all__ = [
     "replayed",
     "tree_nodes_model",
     "vocabulary",
+    "write_poses",
 ]
 
 
@@ -57,6 +62,45 @@ def examined(
     if driver.examine is None:
         raise Unavailable(f"the driver for '{url}' has nothing to say of its robot")
     return driver.examine(url, own_arm(arm, False, robot_config, real=True), may_hold)
+
+
+def lesson(scene: Path, poses: Path | None, arm: str, root: Path | None) -> Lesson:
+    """What is known of where a scene's things are, to be taught more of.
+
+    Raises:
+        InputError: a file that cannot be read.
+    """
+    loaded = load_scene(scene, poses, load_description(arm), root=root)
+    said = read_poses(poses).model_dump(exclude_defaults=True, mode="json") if poses else {}
+    objects, places = said.pop("objects", {}), said.pop("places", {})
+    return Lesson(loaded, objects, places, said)
+
+
+def guided_hand(url: str, taught: Lesson) -> GuidedHand:
+    """The hand of the real robot at a URL, to be led by a person.
+
+    Raises:
+        InputError: no such URL. Unavailable: no driver, no answer, or a robot that cannot be led.
+    """
+    driver = drivers().of(url)
+    if driver.guided is None:
+        raise Unavailable(f"the robot at '{url}' cannot be led by hand")
+    return driver.guided(url, taught.scene)
+
+
+def write_poses(path: Path, taught: Lesson) -> None:
+    """A poses.yaml of what was taught; an existing file is not overwritten.
+
+    Raises:
+        InputError: it exists, or cannot be written.
+    """
+    text = yaml_text(taught.content)
+    parse_poses(text, str(path))
+    try:
+        with path.open("x", encoding="utf-8") as file:
+            file.write(text)
+    except OSError as error:
+        raise InputError(f"cannot write '{path}': {error.strerror}") from error
 
 
 def check_file(

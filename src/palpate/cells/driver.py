@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from palpate.cells.cell import Cell
+from palpate.cells.teach import GuidedHand
 
 if TYPE_CHECKING:
     from palpate.robots.description import RobotDescription
@@ -27,8 +28,10 @@ class Driver:
             alone) the cell is asked for that picture and for nothing else.
         examine: what `palpate doctor --robot` tells of the robot at a URL that is described so; the
             last argument asks whether it may hold itself for some seconds. None where nobody can say.
+        guided: the hand of the robot at a URL, to be led by a person; None where it cannot be.
     """
 
     scheme: str
     connect: Callable[[str, Scene | None], Cell]
     examine: Callable[[str, RobotDescription, Callable[[], bool]], Iterator[Finding]] | None = None
+    guided: Callable[[str, Scene], GuidedHand] | None = None

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from palpate.cells.driver import Driver, Finding
+from palpate.cells.teach import GuidedHand
 from palpate.errors import InputError
 from palpate.geometry.pose import Pose
 from palpate.parameter import Parameter
@@ -89,4 +90,16 @@ def examine(url: str, arm: RobotDescription, may_hold: Callable[[], bool]) -> It
     return doctor.examine(read_address(url), arm, origin, may_hold)
 
 
-driver = Driver(SCHEME, connect, examine)
+def guided(url: str, scene: Scene) -> GuidedHand:
+    """The hand at a URL, to be led by a person.
+
+    Raises:
+        InputError: no such URL. Unavailable: it is out of reach.
+    """
+    from palpate.robots.franky.guided import Guided
+    from palpate.robots.franky.session import Session
+
+    return Guided(Session(read_address(url)), scene.arm.stands(scene.pose_world_base))
+
+
+driver = Driver(SCHEME, connect, examine, guided)

@@ -354,6 +354,22 @@ def calibrate(
 
 
 @command(app)
+def teach(
+    scene: Annotated[Path, typer.Argument(help="Your MJCF.")],
+    *,
+    robot: RobotUrl = None,
+    poses: Poses = None,
+    root: Root = None,
+    arm: Arm = DEFAULT_ARM,
+    out: Annotated[Path, typer.Option("--out", help="poses.yaml to write.")] = Path("poses.yaml"),
+) -> None:
+    """Say where things are: lead a robot's hand to them, or measure them with a ruler."""
+    from palpate.cli.teach import give_lesson
+
+    give_lesson(scene, robot, poses, root, arm, out)
+
+
+@command(app)
 def doctor(
     *,
     robot: RobotUrl = None,

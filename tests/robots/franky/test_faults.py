@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import signal
 import time
 from collections.abc import Callable, Iterator
@@ -72,8 +73,8 @@ def test_a_frozen_control_box_is_noticed_and_taken_up_again(bench: Served) -> No
         done, seconds = ran(bench, mishap)
     finally:
         bench.ask("freeze", frozen=False)
-    assert "has said nothing" in stopped_by(done) or "connection" in stopped_by(done)
-    assert seconds < 2.0  # 0.6 s on an idle machine
+    assert re.search("has said nothing|connection .* is lost|not answer any more", stopped_by(done))
+    assert seconds < 10.0  # 0.6 s where nothing else keeps the machine busy
     with pytest.raises(pp.Unavailable, match=r"stopped by a reflex: see what it met"):
         ran(bench, Mishap("nothing", lambda: None))
     bench.ask("recover")
@@ -81,7 +82,7 @@ def test_a_frozen_control_box_is_noticed_and_taken_up_again(bench: Served) -> No
 
 def test_a_cut_connection_is_said_and_another_one_can_be_made(bench: Served) -> None:
     done, _ = ran(bench, Mishap("OpenGripper", lambda: bench.ask("hang_up")))
-    assert "network cable" in stopped_by(done)
+    assert re.search("network cable|not answer any more", stopped_by(done))
     bench.ask("recover")
 
 
@@ -105,7 +106,7 @@ def test_after_a_user_stop_nothing_is_put_down_and_nobody_goes_on(bench: Served)
     done, seconds = ran(bench, mishap, "replan")
     assert "user stop" in stopped_by(done)
     assert "still hold 'green_bottle'" in stopped_by(done)
-    assert seconds < 1.5  # 0.13 s on an idle machine
+    assert seconds < 5.0  # 0.13 s where nothing else keeps the machine busy
     assert bench.ask("pose", body=BOTTLE)[2] > lifted
     with pytest.raises(pp.Unavailable, match=r"stopped by the user stop: release"):
         ran(bench, Mishap("nothing", lambda: None))

@@ -1,0 +1,103 @@
+"""`palpate teach`: a line for every thing, until an empty one."""
+
+from __future__ import annotations
+
+import math
+import re
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from palpate.cli.console import err, out
+from palpate.errors import InputError
+
+if TYPE_CHECKING:
+    from palpate.cells.teach import GuidedHand, Lesson
+
+LENGTH = {"": 1.0, "m": 1.0, "cm": 1e-2, "mm": 1e-3}
+_NUMBER = re.compile(r"([-+]?(?:\d+(?:\.\d*)?|\.\d+))\s*(mm|cm|m|°)?")
+
+
+def give_lesson(
+    scene: Path, robot: str | None, poses: Path | None, root: Path | None, arm: str, file: Path
+) -> None:
+    """Take lines from stdin, say what was understood and what is still missing, and write the file.
+
+    Raises:
+        InputError: the file exists. Unavailable: the robot.
+    """
+    from palpate.tools import guided_hand, lesson, write_poses
+
+    if file.exists():
+        raise InputError(f"'{file}' exists already: choose another out=, nothing is overwritten")
+    taught = lesson(scene, poses, arm, root)
+    hand = None if robot is None else guided_hand(robot, taught)
+    try:
+        _introduce(taught, hand is not None)
+        for line in _lines():
+            try:
+                said = _ruled(taught, line) if hand is None else _shown(taught, hand, line)
+            except InputError as error:
+                said = str(error)
+            err.print(said, markup=False)
+            _tell_missing(taught)
+    finally:
+        if hand is not None:
+            hand.close()
+    if not taught.content:
+        raise InputError("nothing was taught, and nothing is written")
+    write_poses(file, taught)
+    out.print(f"written to {file}", markup=False)
+
+
+def _introduce(taught: Lesson, by_hand: bool) -> None:
+    if by_hand:
+        how = (
+            "Lead the hand to a thing as it would grasp it, pointing down, type its name, press Enter. "
+            "Another name is a place. Fingers closed on a thing tell its width."
+        )
+    else:
+        how = (
+            "NAME AHEAD LEFT [TURN]: the middle of a thing from the arm's foot, in m or with mm or cm, and "
+            "by how much it is turned from the scene's, in °; e.g. bottle 50cm -12cm 30°"
+        )
+    err.print(f"{how} An empty line ends. Names: {', '.join(taught.names)}", markup=False)
+
+
+def _lines() -> Iterator[str]:
+    """What somebody types, up to an empty line."""
+    for line in sys.stdin:
+        if not line.strip():
+            return
+        yield line.strip()
+
+
+def _shown(taught: Lesson, hand: GuidedHand, name: str) -> str:
+    if not re.fullmatch(r"[A-Za-z_]\w{0,99}", name):
+        raise InputError(f"'{name[:80]}' is no name: letters, digits and _")
+    return taught.shown(name, *hand.where())
+
+
+def _ruled(taught: Lesson, line: str) -> str:
+    name, _, rest = line.partition(" ")
+    numbers = _NUMBER.findall(rest)
+    if len(numbers) not in (2, 3) or _NUMBER.sub("", rest).strip(" ,"):
+        raise InputError(f"'{line[:80]}' is not NAME AHEAD LEFT [TURN], e.g. bottle 50cm -12cm 30°")
+    (ahead, left), turn = numbers[:2], numbers[2:]
+    angle = math.radians(float(turn[0][0])) if turn else 0.0
+    return taught.measured(name, _metres(ahead), _metres(left), angle)
+
+
+def _metres(number: tuple[str, str]) -> float:
+    value, unit = number
+    if unit not in LENGTH:
+        raise InputError(f"{value}{unit} is no length")
+    return float(value) * LENGTH[unit]
+
+
+def _tell_missing(taught: Lesson) -> None:
+    if taught.missing:
+        err.print(f"still missing: {', '.join(taught.missing)}", markup=False)
+    else:
+        err.print("every object is taught", markup=False)
