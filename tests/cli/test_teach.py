@@ -93,6 +93,7 @@ def test_an_arm_is_examined_and_its_hand_shows_where_things_are(desk: Path, tmp_
         status, said = asked("doctor", "--robot", url, "--robot-config", config, "--yes")
         assert status == 5
         assert "set the same in Desk" in said
+        assert "an arm that is not well does not hold itself" in said
         bench.ask("end_effector", mass=0.76)
         file = tmp_path / "poses.yaml"
         status, said = asked("teach", desk, "--robot", url, "--out", file, typed="mug\nbin\n\n")

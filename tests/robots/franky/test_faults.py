@@ -8,7 +8,10 @@ import signal
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
 from tests.fci.served import Served, files, served
 
@@ -23,11 +26,13 @@ from palpate.stages import perform
 pytest.importorskip("franky", reason="franky-control has no wheel for this machine")
 
 BOTTLE = "green_bottle"
+LOGS: list[str | None] = []
+"""Of the runs so far."""
 
 
 @pytest.fixture(scope="module")
 def bench() -> Iterator[Served]:
-    with served(**files("one_missing_mass")) as running:
+    with served(**files("one_missing_mass"), fastest=1.0) as running:
         yield running
 
 
@@ -55,9 +60,10 @@ def ran(bench: Served, mishap: Mishap, policy: OnFailure = "stop") -> tuple[Exec
     assert asked.scene is not None
     scene = with_real_arm(pp.load(asked.scene))
     plan = pp.load(asked.scene).plan(asked.request)
-    robot = drivers().connect(f"franky://{bench.address}", scene).robot()
+    robot: Any = drivers().connect(f"franky://{bench.address}", scene).robot()
     done = perform(plan, scene, robot, mishap, policy, real=True)
     assert mishap.struck is not None, done.stopped_by
+    LOGS.append(robot.flushed)
     return done, time.perf_counter() - mishap.struck
 
 
@@ -108,6 +114,12 @@ def test_after_a_user_stop_nothing_is_put_down_and_nobody_goes_on(bench: Served)
     assert "still hold 'green_bottle'" in stopped_by(done)
     assert seconds < 5.0  # 0.13 s where nothing else keeps the machine busy
     assert bench.ask("pose", body=BOTTLE)[2] > lifted
+    assert LOGS[-1] is not None
+    kept = np.load(LOGS[-1])
+    Path(LOGS[-1]).unlink()
+    assert "user stop" in str(kept["why"])
+    assert kept["tau_J"].shape == (5000, 7)
+    assert (np.diff(kept["t"]) > 0).all()
     with pytest.raises(pp.Unavailable, match=r"stopped by the user stop: release"):
         ran(bench, Mishap("nothing", lambda: None))
     bench.ask("user_stop", pressed=False)

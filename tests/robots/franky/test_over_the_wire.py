@@ -33,7 +33,7 @@ class Wired:
 @pytest.fixture(scope="module")
 def wired() -> Iterator[Wired]:
     asked = scenario("bottle_and_table").settings(noise="lab")
-    with served(**files("bottle_and_table"), seed=3) as bench:
+    with served(**files("bottle_and_table"), seed=3, fastest=1.0) as bench:
         assert asked.scene is not None
         scene = pp.load(asked.scene)
         cell = drivers().connect(f"franky://{bench.address}", scene)

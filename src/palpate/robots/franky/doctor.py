@@ -66,9 +66,11 @@ def examine(
         yield Line(False, "connection", str(error))
         return
     try:
-        yield from _arm(session, arm, pose_world_base)
-        yield from _hand(session)
-        yield _success(session, may_hold)
+        well = True
+        for line in (*_arm(session, arm, pose_world_base), *_hand(session)):
+            well = well and line.good
+            yield line
+        yield _success(session, arm, may_hold) if well else NOT_YET
     except PalpateError as error:
         yield Line(False, "arm", str(error))
     finally:
@@ -197,14 +199,17 @@ def _hand(session: Session) -> Iterator[Line]:
         yield Line(False, "fingers", f"hold something at {1e3 * state.width:.0f} mm: take it out")
 
 
-def _success(session: Session, may_hold: Callable[[], bool]) -> Line:
+NOT_YET = Line(False, "answered cycles", "not tried: an arm that is not well does not hold itself")
+
+
+def _success(session: Session, arm: RobotDescription, may_hold: Callable[[], bool]) -> Line:
     """The part of cycles that are answered in time, while the arm holds still."""
     if not may_hold():
         return Line(True, "answered cycles", "not tried: the arm was not allowed to hold itself")
     from palpate.robots.franky.library import franky
 
     module, robot = franky(), session.robot
-    motion = module.JointImpedanceTrackingMotion(stiffness=np.full(7, 50.0))
+    motion = module.JointImpedanceTrackingMotion(stiffness=arm.stiffness.joints)
     robot.move(motion, asynchronous=True)
     rates: list[float] = []
     until = time.perf_counter() + LISTENED

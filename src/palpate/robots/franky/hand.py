@@ -18,6 +18,9 @@ MARGIN = 0.002
 PAUSE = 0.01
 """s between two questions to the hand, whose packets come at some 20 Hz or more."""
 
+MISSED = 3
+"""Times that it says nothing for a second, libfranka's time-out, after which it is taken for gone."""
+
 
 @dataclass(frozen=True, slots=True)
 class Fingers:
@@ -122,12 +125,15 @@ class Hand:
             self._busy = self._wanted is not None
 
     def _listen(self) -> None:
+        missed = 0
         while not self._ended:
             try:
-                self._fingers = self._ask()
+                self._fingers, missed = self._ask(), 0
             except Exception as error:
-                self._lost = f"the hand does not answer any more: {error}"
-                return
+                missed += 1
+                if missed == MISSED:
+                    self._lost = f"the hand does not answer any more: {error}"
+                    return
             time.sleep(PAUSE)
 
     def _ask(self) -> Fingers:

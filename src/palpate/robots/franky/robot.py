@@ -25,6 +25,7 @@ from palpate.robots.commanded import (
 )
 from palpate.robots.description import Limits, RobotDescription
 from palpate.robots.franky import faults
+from palpate.robots.franky.blackbox import flush
 from palpate.robots.franky.course import Course, joint_course, pose_course
 from palpate.robots.franky.deadline import Call
 from palpate.robots.franky.drive import Drive, Reacted, Row
@@ -62,7 +63,13 @@ LOST = "look at the network cable and at Desk"
 
 
 class FrankyRobot:
-    """Implements `palpate.robots.robot.Robot`."""
+    """Implements `palpate.robots.robot.Robot`.
+
+    Attributes:
+        flushed: where the last cycles were written when it was closed after a fault.
+    """
+
+    flushed: str | None = None
 
     def __init__(
         self, session: Session, arm: RobotDescription, pose_world_base: Pose, gravity: float
@@ -262,6 +269,8 @@ class FrankyRobot:
         self._closed = True
         self._hand.end()
         self._session.close(self._lost)
+        if why := self._fault or self._reflex:
+            self.flushed = flush(self.cycles, why)
 
     def _follow(self, make: Callable[[Course | None, float], Course], clears: bool = True) -> None:
         """Take up a course; where nothing moves it is made before the control loop is kept waiting."""
