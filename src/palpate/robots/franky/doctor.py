@@ -185,7 +185,7 @@ def _weight(session: Session, state: Any, arm: RobotDescription, pose_world_base
 
 
 def _hand(session: Session) -> Iterator[Line]:
-    from palpate.robots.franky.deadline import Call
+    from palpate.robots.franky.library import Call
 
     try:
         state = Call(lambda: session.gripper.state, "palpate fingers").result(LISTENED)

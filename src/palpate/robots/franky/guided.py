@@ -5,7 +5,7 @@ from __future__ import annotations
 from palpate.errors import Unavailable
 from palpate.geometry.pose import Pose
 from palpate.robots.franky import faults
-from palpate.robots.franky.deadline import Call
+from palpate.robots.franky.library import Call
 from palpate.robots.franky.readout import pose_of
 from palpate.robots.franky.session import Session
 

@@ -27,9 +27,9 @@ from palpate.robots.description import Limits, RobotDescription
 from palpate.robots.franky import faults
 from palpate.robots.franky.blackbox import flush
 from palpate.robots.franky.course import Course, joint_course, pose_course
-from palpate.robots.franky.deadline import Call
 from palpate.robots.franky.drive import Drive, Reacted, Row
 from palpate.robots.franky.hand import NOTHING, Hand
+from palpate.robots.franky.library import Call
 from palpate.robots.franky.readout import PERIOD, Readout, pose_of
 from palpate.robots.franky.session import Session
 from palpate.robots.franky.springs import Springs

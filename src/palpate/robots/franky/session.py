@@ -12,8 +12,7 @@ import numpy as np
 from palpate.errors import Unavailable
 from palpate.robots.franky import faults
 from palpate.robots.franky.address import Address
-from palpate.robots.franky.deadline import Call, Late
-from palpate.robots.franky.library import franky
+from palpate.robots.franky.library import Call, Late, franky
 from palpate.robots.franky.preflight import require_answer
 from palpate.robots.reflex import Reflex
 
