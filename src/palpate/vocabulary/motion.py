@@ -62,7 +62,8 @@ WAVERS = 0.4
 PRESSES = 1.0
 """N besides what is just felt: what is left of it once the arm rests must be felt, too."""
 POSITION_TOLERANCE = 0.010
-"""m: an impedance-controlled arm with 1.5 kg on it sags by several millimetres."""
+"""m: an impedance-controlled arm with 1.5 kg on it sags by several millimetres. Where it sags by more,
+as soft springs do, what hangs on it explains that."""
 ANGLE_TOLERANCE = np.radians(3.0)
 FIRMLY = 0.8
 """part of what keeps an object from turning between the pads that a slide may take: they creep."""
@@ -171,6 +172,12 @@ def _weight(blackboard: Blackboard) -> float:
     assert state.holding is not None
     known = state.scene.body(state.holding).known.get("mass", (robot.limits.payload,))
     return known[0] * robot.gravity
+
+
+def _sagged(blackboard: Blackboard, target: Pose) -> Pose:
+    """Where soft springs let what hangs on the hand pull it."""
+    sag = blackboard.load.weight / blackboard.scene.arm.stiffness.translation
+    return target.translated((0.0, 0.0, -sag)) if blackboard.state.holding else target
 
 
 def _explained(blackboard: Blackboard, change: Array, sets_down: bool, span: Span) -> Array:
@@ -387,6 +394,8 @@ class MovePose(Primitive):
     def _arrived(self, blackboard: Blackboard, target: Pose) -> str:
         measured = blackboard.robot.state.pose_world_tcp
         distance, angle = measured.distance_to(target), measured.angle_to(target)
+        if distance > POSITION_TOLERANCE:
+            distance = measured.distance_to(_sagged(blackboard, target))
         if distance > POSITION_TOLERANCE or angle > ANGLE_TOLERANCE:
             raise LeafFailure(
                 f"stopped {1e3 * distance:.1f} mm and {np.degrees(angle):.1f}° from '{self.pose}', "

@@ -1,0 +1,37 @@
+"""A real arm's springs, on the embedded one: heavy things sag by more than a pose's tolerance."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+import palpate as pp
+from palpate.cells.simulated import simulated_cell
+from palpate.scene.scene import with_real_arm
+from palpate.stages import perform
+
+DESK = """<mujoco><worldbody>
+  <geom name="desk" type="box" size=".3 .4 .1" pos=".5 0 .1"/>
+  <body name="mug" pos=".5 0 .28"><freejoint/><geom type="box" size=".03 .03 .08"{mass}/></body>
+</worldbody></mujoco>"""
+
+
+def test_two_kilograms_are_lifted_and_set_down_on_800_newtons_a_metre() -> None:
+    scene = with_real_arm(pp.load(DESK.format(mass="")))
+    assert scene.arm.stiffness.translation == 800.0
+    plan = pp.load(DESK.format(mass="")).plan("how heavy is the mug?")
+    world = with_real_arm(pp.load(DESK.format(mass=' mass="2"')))
+    done = perform(plan, scene, simulated_cell(scene, world, noise="lab").robot())
+    assert (done.status, done.stopped_by) == ("complete", None)
+    lifted = next(leaf for leaf in done.trace.leaves if "z_offset" in leaf.label and leaf.context)
+    assert lifted.status == "SUCCESS"
+    tcp = done.trace.samples.pose_world_tcp[:, 2] - done.trace.samples.target_world_tcp[:, 2]
+    assert tcp.min() == pytest.approx(-2 * 9.81 / 800, rel=0.2)
+
+
+def test_springs_that_somebody_set_stay() -> None:
+    arm = pp.load(DESK.format(mass="")).arm
+    assert arm.hardware is not None
+    assert arm.real().stiffness == arm.hardware
+    assert replace(arm, hardware=None).real().stiffness == arm.stiffness
