@@ -41,6 +41,8 @@ BEHIND = 0.05
 """s: a clock that is late by more starts anew."""
 HAND_EVERY = 10
 """Cycles between two states of the hand."""
+FIRST = 0.03
+"""s that a client has for its first command."""
 IDLE = 0.5
 """s between two looks at whether somebody has connected."""
 HAND_WAITS = 0.05
@@ -221,7 +223,7 @@ class Server:
         """Until the next cycle is due; whether there is to be one."""
         if self._locked and not self.frozen:
             return self._await_answer()
-        self._schedule(CYCLE if self._robot.moving else self._cycle)
+        self._schedule(self._spacing)
         while True:
             if not self._listen(self._left):
                 return False
@@ -229,6 +231,15 @@ class Server:
                 return True
             if self._left <= 0.0 and self._connected:
                 return True
+
+    @property
+    def _spacing(self) -> float:
+        """s between two cycles that wait for no answer. A client's first command answers a state
+        after some that it only looked at: if that took it several cycles, the answers to them would
+        be lost."""
+        if not self._robot.moving:
+            return self._cycle
+        return FIRST if self._lockstep else CYCLE
 
     def _schedule(self, cycle: float) -> None:
         """When the next cycle is due, s after the last one; a clock that is late starts anew."""
