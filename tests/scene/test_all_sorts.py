@@ -74,6 +74,14 @@ def test_a_flexible_thing_from_a_file(tmp_path: Path) -> None:
     assert list(load_scene(tmp_path / "scene.xml", root=tmp_path).objects) == ["cup"]
 
 
+@pytest.mark.parametrize(("compiler", "joint"), [('alignfree="true"', ""), ("", 'align="true"')])
+def test_a_body_is_where_the_file_puts_its_frame(compiler: str, joint: str) -> None:
+    lever = f"""<body name="lever" pos="0.6 0.1 0.1"><freejoint {joint}/>
+      <geom type="box" size=".1 .02 .02" pos=".1 .02 0" mass="0.2"/></body>"""
+    found = scene(lever, before=f"<compiler {compiler}/>")
+    assert found.body("lever").pose_world.position == pytest.approx([0.6, 0.1, 0.1])
+
+
 def test_room_for_many_constraints_is_not_made_beforehand() -> None:
     found = scene(before='<size njmax="5000" nconmax="5000"/>')
     assert found.spec().compile().narena < 100e6

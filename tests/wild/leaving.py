@@ -82,7 +82,7 @@ def _com(body: Element, random: Random) -> bool:
 
 def _inertia(body: Element, random: Random) -> bool:
     inertial = body.find("inertial")
-    if inertial is None:
+    if inertial is None or body.find(".//body") is not None:
         return False
     for attribute, count in (("diaginertia", 3), ("fullinertia", 6)):
         if attribute in inertial.attrib:

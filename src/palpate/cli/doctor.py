@@ -48,7 +48,7 @@ def examine() -> int:
     """Print the table; 0 when the embedded robot and the symbolic planner can work, else 5."""
     core = [_core(name) for name in CORE]
     table = Table(box=None, show_header=False, pad_edge=False)
-    for line in (_palpate(), *core, _pictures(), *_robots_and_planners()):
+    for line in (_palpate(), *core, _pictures(), *_robots_and_planners(), _usd()):
         mark = "[green]✓[/]" if line.good else "[yellow]–[/]"
         table.add_row(mark, line.what, f"[dim]{escape(line.detail)}[/]")
     out.print(table)
@@ -103,6 +103,12 @@ def _provider(provider: str, distribution: str, key: str) -> Line:
     if not os.environ.get(key):
         return Line(False, what, f"set {key} to use it")
     return Line(True, what, f"{key} is set")
+
+
+def _usd() -> Line:
+    found = _installed("mujoco-usd-converter")
+    what = "export to USD"
+    return Line(bool(found), what, found or "missing: pip install 'palpate[export]'")
 
 
 def _installed(distribution: str) -> str | None:

@@ -96,11 +96,13 @@ def _settle_defaults(root: Element) -> None:
 
 def _keep_all(root: Element) -> None:
     """Every body and geom of the file is in the model: physics are the same without, and what is
-    known of them is looked up there. `njmax`, which MuJoCo keeps for old files alone, says no more
+    known of them is looked up there, in their own frames. `njmax`, which MuJoCo keeps for old files alone, says no more
     than how much memory to take (XMLreference, size-njmax): gigabytes, where it is 5000."""
     for tag, attributes in (
-        ("compiler", ("discardvisual", "fusestatic")),
+        ("compiler", ("discardvisual", "fusestatic", "alignfree")),
         ("size", ("njmax",)),
+        (".//freejoint", ("align",)),
+        (".//joint", ("align",)),
     ):
         for element in root.iterfind(tag):
             for attribute in attributes:
