@@ -104,8 +104,17 @@ def complete(
             notes.append(
                 f"{parameter} was not measured; the twin holds the assumed value {assumed}"
             )
+    if _keyframes_state_places(scene, fitting):
+        notes.append("the keyframes state places of their own, which were left as they are")
     unwritten = tuple(parameter for parameter in reasons if parameter.object in scene.bodies)
     return Completed(texts, tuple(notes), unwritten)
+
+
+def _keyframes_state_places(scene: Scene, values: Values) -> bool:
+    """Whether something was found to stand elsewhere that a keyframe places, too."""
+    moved = {"position", "height"} & {parameter.quantity for parameter in values}
+    keys = scene.resolved.document.root.iterfind("keyframe/key")
+    return bool(moved) and any(key.get("qpos") for key in keys)
 
 
 def _in_its_place(estimate: Estimate, quantities: Catalogue) -> Estimate:
