@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import re
 import signal
+import tempfile
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
@@ -36,6 +37,12 @@ def bench() -> Iterator[Served]:
         yield running
 
 
+@pytest.fixture(autouse=True)
+def temporary(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What is written down after a fault does not stay."""
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+
+
 @dataclass
 class Mishap:
     """Strikes half a second of robot time after a leaf has ended."""
@@ -56,15 +63,21 @@ class Mishap:
 
 def ran(bench: Served, mishap: Mishap, policy: OnFailure = "stop") -> tuple[Execution, float]:
     """An execution with a mishap, and s from that to its end."""
-    asked = scenario("one_missing_mass").settings()
+    done = executed(bench, "one_missing_mass", mishap, policy)
+    assert mishap.struck is not None, done.stopped_by
+    return done, time.perf_counter() - mishap.struck
+
+
+def executed(bench: Served, name: str, mishap: Mishap | None, policy: OnFailure) -> Execution:
+    """A scenario's plan on the served arm."""
+    asked = scenario(name).settings()
     assert asked.scene is not None
     scene = with_real_arm(pp.load(asked.scene))
     plan = pp.load(asked.scene).plan(asked.request)
     robot: Any = drivers().connect(f"franky://{bench.address}", scene).robot()
     done = perform(plan, scene, robot, mishap, policy, real=True)
-    assert mishap.struck is not None, done.stopped_by
     LOGS.append(robot.flushed)
-    return done, time.perf_counter() - mishap.struck
+    return done
 
 
 def stopped_by(done: Execution) -> str:
@@ -116,7 +129,6 @@ def test_after_a_user_stop_nothing_is_put_down_and_nobody_goes_on(bench: Served)
     assert bench.ask("pose", body=BOTTLE)[2] > lifted
     assert LOGS[-1] is not None
     kept = np.load(LOGS[-1])
-    Path(LOGS[-1]).unlink()
     assert "user stop" in str(kept["why"])
     assert kept["tau_J"].shape == (5000, 7)
     assert (np.diff(kept["t"]) > 0).all()
@@ -125,3 +137,13 @@ def test_after_a_user_stop_nothing_is_put_down_and_nobody_goes_on(bench: Served)
     bench.ask("user_stop", pressed=False)
     with pytest.raises(pp.Unavailable, match=r"the hand holds something at 6\d mm: take it out"):
         ran(bench, Mishap("nothing", lambda: None))
+
+
+def test_an_unseen_post_is_met_softly_and_a_person_has_to_look() -> None:
+    """franky's reaction, 1 kHz; the embedded robot would plan again."""
+    with served(**files("mishaps/obstacle"), fastest=1.0) as bench:
+        done = executed(bench, "mishaps/obstacle", None, "replan")
+        assert "unexpected contact: the arm stopped itself at" in stopped_by(done)
+        assert done.reflex is not None
+        assert done.fault is None
+        assert bench.ask("counts")["lost"] == 0

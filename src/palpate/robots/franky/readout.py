@@ -64,6 +64,8 @@ class Readout:
     def read(self, rows: Sequence[Row], width: float) -> Samples:
         """The samples that some cycles complete; `width` m between the fingers."""
         parts: list[Samples] = []
+        # What a busy computer's queue brings after a newer state is told no more.
+        rows = [row for row in rows if row.state.time.to_sec() > self.stamp]
         for row in rows:
             index = int(row.state.time.to_msec()) // BLOCK
             if self._index is not None and index != self._index and self._block:
