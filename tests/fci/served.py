@@ -23,14 +23,18 @@ STARTS = 60.0
 """s in which a server is there."""
 
 
-SERVERS = count(1)
+SERVERS = count(2)
 
 
 def own_address() -> str:
-    """A loopback address that no other server of any test worker or test run has: libfranka's
-    ports are fixed."""
+    """A loopback address of this process of tests alone, the same whenever it is asked for."""
+    return _address(1)
+
+
+def _address(number: int) -> str:
+    """libfranka's ports are fixed, so no two servers of any test worker or test run share one."""
     worker = os.environ.get("PYTEST_XDIST_WORKER", "gw0").removeprefix("gw")
-    return f"127.{10 + int(worker)}.{os.getpid() % 250}.{next(SERVERS)}"
+    return f"127.{10 + int(worker)}.{os.getpid() % 250}.{number}"
 
 
 class Served:
@@ -77,7 +81,9 @@ class Served:
 @contextmanager
 def served(scene: Path | str, world: Path | str | None = None, **changes: Any) -> Iterator[Served]:
     """Serve a scene on an address of its own; `changes` are fields of `Setup`."""
-    setup = Setup(str(scene), None if world is None else str(world), address=own_address())
+    setup = Setup(
+        str(scene), None if world is None else str(world), address=_address(next(SERVERS))
+    )
     running = Served(replace(setup, **changes))
     try:
         yield running

@@ -41,7 +41,7 @@ BEHIND = 0.05
 """s: a clock that is late by more starts anew."""
 HAND_EVERY = 10
 """Cycles between two states of the hand."""
-FIRST = 0.03
+FIRST = 0.01
 """s that a client has for its first command."""
 IDLE = 0.5
 """s between two looks at whether somebody has connected."""
