@@ -65,8 +65,8 @@ class Descent:
 
     @property
     def full(self) -> float:
-        """N, while the pose was recorded."""
-        return float(np.mean(self.smooth[self.pressed]))
+        """N, while the pose was recorded; no less than what is a force at all."""
+        return max(float(np.mean(self.smooth[self.pressed])), tuning.SOFT_FORCE)
 
     @property
     def held(self) -> float:
@@ -76,13 +76,7 @@ class Descent:
     @property
     def borne(self) -> Mask:
         """Rows in which it pressed most at rest: of the recording, or before it was eased."""
-        told = self.samples.target_world_tcp[:, 2]
-        lowest = int(np.argmin(told))
-        if told[-1] - told[lowest] < tuning.EASED:
-            return self.pressed
-        risen = np.flatnonzero(told[lowest:] > told[lowest] + tuning.EASED / 10)
-        rows = np.arange(len(told)) - lowest - int(risen[0])
-        return (rows < 0) & (rows >= -tuning.BLOCK_ROWS)
+        return _borne(self.samples, self.pressed)
 
     def crossing(self, force: float) -> int:
         """The first row of the contact at which the force has risen to `force` N."""
@@ -152,7 +146,7 @@ def descent_before(trace: Trace, recording: Recording) -> Descent | None:
     # A probe that pressed firmly is eased afterwards, and may then press hardly at all.
     before = on_the_way & (np.arange(len(smooth)) <= int(np.argmax(smooth - free_air)))
     onset = _onset(smooth - free_air, _spread((smooth - free_air)[free]), before)
-    felt = float(np.mean((smooth - free_air)[pressed]))
+    felt = float(np.mean((smooth - free_air)[_borne(samples, pressed)]))
     if felt < tuning.CONTACT_NOISE * max(noise, trace.hand.force_repeatability):
         return None
     resting = trace.samples.between(leaf.start - tuning.AT_REST, leaf.start).wrench
@@ -162,6 +156,18 @@ def descent_before(trace: Trace, recording: Recording) -> Descent | None:
     wander[2] = _spread(block_means((down - free_air)[free]))
     force = (down - free_air, smooth - free_air)
     return Descent(samples, leaf, z, *force, noise, onset, pressed, set_out, wander, met.slope)
+
+
+def _borne(samples: Samples, pressed: Mask) -> Mask:
+    """Rows in which the arm pressed most at rest: `pressed`, or before it was eased. Joints that rub turn
+    round then, and may hide what is left of the force."""
+    told = samples.target_world_tcp[:, 2]
+    lowest = int(np.argmin(told))
+    if told[-1] - told[lowest] < tuning.EASED:
+        return pressed
+    risen = np.flatnonzero(told[lowest:] > told[lowest] + tuning.EASED / 10)
+    rows = np.arange(len(told)) - lowest - int(risen[0])
+    return (rows < 0) & (rows >= -tuning.BLOCK_ROWS)
 
 
 def steady(samples: Samples) -> Mask:
