@@ -137,12 +137,12 @@ def simulated_cell(
             `tolerance` m.
     """
     if world is not None:
-        arm = scene.arm if scene is not None else arm
+        arm, named = scene.arm if scene is not None else arm, world.name
         if isinstance(world, Path):
             world = load_scene(world, arm=arm, root=root, robot_body=robot_body)
         if scene is not None:
             _match(scene, world, tolerance)
-        return SimulatedCell(world, {}, f"simulated world {world.name}", noise, seed, scene)
+        return SimulatedCell(world, {}, f"simulated world {named}", noise, seed, scene)
     if scene is None:
         raise InputError("a simulated cell needs a scene or a world to be made of")
     drawn = draw_truth(scene, seed)
