@@ -6,13 +6,14 @@ from __future__ import annotations
 import json
 import re
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
 from loopback import Fails, Loopback, Request, Says
 from PIL import Image
 
+from palpate.cells.registry import drivers
 from palpate.planning.model import session as session_module
 from palpate.planning.model.prompt.compose import system_prompt
 from palpate.scenarios.catalogue import scenario
@@ -79,7 +80,7 @@ def test_bottle_and_table_end_to_end_over_http(
     }
     assert [len(request.images) > 0 for request in requests] == [True] * 3
     assert all(request.system == system_prompt(vocabulary()) for request in requests)
-    assert "table.height is requested" in requests[2].user
+    assert "this yields table.height" in requests[2].user
     figures = json.loads((tmp_path / "out" / "plan.json").read_text())["model"]
     assert (figures["valid_first"], figures["valid_after_feedback"], figures["rounds"]) == (
         False,
@@ -248,9 +249,39 @@ def test_the_answer_of_any_chat_is_checked_and_executed(palpate: Palpate, tmp_pa
     assert "the JSON" in cut.err
 
 
+GONE = """from palpate.cells.registry import Driver
+from palpate.errors import Unavailable
+
+
+def connect(url, scene):
+    if scene is not None:
+        raise Unavailable(f"{url} hung up")
+
+
+driver = Driver("bench", connect)
+"""
+"""A driver whose robot answers at first, and not any more when it is to move."""
+
+
+@pytest.fixture
+def driver(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """It is installed, as an installer leaves it."""
+    metadata = tmp_path / "bench_arm-1.0.dist-info"
+    metadata.mkdir()
+    (metadata / "METADATA").write_text("Metadata-Version: 2.1\nName: bench-arm\nVersion: 1.0\n")
+    (metadata / "entry_points.txt").write_text("[palpate.cells]\nbench = bench_arm_driver\n")
+    (tmp_path / "bench_arm_driver.py").write_text(GONE)
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.delitem(sys.modules, "bench_arm_driver", raising=False)
+    drivers.cache_clear()
+    yield
+    drivers.cache_clear()
+
+
+@pytest.mark.usefixtures("driver")
 @pytest.mark.parametrize(
     ("said", "status", "words"),
-    [("n\n", 4, "not confirmed"), ("", 4, "not confirmed"), ("y\n", 5, "no driver")],
+    [("n\n", 4, "not confirmed"), ("", 4, "not confirmed"), ("y\n", 5, "hung up")],
 )
 def test_a_real_robot_moves_only_when_confirmed(
     palpate: Palpate,
@@ -269,21 +300,21 @@ def test_a_real_robot_moves_only_when_confirmed(
         "--scene",
         scene(cube()),
         "--robot",
-        "franka://arm",
+        "bench://arm",
         "--no-rehearse",
         "--out",
         "out",
         "--json",
     )
     assert (answer.status, words in answer.err) == (status, True), answer.err
-    assert answer.err.index("Force2Mass") < answer.err.index("Let franka://arm move?")
+    assert answer.err.index("Force2Mass") < answer.err.index("Let bench://arm move?")
     assert not (tmp_path / "out").exists()
     assert json.loads(answer.out)["error"]["exit_status"] == status
 
 
 def test_yes_skips_the_question(palpate: Palpate, scene: Callable[..., Path]) -> None:
     answer = palpate(
-        "run", "--scene", scene(cube()), "--robot", "franka://arm", "--no-rehearse", "--yes"
+        "run", "--scene", scene(cube()), "--robot", "bench://arm", "--no-rehearse", "--yes"
     )
     assert answer.status == 5
     assert "move?" not in answer.err

@@ -77,10 +77,10 @@ def test_it_is_planned_for_from_its_evidence_alone(sentence: str | None) -> None
 def test_its_value_is_written_into_the_twin() -> None:
     scene = parse_scene(SCENE)
     made = complete(scene, [Estimate.normal(ROLLING, "m", 5e-4, 1e-5, "A stub.", ())])
-    assert 'friction="0.4 0.005 0.000500" condim="6"' in made.text
-    assert 'name="palpate_block_rolling_friction"' in made.text
+    assert 'friction="0.4 0.005 0.000500" condim="6"' in made.texts.main
+    assert 'name="palpate_block_rolling_friction"' in made.texts.main
     assert made.notes == ()
-    assert parse_scene(made.text).missing == ()
+    assert parse_scene(made.texts.main).missing == ()
 
 
 def test_without_the_package_nobody_knows_it() -> None:
