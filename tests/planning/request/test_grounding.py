@@ -113,6 +113,8 @@ def workshop() -> Scene:
         thing("hammerbody", "0.8 0.1 0.1", y=-0.3),
         thing("teacup", y=-0.1),
         thing("spring", y=0.1),
+        thing("cubeA_main", y=-0.2),
+        thing("cubeB_main", y=0.0),
         thing("gift1", y=0.2).replace("</body>", '<body name="ribbon"/></body>'),
         name="workbench",
     )
@@ -127,6 +129,8 @@ def workshop() -> Scene:
         ("the mass of the cup", "teacup.mass"),
         ("the masses of the hammers and the gift", "hammerbody.mass gift1.mass"),
         ("the friction of the ribbon", "gift1.friction"),
+        ("what is the mass of cubeB_main?", "cubeB_main.mass"),
+        ("the masses of cubeA_main and gift1", "cubeA_main.mass gift1.mass"),
     ],
 )
 def test_compounds_are_called_by_their_noun(workshop: Scene, request_: str, asked: str):

@@ -99,7 +99,7 @@ def ground(request: str, scene: Scene) -> Grounded:
             f"the request has {len(request)} characters; say it in at most {MAX_REQUEST}"
         )
     words = Words(scene)
-    said = words.spelt(tokens(in_english(request, words.nouns.names)))
+    said = words.spelt(tokens(in_english(words.nouns.apart(request), words.nouns.names)))
     found = located(words.items(said), scene, words.remarks)
     items, unread = understood(found)
     reading = Reading(Resolver(scene))

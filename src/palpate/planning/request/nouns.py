@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 
@@ -35,6 +36,15 @@ class Nouns:
     def names(self) -> frozenset[str]:
         """The words of all names."""
         return self._names
+
+    def apart(self, request: str) -> str:
+        """The request with the names of bodies, as the scene writes them, in words: "cubeB_main" is
+        "cube b main"."""
+        for name in sorted(self.own, key=len, reverse=True):
+            if len(self.own[name]) > 1:
+                words = " ".join(self.own[name])
+                request = re.sub(rf"(?<!\w){re.escape(name)}(?!\w)", words, request)
+        return request
 
     def known(self, word: str) -> bool:
         """Whether a word may belong to the name of a thing here."""
