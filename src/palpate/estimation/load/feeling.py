@@ -14,7 +14,7 @@ import numpy as np
 
 from palpate.estimation import tuning
 from palpate.estimation.load.moving import about, own_motion
-from palpate.estimation.windows import gained
+from palpate.estimation.windows import Mask, gained
 from palpate.geometry.inertia import tensor_of
 from palpate.geometry.pose import Array, Pose
 from palpate.trace.recording import Chain
@@ -45,12 +45,15 @@ class Feeling:
         turned = np.concatenate([self.turn @ jacobian[:, :3], self.turn @ jacobian[:, 3:]], axis=1)
         return turned.transpose(0, 2, 1)
 
-    def own_motion(self, samples: Samples) -> Array:
-        """(n, m) N m that the arm's own links took to move; (n, 0) where nothing is known of them."""
+    def own_motion(self, samples: Samples, rows: Mask) -> Array:
+        """(n, m) N m that the arm's own links took to move, in `rows` (n,), else 0; (n, 0) where
+        nothing is known of them."""
         if self.chain is None or not self.chain.links or len(samples) < 2:
             return np.zeros((len(samples), 0))
         rates, changes = gained(samples.dq, samples.t, tuning.SPEED_SHORT)
-        return own_motion(self.chain, samples.q, rates, changes)
+        found = np.zeros(samples.q.shape)
+        found[rows] = own_motion(self.chain, samples.q[rows], rates[rows], changes[rows])
+        return found
 
     def inertia(self, q: Array) -> Array | None:
         """(m, m) kg m² of the arm's links at joint angles `q` (7,); None where nothing is known of

@@ -134,7 +134,7 @@ def weighing(trace: Trace, recording: Recording) -> Weighing:
     rests = list(_rests(trace, recording, load, path))
     quiet = [cut for cut in rests if not told[cut.rows].any()]
     passes = _passes(trace, load, path, steady) if path is not None else []
-    signals = _signals(trace, load, path)
+    signals = _signals(trace, load, path, [*rests, *passes])
     found = [_segment(signals, cut, [cut.rows]) for cut in quiet]
     binned = _binned(signals, passes)
     found += [one for one in binned if _has_counterpart(one, binned)]
@@ -147,15 +147,19 @@ def weighing(trace: Trace, recording: Recording) -> Weighing:
 def compared(trace: Trace, name: str, cuts: Sequence[Cut]) -> Weighing:
     """What tells about the load `name` in cuts of which those of one kind compare, at one place
     each."""
-    signals = _signals(trace, load_of(trace, name), None)
+    signals = _signals(trace, load_of(trace, name), None, cuts)
     found = [_segment(signals, cut, [cut.rows]) for cut in cuts]
     return Weighing(found, signals.noise, signals.felt.scale)
 
 
-def _signals(trace: Trace, load: Load, path: Path | None) -> _Signals:
+def _signals(trace: Trace, load: Load, path: Path | None, cuts: Iterable[Cut]) -> _Signals:
+    """What segments are made of; what takes long to say, in the rows of `cuts` alone."""
     samples = trace.samples
     felt, rising = feeling(trace), acceleration(samples, tuning.SPEED_SHORT)[:, 2]
-    motion = felt.own_motion(samples)
+    used = np.zeros(len(samples), dtype=bool)
+    for cut in cuts:
+        used[cut.rows] = True
+    motion = felt.own_motion(samples, used)
     calm = (at_rest(samples) | (_steady(samples) & _moves(samples))) & (load.loaded | load.empty)
     return _Signals(
         samples,
