@@ -260,3 +260,32 @@ def test_what_sticks_in_joints_that_a_lift_hardly_turns_is_none_of_the_load(lift
 
     smooth, sticky = moment(with_friction(0.0)), moment(with_friction(0.3))
     assert sticky == pytest.approx(smooth, abs=0.01)
+
+
+def bumps(samples):
+    """What an uneven floor does to an object that is dragged over it: it wanders, in all directions."""
+    wandering = np.random.default_rng(0).normal(0.0, 0.05, (len(samples), 6)).cumsum(axis=0)
+    beside = samples.pose_world_tcp[:, 1] > 0.1005
+    return np.where(beside[:, None], wandering, 0.0)
+
+
+def test_what_the_ground_does_to_a_dragged_object_is_no_noise_of_the_arm(bench, noises):
+    b = bench(noises["none"], 1)
+    above, grasp, there = (0.5, 0.1, 0.32), (0.5, 0.1, 0.2), (0.5, 0.18, 0.2)
+    for _ in range(2):
+        b.go("bottle_pose", grasp)
+        b.go("bottle_pose + z_offset", above)
+    b.go("bottle_pose", grasp)
+    b.close("bottle", MASS)
+    b.go("bottle_pose + z_offset", above)
+    b.convert("Force2Mass", "bottle", "mass", b.measure())
+    b.go("bottle_pose", grasp)
+    for at, goal in (("bottle_pose + y_offset", there), ("bottle_pose", grasp)):
+        b.drag(at, goal, 0.4, 0.3, (0.004, 0.004))
+    trace = b.trace()
+    even, uneven = (
+        fit_load(weighings(one, one.recordings[0]), STANDARD_GRAVITY, one.hand)
+        for one in (jointed(trace), jointed(trace, extra=bumps))
+    )
+    assert uneven.freedom > 0.8 * even.freedom
+    assert uneven.force_std == pytest.approx(even.force_std, rel=0.05)

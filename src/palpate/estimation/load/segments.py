@@ -161,6 +161,7 @@ def _signals(trace: Trace, load: Load, path: Path | None, cuts: Iterable[Cut]) -
         used[cut.rows] = True
     motion = felt.own_motion(samples, used)
     calm = (at_rest(samples) | (_steady(samples) & _moves(samples))) & (load.loaded | load.empty)
+    calm &= ~_dragged(trace)
     return _Signals(
         samples,
         felt,
@@ -173,6 +174,17 @@ def _signals(trace: Trace, load: Load, path: Path | None, cuts: Iterable[Cut]) -
         load.grasps,
         _rubbed(felt, samples),
     )
+
+
+def _dragged(trace: Trace) -> Mask:
+    """Rows in which an object was slid along its support: what that makes the arm feel is no noise of
+    its own."""
+    t = trace.samples.t
+    slides = [one for one in trace.recordings if one.context.activity == "sliding"]
+    if not slides:
+        return np.zeros(len(t), dtype=bool)
+    first, last = min(one.start for one in slides), max(one.end for one in slides)
+    return (first <= t) & (t <= last)
 
 
 def _net(felt: Feeling, samples: Samples, motion: Array) -> Array:
