@@ -14,6 +14,7 @@ from palpate.cells.registry import drivers
 from palpate.cells.teach import GuidedHand, Lesson
 from palpate.errors import InputError, Unavailable
 from palpate.files.plain_yaml import yaml_text
+from palpate.files.read import read_text
 from palpate.planning.check.check import check
 from palpate.planning.model.prompt.compose import Prompt, checked_modules, compose
 from palpate.planning.model.session import Budget, ModelSettings
@@ -21,8 +22,10 @@ from palpate.planning.recorded import load_proposal, plan_file
 from palpate.quantities.precision.within import Within
 from palpate.robots.owner.registered import own_arm
 from palpate.robots.registry import DEFAULT, load_description
+from palpate.scaffold.folder import POSES, SCENE, Scaffold, new_scene, written
 from palpate.scene.from_picture import DetectedScene, SceneBuilder
 from palpate.scene.load import load_scene
+from palpate.scene.poses import MAX_BYTES as MAX_POSES
 from palpate.scene.poses import Poses, parse_poses, read_poses
 from palpate.settings import Settings
 from palpate.vocabulary.composites import COMPOSITES
@@ -38,11 +41,13 @@ __all__ = [
     "guided_hand",
     "lesson",
     "model_settings",
+    "new_scene",
     "paper_notation",
     "pictures",
     "plan_schema",
     "prompt",
     "replayed",
+    "scene_from_picture",
     "tree_nodes_model",
     "vocabulary",
     "write_poses",
@@ -226,3 +231,29 @@ def pictures() -> tuple[bool, str]:
     from palpate.pictures.renderer import gl_available
 
     return gl_available()
+
+
+def scene_from_picture(settings: Settings, folder: Path) -> Scaffold:
+    """Write the scene that a model sees in a picture, with the poses it was seen from; what the model
+    would measure in it is left aside.
+
+    Raises:
+        InputError: no picture, no camera, a planner that is no model, nothing seen, or a folder that
+            cannot be written. Unavailable: the model's server.
+    """
+    if not settings.images or settings.poses is None:
+        raise InputError(
+            "a scene from a picture needs the picture (--image photo.jpg) and, in a poses.yaml "
+            "(--poses), the camera that took it: pos, quat, fovy and size"
+        )
+    made = pipeline.plan(settings.checked(), None)
+    if made.scene is None:
+        why = made.plan.explanation or "it named no objects"
+        raise InputError(f"no scene can be made of the picture: {why}")
+    texts = {
+        SCENE: made.scene.resolved.document.text,
+        POSES: read_text(settings.poses, MAX_POSES, "poses"),
+    }
+    written(folder, texts)
+    names = tuple(made.scene.objects)
+    return Scaffold(folder / SCENE, folder / POSES, names)

@@ -19,6 +19,7 @@ from palpate.cli.options import (
     Cautious,
     EstimatorNames,
     GivenScene,
+    Images,
     ModelOptions,
     MotionOptions,
     NoiseLevel,
@@ -60,6 +61,9 @@ app = typer.Typer(
     "5 planner or robot unavailable.",
 )
 app.add_typer(study.app, name="study")
+
+EVERYTHING_SEEN = "I want to simulate everything in this picture. What does each thing weigh?"
+"""What a model is asked that shall see a scene."""
 
 
 def _version(value: bool) -> None:
@@ -140,6 +144,38 @@ def run(
         model_settings=model.settings(without),
     )
     carry_out(settings, as_json, yes)
+
+
+@command(app)
+def init(
+    folder: Annotated[Path, typer.Argument(help="Folder to write scene.xml and poses.yaml into.")],
+    names: Annotated[
+        list[str] | None, typer.Argument(metavar="[OBJECT]...", help="What stands there.")
+    ] = None,
+    *,
+    surface: Annotated[str, typer.Option("--surface", help="What it stands on.")] = "table",
+    images: Images = None,
+    poses: Poses = None,
+    planner: Planner = "symbolic",
+    as_json: AsJson = False,
+    model: ModelOptions,
+) -> None:
+    """Begin a scene of your own: commented files, from names, or from a picture that a model looks at."""
+    from palpate.cli.show import show_scaffold
+    from palpate.settings import Settings
+    from palpate.tools import new_scene, scene_from_picture
+
+    if not images:
+        show_scaffold(new_scene(folder, names or ["mug"], surface), as_json)
+        return
+    settings = Settings(
+        request=EVERYTHING_SEEN,
+        images=tuple(images),
+        poses=poses,
+        planner=planner,
+        model_settings=model.settings(),
+    )
+    show_scaffold(scene_from_picture(settings, folder), as_json)
 
 
 @command(app)

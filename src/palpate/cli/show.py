@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shlex
 import sys
 from collections.abc import Callable, Generator, Iterable
 from contextlib import contextmanager
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
     from palpate.planning.plan import Plan
     from palpate.runs.fuse import Fusion
     from palpate.runs.run import Run
+    from palpate.scaffold.folder import Scaffold
     from palpate.scenarios.catalogue import Scenario
     from palpate.settings import Settings
     from palpate.twin.export.export import Export
@@ -153,6 +155,22 @@ def show_export(run: Run, export: Export, as_json: bool) -> None:
     for note in export.notes:
         out.print(f"[dim]note[/] {escape(note)}", soft_wrap=True)
     out.print(f"[dim]{export.format}[/] {export.file}", soft_wrap=True)
+
+
+def show_scaffold(made: Scaffold, as_json: bool) -> None:
+    """The files of a new scene, and what to do next."""
+    if as_json:
+        files = {"scene": str(made.scene), "poses": str(made.poses)}
+        print_json(files | {"objects": list(made.objects)})
+        return
+    scene = shlex.quote(str(made.scene))
+    out.print(f"wrote {escape(str(made.scene))}", soft_wrap=True)
+    out.print(f"      {escape(str(made.poses))}", soft_wrap=True)
+    out.print("Put a ruler to your table, correct places and sizes in them, then:")
+    out.print(f"  palpate gap {escape(scene)}", soft_wrap=True)
+    if made.objects:
+        question = shlex.quote(f"how heavy is the {made.objects[0].replace('_', ' ')}?")
+        out.print(f"  palpate run --scene {escape(scene)} -r {escape(question)}", soft_wrap=True)
 
 
 def _show_held_out(run: Run) -> None:

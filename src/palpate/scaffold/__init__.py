@@ -1,0 +1,1 @@
+"""A scene to begin with: commented MJCF and poses, written from the names of things."""

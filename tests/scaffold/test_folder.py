@@ -1,0 +1,78 @@
+"""A new scene: what is written is a scene that can be read, planned for and corrected."""
+
+import hypothesis.strategies as st
+import mujoco
+import pytest
+from hypothesis import given, settings
+
+import palpate as pp
+from palpate.errors import InputError
+from palpate.scaffold.folder import new_scene
+from palpate.scaffold.things import MAX_THINGS, kinds
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("new") / "my desk"
+    return new_scene(folder, ["red mug", "hammer", "dingus"], surface="desk")
+
+
+def test_its_objects_miss_their_mass_and_friction_and_nothing_else(made):
+    scene = pp.load(made.scene, poses=made.poses)
+    assert tuple(scene.objects) == ("red_mug", "hammer", "dingus")
+    assert tuple(scene.surfaces) == ("desk",)
+    missing = {str(parameter) for parameter in scene.missing}
+    assert missing == {f"{name}.{q}" for name in scene.objects for q in ("mass", "friction")}
+
+
+def test_a_plan_is_found_for_each_of_them(made):
+    scene = pp.load(made.scene, poses=made.poses)
+    for name in scene.objects:
+        plan = scene.plan(f"how heavy is the {name.replace('_', ' ')}?")
+        assert plan.made.ready, name
+
+
+def test_a_full_table_stands_apart(tmp_path):
+    names = sorted(kinds())[:MAX_THINGS]
+    scene = pp.load(new_scene(tmp_path, names).scene)
+    assert scene.plan(f"how heavy is the {names[7]}?").made.ready
+    model = mujoco.MjModel.from_xml_string(new_scene(tmp_path / "again", names).scene.read_text())
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    bodies = {tuple(sorted(model.geom_bodyid[c.geom])) for c in data.contact[: data.ncon]}
+    table = model.body("table").id
+    assert all(table in pair for pair in bodies), "two things touch each other"
+
+
+def test_what_is_there_stays(made):
+    before = made.scene.read_text()
+    with pytest.raises(InputError, match="is there already"):
+        new_scene(made.scene.parent, ["cup"])
+    assert made.scene.read_text() == before
+
+
+@pytest.mark.parametrize(
+    ("names", "surface", "complaint"),
+    [
+        (["7up"], "table", "letter first"),
+        (["cup", "cup"], "table", "called 'cup'"),
+        (["table"], "table", "surface's name"),
+        (["x"] * (MAX_THINGS + 1), "table", "too many"),
+    ],
+)
+def test_what_cannot_be_is_said_and_nothing_is_written(tmp_path, names, surface, complaint):
+    with pytest.raises(InputError, match=complaint):
+        new_scene(tmp_path / "new", names, surface)
+    assert not (tmp_path / "new").exists()
+
+
+@settings(max_examples=25, deadline=None)
+@given(name=st.text(max_size=70))
+def test_any_name_is_an_object_or_an_error(tmp_path_factory, name):
+    folder = tmp_path_factory.mktemp("any") / "new"
+    try:
+        made = new_scene(folder, [name])
+    except InputError:
+        assert not folder.exists()
+        return
+    assert tuple(pp.load(made.scene).objects) == made.objects
