@@ -247,9 +247,6 @@ def scene_from_picture(settings: Settings, folder: Path) -> Scaffold:
             "(--poses), the camera that took it: pos, quat, fovy and size"
         )
     made = pipeline.plan(settings.checked(), None)
-    if made.scene is None:
-        why = made.plan.explanation or "it named no objects"
-        raise InputError(f"no scene can be made of the picture: {why}")
     texts = {
         SCENE: made.scene.resolved.document.text,
         POSES: read_text(settings.poses, MAX_POSES, "poses"),

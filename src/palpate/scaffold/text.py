@@ -48,8 +48,8 @@ _SIZES = {
 }
 
 _POSES = """\
-# Where things are, where the MJCF does not say it well enough. Every entry is optional; remove the '#' of what you need.
-# Lengths in m, angles in rad, z up. `palpate teach scene.xml` fills this in with you.
+# Where things are, where the MJCF does not say it well enough. Every entry is optional: remove the '#'
+# of what you need. Lengths in m, angles in rad, z up. `palpate teach scene.xml` fills this in with you.
 
 # objects:                      # poses of the objects' frames in the world; they overrule the MJCF
 #   {first}: {{pos: [0.42, 0.0, 0.05], yaw: 0.3}}
