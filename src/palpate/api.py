@@ -412,8 +412,8 @@ def load(
 def open(folder: str | Path) -> Run:
     """The run in a folder that `Run.save` or the command line wrote.
 
-    Its trace is read when first asked for. A folder keeps neither the truth of a simulated world nor
-    the camera's footage; where the scene's file has gone since, the scene is empty.
+    Its trace is read when first asked for. A folder does not keep the camera's
+    footage; where the scene's file has gone since, the scene is empty.
 
     Raises:
         InputError: there is no such folder, or it is not a run's.

@@ -22,6 +22,7 @@ from palpate.runs.result import parameter_json, result_json
 from palpate.runs.run import Ending, Run, Status
 from palpate.scene.load import parse_scene
 from palpate.settings import Settings
+from palpate.trace.recording import Context, Recording
 from palpate.twin.twin import Twin
 from palpate.twin.validate import Residual, Validation
 
@@ -152,9 +153,10 @@ def test_a_scalar_is_a_number_and_a_vector_a_list() -> None:
         "verdicts": None,
         "contradiction": None,
         "tests": [],
-        "components": {"single-shot": {"value": 0.262, "std": 0.02}},
+        "components": {"single-shot": {"value": 0.262, "std": 0.02, "unit": None}},
         "shared": [],
         "freedom": None,
+        "evidence": [],
     }
     com = parameter_json(
         Estimate(COM, "m", (0.1, 0.0, 0.2), (0.01,) * 3, ((0.0, 0.2),) * 3, "", ())
@@ -174,6 +176,12 @@ def test_what_no_recording_tells_of_a_vector_has_a_verdict_of_its_own() -> None:
     assert guessed["verdicts"] == ["prior-dominated"] * 3
 
 
+def test_the_evidence_of_an_estimate_is_read_back() -> None:
+    window = Recording("gripper_forces", 1.25, 2.5, Context("still", holding="cup"), "tree", (0.5,))
+    weighed = replace(WEIGHED, evidence=(window,), parts={"held": Part(0.1, 0.01, "s")})
+    assert estimate_from(json.loads(json.dumps(parameter_json(weighed)))) == weighed
+
+
 def test_what_is_contradicted_says_what_disagrees() -> None:
     found = parameter_json(CONTRADICTED)
     assert (found["value"], found["verdict"]) == (0.2541, "contradicted")
@@ -187,6 +195,11 @@ def test_what_is_contradicted_says_what_disagrees() -> None:
             "passed": False,
         }
     ]
+
+
+def test_the_truth_of_a_simulated_world_is_kept() -> None:
+    assert result(COMPLETE)["parameters"][0]["true_value"] is None
+    assert result(replace(COMPLETE, truth={MASS: (0.25,)}))["parameters"][0]["true_value"] == 0.25
 
 
 def test_an_estimate_is_read_back_with_its_tests() -> None:

@@ -28,6 +28,7 @@ from palpate.scene.from_picture import DetectedScene, SceneBuilder, SceneObject
 from palpate.scene.load import load_scene, parse_scene, scene_from_text
 from palpate.scene.poses import Poses, read_poses
 from palpate.scene.scene import Scene
+from palpate.trace.recording import Context, Recording
 from palpate.twin.twin import Twin, read_twin
 from palpate.twin.validate import Residual, Validation
 
@@ -41,9 +42,8 @@ NOTHING = "<mujoco><worldbody/></mujoco>"
 def read_run(folder: Path, settings: Settings) -> Run:
     """The run in `folder`, made with `settings`. Its trace is read when first asked for.
 
-    Not kept in a folder, and hence empty: the evidence of estimates (the trace has the recordings),
-    the symbolic state, the camera's footage and the truth. Where the scene's own file has gone since,
-    the scene is empty.
+    Not kept in a folder, and hence empty: the symbolic state and the camera's footage. Where the
+    scene's own file has gone since, the scene is empty.
 
     Raises:
         InputError: a file is missing or is not of a run.
@@ -97,6 +97,7 @@ def _run(folder: Path, settings: Settings, result: dict[str, Any]) -> Run:
         simulated=result.get("simulated", settings.robot is None),
         execution=_ending(result["execution"]),
         estimates=estimates,
+        truth=_truth(result["parameters"]),
         held_out=held_out_from(result.get("validation", {}).get("held_out")),
         twin=_twin(folder / "twin.xml", found.scene, estimates, result["twin"]),
         folder=folder,
@@ -161,7 +162,7 @@ def _ending(document: dict[str, Any] | None) -> Ending | None:
 
 def estimate_from(row: Mapping[str, Any]) -> Estimate:
     """The estimate of which `parameter_json` made a row."""
-    parts = {name: Part(part["value"], part["std"]) for name, part in row["components"].items()}
+    parts = {name: Part(**part) for name, part in row["components"].items()}
     return Estimate(
         Parameter(row["object"], row["quantity"]),
         row["unit"],
@@ -169,12 +170,34 @@ def estimate_from(row: Mapping[str, Any]) -> Estimate:
         _numbers(row["std"]),
         _numbers(row["ci95"]),
         row["method"],
-        verdict=row["verdict"],
+        tuple(_recording(document) for document in row.get("evidence", ())),
+        row["verdict"],
         parts=parts,
         tests=tuple(fit_test(test) for test in row.get("tests", ())),
         shared=tuple(_shared(one) for one in row.get("shared", ())),
         freedom=_limitless(row.get("freedom")),
         unseen=_unseen(row),
+    )
+
+
+def _truth(rows: Sequence[Mapping[str, Any]]) -> dict[Parameter, tuple[float, ...]]:
+    """What is so in the simulated world, where the run knew."""
+    found: dict[Parameter, tuple[float, ...]] = {}
+    for row in rows:
+        true = _numbers(row.get("true_value")).reshape(-1).tolist()
+        if true:
+            found[Parameter(row["object"], row["quantity"])] = tuple(true)
+    return found
+
+
+def _recording(document: Mapping[str, Any]) -> Recording:
+    return Recording(
+        document["buffer"],
+        document["start"],
+        document["end"],
+        Context(**document["context"]),
+        document["node"],
+        tuple(document["reading"]),
     )
 
 

@@ -84,7 +84,8 @@ def plan_text(run: Run) -> str:
 def _parameter_json(run: Run, estimate: Estimate) -> dict[str, Any]:
     precision = run.settings.within.precision(estimate)
     within = asdict(precision) | {"outcome": precision.outcome} if precision else None
-    return parameter_json(estimate) | {"within": within}
+    true = list(run.truth.get(estimate.parameter, ()))
+    return parameter_json(estimate) | {"within": within, "true_value": _shaped(true)}
 
 
 def parameter_json(estimate: Estimate) -> dict[str, Any]:
@@ -102,11 +103,10 @@ def parameter_json(estimate: Estimate) -> dict[str, Any]:
         "verdicts": _several(estimate.verdicts),
         "contradiction": estimate.contradiction or None,
         "tests": [asdict(test) | {"passed": test.passed} for test in estimate.tests],
-        "components": {
-            name: {"value": part.value, "std": part.std} for name, part in estimate.parts.items()
-        },
+        "components": {name: asdict(part) for name, part in estimate.parts.items()},
         "shared": [asdict(one) | {"effect": list(one.effect)} for one in estimate.shared],
         "freedom": estimate.freedom if math.isfinite(estimate.freedom) else None,
+        "evidence": [asdict(recording) for recording in estimate.evidence],
     }
 
 
