@@ -3,14 +3,18 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test bench golden lint docs lock clean
+.PHONY: demo test test-all bench golden lint docs lock clean
 
 demo: $(VENV)/.run
 	$(BIN)/palpate demo
 
 # The workers' matrices are small: threads of several of them would only wait for each other.
 test: $(VENV)/.dev
-	OPENBLAS_NUM_THREADS=1 $(BIN)/pytest -n auto
+	OPENBLAS_NUM_THREADS=1 $(BIN)/pytest -n auto -m "not long"
+
+# Those, and what takes long: large scenarios, a libfranka server on loopback, studies.
+test-all: test
+	OPENBLAS_NUM_THREADS=1 $(BIN)/pytest -n auto -m long
 
 bench: $(VENV)/.dev
 	$(BIN)/python -m palpate.studies.bench
