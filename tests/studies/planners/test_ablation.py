@@ -195,7 +195,11 @@ def test_any_planner_can_be_studied(tmp_path: Path) -> None:
 
 def test_a_plan_that_measures_too_much_is_no_success(tmp_path: Path) -> None:
     records = repeatability(
-        ["bottle_and_table"], ["exhaustive"], tmp_path / "r.jsonl", Conditions(noise="none"), trials=1
+        ["bottle_and_table"],
+        ["exhaustive"],
+        tmp_path / "r.jsonl",
+        Conditions(noise="none"),
+        trials=1,
     )
     assert (records[0].syntax, records[0].success) == (True, False)
 
