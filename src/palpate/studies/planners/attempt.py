@@ -108,26 +108,25 @@ def _settings(
 
 
 def _images(task: Scenario, conditions: Conditions) -> tuple[Path, ...]:
-    """What a model is shown: the pictures given, the scenario's own, else one of its world, which
-    is taken once. Without a usable OpenGL there is none."""
+    """What a model is shown: the pictures given, the scenario's own, else those of its world, which
+    are taken once. Without a usable OpenGL there are none."""
     given = conditions.images or task.images
     if given or conditions.beside is None:
         return given
-    path = conditions.beside.with_suffix(f".{task.name.replace('/', '-')}.png")
+    first = conditions.beside.with_suffix(f".{task.name.replace('/', '-')}.png")
+    further = first.with_stem(f"{first.stem}.closer")
     with _executing:
-        if not path.exists():
-            content = _picture(task)
-            if content is None:
-                return ()
-            path.write_bytes(content)
-    return (path,)
+        if not first.exists():
+            for path, content in zip((first, further), _pictures(task), strict=False):
+                path.write_bytes(content)
+    return tuple(path for path in (first, further) if path.exists())
 
 
-def _picture(task: Scenario) -> bytes | None:
-    """PNG of the simulated workspace of a scenario."""
+def _pictures(task: Scenario) -> tuple[bytes, ...]:
+    """PNGs of the simulated workspace of a scenario."""
     settings = task.settings()
     poses = read_poses(settings.poses) if settings.poses else Poses()
-    return stages.picture_of(settings, pipeline.load(settings), poses)
+    return stages.pictures_of(settings, pipeline.load(settings), poses)
 
 
 def _uncommented(scene: Scene | None) -> Scene | None:
