@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import shutil
 import subprocess
 import sys
@@ -125,6 +126,21 @@ def test_a_run_tells_its_stages(tmp_path: Path) -> None:
     assert (told[0], told[-1]) == ("planning", "writing the report")
 
 
+def test_what_was_drawn_does_not_look_measured(tmp_path: Path) -> None:
+    drawn = pp.run(DESK, REQUEST, noise="none", seed=1, out=tmp_path / "run", fast=True)
+    assert drawn.drawn
+    result = json.loads((tmp_path / "run" / "result.json").read_text("utf-8"))
+    assert (result["simulated"], result["truth"]) == (True, "drawn from priors")
+    assert "drawn from priors" in result["parameters"][0]["method"]
+    assert "drawn from priors" in (tmp_path / "run" / "twin.xml").read_text("utf-8")
+    assert "made up" in (tmp_path / "run" / "report.html").read_text("utf-8")
+
+
+def test_what_a_world_says_is_no_draw(done: pp.Run, folder: Path) -> None:
+    assert not done.drawn
+    assert "drawn" not in (folder / "twin.xml").read_text("utf-8")
+
+
 def test_a_scene_comes_from_a_file_too(tmp_path: Path) -> None:
     file = tmp_path / "desk.xml"
     file.write_text(DESK, encoding="utf-8")
@@ -178,7 +194,7 @@ def test_a_planner_of_ones_own_is_handed_over() -> None:
 def test_a_plan_runs_in_a_cell_that_is_handed_over() -> None:
     told: list[str] = []
     cell = pp.SimulatedCell(pp.load(WORLD), noise="none")
-    run = pp.load(DESK).plan(REQUEST).run(cell, progress=told.append)
+    run = pp.load(DESK).plan(REQUEST).run(cell, progress=told.append, fast=True)
     assert run["mug.mass"].value == pytest.approx([0.34], rel=0.01)
     assert run.truth[MASS] == (0.34,)
     assert told[:2] == ["executing on the simulated robot", "estimating"]
@@ -186,7 +202,7 @@ def test_a_plan_runs_in_a_cell_that_is_handed_over() -> None:
 
 def test_the_same_seed_gives_the_same_run() -> None:
     plan = pp.load(DESK).plan(REQUEST)
-    first, second = plan.run(seed=3), plan.run(seed=3)
+    first, second = plan.run(seed=3, fast=True), plan.run(seed=3, fast=True)
     assert first.estimates == second.estimates
     assert first.truth == second.truth
 
@@ -267,7 +283,7 @@ def test_a_rejection_is_kept_and_read_too(tmp_path: Path) -> None:
 def test_where_the_scenes_file_is_gone_the_measurement_is_still_there(tmp_path: Path) -> None:
     file = tmp_path / "desk.xml"
     file.write_text(DESK, encoding="utf-8")
-    run = pp.run(file, REQUEST, noise="none", out=tmp_path / "run")
+    run = pp.run(file, REQUEST, noise="none", out=tmp_path / "run", fast=True)
     assert pp.open(tmp_path / "run").scene.text == DESK
     file.unlink()
     again = pp.open(tmp_path / "run")

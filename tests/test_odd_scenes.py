@@ -115,7 +115,7 @@ def test_any_name_goes_through_to_every_file(
     name = NASTY.replace("&", "&amp;").replace("<", "&lt;").replace('"', "&quot;")
     scene = write(tmp_path, (TABLE, cup().replace('name="cup"', f'name="{name}"')))
     out = tmp_path / "out"
-    run = pipeline.run(Settings(scene=scene, noise="none", out=out))
+    run = pipeline.run(Settings(scene=scene, noise="none", out=out, fast=True))
     assert run.status == "complete"
     (found,) = json.loads((out / "result.json").read_text(encoding="utf-8"))["parameters"]
     assert found["object"] == NASTY
@@ -131,7 +131,9 @@ def test_what_the_gripper_does_has_no_place_in_the_twin(tmp_path: Path) -> None:
     scene = write(tmp_path, (TABLE, cup()))
     out = tmp_path / "out"
     run = pipeline.run(
-        Settings(request="the velocity of the gripper", scene=scene, noise="none", out=out)
+        Settings(
+            request="the velocity of the gripper", scene=scene, noise="none", out=out, fast=True
+        )
     )
     assert run.status == "complete"
     assert run.twin is not None

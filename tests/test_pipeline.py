@@ -14,10 +14,12 @@ from pathlib import Path
 import pytest
 
 from palpate import pipeline
+from palpate.runs.run import Run
 from palpate.scenarios.catalogue import scenario
 from palpate.scene.load import load_scene
 from palpate.studies.accuracy import run_seed
 from palpate.trace.mcap import read_mcap
+from palpate.twin.validate import NOT_REPLAYED
 
 FILES = {
     "request.json",
@@ -97,7 +99,7 @@ def test_same_seed_same_result_bit_for_bit() -> None:
 def test_every_stage_can_start_from_the_folder(folder: Path, tmp_path: Path) -> None:
     out = tmp_path / "again"
     settings = scenario("bottle_and_table").settings(
-        out=out, planner=f"replay:{folder / 'plan.json'}"
+        out=out, planner=f"replay:{folder / 'plan.json'}", fast=True
     )
     run = pipeline.run(replace(settings))
     assert run.status == "complete"
@@ -107,10 +109,28 @@ def test_every_stage_can_start_from_the_folder(folder: Path, tmp_path: Path) -> 
     )
 
 
+def test_values_are_shown_before_twin_film_and_report() -> None:
+    told: list[str] = []
+    settings = scenario("one_missing_mass").settings(fast=True)
+    made = pipeline.plan(settings, pipeline.load(settings))
+
+    def measured(run: Run) -> None:
+        assert run.twin is None
+        told.extend(str(estimate.parameter) for estimate in run.estimates)
+
+    run = pipeline.carry_out(made, progress=told.append, measured=measured)
+    assert told.index("green_bottle.mass") < told.index("building the twin")
+    assert run.twin is not None
+    assert run.twin.validation is not None
+    assert run.twin.validation.settled
+    assert run.twin.validation.twin == NOT_REPLAYED
+    assert "touching the twin in simulation" not in told
+
+
 def test_interrupt_puts_the_bottle_down(tmp_path: Path) -> None:
     out = tmp_path / "run"
     process = subprocess.Popen(
-        [sys.executable, "-m", "palpate.cli.main", "demo", "--out", str(out)],
+        [sys.executable, "-m", "palpate.cli.main", "demo", "--fast", "--out", str(out)],
         stderr=subprocess.PIPE,
         text=True,
         stdout=subprocess.DEVNULL,

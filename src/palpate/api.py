@@ -21,7 +21,7 @@ from palpate.cells.simulated import simulated_cell
 from palpate.display import table
 from palpate.estimation.estimate import Estimate
 from palpate.execution.recovery import OnFailure
-from palpate.pipeline import Confirm, Progress, quiet, unasked
+from palpate.pipeline import Confirm, Measured, Progress, quiet, unasked, unheard
 from palpate.planning.check.check import Finding
 from palpate.planning.model.session import ModelSettings
 from palpate.planning.plan import Plan as InnerPlan
@@ -158,6 +158,7 @@ class Plan(InnerPlan):
         on_failure: OnFailure = "stop",
         rehearse: bool | None = None,
         within: Widths | None = None,
+        fast: bool = False,
         confirm: Confirm = unasked,
         observer: Observer | None = None,
         progress: Progress = quiet,
@@ -175,6 +176,7 @@ class Plan(InnerPlan):
             on_failure: `stop`, `skip` or `replan`: what to do when an action fails.
             rehearse: execute in simulation first; None means before a real robot moves.
             within: half widths of 95 % intervals to reach; None keeps those that were planned for.
+            fast: leave out film and replay in the twin, which take longest and measure nothing.
             confirm: shown the run before a real robot moves; whether it may.
             observer: watches every tick. progress: told which stage begins, e.g. `print`.
             out: folder to write the run to, while it grows; must not exist.
@@ -204,6 +206,7 @@ class Plan(InnerPlan):
             seed=seed,
             on_failure=on_failure,
             rehearse=rehearse,
+            fast=fast,
             out=_path(out),
         ).checked(at_hand=True)
         if within is not None:
@@ -295,6 +298,7 @@ class RunOptions(TypedDict, total=False):
     seed: int
     on_failure: OnFailure
     rehearse: bool | None
+    fast: bool
     confirm: Confirm
     observer: Observer | None
     progress: Progress
@@ -453,14 +457,16 @@ def run_settings(
     observer: Observer | None = None,
     progress: Progress = quiet,
     confirm: Confirm = unasked,
+    measured: Measured = unheard,
 ) -> Run:
-    """The run that settings describe, as the command line has them, into a run folder.
+    """The run that settings describe, as the command line has them, into a run folder. `measured` is
+    shown the run as soon as its values are final.
 
     Raises:
         InputError: bad input; nothing is planned then. Unavailable: planner or robot out of reach.
         ExecutionAborted: a real robot was not allowed to move.
     """
-    return _run_of(pipeline.run(settings, observer, progress, confirm))
+    return _run_of(pipeline.run(settings, observer, progress, confirm, measured))
 
 
 def finish(folder: str | Path, progress: Progress = quiet) -> Run:
@@ -475,7 +481,7 @@ def finish(folder: str | Path, progress: Progress = quiet) -> Run:
 
 def _stated(options: RunOptions) -> dict[str, Any]:
     """Those of the options that settings hold; a world at hand has no file."""
-    names = ("robot", "noise", "seed", "on_failure", "rehearse")
+    names = ("robot", "noise", "seed", "on_failure", "rehearse", "fast")
     stated: dict[str, Any] = {name: options.get(name) for name in names if name in options}
     folder, world = options.get("out"), options.get("world")
     if folder is not None:

@@ -11,7 +11,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 from palpate import stages
 from palpate.cells.cell import Cell
@@ -36,13 +36,17 @@ from palpate.twin.twin import build_twin as build
 
 if TYPE_CHECKING:
     from palpate.execution.runner import Keep, Observer
+    from palpate.pictures.filming import Filming
     from palpate.runs.fuse import Fusion
     from palpate.twin.export.export import Export
 
+T = TypeVar("T")
 Progress = Callable[[str], None]
 """Told which stage begins."""
 Confirm = Callable[[Run], bool]
 """Shown a plan before a real robot moves; whether it may."""
+Measured = Callable[[Run], None]
+"""Shown the run as soon as its values are final, before twin, film and report."""
 
 
 def quiet(_: str) -> None:
@@ -54,11 +58,16 @@ def unasked(_: Run) -> bool:
     return True
 
 
+def unheard(_: Run) -> None:
+    """Show the values to nobody before all is done."""
+
+
 def run(
     settings: Settings,
     observer: Observer | None = None,
     progress: Progress = quiet,
     may_move: Confirm = unasked,
+    measured: Measured = unheard,
 ) -> Run:
     """From settings to a finished run folder.
 
@@ -74,7 +83,7 @@ def run(
         scene = load(settings)
         progress("planning")
         made = plan(settings, scene)
-    return carry_out(made, observer, progress, may_move, folder=folder)
+    return carry_out(made, observer, progress, may_move, folder=folder, measured=measured)
 
 
 def carry_out(
@@ -84,6 +93,7 @@ def carry_out(
     may_move: Confirm = unasked,
     cell: Cell | None = None,
     folder: Path | None = None,
+    measured: Measured = unheard,
 ) -> Run:
     """From a plan to a finished run, kept in `folder` while it grows, or in memory alone.
 
@@ -108,7 +118,8 @@ def carry_out(
         keeper = Keeper(folder, signals)
         made = keeper.begin(made, request_json(made.settings))
         made = keeper.executed(partial(_executed, cell, observer, progress, keeper), made)
-        return _finished(made, keeper, progress, cell)
+        with _filming(made) as film:
+            return _finished(made, keeper, progress, cell, film, _unfailing(measured))
 
 
 def finish(folder: Path, progress: Progress = quiet) -> Run:
@@ -130,12 +141,19 @@ def finish(folder: Path, progress: Progress = quiet) -> Run:
         return _finished(made, keeper, _unfailing(progress))
 
 
-def _finished(made: Run, keeper: Keeper, progress: Progress, cell: Cell | None = None) -> Run:
+def _finished(
+    made: Run,
+    keeper: Keeper,
+    progress: Progress,
+    cell: Cell | None = None,
+    film: Filming | None = None,
+    measured: Measured = unheard,
+) -> Run:
     """All stages after the execution, from the one that is due; a signal ends them."""
     steps: dict[Stage, Step] = {
-        "estimating": partial(_estimated, cell, progress),
+        "estimating": partial(_measured, cell, progress, measured),
         "building the twin": partial(_twinned, keeper, progress),
-        "writing the report": partial(_reported, keeper, progress),
+        "writing the report": partial(_reported, keeper, progress, film),
     }
     if made.interrupted is not None:
         return made
@@ -284,13 +302,21 @@ def build_twin(made: Run, progress: Progress = quiet) -> Run:
     """From estimates to a twin of the scene as it was believed in the end."""
     if made.trace is None:
         return made
-    progress("building the twin, and touching it in simulation")
-    replay = partial(stages.replay, made.scene, made.plan)
+    progress("building the twin")
     scene = made.scene
     if made.seen and made.final_state is not None:
         scene = made.final_state.scene
-    twin = build(scene, made.estimates, made.trace, replay)
+    twin = build(scene, made.estimates)
     return replace(made, scene=scene, twin=twin)
+
+
+def touch_twin(made: Run, planned_in: Scene, progress: Progress = quiet) -> Run:
+    """The run with its twin touched in simulation as the real things were, by the plan that was made
+    for `planned_in`."""
+    if made.twin is None:
+        return made
+    progress("touching the twin in simulation")
+    return stages.touched(made, planned_in)
 
 
 def fuse(runs: Sequence[Run]) -> Fusion:
@@ -375,20 +401,45 @@ def _estimated(cell: Cell | None, progress: Progress, made: Run) -> Iterator[Run
         yield replace(made, truth=stages.truths(made, cell))
 
 
+def _measured(
+    cell: Cell | None, progress: Progress, measured: Measured, made: Run
+) -> Iterator[Run]:
+    for grown in _estimated(cell, progress, made):
+        made = grown
+        yield made
+    measured(made)
+
+
 def _twinned(keeper: Keeper, progress: Progress, made: Run) -> Iterator[Run]:
+    planned_in = made.scene
     made = build_twin(made, progress)
     keeper.twin(made)
     yield made
+    if not made.settings.fast:
+        yield touch_twin(made, planned_in, progress)
 
 
-def _reported(keeper: Keeper, progress: Progress, made: Run) -> Iterator[Run]:
+def _reported(keeper: Keeper, progress: Progress, film: Filming | None, made: Run) -> Iterator[Run]:
     if keeper.folder is None:
         return
     from palpate.report.writing import write_all
 
     progress("writing the report")
-    shortfalls = write_all(replace(made, stage=None), keeper.folder)
+    shortfalls = write_all(replace(made, stage=None), keeper.folder, film)
     yield replace(made, shortfalls=(*made.shortfalls, *shortfalls))
+
+
+@contextmanager
+def _filming(made: Run) -> Generator[Filming | None]:
+    """The film of the execution in the making, where there is to be one, while estimates and twin are
+    made."""
+    if made.folder is None or made.footage is None or made.settings.fast:
+        yield None
+        return
+    from palpate.pictures.filming import Filming
+
+    with Filming(made.footage, made.trace) as film:
+        yield film
 
 
 @contextmanager
@@ -401,13 +452,13 @@ def _before_anything_moves(doing: str) -> Generator[None]:
         raise ExecutionAborted(f"interrupted while {doing}; nothing has moved") from None
 
 
-def _unfailing(progress: Progress) -> Progress:
-    """Telling which stage begins may fail, e.g. on a terminal that is gone: no stage does."""
+def _unfailing(tell: Callable[[T], None]) -> Callable[[T], None]:
+    """Telling how far a run is may fail, e.g. on a terminal that is gone: no stage does."""
 
-    def told(stage: str) -> None:
+    def told(what: T) -> None:
         # Printing to a closed pipe may raise SystemExit (rich does).
         with suppress(Exception, SystemExit):
-            progress(stage)
+            tell(what)
 
     return told
 

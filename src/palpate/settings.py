@@ -45,6 +45,7 @@ class Settings:
         on_failure: what to do when the tree fails (see `palpate.execution.recovery`).
         rehearse: execute the plan in simulation first; None means only before a real robot moves.
         within: how narrow intervals are to be: what is wider is measured again.
+        fast: leave out what takes longest and measures nothing, film and replay.
         model_settings: how a model is asked, where the planner is one.
     """
 
@@ -68,6 +69,7 @@ class Settings:
     on_failure: OnFailure = "stop"
     rehearse: bool | None = None
     within: Within = field(default_factory=Within)
+    fast: bool = False
     model_settings: ModelSettings = field(default_factory=ModelSettings)
 
     def checked(self, at_hand: bool = False) -> Settings:
@@ -163,6 +165,7 @@ def request_json(settings: Settings) -> dict[str, Any]:
         "on_failure": settings.on_failure,
         "rehearse": settings.rehearse,
         "within": dict(settings.within),
+        "fast": settings.fast,
         "asking": _model_settings_json(settings.model_settings),
         "palpate": __version__,
     }
@@ -196,6 +199,7 @@ def settings_from(document: Mapping[str, Any]) -> Settings:
         "seed",
         "remeasure",
         "on_failure",
+        "fast",
     )
     given = {name: document[name] for name in (*plain, "rehearse") if name in document}
     try:

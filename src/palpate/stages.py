@@ -10,12 +10,13 @@ from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
 
-from palpate.cells.cell import Cell, Close
+from palpate.cells.cell import Cell
 from palpate.cells.registry import drivers
 from palpate.cells.simulated import SEEN_TOLERANCE, SIZE_TOLERANCE, simulated_cell
 from palpate.cells.view import image_files
 from palpate.errors import InputError, PalpateError, PlanRejected, Unavailable
 from palpate.estimation.estimate import Estimate
+from palpate.execution.part import part_of
 from palpate.execution.recovery import OnFailure
 from palpate.interrupt import interrupts
 from palpate.parameter import Parameter
@@ -35,6 +36,8 @@ from palpate.scene.poses import Poses, read_poses
 from palpate.scene.scene import Scene
 from palpate.settings import Settings, noise_told
 from palpate.twin.held_out import HeldOut, held_out, with_tests
+from palpate.twin.twin import touch
+from palpate.twin.validate import compared_until
 
 if TYPE_CHECKING:
     from mujoco import MjSpec
@@ -44,6 +47,7 @@ if TYPE_CHECKING:
     from palpate.robots.robot import Robot
     from palpate.trace.samples import Trace
 
+MADE_UP = "Simulated: the true value was drawn from priors, and is that of no real thing."
 log = logging.getLogger(__name__)
 
 
@@ -58,8 +62,8 @@ def ask_planner(settings: Settings, scene: Scene | None, planner: Planner | None
         settings.within.check(scene.bodies)
     poses = read_poses(settings.poses) if settings.poses else Poses()
     planner = planner or _planner(settings, poses)
-    pictures = _pictures(planner, settings, scene, poses)
-    answer = _answer(planner, settings, scene, pictures)
+    picture = _picture(planner, settings, scene, poses)
+    answer = _answer(planner, settings, scene, picture)
     seen, conversation = None, None
     if isinstance(planner, Observant):
         seen, conversation = planner.seen, planner.conversation
@@ -68,7 +72,7 @@ def ask_planner(settings: Settings, scene: Scene | None, planner: Planner | None
     # A model's answers are checked one by one, until one passes; nobody else checks its own plan.
     checked = conversation is not None
     findings = () if checked else _findings(settings, answer, scene)
-    return Run(settings, scene, answer, findings, conversation, seen, next(iter(pictures), None))
+    return Run(settings, scene, answer, findings, conversation, seen, picture)
 
 
 def connected(settings: Settings, scene: Scene | None) -> Cell:
@@ -105,16 +109,12 @@ def cell_for(settings: Settings, scene: Scene | None, seen: bool = False) -> Cel
     )
 
 
-def pictures_of(settings: Settings, scene: Scene | None, poses: Poses) -> tuple[bytes, ...]:
-    """The workspace as PNGs: seen by the camera of `poses` if it has one, then, with a scene whose
-    names can be shown, from nearer; none where there is nothing to look at or no way to look."""
+def picture_of(settings: Settings, scene: Scene | None, poses: Poses) -> bytes | None:
+    """The workspace as PNG, seen by the camera of `poses` if it has one; None where there is nothing
+    to look at or no way to look."""
     if scene is None and settings.world is None and settings.robot is None:
-        return ()
-    cell = cell_for(settings, scene)
-    taken = [cell.picture(poses.camera)]
-    if scene is not None and isinstance(cell, Close):
-        taken.append(cell.closer())
-    return tuple(picture for picture in taken if picture is not None)
+        return None
+    return cell_for(settings, scene).picture(poses.camera)
 
 
 def robot_of(cell: Cell) -> Robot:
@@ -184,9 +184,17 @@ def estimate_of(made: Run, parameter: Parameter) -> Estimate:
         return failed(parameter, "Nothing was recorded.")
     try:
         found = estimate_all([parameter], made.trace, made.scene.bodies)[0]
-        return made.settings.within.told(found)
+        return _told(made, found)
     except PalpateError as error:
         return failed(parameter, f"There is no estimator: {error}.")
+
+
+def _told(made: Run, estimate: Estimate) -> Estimate:
+    """The estimate, which says what it is not: in the twin, too, where nothing else does."""
+    estimate = made.settings.within.told(estimate)
+    if not made.drawn:
+        return estimate
+    return replace(estimate, method=f"{estimate.method} {MADE_UP}".lstrip())
 
 
 def judged(made: Run, choice: Mapping[str, str] | None = None) -> Run:
@@ -217,7 +225,7 @@ def estimates_anew(made: Run, choice: Mapping[str, str]) -> Run:
         where = "this run" if made.folder is None else f"'{made.folder}'"
         raise InputError(f"{where} has no trace to make estimates of: nothing was executed")
     found = estimate_all(made.plan.parameters, trace, made.scene.bodies, choice)
-    told = tuple(made.settings.within.told(estimate) for estimate in found)
+    told = tuple(_told(made, estimate) for estimate in found)
     again = replace(made, recorded=trace, estimates=told, held_out=None, twin=None)
     return judged(again, choice)
 
@@ -262,6 +270,23 @@ def _readable_trace(made: Run) -> Trace | None:
         return None
 
 
+def touched(made: Run, planned_in: Scene) -> Run:
+    """The run with its twin touched in simulation, and the scene as it was given: the plan is executed
+    again in both, as far as it is compared. `planned_in` is what its planner knew."""
+    trace, twin = made.trace, made.twin
+    if trace is None or twin is None:
+        return made
+    plan = made.plan
+    until = compared_until(trace)
+    begun = [leaf.node for leaf in trace.leaves if leaf.start < until]
+    if len(set(begun)) == len(begun):  # else it was planned again, or parts of it were repeated
+        plan = part_of(plan, begun)
+    if plan.tree is None:
+        return made
+    again = partial(replay, planned_in, plan)
+    return replace(made, twin=touch(twin, made.scene, trace, again))
+
+
 def replay(scene: Scene, plan: Plan, world: MjSpec) -> Trace:
     """What a perfect robot feels when the plan is executed in `world`.
 
@@ -282,21 +307,21 @@ def _planner(settings: Settings, poses: Poses) -> Planner:
     return planners().make(settings.planner, told)
 
 
-def _pictures(
+def _picture(
     planner: Planner, settings: Settings, scene: Scene | None, poses: Poses
-) -> tuple[bytes, ...]:
-    """The workspace as PNGs, where it is to be looked at and no image was given."""
+) -> bytes | None:
+    """The workspace as PNG, where it is to be looked at and no image was given."""
     looks = scene is None or (isinstance(planner, Observant) and planner.looks)
     if settings.images or not looks or "image" in settings.model_settings.without:
-        return ()
-    return pictures_of(settings, scene, poses)
+        return None
+    return picture_of(settings, scene, poses)
 
 
 def _answer(
-    planner: Planner, settings: Settings, scene: Scene | None, pictures: tuple[bytes, ...]
+    planner: Planner, settings: Settings, scene: Scene | None, picture: bytes | None
 ) -> Plan:
     """The planner's answer; a rejection is a plan without a tree that says why."""
-    with image_files(settings.images, pictures) as images:
+    with image_files(settings.images, picture) as images:
         try:
             return planner.plan(settings.request, scene, images)
         except PlanRejected as rejection:

@@ -39,7 +39,7 @@ def registered(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None
 
 def test_a_plan_is_executed_and_estimated_on_an_arm_that_is_not_simulated() -> None:
     bench = Bench()
-    run = pp.load(DESK).plan("how heavy is the mug?").run(bench, rehearse=False)
+    run = pp.load(DESK).plan("how heavy is the mug?").run(bench, rehearse=False, fast=True)
     assert run.execution is not None
     assert run.execution.stopped_by is None
     assert run.status == "complete"
@@ -55,7 +55,12 @@ def test_a_plan_is_executed_and_estimated_on_an_arm_that_is_not_simulated() -> N
 @pytest.mark.usefixtures("registered")
 def test_its_url_is_all_that_names_it_up_to_the_report(tmp_path: Path) -> None:
     run = pp.run(
-        DESK, "how heavy is the mug?", robot="scripted://b7", rehearse=False, out=tmp_path / "run"
+        DESK,
+        "how heavy is the mug?",
+        robot="scripted://b7",
+        rehearse=False,
+        out=tmp_path / "run",
+        fast=True,
     )
     result = json.loads((tmp_path / "run" / "result.json").read_text(encoding="utf-8"))
     assert result["simulated"] is False
@@ -75,12 +80,12 @@ def test_a_real_cell_is_asked_about_and_moves_only_when_allowed() -> None:
 
 def test_a_real_cell_is_rehearsed_for_unless_told_otherwise() -> None:
     told: list[str] = []
-    pp.load(DESK).plan("how heavy is the mug?").run(Bench(), progress=told.append)
+    pp.load(DESK).plan("how heavy is the mug?").run(Bench(), progress=told.append, fast=True)
     assert told[0] == "rehearsing in simulation"
     assert "executing on the real robot" in told
 
 
 def test_what_the_arm_felt_is_in_the_trace() -> None:
-    run = pp.load(DESK).plan("how heavy is the mug?").run(Bench(), rehearse=False)
+    run = pp.load(DESK).plan("how heavy is the mug?").run(Bench(), rehearse=False, fast=True)
     assert run.trace is not None
     assert np.isclose(run.trace.wrench[:, 2].max(), MASS * 9.81)

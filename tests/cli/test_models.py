@@ -63,7 +63,8 @@ def test_bottle_and_table_end_to_end_over_http(
     ) as server:
         world = BOTTLE.folder / "world.xml"
         answer = palpate(
-            "run", *bottle(*model_settings(server), "--world", world, "--out", "out", "--json")
+            "run",
+            *bottle(*model_settings(server), "--world", world, "--out", "out", "--fast", "--json"),
         )
         requests = list(server.requests)
     assert answer.status == 0, answer.err
@@ -94,7 +95,9 @@ def test_bottle_and_table_end_to_end_over_http(
 
 def test_a_conversation_is_replayed_without_network(palpate: Palpate, tmp_path: Path) -> None:
     with Loopback(Says(half(PAPER)), Says(PAPER)) as server:
-        palpate("run", *bottle(*model_settings(server), "--out", "first", "--noise", "none"))
+        palpate(
+            "run", *bottle(*model_settings(server), "--out", "first", "--noise", "none", "--fast")
+        )
     answer = palpate(
         "run",
         *bottle(
@@ -104,6 +107,7 @@ def test_a_conversation_is_replayed_without_network(palpate: Palpate, tmp_path: 
             "second",
             "--noise",
             "none",
+            "--fast",
         ),
     )
     assert answer.status == 0, answer.err
@@ -179,6 +183,7 @@ def test_from_a_sentence_a_picture_and_a_camera_to_complete_mjcf(
             *model_settings(server),
             "--out",
             "out",
+            "--fast",
             "--json",
         )
         requests = list(server.requests)

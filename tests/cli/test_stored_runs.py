@@ -32,7 +32,7 @@ def folders(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
     world.write_text(WORLD)
     found: list[Path] = []
     for seed in (0, 1):
-        run = pp.run(scene, "how heavy is the cube?", world=world, seed=seed)
+        run = pp.run(scene, "how heavy is the cube?", world=world, seed=seed, fast=True)
         assert run[Parameter("cube", "mass")].identified
         run.save(folder / f"run{seed}")
         found.append(folder / f"run{seed}")

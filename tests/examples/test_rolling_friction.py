@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 PACKAGE = Path(__file__).parents[1] / "quantities" / "rolling"
-RUN = ("--scene", "desk.xml", "--noise", "none", "--out", "run")
+RUN = ("--scene", "desk.xml", "--noise", "none", "--out", "run", "--fast")
 SCENE = """<mujoco model="desk"><worldbody>
   <site name="robot_base" pos="0 0 0.3"/>
   <geom name="table" type="box" pos="0.5 0 0.28" size="0.3 0.4 0.02"/>

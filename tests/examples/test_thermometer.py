@@ -20,7 +20,7 @@ PLAN = EXAMPLE / "plan.json"
 JOB = scenario("thermometer").settings()
 D = ["--scene", str(JOB.scene), "--poses", str(JOB.poses)]
 R = ["--request", str(JOB.request)]
-W = ["--world", str(JOB.world), "--planner", f"replay:{PLAN}", "--out", "run"]
+W = ["--world", str(JOB.world), "--planner", f"replay:{PLAN}", "--out", "run", "--fast"]
 READINGS = (61.8, 61.9, 62.0, 62.1, 62.2)
 
 Palpate = Callable[..., "subprocess.CompletedProcess[str]"]

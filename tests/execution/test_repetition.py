@@ -48,6 +48,7 @@ def narrowed(tmp_path_factory) -> Run:
         within={"mass": "4g", "height": "0.15mm"},
         out=folder / "run",
         remeasure=True,
+        fast=True,
     )
 
 

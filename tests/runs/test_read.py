@@ -9,7 +9,7 @@ from palpate.scenarios.catalogue import scenario
 
 
 def test_a_scene_that_was_seen_in_a_picture_is_the_one_that_contact_told(tmp_path: Path) -> None:
-    settings = scenario("from_picture").settings(noise="none", out=tmp_path / "run")
+    settings = scenario("from_picture").settings(noise="none", out=tmp_path / "run", fast=True)
     run = pipeline.run(settings)
     again = pipeline.reopen(tmp_path / "run")
     assert run.seen is not None

@@ -35,7 +35,7 @@ def text(mass: float | None = None, x: float | None = None) -> str:
 
 @pytest.fixture(scope="module")
 def run() -> pp.Run:
-    return pp.run(text(), "how heavy is the mug?", world=text(MASS), noise="lab", seed=3)
+    return pp.run(text(), "how heavy is the mug?", world=text(MASS), noise="lab", seed=3, fast=True)
 
 
 def judged(trace: Trace | None, mass: float, x: float | None = None) -> Motion:

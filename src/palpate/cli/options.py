@@ -108,6 +108,10 @@ OnFailure = Annotated[
 Remeasure = Annotated[
     bool, typer.Option("--remeasure", help="Measure what is asked even if the scene states it.")
 ]
+Fast = Annotated[
+    bool,
+    typer.Option("--fast", help="Leave out film and replay in the twin, which measure nothing."),
+]
 PlanFile = Annotated[
     Path, typer.Argument(metavar="PLAN", help="A plan, a chat's answer, or a run folder.")
 ]
@@ -204,6 +208,7 @@ class MotionOptions:
     on_failure: OnFailure = "stop"
     out: Out = None
     twin: TwinFile = None
+    fast: Fast = False
 
     def added_to(self, settings: Settings) -> Settings:
         """Settings with these, and everything else as it was."""

@@ -10,10 +10,9 @@ from typing import TYPE_CHECKING
 
 from palpate import __version__
 from palpate.parameter import Parameter
-from palpate.pictures.dress import looks_in
+from palpate.pictures.filming import Filming
 from palpate.pictures.moments import (
     Film,
-    film,
     film_speed,
     frames_of,
     render_before_after,
@@ -73,24 +72,20 @@ def take_stills(run: Run, taken: Pictures) -> Pictures:
     before = run.scene.spec()
     if run.twin is None or run.twin.scene is None:
         return replace(taken, workspace=workspace or render_scene(before, names))
-    seen, looks = run.footage, None
-    if seen is not None and seen.spec is not None:
-        looks = looks_in(seen.spec)
-    pair = render_before_after(before, run.twin.scene.spec(), names, looks=looks)
-    if workspace is None and seen is not None:
-        _, qpos = frames_of(seen.frames)
-        workspace = render_moment(seen.model, qpos[0], seen.drawn())
+    pair = render_before_after(before, run.twin.scene.spec(), names)
+    if workspace is None and run.footage is not None:
+        _, qpos = frames_of(run.footage.frames)
+        workspace = render_moment(run.footage.model, qpos[0])
     return Pictures(workspace, *pair, taken.film)
 
 
-def take_film(run: Run, taken: Pictures) -> Pictures:
-    """`taken` with the film, where the cell's camera saw something."""
-    seen = run.footage is not None and run.twin is not None and run.twin.scene is not None
-    if not seen or run.footage is None or not gl_available()[0]:
+def take_film(run: Run, taken: Pictures, filming: Filming | None = None) -> Pictures:
+    """`taken` with the film, where the cell's camera saw something: with that which is in the making,
+    else with one that is made now."""
+    if run.footage is None or run.settings.fast:
         return taken
-    t, qpos = frames_of(run.footage.frames)
-    drawn = run.footage.drawn(soft=False)
-    return replace(taken, film=film(run.footage.model, t, qpos, run.trace, drawn=drawn))
+    with filming or Filming(run.footage, run.trace) as made:
+        return replace(taken, film=made.film())
 
 
 def write_images(pictures: Pictures, folder: Path) -> None:
@@ -134,8 +129,18 @@ def report_data(run: Run, pictures: Pictures, scratch: Path) -> ReportData:
         data = _with_twin(data, run.twin)
     if pictures.film is not None:
         data = replace(data, video=pictures.film.mp4, video_speed=pictures.film.speed)
+    return replace(data, warnings=tuple(_warnings(run)))
+
+
+def _warnings(run: Run) -> Iterator[str]:
+    if run.drawn:
+        yield (
+            "Simulated, and made up: the run was given neither a robot nor a world, so the true values were "
+            f"drawn from priors (seed {run.settings.seed}). No value here is one of a real thing."
+        )
     available, remedy = gl_available()
-    return data if available else replace(data, warnings=(remedy,))
+    if not available:
+        yield remedy
 
 
 def _with_execution(data: ReportData, done: Ending) -> ReportData:

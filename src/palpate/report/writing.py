@@ -20,12 +20,13 @@ from palpate.runs.folder import replacing
 from palpate.runs.keeper import shortfall
 
 if TYPE_CHECKING:
+    from palpate.pictures.filming import Filming
     from palpate.runs.run import Run
 
 
-def write_all(run: Run, folder: Path) -> tuple[str, ...]:
+def write_all(run: Run, folder: Path, filming: Filming | None = None) -> tuple[str, ...]:
     """Write pictures, film and page of `run` into `folder`; what could not be made is told, a line
-    each."""
+    each. `filming`: the film is in the making."""
     missing: list[str] = []
     pictures = Pictures()
     with _forgiven("the pictures were not read again", missing):
@@ -33,7 +34,7 @@ def write_all(run: Run, folder: Path) -> tuple[str, ...]:
     with _forgiven("the pictures were not made", missing):
         pictures = take_stills(run, pictures)
     with _forgiven("the film was not made", missing):
-        pictures = take_film(run, pictures)
+        pictures = take_film(run, pictures, filming)
     with _forgiven("the pictures were not written", missing):
         write_images(pictures, folder)
     with (

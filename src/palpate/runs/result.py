@@ -27,6 +27,7 @@ def result_json(run: Run, folder: Path | None) -> dict[str, Any]:
         "interrupted": run.interrupted,
         "shortfalls": list(run.shortfalls),
         "simulated": run.simulated,
+        "truth": _truth(run),
         "request": run.settings.request,
         "parameters": [_parameter_json(run, estimate) for estimate in run.estimates],
         "plan": _plan_json(run),
@@ -55,6 +56,15 @@ def finite(content: Any) -> Any:
     if isinstance(content, float) and not math.isfinite(content):
         return None
     return content
+
+
+def _truth(run: Run) -> str | None:
+    """Where the true values of a simulation come from; null where something real was touched."""
+    if not run.simulated:
+        return None
+    if run.drawn:
+        return "drawn from priors"
+    return run.settings.world.name if run.settings.world else run.world
 
 
 def _plan_json(run: Run) -> dict[str, Any]:

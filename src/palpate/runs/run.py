@@ -8,6 +8,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
+from palpate.cells.simulated import DRAWN
 from palpate.estimation.estimate import Estimate
 from palpate.parameter import Parameter
 from palpate.planning.check.check import Finding
@@ -135,6 +136,11 @@ class Run:
         if found >= set(self.plan.parameters):
             return "complete"
         return "failed"
+
+    @property
+    def drawn(self) -> bool:
+        """Whether what was measured was made up: a simulation of the scene, its unknowns drawn."""
+        return self.simulated and self.world == DRAWN
 
     def suffices(self, estimate: Estimate) -> bool:
         """Whether an estimate is identified, and as narrow as was asked or as it can be."""

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -18,10 +18,9 @@ from palpate.parameter import Parameter
 from palpate.scene.load import scene_from_text
 from palpate.scene.scene import Scene
 from palpate.trace.samples import Trace
-from palpate.twin.inject import complete
-from palpate.twin.one_text import in_one
+from palpate.twin.inject import complete, in_one
 from palpate.twin.tree import write_tree
-from palpate.twin.validate import Replay, Validation, validate
+from palpate.twin.validate import Replay, Validation, touched, validate
 
 if TYPE_CHECKING:
     from mujoco import MjModel
@@ -39,8 +38,6 @@ class Twin:
         scene: the twin read back, with the poses that came with the user's scene; None likewise.
         unwritten: what was measured of objects and surfaces and is not in it; `notes` say why.
         document: the user's files. texts: those of them that have changed.
-        beside: by name, the texts that belong into the folder of `xml`: attached models in which
-            something was measured.
     """
 
     xml: str
@@ -51,7 +48,6 @@ class Twin:
     unwritten: tuple[Parameter, ...] = ()
     document: Document | None = None
     texts: Texts | None = None
-    beside: Mapping[str, str] = field(default_factory=dict[str, str])
 
     @cached_property
     def mjmodel(self) -> MjModel:
@@ -107,16 +103,14 @@ def build_twin(
     made = complete(scene, written, {estimate.parameter for estimate in estimates})
     notes = (*_remarks(estimates), *made.notes)
     document = scene.resolved.document
-    one = in_one(document, made.texts)
     unmarked = Twin(
-        one.main,
+        in_one(document, made.texts),
         _diff(document, made.texts),
         notes,
         None,
         unwritten=made.unwritten,
         document=document,
         texts=made.texts,
-        beside=one.beside,
     )
     try:
         twin = scene_from_text(made.texts, scene, _measured_places(scene, written))
@@ -124,6 +118,15 @@ def build_twin(
     except PalpateError as error:
         return replace(unmarked, notes=(*notes, f"the twin was not simulated: {error}"))
     return replace(unmarked, validation=marks, scene=twin)
+
+
+def touch(twin: Twin, template: Scene, trace: Trace, replay: Replay) -> Twin:
+    """The twin with marks of how it behaves where it was recorded, and of how `template` does, in
+    which unknowns are at their priors."""
+    if twin.validation is None or twin.scene is None:
+        return twin
+    marks = touched(twin.validation, twin.scene, template, trace, replay)
+    return replace(twin, validation=marks)
 
 
 def read_twin(
@@ -142,16 +145,13 @@ def read_twin(
     written = _written(estimates)
     document = scene.resolved.document
     texts = Texts(xml)
-    if document.includes or document.models:
+    if document.includes:
         texts = complete(scene, written, {estimate.parameter for estimate in estimates}).texts
     diff = _diff(document, texts)
-    beside = in_one(document, texts).beside
-    read = Twin(
-        xml, diff, tuple(notes), validation, None, tuple(unwritten), document, texts, beside
-    )
+    read = Twin(xml, diff, tuple(notes), validation, None, tuple(unwritten), document, texts)
     if validation is None or not scene.bodies:
         return read
-    return replace(read, scene=scene_from_text(texts, scene, _measured_places(scene, written)))
+    return replace(read, scene=scene_from_text(xml, scene, _measured_places(scene, written)))
 
 
 def _written(estimates: Sequence[Estimate]) -> list[Estimate]:

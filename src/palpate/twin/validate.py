@@ -3,8 +3,8 @@ forces and positions."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
 
 import mujoco
 import numpy as np
@@ -12,7 +12,7 @@ import numpy as np
 from palpate.errors import PalpateError
 from palpate.geometry.pose import Array
 from palpate.scene.scene import Scene
-from palpate.trace.recording import Recording
+from palpate.trace.recording import LeafRun, Recording
 from palpate.trace.samples import FORCES, Trace
 
 Replay = Callable[[mujoco.MjSpec], Trace]
@@ -61,20 +61,30 @@ class Validation:
     template: Residual
 
 
+NOT_REPLAYED = Residual(None, None, "not replayed")
+"""Of a twin that nobody has touched in simulation."""
+
+
 def validate(
     twin: Scene, template: Scene, recorded: Trace | None, replay: Replay | None
 ) -> Validation:
     """All marks of a twin scene against what was recorded; without that or a replay, whether it
     rests."""
     settled, drift = settle(twin)
+    marks = Validation(settled, drift, NOT_REPLAYED, NOT_REPLAYED)
     if recorded is None or replay is None:
-        nothing = Residual(None, None, "not replayed")
-        return Validation(settled, drift, nothing, nothing)
-    return Validation(
-        settled,
-        drift,
-        _residual(twin.spec(), recorded, replay),
-        _residual(template.spec(), recorded, replay),
+        return marks
+    return touched(marks, twin, template, recorded, replay)
+
+
+def touched(
+    marks: Validation, twin: Scene, template: Scene, recorded: Trace, replay: Replay
+) -> Validation:
+    """The marks with the residuals of twin and template."""
+    return replace(
+        marks,
+        twin=_residual(twin.spec(), recorded, replay),
+        template=_residual(template.spec(), recorded, replay),
     )
 
 
@@ -120,20 +130,35 @@ def compare(recorded: Trace, replayed: Trace) -> Residual:
     return Residual(_rms(force), _rms(position))
 
 
+def compared_until(trace: Trace) -> float:
+    """s: end of the last motion or recording that `compare` looks at; 0 where there is none."""
+    ends = [0.0]
+    for recording in trace.recordings:
+        ends.append(recording.end)
+        if recording.buffer == FORCES:
+            ends += [leaf.end for leaf in _empty(trace, recording)]
+    return max(ends)
+
+
 def _mean_force(trace: Trace, recording: Recording) -> Array:
     """The recording's mean force less the empty hand's at rest at the same pose: the arm's own
     bias."""
     force: Array = trace.of(recording).wrench[:, :3].mean(axis=0)
     empty: list[Array] = []
-    for leaf in trace.leaf_runs("MovePose"):
-        after = leaf.context
-        if after is None or after.holding is not None or after.at != recording.context.at:
-            continue
+    for leaf in _empty(trace, recording):
         at_rest = trace.samples.between(leaf.end - REST, leaf.end)
         empty.append(at_rest.wrench[:, :3].mean(axis=0))
     if not empty:
         return force
     return force - np.mean(empty, axis=0)
+
+
+def _empty(trace: Trace, recording: Recording) -> Iterator[LeafRun]:
+    """Motions that ended with the empty hand where the recording was made."""
+    for leaf in trace.leaf_runs("MovePose"):
+        after = leaf.context
+        if after is not None and after.holding is None and after.at == recording.context.at:
+            yield leaf
 
 
 def _mean_position(trace: Trace, recording: Recording) -> Array:

@@ -1,0 +1,83 @@
+"""The paper's table II: what each part of the prompt is worth, over independent trials."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+
+from palpate.errors import unknown_name
+from palpate.studies.attempt import Conditions, attempt, with_image
+from palpate.studies.trials import Record, Trial, every_trial, run_trials
+
+CONFIGURATIONS: dict[str, frozenset[str]] = {
+    "full": frozenset(),
+    "no image": frozenset({"image"}),
+    "no text": frozenset({"text"}),
+    "no role": frozenset({"role"}),
+    "no actions": frozenset({"actions"}),
+    "no composites": frozenset({"composites"}),
+    "no rules": frozenset({"reasoning_rules", "bt_rules"}),
+    "no output": frozenset({"output"}),
+    "no system prompt": frozenset({"all"}),
+}
+"""The rows of the paper's table, with what each leaves out."""
+
+PAPER: dict[str, tuple[int, int | None]] = {
+    "full": (10, 10),
+    "no image": (10, 5),
+    "no text": (10, None),
+    "no role": (10, 10),
+    "no actions": (10, 0),
+    "no composites": (10, 8),
+    "no rules": (10, 3),
+    "no output": (0, 0),
+    "no system prompt": (0, 0),
+}
+"""Valid syntax and task success of 10 with Gemini 1.5 Pro: table II of the paper."""
+
+TRIALS = 10
+
+
+def ablation(
+    scenario: str,
+    planners: Sequence[str],
+    file: Path,
+    conditions: Conditions,
+    trials: int = TRIALS,
+    configurations: Iterable[str] = CONFIGURATIONS,
+    in_flight: int = 4,
+    say: Callable[[str], None] = lambda _: None,
+) -> list[Record]:
+    """Every configuration with every planner, `trials` times each; results are appended to `file`.
+
+    Raises:
+        InputError: unknown scenario, planner or configuration.
+        Unavailable: the provider could not be reached; what is done is kept.
+    """
+    conditions = with_image(scenario, conditions, file)
+    wanted = every_trial(scenario, planners, configurations, trials)
+
+    def attempted(trial: Trial) -> Record:
+        return attempt(trial, without(trial.configuration), conditions)
+
+    return run_trials(wanted, attempted, file, in_flight, say)
+
+
+def published() -> dict[str, str]:
+    """The paper's syntax and success in words, by configuration."""
+    rates: dict[str, str] = {}
+    for name, (syntax, success) in PAPER.items():
+        successes = "–" if success is None else f"{success}/10"
+        rates[name] = f"{syntax}/10, {successes}"
+    return rates
+
+
+def without(configuration: str) -> frozenset[str]:
+    """The modules that a configuration leaves out.
+
+    Raises:
+        InputError: no such configuration; the message lists those there are.
+    """
+    if configuration not in CONFIGURATIONS:
+        raise unknown_name("configuration", configuration, CONFIGURATIONS)
+    return CONFIGURATIONS[configuration]
