@@ -16,7 +16,7 @@ from palpate.errors import InputError, Unavailable
 from palpate.files.plain_yaml import yaml_text
 from palpate.files.read import read_text
 from palpate.planning.check.check import check
-from palpate.planning.model.prompt.compose import Prompt, checked_modules, compose
+from palpate.planning.model.prompt.compose import Prompt, checked_modules, checked_style, compose
 from palpate.planning.model.session import Budget, ModelSettings
 from palpate.planning.recorded import load_proposal, plan_file
 from palpate.quantities.precision.within import Within
@@ -148,12 +148,25 @@ def prompt(settings: Settings) -> Prompt:
     """
     settings = settings.checked()
     scene = pipeline.load(settings)
-    symbols = None
+    symbols = arm = None
     if scene is None:
-        poses = read_poses(settings.poses) if settings.poses else Poses()
-        symbols = SceneBuilder(poses, settings.described_arm()).symbols
-    left_out = settings.model_settings.without
-    return compose(vocabulary(), settings.request or "", scene, settings.images, symbols, left_out)
+        poses, arm = (
+            read_poses(settings.poses) if settings.poses else Poses(),
+            settings.described_arm(),
+        )
+        symbols = SceneBuilder(poses, arm).symbols
+    told = settings.model_settings
+    return compose(
+        vocabulary(),
+        settings.request or "",
+        scene,
+        settings.images,
+        symbols,
+        told.without,
+        told.prompt,
+        told.comments,
+        arm,
+    )
 
 
 def model_settings(
@@ -161,6 +174,7 @@ def model_settings(
     native: bool = False,
     without: Iterable[str] = (),
     rounds: int = 3,
+    prompt: str = "full",
     **budget: Any,
 ) -> ModelSettings:
     """How a model is asked.
@@ -168,15 +182,17 @@ def model_settings(
     Args:
         base_url: address of its server. native: by the provider's structured output.
         without: modules of the prompt to leave out. rounds: of feedback.
+        prompt: `full` or `lean`.
         budget: `seconds`, `tokens` and `dollars` that a plan may take.
 
     Raises:
-        InputError: no such module.
+        InputError: no such module, or no such prompt.
     """
     return ModelSettings(
         base_url=base_url,
         native=native,
         without=checked_modules(without),
+        prompt=checked_style(prompt),
         rounds=rounds,
         budget=Budget(**budget),
     )

@@ -1,28 +1,40 @@
-import json
+import ast
+import importlib
+from pathlib import Path
 from types import ModuleType
 from typing import ClassVar
 
 import pytest
 from rs_bpe.bpe import openai
 
+import palpate
 from palpate.errors import InputError
-from palpate.planning.check.check import check
+from palpate.planning.check import rules
+from palpate.planning.check.check import PLAN_RULES, REJECTION_RULES, WALK_RULES, check
+from palpate.planning.check.rules import CATALOGUE
 from palpate.planning.model.answer import read_answer
 from palpate.planning.model.prompt import compose as compose_module
 from palpate.planning.model.prompt.compose import (
     MODULES,
+    STYLES,
     SYSTEM_MODULES,
     Prompt,
+    Style,
+    checked_style,
     compose,
     fenced,
     system_prompt,
     user_prompt,
 )
+from palpate.quantities.catalogue import catalogue
+from palpate.robots.registry import load_description
 from palpate.scenarios.catalogue import scenario, scenarios
 from palpate.scene.from_picture import SceneBuilder
 from palpate.scene.load import load_scene, parse_scene
 from palpate.scene.poses import read_poses
 from palpate.scene.scene import Scene
+from palpate.vocabulary import contact, state, violation
+from palpate.vocabulary.admissible import clearance, collision, grasp, motion, profile, support
 from palpate.vocabulary.base import Primitive
 from palpate.vocabulary.registry import load_vocabulary, vocabulary
 
@@ -67,8 +79,6 @@ def test_the_system_prompt_is_compact() -> None:
 
 
 def test_every_primitive_composite_and_quantity_is_in_it() -> None:
-    from palpate.quantities.catalogue import catalogue
-
     system = system_prompt(vocabulary())
     for name in [*vocabulary().primitives, *vocabulary().composites]:
         assert f"\n- {name}" in system
@@ -80,16 +90,141 @@ def test_every_primitive_composite_and_quantity_is_in_it() -> None:
     assert "{{" not in system
 
 
-def test_it_names_nothing_of_a_bundled_scenario() -> None:
-    text = "".join(
-        system_prompt(vocabulary(), set(SYSTEM_MODULES) - {name})
-        for name in SYSTEM_MODULES
-        if name != "actions"
-    )
+@pytest.mark.parametrize("style", STYLES)
+def test_it_names_nothing_of_a_bundled_scenario(style: Style) -> None:
+    text = system_prompt(vocabulary(), (), style)
     for name in scenarios():
         settings = scenario(name).settings()
         for body in load_scene(settings.scene, settings.poses).bodies if settings.scene else ():
             assert f"{body}_pose" not in text
+
+
+def judged() -> set[str]:
+    """Every rule that the source of the check and of the primitives finds broken."""
+    found: set[str | None] = set()
+    for folder in ("planning/check", "vocabulary"):
+        for file in (Path(palpate.__file__).parent / folder).rglob("*.py"):
+            calls = [
+                node for node in ast.walk(ast.parse(file.read_text())) if isinstance(node, ast.Call)
+            ]
+            found |= {_rule(call) for call in calls}
+    return {rule for rule in found if rule is not None}
+
+
+def _rule(call: ast.Call) -> str | None:
+    """The rule in `Violation(rule, …)` or `Finding.of(path, rule, …)`; None for any other call."""
+    place = {"Violation": 0, "Finding.of": 1}.get(ast.unparse(call.func))
+    if place is None:
+        return None
+    rule = call.args[place]
+    if isinstance(rule, ast.Constant):
+        return str(rule.value)
+    return violation.PRECONDITION if ast.unparse(rule) == "PRECONDITION" else None
+
+
+def test_the_catalogue_has_every_rule_that_the_check_judges_and_no_other() -> None:
+    assert judged() | {*PLAN_RULES, *WALK_RULES, *REJECTION_RULES} == CATALOGUE.keys()
+
+
+@pytest.mark.parametrize("style", STYLES)
+def test_the_prompt_states_every_rule_of_the_check(style: Style) -> None:
+    text = system_prompt(vocabulary(), (), style)
+    left_out = {rule.id for rule in CATALOGUE.values() if f"- {rule.id}: {rule.asks}" not in text}
+    assert left_out == (set() if style == "full" else {"short-slide"})
+
+
+NUMBERS = [
+    ("short-slide", support, "MIN_SLIDE"),
+    ("precondition", contact, "PROBE_TRAVEL"),
+    ("precondition", contact, "SIDE_FORCE"),
+    ("precondition", state, "SINKING"),
+    ("precondition", support, "LIFTED"),
+    ("gripper-state", grasp, "PUSHED"),
+    ("sideways", clearance, "STEEP"),
+    ("blocked", collision, "BESIDE"),
+    ("collision", collision, "ENTERED"),
+    ("collision", collision, "FIXED"),
+    ("collision", collision, "ARM"),
+    ("collision", collision, "UNSURE"),
+    ("collision", profile, "POSE_ERROR"),
+    ("unsupported", support, "AS_FOUND"),
+    ("unsupported", support, "UPRIGHT"),
+    ("unsupported", support, "TIPPING"),
+    ("unsupported", support, "EDGE"),
+    ("tilted", motion, "HELD_UPRIGHT"),
+    ("not-restored", state, "RESTORED_POSITION"),
+]
+"""Rule, and the constant that the judgement uses."""
+
+
+@pytest.mark.parametrize(("rule", "module", "constant"), NUMBERS)
+def test_a_rule_changes_with_the_constant_it_is_judged_by(
+    rule: str, module: ModuleType, constant: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    before = rules.CATALOGUE[rule].asks
+    with monkeypatch.context() as changed:
+        changed.setattr(module, constant, 1.5 * getattr(module, constant))
+        assert importlib.reload(rules).CATALOGUE[rule].asks != before
+    assert importlib.reload(rules).CATALOGUE[rule].asks == before
+
+
+def test_what_fits_and_what_blocks_is_told_with_the_arms_own_numbers(scene: Scene) -> None:
+    told = user_prompt("", scene).split("# Robot")[1].split("# Named poses")[0]
+    hand = scene.arm.hand
+    for length in (hand.opening, hand.palm, hand.opening / 2 + hand.finger, hand.pad):
+        assert f"{1e3 * length:.3g} mm" in told
+    assert f"Payload {scene.arm.limits.payload:g} kg" in told
+    other = parse_scene(SCENE, arm=load_description("iiwa14"))
+    assert user_prompt("", other).split("# Robot")[1].split("# Named")[0] != told
+
+
+SUBJECTS = {
+    "left and right": "as the image shows them",
+    "the robot's left": "has y on its left",
+    "language": "in the language of R",
+    "not in the scene": "the image shows and D does not list",
+    "actions only": "A wish only to move",
+    "purposes": "to slide/push/drag: mass, friction",
+    "fixed things": "D fixes in place (no joint) have no mass",
+    "weighing for friction": "friction needs the weight, too",
+    "offsets of a com": "three grasps one x_offset apart",
+}
+
+
+@pytest.mark.parametrize("subject", SUBJECTS)
+def test_what_requests_mean_is_told(subject: str) -> None:
+    assert SUBJECTS[subject] in system_prompt(vocabulary())
+
+
+def test_the_lean_prompt_has_the_papers_modules_and_no_recipe() -> None:
+    lean = system_prompt(vocabulary(), (), "lean")
+    for module in SYSTEM_MODULES:
+        alone = system_prompt(vocabulary(), set(SYSTEM_MODULES) - {module}, "lean")
+        assert alone
+        assert alone in lean
+    for quantity in catalogue().values():
+        assert f"\n- {quantity.id}" in lean
+        assert quantity.how not in lean
+    for cls in vocabulary().primitives.values():
+        assert cls.capability() in lean
+    for recipe in ("friction", "three grasps", "Y_temporary", "slide", "Force2Velocity in"):
+        assert recipe not in lean.replace("- friction, of", "").replace("slides it with", "")
+    assert len(lean) < 0.8 * len(system_prompt(vocabulary()))
+
+
+def test_an_unknown_prompt_is_named_with_those_there_are() -> None:
+    with pytest.raises(InputError, match=r"unknown prompt 'fat'.*full, lean"):
+        checked_style("fat")
+
+
+def test_comments_of_the_scene_may_be_left_out() -> None:
+    told = parse_scene(
+        SCENE.replace("<worldbody>", "<worldbody><!-- the cup was\nnever weighed -->")
+    )
+    assert "never weighed" in compose(vocabulary(), "x", told).user
+    bare = compose(vocabulary(), "x", told, comments=False).user
+    assert "never weighed" not in bare
+    assert fenced(SCENE, "xml") in bare
 
 
 def test_a_third_partys_primitive_appears_by_itself() -> None:
@@ -190,15 +325,17 @@ def test_nothing_in_a_fence_can_close_it(text: str) -> None:
     assert block[0] not in block[1:-1]
 
 
-def test_the_examples_are_plans_that_pass_the_check(scene: Scene) -> None:
-    output = system_prompt(vocabulary(), set(SYSTEM_MODULES) - {"output"})
-    weighing = output.split('how high is the shelf?"\n')[1].split("\n\nExample")[0]
-    plan = read_answer(weighing).plan
-    assert (
-        check(plan, parse_scene(SCENE.replace("0.5 0 0.10", "0.5 0 ?").replace('"cup"', '"jar"')))
-        == ()
-    )
-    rejection = read_answer(output.rsplit("\n", 2)[-2]).plan
-    assert check(rejection, scene) == ()
-    sliding = output.split("before it is released:\n")[1].split("\n\nExample")[0]
-    assert json.loads(sliding)["type"] == "Parallel"
+@pytest.mark.parametrize("style", STYLES)
+def test_the_examples_show_the_form_on_what_no_scenario_asks_and_pass_the_check(
+    style: Style, scene: Scene
+) -> None:
+    output = system_prompt(vocabulary(), set(SYSTEM_MODULES) - {"output"}, style)
+    first, second = output.split("\nExample, R: ")[1:]
+    plan = read_answer(first).plan
+    assert check(plan, parse_scene(SCENE.replace('"shelf"', '"ledge"'))) == ()
+    asked = {parameter.quantity for name in scenarios() for parameter in scenario(name).expects}
+    assert not asked & {parameter.quantity for parameter in plan.parameters}
+    assert plan.tree is not None
+    assert {"Sequence", "Parallel"} < {node.type for _, node in plan.tree.walk()}
+    question = read_answer(second).plan
+    assert (check(question, scene), question.outcome) == ((), "ambiguous")

@@ -28,6 +28,7 @@ from palpate.cli.options import (
     PlanFile,
     Planner,
     Poses,
+    PromptStyle,
     Remeasure,
     RobotBody,
     RobotConfig,
@@ -229,11 +230,19 @@ def plan(
 
 
 @command(app)
-def prompt(*, asked: SceneOptions, without: Without = None, as_json: AsJson = False) -> None:
+def prompt(
+    *,
+    asked: SceneOptions,
+    style: PromptStyle = "full",
+    without: Without = None,
+    as_json: AsJson = False,
+) -> None:
     """Print what a model would be sent, to read it or to paste it into a chat."""
     from palpate.cli.show import show_prompt
 
-    settings = replace(asked.settings(), model_settings=ModelOptions().settings(without))
+    settings = replace(
+        asked.settings(), model_settings=ModelOptions(prompt=style).settings(without)
+    )
     show_prompt(settings, as_json)
 
 

@@ -141,6 +141,14 @@ Without = Annotated[
         "--without", metavar="MODULE", help="Part of the prompt to leave out; may be repeated."
     ),
 ]
+PromptStyle = Annotated[
+    str,
+    typer.Option(
+        "--prompt",
+        metavar="full|lean",
+        help="Tell a model how quantities are measured, too, or only what there is and what is safe.",
+    ),
+]
 Feedback = Annotated[
     int, typer.Option("--feedback", min=0, max=10, help="How often findings go back to the model.")
 ]
@@ -245,6 +253,7 @@ class ModelOptions:
 
     base_url: BaseUrl = None
     native: Native = False
+    prompt: PromptStyle = "full"
     feedback: Feedback = 3
     budget_seconds: Seconds = 300
     budget_tokens: Tokens = 200_000
@@ -254,7 +263,7 @@ class ModelOptions:
         """As the planner takes them; `without` names modules of the prompt that are left out.
 
         Raises:
-            InputError: no such module.
+            InputError: no such module, or no such prompt.
         """
         from palpate.tools import model_settings
 
@@ -263,6 +272,7 @@ class ModelOptions:
             self.native,
             without or (),
             self.feedback,
+            self.prompt,
             seconds=self.budget_seconds,
             tokens=self.budget_tokens,
             dollars=self.budget_dollars,

@@ -52,6 +52,13 @@ class PoseExpression:
     def __str__(self) -> str:
         return self.name + "".join(_term_text(*term) for term in self.terms)
 
+    def shifted(self, offset: str, factor: float) -> PoseExpression:
+        """The same, and `factor` times an offset more, rounded to hundredths."""
+        terms = {name: coefficient for coefficient, name in self.terms}
+        terms[offset] = round(terms.get(offset, 0.0) + factor, 2)
+        left = [(coefficient, name) for name, coefficient in sorted(terms.items()) if coefficient]
+        return PoseExpression(self.name, tuple(left))
+
 
 def _term_text(coefficient: float, offset: str) -> str:
     sign, size = ("-" if coefficient < 0 else "+"), abs(coefficient)

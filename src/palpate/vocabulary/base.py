@@ -1,7 +1,8 @@
 """The base of every primitive.
 
-A primitive is one frozen pydantic class. Its docstring and field descriptions are the prompt; its
-fields the JSON schema and the BT.CPP ports; `groundings` the arguments that a planner tries;
+A primitive is one frozen pydantic class. Its docstring and field descriptions are the prompt
+(the lean one has the docstring's first paragraph, what it does without what for); its fields the
+JSON schema and the BT.CPP ports; `groundings` the arguments that a planner tries;
 `requires` and `effects` its symbolic meaning, which the planner chains, the check folds and the run
 applies; `run` its behaviour on a robot; `unsafe` the predicate that is evaluated every tick while
 it runs. Nothing about a primitive is written anywhere else.
@@ -11,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Generator, Iterable
 from dataclasses import dataclass, field
+from inspect import cleandoc
 from typing import ClassVar, Literal
 
 from pydantic import BaseModel, ConfigDict
@@ -220,8 +222,14 @@ class Primitive(BaseModel):
 
     @classmethod
     def summary(cls) -> str:
-        """The docstring: what the primitive does and how to use it safely."""
+        """The docstring: what the primitive does, how to use it safely, and what for."""
         return " ".join((cls.__doc__ or "").split())
+
+    @classmethod
+    def capability(cls) -> str:
+        """The docstring's first paragraph: what the primitive does and how to use it safely, without
+        what for."""
+        return " ".join(cleandoc(cls.__doc__ or "").split("\n\n")[0].split())
 
 
 class ConversionPrimitive(Primitive):

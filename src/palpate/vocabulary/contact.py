@@ -84,10 +84,11 @@ AXES: dict[str, tuple[float, float, float]] = {
 
 
 class MoveUntilContact(Primitive):
-    """Move slowly and compliantly along one axis of the world until something rigid is touched; the
-    arm then stays in contact. Probe a surface's height with `-z` from its approach pose with empty
-    fingers: a picture is never trusted for heights, and a soft cover is pressed through to what is
-        rigid beneath."""
+    """Move slowly and compliantly along one axis of the world, with empty fingers, until something
+    rigid is touched; the arm then stays in contact. A soft cover is pressed through to what is rigid
+    beneath.
+
+    Probe a surface's height with `-z` from its approach pose: a picture is never trusted for heights."""
 
     claims: ClassVar[frozenset[Resource]] = frozenset({"arm"})
     group: ClassVar = "motion"

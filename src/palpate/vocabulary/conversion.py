@@ -79,7 +79,9 @@ class _Conversion(ConversionPrimitive):
 
 
 class Force2Mass(_Conversion):
-    """Convert `gripper_forces` into the mass of the held object. Only for a log made while the
+    """Convert `gripper_forces` into the mass of the held object.
+
+    Only for a log made while the
     object was held still, lifted and balanced; not when it hangs tilted off its centre."""
 
     reads: ClassVar[str | None] = FORCES
@@ -87,8 +89,9 @@ class Force2Mass(_Conversion):
 
 
 class Force2Velocity(_Conversion):
-    """Convert `gripper_forces` logged beside a motion into the velocity of the gripper. Irrelevant
-    for anything static."""
+    """Convert `gripper_forces` logged beside a motion into the velocity of the gripper.
+
+    Irrelevant for anything static."""
 
     reads: ClassVar[str | None] = FORCES
     measures: ClassVar[type[Quantity] | None] = Velocity
@@ -96,6 +99,7 @@ class Force2Velocity(_Conversion):
 
 class Force2Momentum(_Conversion):
     """Convert `gripper_forces` logged beside a motion into the momentum of the held object.
+
     Irrelevant for anything static."""
 
     reads: ClassVar[str | None] = FORCES

@@ -173,7 +173,9 @@ class CloseGripper(Primitive):
 
 class FoldFingers(Primitive):
     """Close the empty fingers on each other, so that both make one narrow tip; fails when something is
-    between them. Fold them at `<object>_top`, then touch the object's top with MoveUntilContact -z;
+    between them.
+
+    Fold them at `<object>_top`, then touch the object's top with MoveUntilContact -z;
     OpenGripper afterwards."""
 
     claims: ClassVar[frozenset[Resource]] = frozenset({"gripper"})

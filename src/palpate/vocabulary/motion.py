@@ -234,7 +234,7 @@ class MovePose(Primitive):
             min_length=1,
             max_length=200,
             description=(
-                "pose expression NAME (± [factor *] OFFSET)*, e.g. `bottle_pose + z_offset`, `hammer_pose - 2*x_offset`"
+                "pose expression NAME (± [factor *] OFFSET)*, e.g. `jar_pose + z_offset`, `jar_pose - 2*x_offset`"
             ),
         ),
     ]

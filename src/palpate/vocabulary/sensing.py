@@ -39,10 +39,8 @@ class _Sensing(Primitive):
 
 
 class MeasureForces(_Sensing):
-    """Log the external wrench into `gripper_forces`. To weigh: while the object is held still,
-    lifted clear of its support. For friction: in a Parallel with a MovePose that slides the held
-    object. For a centre of mass: while the object is held still at each of several grasp
-    offsets."""
+    """Log the external wrench into `gripper_forces`: for a second, or, beside a motion in a Parallel,
+    until the motion ends."""
 
     group: ClassVar = "sensing"
     writes: ClassVar[str | None] = FORCES
@@ -52,8 +50,7 @@ class MeasureForces(_Sensing):
 
 
 class MeasureGripperPose(_Sensing):
-    """Log the pose of the fingertips into `gripper_pose`. For a height: right after
-    MoveUntilContact, while in contact."""
+    """Log the pose of the fingertips into `gripper_pose`."""
 
     group: ClassVar = "sensing"
     writes: ClassVar[str | None] = POSE

@@ -157,9 +157,10 @@ class _Turning(Primitive):
 
 class Tilt(_Turning):
     """Tilt the hand in place, with what it holds or empty: by `degrees` one way, the other way, and
-    back, held still for a second each. In a Parallel with MeasureForces, holding an object in free
-    air and again with the empty hand at the same pose, it shows how high the object's centre of mass
-    is. MovePose to `<object>_pose + z_offset` first."""
+    back, held still for a second each. MovePose to `<object>_pose + z_offset` first.
+
+    In a Parallel with MeasureForces, holding an object in free air and again with the empty hand at the
+    same pose, it shows how high the object's centre of mass is."""
 
     timeout: ClassVar[float] = 60.0
     activity: ClassVar[Activity] = "tilting"
@@ -198,9 +199,10 @@ class Tilt(_Turning):
 
 class Swing(_Turning):
     """Swing the hand in place, with what it holds or empty: a few degrees to and fro about each
-    axis of the hand in turn, slowly and fast. In a Parallel with MeasureForces, holding an object in
-    free air and again with the empty hand at the same pose, it shows the object's inertia. MovePose to
-    `<object>_pose + z_offset` first."""
+    axis of the hand in turn, slowly and fast. MovePose to `<object>_pose + z_offset` first.
+
+    In a Parallel with MeasureForces, holding an object in free air and again with the empty hand at the
+    same pose, it shows the object's inertia."""
 
     timeout: ClassVar[float] = 60.0
     activity: ClassVar[Activity] = "swinging"

@@ -3,6 +3,8 @@ to do."""
 
 from __future__ import annotations
 
+import re
+
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -112,6 +114,21 @@ def test_a_slide_is_long_enough_to_feel(scene: Scene):
     assert rules(plan(tree, "bottle.friction"), scene, remeasure=True) == {
         "short-slide": "tree.children[8]"
     }
+
+
+@pytest.mark.parametrize("slide", ["bottle_pose + x_offset", "bottle_pose + 5.9*x_offset", "low"])
+def test_a_slide_that_will_not_do_is_answered_with_one_that_will(slide: str):
+    low = "places: {low: {pos: [0.46, 0, 0.075], yaw: 0}}"
+    around = bench(BOTTLE, poses=low)
+    tree = friction(slide, *HANGING)
+    (finding,) = [
+        f for f in check(plan(tree, "bottle.friction"), around) if f.rule == "short-slide"
+    ]
+    proposed = re.findall(r"write MovePose '(.+?)'", finding.message)
+    assert (
+        check(plan(friction(proposed[0], *HANGING), "bottle.friction"), around, remeasure=True)
+        == ()
+    )
 
 
 @pytest.mark.parametrize(

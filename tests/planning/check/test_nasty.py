@@ -224,6 +224,11 @@ CASES = [
     Case(
         "left at a slant that rises more than it goes aside",
         "sideways",
+        (*BEGIN, ABOVE, AT, "MovePose bottle_pose + z_offset + 4*y_offset", HOME),
+    ),
+    Case(
+        "left at a slant along its length, as the paper's hammer is",
+        None,
         (*BEGIN, ABOVE, AT, "MovePose bottle_pose + z_offset + 10*x_offset", HOME),
     ),
     Case("left by a joint motion", "sideways", (*BEGIN, ABOVE, AT, HOME)),

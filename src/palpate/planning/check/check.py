@@ -2,6 +2,7 @@
 
 Rules of single actions are judged by the primitives themselves (`Primitive.violations`), at the
 place where the plan has them. Rules of whole plans are functions, in `PLAN_RULES` and `WALK_RULES`.
+What each of them demands stands in `rules`.
 Findings are worded for repair: what is wrong, where, and what to do.
 """
 
@@ -14,11 +15,11 @@ from palpate.planning.check import end, grammar, minimal
 from palpate.planning.check import parameters as promised
 from palpate.planning.check.case import Case, Form
 from palpate.planning.check.finding import Finding
+from palpate.planning.check.rules import CATALOGUE
 from palpate.planning.check.walk import Reach, Walk
 from palpate.planning.plan import Plan
 from palpate.scene.scene import Scene
 from palpate.vocabulary.registry import Vocabulary, vocabulary
-from palpate.vocabulary.violation import RULES as ACTION_RULES
 
 __all__ = ["MAX_FINDINGS", "PLAN_RULES", "RULES", "WALK_RULES", "Finding", "check"]
 
@@ -56,16 +57,7 @@ REJECTION_RULES: Mapping[str, Callable[[Case], Iterable[Finding]]] = {
 """Rule id to who finds where a plan without a tree breaks it."""
 
 
-def _demand(rule: Callable[..., object]) -> str:
-    return " ".join((rule.__doc__ or "").split())
-
-
-RULES: dict[str, str] = {
-    **{id: _demand(rule) for id, rule in PLAN_RULES.items()},
-    **ACTION_RULES,
-    **{id: _demand(rule) for id, rule in WALK_RULES.items()},
-    **{id: _demand(rule) for id, rule in REJECTION_RULES.items()},
-}
+RULES: Mapping[str, str] = {rule.id: rule.asks for rule in CATALOGUE.values()}
 """Rule id to what it demands."""
 
 

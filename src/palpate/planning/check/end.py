@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from palpate.planning.check.case import Case
 from palpate.planning.check.finding import Finding
-from palpate.planning.check.measured import measured
+from palpate.planning.check.measured import lacking, measured
 from palpate.planning.check.walk import Walk
 from palpate.quantities.catalogue import catalogue
 from palpate.vocabulary.registry import acquisition
@@ -36,7 +36,10 @@ def undischarged(case: Case, walk: Walk) -> Iterator[Finding]:
         quantity = catalogue().get(parameter.quantity)
         if quantity is None or not quantity.identifiable or measured(parameter, walk.state):
             continue
-        message = f"the tree does not yield {parameter}; it needs: {acquisition(quantity)}"
+        missing = f"it needs: {acquisition(quantity)}"
+        if quantity.derived:
+            missing = f"of its recordings it lacks: {'; '.join(lacking(parameter, walk.state))}"
+        message = f"the tree does not yield {parameter}; {missing}"
         yield Finding.of(f"parameters[{i}]", "undischarged", message)
 
 
@@ -59,8 +62,9 @@ def not_restored(case: Case, walk: Walk) -> Iterator[Finding]:
     for name, pose in walk.state.not_restored().items():
         if name != walk.state.holding:
             x, y, z = pose.position
+            away = pose.distance_to(walk.state.scene.body(name).pose_world)
             message = (
-                f"'{name}' is left at ({x:.3f}, {y:.3f}, {z:.3f}) m; carry it back to "
-                f"'{name}_pose' before the end"
+                f"'{name}' is left at ({x:.3f}, {y:.3f}, {z:.3f}) m, {1e3 * away:.0f} mm from where it "
+                f"was found; MovePose it back to '{name}_pose' before it is released for the last time"
             )
             yield Finding.of("tree", "not-restored", message)

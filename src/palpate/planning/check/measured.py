@@ -3,6 +3,8 @@ is derived from."""
 
 from __future__ import annotations
 
+from collections import Counter
+
 from palpate.parameter import Parameter
 from palpate.vocabulary.state import SymbolicState
 
@@ -28,3 +30,14 @@ def measured(parameter: Parameter, state: SymbolicState) -> bool:
         return True
     quantity = state.scene.catalogue[parameter.quantity]
     return quantity.derived and quantity.is_evidenced(parameter, state.logged)
+
+
+def lacking(parameter: Parameter, state: SymbolicState) -> tuple[str, ...]:
+    """Which recordings a derived `parameter` still takes, in words, with how many of each there are."""
+    quantity = state.scene.catalogue[parameter.quantity]
+    kinds = Counter(kind for kind, _ in quantity.pieces(parameter, state.logged))
+    found: list[str] = []
+    for i, evidence in enumerate(quantity.evidence):
+        if kinds[i] < evidence.count and not evidence.optional:
+            found.append(f"{evidence.how} ({kinds[i]} of {evidence.count})")
+    return tuple(found)

@@ -33,8 +33,10 @@ def redundant(case: Case, walk: Walk) -> Iterator[Finding]:
                 message = f"this yields {parameter}, which is not among the parameters; remove it"
                 yield Finding.of(action.path, "redundant", message)
         made.add(parameter)
-    for path in _unused_recordings(case, walk):
-        yield Finding.of(path, "redundant", "no parameter needs what is logged here; remove it")
+    for action in _unused_recordings(case, walk):
+        if not walk.doubts(action.path):
+            message = f"no parameter needs what is logged here, {_circumstances(action)}; remove it"
+            yield Finding.of(action.path, "redundant", message)
 
 
 def untouched(case: Case, walk: Walk) -> Iterator[Finding]:
@@ -69,8 +71,15 @@ def _is_stray(parameter: Parameter, case: Case) -> bool:
     return case.is_known(parameter)
 
 
-def _unused_recordings(case: Case, walk: Walk) -> Iterator[str]:
-    """Paths of sensing leaves that neither a conversion nor a derived parameter needs."""
+def _circumstances(action: Action) -> str:
+    """What a recording is made of, in words."""
+    _, context = action.after.logged[-1]
+    of = f"of '{context.holding}' in the hand" if context.holding else "of the empty hand"
+    return f"{of}, {context.activity}, at '{context.at}'"
+
+
+def _unused_recordings(case: Case, walk: Walk) -> Iterator[Action]:
+    """Sensing leaves that neither a conversion nor a derived parameter needs."""
     converted = _converted_recordings(walk)
     seen: set[tuple[Parameter, Piece]] = set()
     for action in walk.actions:
@@ -82,7 +91,7 @@ def _unused_recordings(case: Case, walk: Walk) -> Iterator[str]:
             if piece is not None:
                 evidence.add((parameter, piece))
         if action.path not in converted and evidence <= seen:
-            yield action.path
+            yield action
         if not case.repeated:
             seen |= evidence
 

@@ -10,9 +10,10 @@ from palpate.geometry.pose import Pose
 from palpate.parameter import Parameter
 from palpate.planning.check.case import Form
 from palpate.planning.check.finding import Finding
+from palpate.planning.check.slides import unfelt
 from palpate.planning.plan import Node
 from palpate.scene.scene import Scene
-from palpate.vocabulary.admissible.support import short_slide
+from palpate.trace.samples import FORCES
 from palpate.vocabulary.base import ConversionPrimitive, Primitive
 from palpate.vocabulary.state import SymbolicState, during, parallel
 
@@ -78,6 +79,13 @@ class Walk:
         walk._walk("tree", tree)
         return walk
 
+    def doubts(self, path: str) -> bool:
+        """Whether a slide that a leaf is to feel has a finding: what it logs will be another thing."""
+        return any(
+            found.rule == "short-slide" and path.startswith(f"{found.path}.")
+            for found in self.findings
+        )
+
     def _walk(self, path: str, node: Node) -> None:
         if path in self.form.primitives:
             self.state = self._leaf(path, self.state)
@@ -103,8 +111,9 @@ class Walk:
             branches.append([where for where in branch if where not in moving])
         self._judge_together(moving, before)
         after = parallel(before, meanwhile, moving, branches, self._leaf)
-        if meanwhile.activity == "sliding":
-            for violation in short_slide(before, after):
+        if any(self.form.primitives[where].writes == FORCES for where in self._below(path)):
+            violation = unfelt(before, after)
+            if violation is not None:
                 self.findings.append(Finding(path, violation))
         return after
 

@@ -107,8 +107,19 @@ class VlmPlanner:
         symbols = None
         if scene is None:
             symbols = self._names(images)
-        prompt = compose(vocabulary(), request, scene, images, symbols, self.model_settings.without)
-        if self.model_settings.native:
+        told = self.model_settings
+        prompt = compose(
+            vocabulary(),
+            request,
+            scene,
+            images,
+            symbols,
+            told.without,
+            told.prompt,
+            told.comments,
+            self.builder.arm if self.builder else None,
+        )
+        if told.native:
             return replace(prompt, user=f"{prompt.user}\n\n{flat.NOTE}")
         return prompt
 
@@ -132,7 +143,7 @@ class VlmPlanner:
         if plan.tree is not None and scene is not None:
             wanted = self._wanted(request, scene)
         found = check(plan, scene, remeasure=self.remeasure, requested=wanted)
-        told = [f"{finding.path}: {finding.message}" for finding in found]
+        told = [f"{finding.path}, {finding.rule}: {finding.message}" for finding in found]
         return told or self._challenge(plan, scene, request)
 
     def _challenge(self, plan: Plan, scene: Scene | None, request: str | None) -> list[str]:

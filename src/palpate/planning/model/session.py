@@ -32,6 +32,8 @@ if TYPE_CHECKING:
     from pydantic_ai.models import ModelRequestParameters
     from pydantic_ai.settings import ModelSettings as RequestSettings
 
+    from palpate.planning.model.prompt.compose import Style
+
 BACKOFF = (1.0, 2.0, 4.0, 8.0)
 """s: waits before a request is repeated when the provider names none; as many repeats as there are
 waits."""
@@ -72,12 +74,17 @@ class ModelSettings:
         native: ask for the provider's structured output, in the flat form, instead of JSON in
             prose.
         without: prompt modules and inputs to leave out (ablation).
+        prompt: which system prompt: `full` tells how things are measured, `lean` only what there is.
+        comments: whether comments in the scene's file are sent. Studies leave them out, as what
+            somebody wrote beside a body ("was never weighed") gives the answer away.
         rounds: how often findings are fed back.
     """
 
     base_url: str | None = None
     native: bool = False
     without: frozenset[str] = frozenset()
+    prompt: Style = "full"
+    comments: bool = True
     rounds: int = FEEDBACK_ROUNDS
     budget: Budget = field(default_factory=Budget)
 

@@ -202,8 +202,13 @@ def _told(hit: Hit, after: SymbolicState, passing: Passing) -> Violation:
             f"z_offset' first, then '{name}_pose'",
         )
     if name in after.scene.objects:
-        return Violation("blocked", f"{met}; go around it, or carry it away first and back later")
+        return Violation("blocked", f"{met}; go around it, or {carry_away(name)}")
     return Violation("collision", f"{met}; {_instead(after, name)}")
+
+
+def carry_away(name: str) -> str:
+    """What to do about an object in the way, in words."""
+    return f"carry it to '{name}_temporary' first, and back to '{name}_pose' later"
 
 
 def _instead(after: SymbolicState, name: str) -> str:

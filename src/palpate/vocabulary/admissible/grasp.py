@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from palpate.errors import InputError
 from palpate.geometry.pose import Array, Pose
 from palpate.mjcf.body import Body
 from palpate.scene.scene import Scene
@@ -50,19 +51,33 @@ def _twisting(state: SymbolicState, body: Body, pose_world_tcp: Pose) -> list[Vi
     as far as mass and centre of mass are known or believed."""
     scene, shapes = state.scene, solids(state.scene)
     centre = state.pose_of(body.name).apply(shapes.centre_of_mass(body.name))
-    beside = abs(float((centre - pose_world_tcp.position) @ pose_world_tcp.rotation[:, 0]))
-    moment = shapes.mass(body.name) * scene.gravity * beside
-    most = torsion(scene, shapes)
+    beside = float((centre - pose_world_tcp.position) @ pose_world_tcp.rotation[:, 0])
+    weight = shapes.mass(body.name) * scene.gravity
+    moment, most = weight * abs(beside), torsion(scene, shapes)
     if moment <= most:
         return []
     return [
         Violation(
             "twist",
-            f"held {1e3 * beside:.0f} mm beside its centre of mass, '{body.name}' would turn in "
-            f"the grip with {moment:.1f} N m, of at most {most:.1f} N m; grasp it nearer to its "
-            "middle",
+            f"held {1e3 * abs(beside):.0f} mm beside its centre of mass, '{body.name}' would turn in "
+            f"the grip with {moment:.1f} N m, of at most {most:.1f} N m; grasp it within "
+            f"{1e3 * most / weight:.0f} mm{_nearer(state, beside)}",
         )
     ]
+
+
+def _nearer(state: SymbolicState, beside: float) -> str:
+    """The grasp right above a centre of mass that is `beside` m along the tool's x, in words; empty
+    where the present one is no pose expression."""
+    symbols = state.scene.symbols
+    try:
+        here = symbols.parse(state.at or "")
+        step = float(symbols.offset("x_offset", here.name)[0])
+    except InputError:
+        return ""
+    if not step:
+        return ""
+    return f", at '{here.shifted('x_offset', round(beside / step, 1))}'"
 
 
 def most_sideways(state: SymbolicState, way: Array) -> float:

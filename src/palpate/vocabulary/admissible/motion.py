@@ -5,8 +5,8 @@ them; it is entered from straight above and left straight upwards, or the finger
 
         |_____|            |_____|
         |     |            |     |
-          ___       ->      |___|          entered and left along the vertical only
-         |   |              |   |
+          ___       ->      |___|          entered along the vertical only, and never
+         |   |              |   |           left to where a finger is
        __|___|__          __|___|__
 
 Everything else stays clear of the hand, and of what it holds, all the way.
@@ -19,8 +19,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from palpate.vocabulary.admissible.clearance import Motion, straddled
-from palpate.vocabulary.admissible.collision import collisions
+from palpate.vocabulary.admissible.clearance import STEEP, Motion, straddled
+from palpate.vocabulary.admissible.collision import carry_away, collisions
 from palpate.vocabulary.admissible.support import dragged_off, leaning, riders
 from palpate.vocabulary.state import HOME_CONFIG, SAME_POSE, SymbolicState
 from palpate.vocabulary.violation import Violation
@@ -34,12 +34,13 @@ class Passage:
     """What a motion of the arm passes on its way.
 
     Attributes:
-        goal: pose expression that it ends at.
+        origin, goal: pose expressions, or joint configurations, that it begins and ends at.
         motion: the straight way; None for a joint motion.
         left, entered: object between the open fingers at its start, and at its end.
         near: anything that it leaves, enters, parts from, lifts or sets down.
     """
 
+    origin: str | None
     goal: str | None
     motion: Motion | None
     left: str | None
@@ -59,7 +60,7 @@ class Passage:
         near = left or entered or before.contact
         if before.lifted != after.lifted:
             near = before.holding
-        return cls(after.at, motion, left, entered, near)
+        return cls(before.at, after.at, motion, left, entered, near)
 
 
 def violations(
@@ -119,17 +120,25 @@ def _sideways(passage: Passage, strict: bool) -> Iterator[Violation]:
     if passage.motion is None:
         # A joint motion is no straight line: it goes to and from an object sideways.
         if passage.left:
-            yield _pushed("leave to", passage.left)
+            yield _pushed("leave to", passage.left, passage.origin)
         elif passage.entered:
-            yield _pushed("enter from", passage.entered)
+            yield _pushed("enter from", passage.entered, passage.goal)
     elif passage.motion.vertical:
         return
     elif passage.entered and changes:
-        yield _pushed("enter from", passage.entered)
-    elif passage.left and changes:
-        yield _pushed("leave to", passage.left)
+        yield _pushed("enter from", passage.entered, passage.goal)
+    elif passage.left and changes and (strict or _goes_across(passage.motion)):
+        yield _pushed("leave to", passage.left, passage.origin)
     elif passage.near and strict:
         yield Violation("sideways", f"near '{passage.near}' the way is straight up or down")
+
+
+def _goes_across(motion: Motion) -> bool:
+    """Whether a straight way leads from one finger towards the other. Along what was between them
+    they may leave, as the paper's hammer is left on the way to its next grasp: they were on either
+    side of it already."""
+    closing = motion.start.rotation[:, 1]
+    return abs(float((motion.end.position - motion.start.position) @ closing)) >= STEEP
 
 
 def _carried(before: SymbolicState, after: SymbolicState, may_tilt: bool) -> Iterator[Violation]:
@@ -154,7 +163,7 @@ def _carried(before: SymbolicState, after: SymbolicState, may_tilt: bool) -> Ite
     for name in riders(before, held):
         yield Violation(
             "unsupported",
-            f"'{name}' stands on '{held}' and would fall; carry it away first and back later",
+            f"'{name}' stands on '{held}' and would fall; {carry_away(name)}",
         )
 
 
@@ -163,14 +172,15 @@ def _blocked(passage: Passage, motion: Motion) -> Iterator[Violation]:
     for name in motion.hits(ignoring=between):
         yield Violation(
             "blocked",
-            f"on the way to '{passage.goal}' the hand would run into '{name}'; go around it, or "
-            "carry it away first and back later",
+            f"on the way to '{passage.goal}' the hand would run into '{name}'; {carry_away(name)}",
         )
 
 
-def _pushed(how: str, name: str) -> Violation:
+def _pushed(how: str, name: str, place: str | None) -> Violation:
+    above = (
+        f"{place} + z_offset" if place and "z_offset" not in place else f"{name}_pose + z_offset"
+    )
     return Violation(
         "sideways",
-        f"the fingers would {how} the side of '{name}' and push it over; MovePose to "
-        f"'{name}_pose + z_offset' first",
+        f"the fingers would {how} the side of '{name}' and push it over; MovePose to '{above}' first",
     )

@@ -32,6 +32,12 @@ class Touch:
     pose: Pose
 
 
+def _starts(state: SymbolicState) -> str:
+    """Where probes of surfaces may begin, in words."""
+    names = [f"'{name}_approach'" for name in state.scene.surfaces]
+    return f"a surface is probed with -z from {' or '.join(names)}" if names else "go lower"
+
+
 def touch(state: SymbolicState, direction: Array, travel: float) -> Touch | None:
     """What the hand meets first within `travel` m along a direction (3,), by belief; None where it
     meets nothing, or where the hand is is not known."""
@@ -57,8 +63,8 @@ def untouchable(state: SymbolicState, direction: Array, travel: float) -> Iterat
     if first is None:
         yield Violation(
             PRECONDITION,
-            f"there is nothing to touch within {travel:.2f} m from '{state.at}'; start nearer, or "
-            "probe another direction",
+            f"there is nothing to touch within {1e3 * travel:.0f} mm from '{state.at}'; start nearer: "
+            f"{_starts(state)}",
         )
         return
     name = first.hit.other.owner

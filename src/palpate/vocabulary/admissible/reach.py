@@ -4,8 +4,12 @@ from __future__ import annotations
 
 from palpate.geometry.pose import Array, Pose
 from palpate.robots.kinematics import reachable, within_joint_limits
+from palpate.scene.symbols import PoseExpression
 from palpate.vocabulary.state import SymbolicState
 from palpate.vocabulary.violation import Violation
+
+SHARES = (0.75, 0.5, 0.25, 0.1)
+"""Of the offsets of a pose that is out of reach, which are tried instead."""
 
 
 def out_of_reach(state: SymbolicState, pose_world_tcp: Pose, name: str) -> list[Violation]:
@@ -15,10 +19,22 @@ def out_of_reach(state: SymbolicState, pose_world_tcp: Pose, name: str) -> list[
     return [
         Violation(
             "unreachable",
-            f"{too_far(pose_world_tcp, name)}; choose a pose nearer to the base or a smaller "
-            "offset, or leave out what needs it and explain",
+            f"{too_far(pose_world_tcp, name)}; {_instead(state, name)}, or leave out what needs it "
+            "and explain",
         )
     ]
+
+
+def _instead(state: SymbolicState, name: str) -> str:
+    """What to write for a pose expression that is out of reach: the same with smaller offsets."""
+    symbols = state.scene.symbols
+    expression = symbols.parse(name)
+    for share in SHARES:
+        terms = tuple((round(share * factor, 2), offset) for factor, offset in expression.terms)
+        smaller = PoseExpression(expression.name, terms)
+        if terms and _reaches(state, symbols.resolve(smaller)):
+            return f"'{smaller}' is within reach"
+    return "choose a pose nearer to the base"
 
 
 def too_far(pose_world_tcp: Pose, name: str) -> str:

@@ -9,7 +9,7 @@ import numpy as np
 
 from palpate.geometry.polygon import depth
 from palpate.geometry.pose import Array, Pose
-from palpate.vocabulary.admissible.footing import Footing, footing
+from palpate.vocabulary.admissible.footing import SUNK, Footing, footing
 from palpate.vocabulary.admissible.solids import solids
 from palpate.vocabulary.state import SymbolicState
 from palpate.vocabulary.violation import PRECONDITION, Violation
@@ -161,24 +161,12 @@ def dragged_off(before: SymbolicState, after: SymbolicState) -> str | None:
     if held is None or before.lifted or _travel(before, after) <= LIFTED:
         return None
     start, end = before.pose_of(held), after.pose_of(held)
-    if end.position[2] - start.position[2] > LIFTED:
+    rise = float(end.position[2] - start.position[2])
+    if rise > LIFTED:
         return None
+    if rise < -SUNK:
+        return f"'{after.at}' is {-1e3 * rise:.0f} mm lower than where it stands"
     return stable(before, held, end)
-
-
-def short_slide(before: SymbolicState, after: SymbolicState) -> list[Violation]:
-    """What speaks against a slide that is to be felt: that it is too short, or nothing."""
-    travel = _travel(before, after)
-    if not slides(before, after) or travel >= MIN_SLIDE:
-        return []
-    factor = math.ceil(2 * MIN_SLIDE / max(travel, 1e-3))
-    return [
-        Violation(
-            "short-slide",
-            f"'{before.holding}' is slid by only {1e3 * travel:.0f} mm; slide it "
-            f"{1e3 * MIN_SLIDE:.0f} mm or more, with a factor of {factor} on the offset",
-        )
-    ]
 
 
 def would_fall(state: SymbolicState) -> list[Violation]:

@@ -1,5 +1,9 @@
-"""Puts the prompt together: the system prompt from the module files and the vocabulary's
-declarations, the rest from the task.
+"""Puts the prompt together: the system prompt from the module files, the vocabulary's declarations and
+the rules of the check; the rest from the task.
+
+There are two of it. The full one tells how each quantity is measured; the lean one has the paper's six
+modules with capabilities, safety and format, and leaves the strategy to the model. A module is the
+file in the style's own folder, or the one that both share.
 
 The system prompt holds nothing of the task and is therefore the same bytes for every one, so that
 providers can cache it. In what the model reads, as in the paper, S is the system prompt, R the
@@ -8,25 +12,31 @@ request, D the incomplete simulation description, I the picture and Φ the unkno
 
 from __future__ import annotations
 
+import re
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from importlib import resources
 from math import atan2, degrees
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal, get_args
 
 from palpate.errors import InputError, unknown_name
+from palpate.planning.check.rules import CATALOGUE
+from palpate.planning.request.wording import english
 from palpate.quantities.catalogue import catalogue
 from palpate.quantities.quantity import Quantity
 from palpate.vocabulary.registry import acquisition
 
 if TYPE_CHECKING:
     from palpate.geometry.pose import Array, Pose
+    from palpate.robots.description import RobotDescription
     from palpate.scene.scene import Scene
     from palpate.scene.symbols import Symbols
     from palpate.vocabulary.base import Primitive
     from palpate.vocabulary.registry import Vocabulary
 
+Style = Literal["full", "lean"]
+"""What the system prompt tells: how things are measured, too, or only what there is and what is safe."""
 SYSTEM_MODULES = {
     "role": "role.md",
     "actions": "actions.md",
@@ -38,8 +48,12 @@ SYSTEM_MODULES = {
 }
 """Modules of the system prompt in the order in which they are sent, with their files."""
 
+STYLES: tuple[Style, ...] = get_args(Style)
+
 MODULES = (*SYSTEM_MODULES, "image", "text", "all")
 """What `--without` takes: a module of the system prompt, an input, or all of the system prompt."""
+
+_COMMENT = re.compile(r"\s*<!--.*?-->", re.DOTALL)
 
 LARGEST_DESCRIPTION = 200_000
 """Characters of the scene that are sent; a longer one is refused, not cut."""
@@ -61,16 +75,25 @@ def compose(
     images: Sequence[Path] = (),
     symbols: Symbols | None = None,
     without: Collection[str] = (),
+    style: Style = "full",
+    comments: bool = True,
+    arm: RobotDescription | None = None,
 ) -> Prompt:
     """The whole prompt for one task.
+
+    Args:
+        vocabulary: what plans are made of. request, scene, images: R, D and I.
+        symbols: names of poses, and arm: whose measures are told, where there is no scene.
+        without: modules and inputs to leave out. style: which system prompt.
+        comments: whether those in the scene's file are sent; they may give the answer away.
 
     Raises:
         InputError: an unknown module in `without`, neither a request nor a scene, or one that is
             too long.
     """
     removed = checked_modules(without)
-    system = system_prompt(vocabulary, removed)
-    user = user_prompt(request, scene, symbols, removed, len(images))
+    system = system_prompt(vocabulary, removed, style)
+    user = user_prompt(request, scene, symbols, removed, len(images), comments, arm)
     shown = () if "image" in removed else tuple(images)
     return Prompt(system, user, shown)
 
@@ -87,14 +110,28 @@ def checked_modules(names: Iterable[str]) -> frozenset[str]:
     return frozenset(names)
 
 
-def system_prompt(vocabulary: Vocabulary, without: Collection[str] = ()) -> str:
+def checked_style(name: str) -> Style:
+    """The style of that name.
+
+    Raises:
+        InputError: there is none; the message lists those there are.
+    """
+    for style in STYLES:
+        if style == name:
+            return style
+    raise unknown_name("prompt", name, STYLES)
+
+
+def system_prompt(
+    vocabulary: Vocabulary, without: Collection[str] = (), style: Style = "full"
+) -> str:
     """The system prompt, less the modules in `without`; empty without all of them."""
     if "all" in without:
         return ""
     filled: list[str] = []
     for name, file in SYSTEM_MODULES.items():
         if name not in without:
-            filled.append(_filled(file, vocabulary))
+            filled.append(_filled(file, vocabulary, style))
     return "\n".join(filled)
 
 
@@ -104,18 +141,22 @@ def user_prompt(
     symbols: Symbols | None = None,
     without: Collection[str] = (),
     images: int = 0,
+    comments: bool = True,
+    arm: RobotDescription | None = None,
 ) -> str:
-    """The request, the scene and the poses, each fenced as data. Without a scene, `symbols` name
-    the poses."""
+    """The request, the scene, the robot and the poses, data of others in fences. Without a scene,
+    `symbols` name the poses of `arm`."""
     if not (request.strip() or scene):
         raise InputError(
             "there is neither a request nor a scene; give a sentence, an MJCF file, or both"
         )
     parts: list[str] = []
     if "text" not in without:
-        parts += [_request(request), _description(scene)]
+        parts += [_request(request), _description(scene, comments)]
     if scene is not None:
-        symbols = scene.symbols
+        symbols, arm = scene.symbols, scene.arm
+    if arm is not None and "metadata" not in without:
+        parts.append(_robot(arm, scene.pose_world_base if scene is not None else None))
     if symbols and "metadata" not in without:
         parts.append(_poses(symbols))
     if images and "image" not in without:
@@ -132,37 +173,64 @@ def fenced(text: str, language: str = "") -> str:
     return f"{ticks}{language}\n{text.rstrip()}\n{ticks}"
 
 
-def _filled(file: str, vocabulary: Vocabulary) -> str:
+def _filled(file: str, vocabulary: Vocabulary, style: Style) -> str:
     """A module of the system prompt, with what is declared elsewhere in place of its marks, such as
     `{{quantities}}`."""
     folder = resources.files("palpate.planning.model.prompt")
-    text = folder.joinpath(file).read_text(encoding="utf-8")
+    own = folder.joinpath(style, file)
+    text = (own if own.is_file() else folder.joinpath(file)).read_text(encoding="utf-8")
     if "{{" not in text:
         return text
-    for name, lines in _declared(vocabulary).items():
-        text = text.replace(f"{{{{{name}}}}}", "\n".join(lines))
+    for name, words in _declared(vocabulary, style).items():
+        text = text.replace(f"{{{{{name}}}}}", words)
     return text
 
 
-def _declared(vocabulary: Vocabulary) -> dict[str, list[str]]:
-    """What the primitives, composites and quantities say of themselves, by mark."""
+def _declared(vocabulary: Vocabulary, style: Style) -> dict[str, str]:
+    """What the primitives, composites, quantities and rules say of themselves, by mark."""
     general: list[str] = []
     conversion: list[str] = []
     for primitive in vocabulary.primitives.values():
         group = conversion if primitive.group == "conversion" else general
-        group.append(_primitive_entry(primitive))
+        group.append(_primitive_entry(primitive, style))
+    composites = [f"- {c.name}: {c.summary}" for c in vocabulary.composites.values()]
+    quantities = [_quantity_entry(quantity) for quantity in catalogue().values()]
+    named = [_quantity_named(quantity) for quantity in catalogue().values()]
     return {
-        "general": general,
-        "conversion": conversion,
-        "composites": [f"- {c.name}: {c.summary}" for c in vocabulary.composites.values()],
-        "quantities": [_quantity_entry(quantity) for quantity in catalogue().values()],
+        "general": "\n".join(general),
+        "conversion": "\n".join(conversion),
+        "composites": "\n".join(composites),
+        "quantities": "\n".join(quantities),
+        "names of quantities": "\n".join(named),
+        "purposes": _purposes(),
+        "rules of parameters": _rules("parameters", style),
+        "rules of the tree": _rules("tree", style),
     }
 
 
-def _primitive_entry(primitive: type[Primitive]) -> str:
+def _rules(about: str, style: Style) -> str:
+    """What the check asks, a rule a line, each by the name that findings call it."""
+    lines: list[str] = []
+    for rule in CATALOGUE.values():
+        if rule.about == about and not (rule.recipe and style == "lean"):
+            lines.append(f"- {rule.id}: {rule.asks}")
+    return "\n".join(lines)
+
+
+def _purposes() -> str:
+    """Which quantities it takes to simulate what, as requests are read without a model."""
+    verbs: dict[tuple[str, ...], list[str]] = {}
+    for verb, quantities in english().purposes.items():
+        verbs.setdefault(quantities, []).append(verb)
+    told = [f"to {'/'.join(named[:3])}: {', '.join(q)}" for q, named in verbs.items()]
+    return "; ".join(told)
+
+
+def _primitive_entry(primitive: type[Primitive], style: Style) -> str:
     fields = primitive.model_fields
-    entry = f"- {primitive.__name__}({', '.join(fields)}): {primitive.summary()}"
-    if primitive.reads:
+    said = primitive.summary() if style == "full" else primitive.capability()
+    entry = f"- {primitive.__name__}({', '.join(fields)}): {said}"
+    if primitive.reads and primitive.reads not in said:
         entry += f" Reads `{primitive.reads}`."
     arguments = "; ".join(f"{name}: {field.description}" for name, field in fields.items())
     if arguments:
@@ -178,10 +246,19 @@ _SUBJECTS = {
 
 
 def _quantity_entry(quantity: Quantity) -> str:
+    return f"{_quantity_head(quantity)}: {acquisition(quantity)}"
+
+
+def _quantity_named(quantity: Quantity) -> str:
+    return _quantity_head(quantity) + (", derived" if quantity.derived else "")
+
+
+def _quantity_head(quantity: Quantity) -> str:
+    """What it is and of what."""
     unit = "" if quantity.unit == "1" else f" {quantity.unit}"
     kind = "" if quantity.identifiable else ", not measurable"
     subject = _SUBJECTS.get(quantity.subject, f"a {quantity.subject}")
-    return f"- {quantity.id}{unit}, of {subject}{kind}: {acquisition(quantity)}"
+    return f"- {quantity.id}{unit}, of {subject}{kind}"
 
 
 def _request(request: str) -> str:
@@ -190,20 +267,48 @@ def _request(request: str) -> str:
     return "# Request R\nNone: acquire what D leaves out."
 
 
-def _description(scene: Scene | None) -> str:
+def _description(scene: Scene | None, comments: bool) -> str:
     if scene is None:
         return (
             "# Simulation description D\nNone: list what the image shows in `scene`. What you list as X there has "
             "the poses X_pose and X_temporary, a plane X has X_approach, and every object its own offsets."
         )
-    if len(scene.text) > LARGEST_DESCRIPTION:
+    text = scene.text if comments else _COMMENT.sub("", scene.text)
+    if len(text) > LARGEST_DESCRIPTION:
         raise InputError(
-            f"the scene has {len(scene.text)} characters; at most {LARGEST_DESCRIPTION} are sent to a "
+            f"the scene has {len(text)} characters; at most {LARGEST_DESCRIPTION} are sent to a "
             "model: use the symbolic planner, or move assets to other files"
         )
-    return (
-        f"# Simulation description D (MJCF; absent or `?` is unknown)\n{fenced(scene.text, 'xml')}"
-    )
+    return f"# Simulation description D (MJCF; absent or `?` is unknown)\n{fenced(text, 'xml')}"
+
+
+def _robot(arm: RobotDescription, pose_world_base: Pose | None) -> str:
+    """The measures by which the check judges what fits and what is in the way."""
+    hand, limits = arm.hand, arm.limits
+    half_x, half_y = hand.half_extents
+    beside = hand.opening / 2 + hand.finger
+    low, high = limits.workspace_min.tolist(), limits.workspace_max.tolist()
+    lines = [
+        "Hand, pointing down: the gripper's pose is that of the point between its fingertips; "
+        f"{_mm(hand.opening)} between the open fingers, which close along the gripper's y; the palm is "
+        f"{_mm(hand.palm)} above the fingertips. At a grasp the open fingers take up {_mm(beside)} to either "
+        f"side along y and {_mm(hand.pad)} along x, above the palm the hand {_mm(half_y)} and {_mm(half_x)}: "
+        "whatever else reaches in there blocks.",
+        f"Payload {limits.payload:g} kg. The gripper's point stays, from the base, within "
+        + ", ".join(
+            f"{axis} {a:.3g} to {b:.3g} m" for axis, a, b in zip("xyz", low, high, strict=True)
+        )
+        + ", where the arm reaches.",
+    ]
+    if pose_world_base is not None:
+        lines.append(
+            f"Base in the world, with the direction of its x axis: {_at(pose_world_base)}."
+        )
+    return "# Robot\n" + "\n".join(lines)
+
+
+def _mm(length: float) -> str:
+    return f"{1e3 * length:.3g} mm"
 
 
 def _pictures(count: int) -> str:
@@ -217,7 +322,7 @@ def _poses(symbols: Symbols) -> str:
     lines = [_pose(name, pose) for name, pose in symbols.poses.items()]
     for name in symbols.later:
         if name not in symbols.poses:
-            lines.append(f"{name}: a free spot for {symbols.subjects.get(name, 'it')}")
+            lines.append(f"{name}: {_later(name, symbols.subjects.get(name, 'it'))}")
     for name in symbols.configurations:
         lines.append(f"{name}: joint configuration")
     for name, own in symbols.own_offsets.items():
@@ -232,9 +337,22 @@ def _poses(symbols: Symbols) -> str:
 
 
 def _pose(name: str, pose: Pose) -> str:
+    return f"{name}: {_at(pose)}"
+
+
+def _at(pose: Pose) -> str:
     x, y, z = pose.position
     direction = degrees(atan2(pose.rotation[1, 0], pose.rotation[0, 0]))
-    return f"{name}: {x:.3f} {y:.3f} {z:.3f}, {direction:.0f}"
+    return f"{x:.3f} {y:.3f} {z:.3f}, {direction:.0f}"
+
+
+def _later(name: str, subject: str) -> str:
+    """What a pose is for that is worked out when it is used."""
+    if name.endswith("_top"):
+        return f"above the top of {subject}"
+    if name.endswith("_across"):
+        return f"a grasp of {subject} a quarter turn on"
+    return f"a free spot to put {subject} down"
 
 
 def _offsets(offsets: Mapping[str, Array]) -> str:
