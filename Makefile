@@ -3,14 +3,18 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test bench golden lint docs lock clean
+.PHONY: demo test test-all bench golden lint docs lock clean
 
 demo: $(VENV)/.run
 	$(BIN)/palpate demo
 
 # The workers' matrices are small: threads of several of them would only wait for each other.
 test: $(VENV)/.dev
-	OPENBLAS_NUM_THREADS=1 $(BIN)/pytest -n auto
+	OPENBLAS_NUM_THREADS=1 $(BIN)/pytest -n auto -m "not long"
+
+# Those, and what takes long: large scenarios, a libfranka server on loopback, studies.
+test-all: test
+	OPENBLAS_NUM_THREADS=1 $(BIN)/pytest -n auto -m long
 
 bench: $(VENV)/.dev
 	$(BIN)/python -m palpate.studies.bench
@@ -34,8 +38,14 @@ $(VENV)/.dev: $(VENV)/.run requirements-dev.txt
 	$(BIN)/pip install --quiet --disable-pip-version-check --require-hashes -r requirements-dev.txt
 	touch $@
 
-docs: $(VENV)/.run
+# The documentation site, in site/; what is wrong with it is an error.
+docs: $(VENV)/.docs
 	$(BIN)/python -m palpate.cli.reference > docs/vocabulary.md
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet --strict
+
+$(VENV)/.docs: $(VENV)/.run requirements-docs.txt
+	$(BIN)/pip install --quiet --disable-pip-version-check --require-hashes -r requirements-docs.txt
+	touch $@
 
 # Pins with hashes, from pyproject.toml. Needs uv.
 lock:
@@ -43,6 +53,8 @@ lock:
 		--python-version 3.11 --extra vlm --group build pyproject.toml -o requirements.txt
 	uv pip compile --quiet --universal --generate-hashes --no-emit-index-url --no-annotate --no-header \
 		--python-version 3.11 --extra vlm --extra ray --extra franky --extra export --group build --group dev -c requirements.txt pyproject.toml -o requirements-dev.txt
+	uv pip compile --quiet --universal --generate-hashes --no-emit-index-url --no-annotate --no-header \
+		--python-version 3.11 --group docs -c requirements-dev.txt pyproject.toml -o requirements-docs.txt
 
 clean:
-	rm -rf $(VENV) .pytest_cache .ruff_cache .hypothesis
+	rm -rf $(VENV) site .pytest_cache .ruff_cache .hypothesis

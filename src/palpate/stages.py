@@ -10,7 +10,7 @@ from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
 
-from palpate.cells.cell import Cell
+from palpate.cells.cell import Cell, Close
 from palpate.cells.registry import drivers
 from palpate.cells.simulated import SEEN_TOLERANCE, SIZE_TOLERANCE, simulated_cell
 from palpate.cells.view import image_files
@@ -62,8 +62,8 @@ def ask_planner(settings: Settings, scene: Scene | None, planner: Planner | None
         settings.within.check(scene.bodies)
     poses = read_poses(settings.poses) if settings.poses else Poses()
     planner = planner or _planner(settings, poses)
-    picture = _picture(planner, settings, scene, poses)
-    answer = _answer(planner, settings, scene, picture)
+    pictures = _pictures(planner, settings, scene, poses)
+    answer = _answer(planner, settings, scene, pictures)
     seen, conversation = None, None
     if isinstance(planner, Observant):
         seen, conversation = planner.seen, planner.conversation
@@ -72,7 +72,7 @@ def ask_planner(settings: Settings, scene: Scene | None, planner: Planner | None
     # A model's answers are checked one by one, until one passes; nobody else checks its own plan.
     checked = conversation is not None
     findings = () if checked else _findings(settings, answer, scene)
-    return Run(settings, scene, answer, findings, conversation, seen, picture)
+    return Run(settings, scene, answer, findings, conversation, seen, next(iter(pictures), None))
 
 
 def connected(settings: Settings, scene: Scene | None) -> Cell:
@@ -109,12 +109,16 @@ def cell_for(settings: Settings, scene: Scene | None, seen: bool = False) -> Cel
     )
 
 
-def picture_of(settings: Settings, scene: Scene | None, poses: Poses) -> bytes | None:
-    """The workspace as PNG, seen by the camera of `poses` if it has one; None where there is nothing
-    to look at or no way to look."""
+def pictures_of(settings: Settings, scene: Scene | None, poses: Poses) -> tuple[bytes, ...]:
+    """The workspace as PNGs: seen by the camera of `poses` if it has one, then, with a scene whose
+    names can be shown, from nearer; none where there is nothing to look at or no way to look."""
     if scene is None and settings.world is None and settings.robot is None:
-        return None
-    return cell_for(settings, scene).picture(poses.camera)
+        return ()
+    cell = cell_for(settings, scene)
+    taken = [cell.picture(poses.camera)]
+    if scene is not None and isinstance(cell, Close):
+        taken.append(cell.closer())
+    return tuple(picture for picture in taken if picture is not None)
 
 
 def robot_of(cell: Cell) -> Robot:
@@ -307,21 +311,21 @@ def _planner(settings: Settings, poses: Poses) -> Planner:
     return planners().make(settings.planner, told)
 
 
-def _picture(
+def _pictures(
     planner: Planner, settings: Settings, scene: Scene | None, poses: Poses
-) -> bytes | None:
-    """The workspace as PNG, where it is to be looked at and no image was given."""
+) -> tuple[bytes, ...]:
+    """The workspace as PNGs, where it is to be looked at and no image was given."""
     looks = scene is None or (isinstance(planner, Observant) and planner.looks)
     if settings.images or not looks or "image" in settings.model_settings.without:
-        return None
-    return picture_of(settings, scene, poses)
+        return ()
+    return pictures_of(settings, scene, poses)
 
 
 def _answer(
-    planner: Planner, settings: Settings, scene: Scene | None, picture: bytes | None
+    planner: Planner, settings: Settings, scene: Scene | None, pictures: tuple[bytes, ...]
 ) -> Plan:
     """The planner's answer; a rejection is a plan without a tree that says why."""
-    with image_files(settings.images, picture) as images:
+    with image_files(settings.images, pictures) as images:
         try:
             return planner.plan(settings.request, scene, images)
         except PlanRejected as rejection:

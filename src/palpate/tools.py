@@ -19,6 +19,7 @@ from palpate.planning.check.check import check
 from palpate.planning.model.prompt.compose import Prompt, checked_modules, checked_style, compose
 from palpate.planning.model.session import Budget, ModelSettings
 from palpate.planning.recorded import load_proposal, plan_file
+from palpate.quantities.catalogue import catalogue
 from palpate.quantities.precision.within import Within
 from palpate.robots.owner.registered import own_arm
 from palpate.robots.registry import DEFAULT, load_description
@@ -49,6 +50,7 @@ __all__ = [
     "replayed",
     "scene_from_picture",
     "tree_nodes_model",
+    "units",
     "vocabulary",
     "write_poses",
 ]
@@ -226,6 +228,11 @@ def paper_notation(node: Node, depth: int = 0) -> Iterator[str]:
         yield f"{indent}→ {node.type}({arguments})"
     for child in node.children:
         yield from paper_notation(child, depth + 1)
+
+
+def units() -> dict[str, str]:
+    """The unit of each quantity; `1` where there is none."""
+    return {quantity.id: quantity.unit for quantity in catalogue().values()}
 
 
 def plan_schema() -> dict[str, Any]:

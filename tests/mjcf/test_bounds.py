@@ -12,10 +12,10 @@ import numpy as np
 import pytest
 
 from palpate.errors import InputError
-from palpate.mjcf import assets, trial
-from palpate.mjcf.bounds import Extent, require_bounded
+from palpate.mjcf.limits import assets, trial
+from palpate.mjcf.limits.bounds import Extent, require_bounded
+from palpate.mjcf.limits.trial import require_compiles
 from palpate.mjcf.reading import parse_document
-from palpate.mjcf.trial import require_compiles
 from palpate.scene.load import load_scene, parse_scene
 
 TABLE = '<body name="table"><geom type="box" size=".4 .4 .2"/></body>'

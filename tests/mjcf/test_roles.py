@@ -384,9 +384,38 @@ def test_an_attached_robot_makes_way_and_what_else_is_attached_stays(tmp_path: P
     assert (model.nu, model.nexclude) == (0, 0)
     lines = remarks(found)
     assert lines[0].startswith("Robot left out: 'panda'")
-    assert any("Attached models are taken as they are" in line and "'s'" in line for line in lines)
+    assert [body.role for body in found.bodies.values()] == ["surface", "object"]
 
 
-def test_an_unknown_in_an_attached_model_is_told(tmp_path: Path) -> None:
+def test_a_robot_of_a_whole_attached_world_stands_where_that_has_it(tmp_path: Path) -> None:
+    (tmp_path / "panda.xml").write_text(
+        PANDA.replace("<worldbody>", '<compiler angle="radian"/><worldbody><frame pos="0 0 1">')
+        .replace("</worldbody>", "</frame></worldbody>")
+        .replace('pos="0.1 0 0"', 'pos="0.1 0 0" euler="0 0 1.570796"')
+    )
+    found = parse_scene(
+        """<mujoco><asset><model file="panda.xml"/></asset>
+        <worldbody><attach model="panda" prefix="p_"/></worldbody></mujoco>""",
+        tmp_path,
+    )
+    assert found.pose_world_base.position == pytest.approx([0.1, 0, 1])
+    assert found.pose_world_base.rotation[:, 0] == pytest.approx([0, 1, 0], abs=1e-6)
+
+
+def test_of_what_is_attached_twice_the_first_stands_for_all(tmp_path: Path) -> None:
+    (tmp_path / "shelf.xml").write_text(SHELF.format(""))
+    found = parse_scene(
+        """<mujoco><asset><model name="s" file="shelf.xml"/></asset><worldbody>
+        <attach model="s" body="tin" prefix="a_"/><frame pos="0 1 0">
+        <attach model="s" body="tin" prefix="b_"/></frame></worldbody></mujoco>""",
+        tmp_path,
+    )
+    assert list(found.bodies) == ["a_tin"]
+    assert any("not 'b_tin'" in line for line in remarks(found))
+
+
+def test_an_unknown_in_an_attached_model_is_one_of_the_scene(tmp_path: Path) -> None:
+    found = attaching(tmp_path, SHELF.format('mass="?" friction="0.4"'))
+    assert found.missing == (Parameter("s_tin", "mass"),)
     with pytest.raises(InputError, match=r"<geom>.*cannot be measured"):
-        attaching(tmp_path, SHELF.format('mass="?"'))
+        attaching(tmp_path, SHELF.format('margin="?"'))

@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from palpate.pictures.renderer import extent, framing
+from palpate.pictures.framing import extent, framing
 
 SCENE = """<mujoco><worldbody><geom type="plane" size="9 9 .1"/>
   <body name="a" pos="1 0 .5"><geom type="box" size=".1 .2 .3"/></body>

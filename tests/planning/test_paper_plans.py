@@ -8,7 +8,7 @@ from palpate.planning.check.check import check
 from palpate.planning.recorded import load_plan
 from palpate.runs.run import Run
 from palpate.scenarios.catalogue import scenario
-from palpate.studies.judgement import judge
+from palpate.studies.planners.judgement import judge
 
 FIGURES = {"bottle_and_table": 17, "one_missing_mass": 12, "friction": 15, "hammer": 28}
 """Scenario, and how many actions its tree has."""

@@ -12,7 +12,7 @@ from palpate.estimation.estimate import Estimate
 from palpate.parameter import Parameter
 from palpate.runs.run import Run
 from palpate.scenarios.catalogue import Scenario
-from palpate.studies.judgement import judge
+from palpate.studies.planners.judgement import judge
 
 TOLERANCE = {"height": 0.0005, "friction": 0.02, "com": 0.003}
 """At `--noise lab`: m, -, m (horizontally: no torque tells the height of a centre of mass)."""

@@ -133,3 +133,54 @@ def test_the_twin_in_one_text_has_its_includes_in_it(cell: Path) -> None:
     assert '-    <geom type="mesh" mesh="cube" friction=".4" mass=\'?\' /> </body>' in twin.diff
     assert twin.scene is not None
     assert twin.scene.bodies["mug"].known["mass"] == pytest.approx((0.25,))
+
+
+ATTACHING = """<mujoco><asset><model name="a" file="things/tray.xml"/></asset>
+<worldbody><attach model="a" prefix="a_"/></worldbody></mujoco>"""
+TRAY = """<mujoco><compiler meshdir="m"/><asset><model name="b" file="mug.xml"/>
+<mesh name="cube" file="cube.obj" scale=".3 .3 .2"/></asset><worldbody>
+<body name="tray" pos=".5 0 0"><geom type="mesh" mesh="cube"/></body>
+<attach model="b" body="mug" prefix="b_"/></worldbody></mujoco>"""
+MUG = """<mujoco><include file="rest.xml"/></mujoco>"""
+REST = """<mujoco><worldbody><body name="mug" pos=".5 0 .25"><freejoint/>
+<geom size=".05" mass="?" friction=".4"/></body></worldbody></mujoco>"""
+
+
+@pytest.fixture
+def attaching(tmp_path: Path) -> Path:
+    """A folder whose scene attaches a model that attaches another, which includes a third."""
+    folder = tmp_path / "attaching"
+    (folder / "things" / "m").mkdir(parents=True)
+    (folder / "scene.xml").write_text(ATTACHING)
+    for name, text in {"tray": TRAY, "mug": MUG, "rest": REST}.items():
+        (folder / "things" / f"{name}.xml").write_text(text)
+    (folder / "things" / "m" / "cube.obj").write_text(CUBE)
+    return folder
+
+
+def test_what_is_measured_in_an_attached_model_is_written_there(
+    attaching: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    twin = twin_of(attaching / "scene.xml", a_b_mug=0.25)
+    assert twin.unwritten == ()
+    elsewhere, here = tmp_path / "out" / "twin.xml", attaching / "twin.xml"
+    written = {path.relative_to(tmp_path).as_posix() for path in twin.save(elsewhere)}
+    assert written >= {"out/things/mug.xml", "out/things/rest.xml", "out/things/m/cube.obj"}
+    assert (tmp_path / "out/things/tray.xml").read_bytes() == TRAY.encode()
+    assert (tmp_path / "out/things/rest.xml").read_text() == REST.replace("?", "0.2500")
+    twin.save(here)
+    assert (attaching / "things" / "rest.xml").read_text() == REST
+    monkeypatch.chdir("/")
+    for path in (elsewhere, here):
+        assert mass_in(path, "a_b_mug") == pytest.approx(0.25)
+
+
+def test_a_twin_of_attached_models_takes_their_files_along(attaching: Path, tmp_path: Path) -> None:
+    twin = twin_of(attaching / "scene.xml", a_b_mug=0.25)
+    assert set(twin.beside) == {"twin_tray.xml", "twin_mug.xml"}
+    assert twin.xml.startswith(ATTACHING[:60].replace("things/tray.xml", "twin_tray.xml")[:60])
+    for name, text in {"twin.xml": twin.xml, **twin.beside}.items():
+        (tmp_path / name).write_text(text)
+    (tmp_path / "m").mkdir()
+    (tmp_path / "m" / "cube.obj").write_text(CUBE)
+    assert mass_in(tmp_path / "twin.xml", "a_b_mug") == pytest.approx(0.25)

@@ -97,6 +97,16 @@ class mjtTexture(_Enum):
     mjTEXTURE_CUBE: ClassVar[mjtTexture]
     mjTEXTURE_SKYBOX: ClassVar[mjtTexture]
 
+class mjtTextureRole(_Enum):
+    mjTEXROLE_RGB: ClassVar[mjtTextureRole]
+    def __index__(self) -> int: ...
+
+class mjtMeshInertia(_Enum):
+    mjMESH_INERTIA_SHELL: ClassVar[mjtMeshInertia]
+
+class mjtLightType(_Enum):
+    mjLIGHT_DIRECTIONAL: ClassVar[mjtLightType]
+
 class mjtBuiltin(_Enum):
     mjBUILTIN_GRADIENT: ClassVar[mjtBuiltin]
 
@@ -145,6 +155,8 @@ class _MjModelBodyViews(_Named):
     mass: _Doubles
     inertia: _Doubles
     jntadr: _Ints
+    geomadr: _Ints
+    geomnum: _Ints
 
 class _MjModelJointViews(_Named):
     qposadr: _Ints
@@ -372,10 +384,12 @@ class MjsGeom(_SpecElement):
     conaffinity: int
     condim: int
     priority: int
+    group: int
     friction: _Vector
     solref: _Doubles
     solimp: _Doubles
     meshname: str
+    material: str
 
 class MjsCamera(_SpecElement): ...
 class MjsSkin(_SpecElement): ...
@@ -387,6 +401,7 @@ class _SpecOrientation:
 
 class MjsMesh(_SpecElement):
     file: str
+    inertia: _Int
     content_type: str
     scale: _Vector
     refpos: _Vector
@@ -412,6 +427,13 @@ class MjsPair(_SpecElement):
 
 class MjsSite(_SpecElement): ...
 class MjsLight(_SpecElement): ...
+class MjsText(_SpecElement):
+    data: str
+
+class MjsMaterial(_SpecElement):
+    texuniform: bool
+    textures: list[str]
+
 class MjsEquality(_SpecElement):
     data: _Doubles
     solref: _Doubles
@@ -433,6 +455,10 @@ class MjsJoint(_SpecElement):
     def parent(self) -> MjsBody: ...
 
 class MjsTexture(_SpecElement):
+    width: int
+    height: int
+    nchannel: int
+    data: bytes
     @property
     def type(self) -> mjtTexture: ...
     @type.setter
@@ -469,8 +495,10 @@ class MjsBody(_SpecElement):
     def cameras(self) -> list[MjsCamera]: ...
     @property
     def sites(self) -> list[MjsSite]: ...
-    def add_geom(self, *, type: _Int | None = None, pos: _Vector | None = None, size: _Vector | None = None,
-                 group: _Int | None = None, mass: _Float | None = None) -> MjsGeom: ...
+    def add_geom(self, *, name: str | None = None, type: _Int | None = None, pos: _Vector | None = None,
+                 size: _Vector | None = None, group: _Int | None = None, mass: _Float | None = None,
+                 contype: _Int | None = None, conaffinity: _Int | None = None, material: str | None = None,
+                 meshname: str | None = None) -> MjsGeom: ...
     def add_frame(self, *, name: str | None = None, pos: _Vector | None = None,
                   quat: _Vector | None = None) -> MjsFrame: ...
     def add_site(self, default: MjsDefault | None = None, *, name: str | None = None, pos: _Vector | None = None, quat: _Vector | None = None,
@@ -479,7 +507,8 @@ class MjsBody(_SpecElement):
                    fovy: float | None = None) -> object: ...
     def add_light(self, *, name: str | None = None, pos: _Vector | None = None, dir: _Vector | None = None,
                   diffuse: _Vector | None = None, specular: _Vector | None = None,
-                  castshadow: _Int | None = None) -> MjsLight: ...
+                  ambient: _Vector | None = None, type: _Int | None = None, cutoff: _Float | None = None,
+                  exponent: _Float | None = None, castshadow: _Int | None = None) -> MjsLight: ...
 
 class _SpecCompiler:
     usethread: bool
@@ -501,7 +530,14 @@ class MjSpec:
     def joints(self) -> list[MjsJoint]: ...
     @property
     def meshes(self) -> list[MjsMesh]: ...
-    def add_mesh(self) -> MjsMesh: ...
+    @property
+    def texts(self) -> list[MjsText]: ...
+    @property
+    def visual(self) -> MjVisual: ...
+    def add_mesh(self, *, name: str | None = None) -> MjsMesh: ...
+    def add_material(self, *, name: str | None = None, rgba: _Vector | None = None,
+                     specular: _Float | None = None, shininess: _Float | None = None,
+                     texrepeat: _Vector | None = None) -> MjsMaterial: ...
     def to_xml(self) -> str: ...
     @property
     def compiler(self) -> _SpecCompiler: ...

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
 from palpate.parameter import Parameter
 from palpate.robots.robot import Robot
@@ -49,4 +49,14 @@ class Cell(Protocol):
 
     def truth(self, parameter: Parameter) -> tuple[float, ...] | None:
         """What is so, in the quantity's unit; None where nobody knows, as with real things."""
+        ...
+
+
+@runtime_checkable
+class Close(Protocol):
+    """What a cell may do beside: show a model the things from nearer."""
+
+    def closer(self) -> bytes | None:
+        """The things from nearer, as PNG, with the names that the scene has for them, axes and a
+        scale; None where nothing can look."""
         ...

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from palpate.cells.draw import draw_truth
-from palpate.cells.view import workspace_png
+from palpate.cells.view import closer_png, workspace_png
 from palpate.errors import InputError
 from palpate.mjcf.body import Body
 from palpate.parameter import Parameter
@@ -23,6 +23,9 @@ from palpate.scene.load import load_scene
 from palpate.scene.scene import Scene
 
 if TYPE_CHECKING:
+    from mujoco import MjSpec
+
+    from palpate.geometry.pose import Array
     from palpate.robots.description import RobotDescription
     from palpate.robots.simulated.robot import MujocoRobot
     from palpate.scene.poses import CameraEntry
@@ -67,6 +70,7 @@ class SimulatedCell:
     scene: Scene | None = None
     visit: int = 0
     _robot: MujocoRobot | None = field(default=None, init=False, repr=False)
+    _spec: MjSpec | None = field(default=None, init=False, repr=False)
 
     @property
     def simulated(self) -> bool:
@@ -75,15 +79,22 @@ class SimulatedCell:
 
     def picture(self, camera: CameraEntry | None = None) -> bytes | None:
         """See `Cell`. None without a usable OpenGL."""
-        return workspace_png(self.world.spec(self.drawn), tuple(self.world.bodies), camera)
+        return workspace_png(self.world.spec(self.drawn), camera)
+
+    def closer(self) -> bytes | None:
+        """See `Close`. None without a usable OpenGL."""
+        known = self.scene or self.world
+        names: dict[str, Array] = {}
+        for name, body in known.objects.items():
+            x, y, _ = body.pose_world.apply(body.centre)
+            names[name] = np.array([x, y, body.top_z()])
+        return closer_png(self.world.spec(self.drawn), names)
 
     def robot(self) -> MujocoRobot:
         """A new arm in a new copy of the world; it knows of the world what the scene says."""
-        from palpate.pictures.renderer import add_lights
         from palpate.robots.simulated.robot import MujocoRobot
 
         spec = self.world.spec(self.drawn)
-        add_lights(spec)
         known, down = self.scene or self.world, np.array([0.0, 0.0, -1.0])
         self._robot = MujocoRobot(
             spec,
@@ -95,6 +106,7 @@ class SimulatedCell:
             gravity=known.gravity * down,
             visit=self.visit,
         )
+        self._spec = spec
         return self._robot
 
     def footage(self) -> Footage | None:
@@ -102,7 +114,7 @@ class SimulatedCell:
         if self._robot is None:
             return None
         world = self._robot.world
-        return Footage(world.model, tuple(world.frames))
+        return Footage(world.model, tuple(world.frames), self._spec)
 
     def truth(self, parameter: Parameter) -> tuple[float, ...] | None:
         """What is true in the world, or None where it is not defined. Ask after estimating."""

@@ -2,65 +2,109 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator
+from collections.abc import Generator, Mapping, Sequence
 from contextlib import contextmanager
+from itertools import product
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
-from palpate.pictures.renderer import Painter, add_lights, extent, gl_available, png
+import numpy as np
+
+from palpate.pictures.annotate import Ground, annotated, camera_of, ruled
+from palpate.pictures.renderer import Painter, gl_available, png
+from palpate.pictures.stage import loose_things, staged
 
 if TYPE_CHECKING:
-    from mujoco import MjSpec
+    from mujoco import MjData, MjModel, MjSpec
 
+    from palpate.geometry.pose import Array
     from palpate.scene.poses import CameraEntry
 
 CAMERA = "workspace"
-"""The camera of the world's MJCF that looks at the workspace; without one, a camera that frames all
-objects."""
+"""The camera of the world's MJCF that looks at the workspace; without one, a camera that frames what
+stands there."""
 TAKEN = "palpate_camera"
 """The camera of `poses.yaml`, set up in the simulated world."""
 WIDTH, HEIGHT = 1024, 768
+AROUND, ABOVE = 0.15, 0.05
+"""m: how much of the table, and of the air, is in view around the things."""
+FROM_ABOVE, STEEP = -30.0, -46.0
+"""degrees: from how far above the workspace is looked at; and the things from nearer, so that gaps
+show."""
+EDGE = 1.16
+"""Room for the grid's figures at the edges."""
 
 
-def workspace_png(
-    world: MjSpec, bodies: tuple[str, ...], camera: CameraEntry | None = None
-) -> bytes | None:
+def workspace_png(world: MjSpec, camera: CameraEntry | None = None) -> bytes | None:
     """A simulated workspace before anything moves, as PNG, seen by `camera`, else by the world's
-    own camera, else by one that has all `bodies` in view.
+    own camera, else by one that frames what stands there. None without a usable OpenGL."""
+    return _painted(world, camera) if gl_available()[0] else None
 
-    `world` gets lights. None without a usable OpenGL.
-    """
-    return _painted(world, bodies, camera) if gl_available()[0] else None
+
+def closer_png(world: MjSpec, names: Mapping[str, Array]) -> bytes | None:
+    """The things from nearer and more from above, with `names` where they are thought to be (3,) m,
+    axes and a grid. None without a usable OpenGL."""
+    if not gl_available()[0]:
+        return None
+    things = loose_things(world)
+    ground = Ground.under(things)
+    spec = world.copy()
+    ruled(spec, ground)
+    model = staged(spec)
+    with Painter(model, WIDTH, HEIGHT) as painter:
+        view = painter.around(
+            np.concatenate([things, ground.corners]), elevation=STEEP, margin=EDGE
+        )
+        pixels = painter.paint(_forwarded(model), view)
+        camera = camera_of(view, float(model.vis.global_.fovy), WIDTH, HEIGHT)
+    return png(annotated(pixels, camera, names, ground))
 
 
 @contextmanager
-def image_files(given: tuple[Path, ...], taken: bytes | None) -> Generator[tuple[Path, ...]]:
-    """The images that were given, or the picture that was taken of the workspace as a file while
+def image_files(given: tuple[Path, ...], taken: Sequence[bytes]) -> Generator[tuple[Path, ...]]:
+    """The images that were given, or the pictures that were taken of the workspace as files while
     the block runs."""
-    if given or taken is None:
+    if given or not taken:
         yield given
         return
     with TemporaryDirectory() as folder:
-        path = Path(folder) / "workspace.png"
-        path.write_bytes(taken)
-        yield (path,)
+        paths: list[Path] = []
+        for name, content in zip(("workspace.png", "closer.png"), taken, strict=False):
+            paths.append(Path(folder) / name)
+            paths[-1].write_bytes(content)
+        yield tuple(paths)
 
 
-def _painted(spec: MjSpec, bodies: tuple[str, ...], camera: CameraEntry | None) -> bytes:
+def _painted(world: MjSpec, camera: CameraEntry | None) -> bytes:
     import mujoco
 
-    add_lights(spec)
-    width, height = WIDTH, HEIGHT
+    spec, width, height = world.copy(), WIDTH, HEIGHT
+    name = CAMERA
     if camera is not None:
         spec.worldbody.add_camera(name=TAKEN, pos=camera.pos, quat=camera.quat, fovy=camera.fovy)
-        height = round(width * camera.size[1] / camera.size[0])
-    model = spec.compile()
+        height, name = round(width * camera.size[1] / camera.size[0]), TAKEN
+    model = staged(spec)
+    with Painter(model, width, height) as painter:
+        named = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_CAMERA, name) >= 0
+        view = (
+            name
+            if named
+            else painter.around(_room_around(loose_things(world)), elevation=FROM_ABOVE)
+        )
+        return png(painter.paint(_forwarded(model), view))
+
+
+def _room_around(things: Array) -> Array:
+    """(8, 3) corners of the things with some table and air around."""
+    low = things.min(axis=0) - np.array([AROUND, AROUND, 0.0])
+    high = things.max(axis=0) + np.array([AROUND, AROUND, ABOVE])
+    return np.array(list(product(*zip(low, high, strict=True))))
+
+
+def _forwarded(model: MjModel) -> MjData:
+    import mujoco
+
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
-    with Painter(model, width, height) as painter:
-        name = TAKEN if camera is not None else CAMERA
-        named = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_CAMERA, name) >= 0
-        return png(
-            painter.paint(data, name if named else painter.around(extent(model, data, bodies)))
-        )
+    return data

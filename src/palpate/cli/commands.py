@@ -121,7 +121,7 @@ def demo(
 @command(app)
 def scenarios(as_json: AsJson = False) -> None:
     """List the bundled scenarios."""
-    from palpate.cli.show import show_scenarios
+    from palpate.cli.show.catalogue import show_scenarios
 
     show_scenarios(as_json)
 
@@ -165,7 +165,7 @@ def init(
     model: ModelOptions,
 ) -> None:
     """Begin a scene of your own: commented files, from names, or from a picture that a model looks at."""
-    from palpate.cli.show import show_scaffold
+    from palpate.cli.show.scene import show_scaffold
     from palpate.settings import Settings
     from palpate.tools import new_scene, scene_from_picture
 
@@ -194,7 +194,7 @@ def gap(
 ) -> None:
     """Show what a scene states and what is missing."""
     import palpate as pp
-    from palpate.cli.show import show_gap
+    from palpate.cli.show.scene import show_gap
 
     show_gap(pp.load(scene, poses, arm, root=root, robot_body=robot_body or ()), as_json)
 
@@ -214,7 +214,7 @@ def plan(
 ) -> None:
     """Plan only: which parameters, which tree, and why."""
     from palpate.api import plan_settings
-    from palpate.cli.show import show_plan
+    from palpate.cli.show.plan import show_plan
 
     settings = replace(
         asked.settings(),
@@ -238,7 +238,7 @@ def prompt(
     as_json: AsJson = False,
 ) -> None:
     """Print what a model would be sent, to read it or to paste it into a chat."""
-    from palpate.cli.show import show_prompt
+    from palpate.cli.show.plan import show_prompt
 
     settings = replace(
         asked.settings(), model_settings=ModelOptions(prompt=style).settings(without)
@@ -249,7 +249,7 @@ def prompt(
 @command(app)
 def check(plan: PlanFile, *, given: GivenScene, as_json: AsJson = False) -> None:
     """Check a plan against the vocabulary and a scene."""
-    from palpate.cli.show import show_findings
+    from palpate.cli.show.plan import show_findings
     from palpate.tools import check_file
 
     robots = given.robot_body or ()
@@ -290,7 +290,7 @@ def report(
 ) -> None:
     """Finish a run that was cut off, and write its report anew."""
     from palpate.api import finish
-    from palpate.cli.show import live_view, show_ended
+    from palpate.cli.show.run import live_view, show_ended
 
     with interrupts() as signals, signals.noted():
         with live_view() as (_, say):
@@ -305,7 +305,7 @@ def estimate(
     """Make the estimates of a stored trace anew: nothing moves, and the run folder stays as it is."""
     import palpate as pp
     from palpate.cli.options import by_quantity
-    from palpate.cli.show import show_run
+    from palpate.cli.show.run import show_run
 
     found = pp.open(folder).estimate(by_quantity("estimator", estimator or ()))
     show_run(found, as_json)
@@ -325,7 +325,7 @@ def fuse(
 ) -> None:
     """Make one estimate of several runs; what they have in common is not averaged away."""
     import palpate as pp
-    from palpate.cli.show import show_fusion
+    from palpate.cli.show.stored import show_fusion
 
     fusion = pp.fuse(folders)
     if out is not None:
@@ -347,7 +347,7 @@ def export(
 ) -> None:
     """Hand a run's twin to another simulator; what is written is read back and compared."""
     import palpate as pp
-    from palpate.cli.show import show_export
+    from palpate.cli.show.stored import show_export
 
     run = pp.open(folder)
     show_export(run, run.export(to, out), as_json)
@@ -359,7 +359,7 @@ def vocabulary(
     btcpp: Annotated[bool, typer.Option("--btcpp", help="BT.CPP 4 TreeNodesModel.")] = False,
 ) -> None:
     """Print the primitives and composites that plans are made of."""
-    from palpate.cli.show import show_vocabulary
+    from palpate.cli.show.catalogue import show_vocabulary
 
     show_vocabulary(as_json, btcpp)
 
@@ -389,7 +389,7 @@ def calibrate(
     from palpate.calibration.calibrate import calibrate as carry_out_calibration
     from palpate.calibration.calibrate import wanted
     from palpate.cli.calibration import show_calibration
-    from palpate.cli.show import confirm_plan, live_view
+    from palpate.cli.show.run import confirm_plan, live_view
 
     asked = wanted(weight, gauge, own_weight)
 
@@ -440,7 +440,13 @@ def doctor(
 def carry_out(settings: Settings, as_json: bool, yes: bool = False) -> None:
     """Run with a live view on stderr, print the result, leave with its exit status."""
     from palpate.api import run_settings
-    from palpate.cli.show import ValuesFirst, confirm_plan, live_view, show_ended, warn_of_invented
+    from palpate.cli.show.run import (
+        ValuesFirst,
+        confirm_plan,
+        live_view,
+        show_ended,
+        warn_of_invented,
+    )
 
     def confirm(run: Run) -> bool:
         return yes or confirm_plan(run)

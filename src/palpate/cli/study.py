@@ -25,8 +25,8 @@ from palpate.cli.options import (
 
 if TYPE_CHECKING:
     from palpate.studies.accuracy import Question
-    from palpate.studies.attempt import Conditions
     from palpate.studies.campaign.campaign import Order
+    from palpate.studies.planners.attempt import Conditions
     from palpate.studies.scores.kept import Runs
 
 app = typer.Typer(
@@ -37,7 +37,13 @@ app = typer.Typer(
 CORES = os.cpu_count() or 1
 
 Names = Annotated[list[str] | None, typer.Argument(metavar="[SCENARIO]...")]
-ScenarioName = Annotated[str, typer.Argument()]
+Tasks = Annotated[
+    list[str] | None,
+    typer.Argument(
+        metavar="[SCENARIO]...", help="all | kinds (one of each kind) | names [bottle_and_table]"
+    ),
+]
+FIRST = ["bottle_and_table"]
 Seeds = Annotated[int, typer.Option("--seeds", min=1)]
 Seed = Annotated[int, typer.Option("--seed", min=0)]
 Workers = Annotated[int, typer.Option("--workers", help="Processes.", min=1)]
@@ -141,7 +147,7 @@ class TrialOptions:
 
     def conditions(self) -> Conditions:
         """As the studies take them."""
-        from palpate.studies.attempt import Conditions
+        from palpate.studies.planners.attempt import Conditions
         from palpate.tools import model_settings
 
         asking = model_settings(self.base_url, rounds=self.feedback, dollars=self.budget_dollars)
@@ -249,10 +255,10 @@ def efficiency(
 
 @command(app)
 def ablation(
+    names: Tasks = None,
     *,
     out: Results,
     planner: Planners,
-    scenario: ScenarioName = "bottle_and_table",
     trials: Trials = 10,
     workers: InFlight = 4,
     configuration: Annotated[
@@ -261,42 +267,50 @@ def ablation(
     shared: TrialOptions,
     as_json: AsJson = False,
 ) -> None:
-    """The paper's table II: what each part of the prompt is worth."""
-    from palpate.cli.tables import show_trials
-    from palpate.studies import ablation
+    """The paper's table II: what each part of the prompt is worth.
 
-    records = ablation.ablation(
-        scenario,
-        planner,
-        out,
-        shared.conditions(),
-        trials,
-        configuration or ablation.CONFIGURATIONS,
-        workers,
-        _say,
-    )
-    show_trials(records, ablation.published(), as_json)
+    A page beside the results shows the paper's tables and these.
+    """
+    from palpate.cli.tables import show_trials
+    from palpate.studies.planners import ablation
+
+    configurations = configuration or ablation.CONFIGURATIONS
+    conditions = shared.conditions()
+    try:
+        found = ablation.ablation(
+            names or FIRST, planner, out, conditions, trials, configurations, workers, _say
+        )
+    finally:
+        _page(out)
+    show_trials(found, ablation.published(), as_json)
 
 
 @command(app)
 def repeatability(
+    names: Tasks = None,
     *,
     out: Results,
     planner: Planners,
-    scenario: ScenarioName = "bottle_and_table",
     trials: Trials = 20,
     workers: InFlight = 4,
     shared: TrialOptions,
     as_json: AsJson = False,
 ) -> None:
-    """The paper's table III: the same task over and over."""
-    from palpate.cli.tables import show_trials
-    from palpate.studies import repeatability
+    """The paper's table III: the same task over and over.
 
-    records = repeatability.repeatability(
-        scenario, planner, out, shared.conditions(), trials, workers, _say
-    )
-    show_trials(records, repeatability.published(), as_json)
+    A page beside the results shows the paper's tables and these.
+    """
+    from palpate.cli.tables import show_trials
+    from palpate.studies.planners import repeatability
+
+    conditions = shared.conditions()
+    try:
+        found = repeatability.repeatability(
+            names or FIRST, planner, out, conditions, trials, workers, _say
+        )
+    finally:
+        _page(out)
+    show_trials(found, repeatability.published(), as_json)
 
 
 @command(app)
@@ -363,6 +377,14 @@ def deceptions(
 
     chosen = study.cases(names or world.deceptions(), noise, range(seed, seed + seeds))
     show_deceptions(study.deceive(chosen, out, workers, traces, _say), as_json)
+
+
+def _page(results: Path) -> None:
+    """Write the page of trials beside their file, where there are any."""
+    from palpate.studies.planners.page import write_page
+
+    if page := write_page(results):
+        _say(f"page: {page}")
 
 
 def _say(line: str) -> None:

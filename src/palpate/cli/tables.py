@@ -14,7 +14,7 @@ from rich.text import Text
 
 from palpate.cli.console import figure_table, out, plain_table, print_json
 from palpate.live.console import SafeConsole
-from palpate.studies import faults, trials
+from palpate.studies import faults
 from palpate.studies.accuracy import SeedRun
 from palpate.studies.campaign import ledger
 from palpate.studies.campaign.page import counts
@@ -22,8 +22,11 @@ from palpate.studies.deceptions.coverage import Coverage, coverage
 from palpate.studies.deceptions.page import by_world, worst
 from palpate.studies.efficiency import Comparison, PublishedEffort
 from palpate.studies.faults import Ending
+from palpate.studies.planners import table as tabulated
+from palpate.studies.planners.table import Row
+from palpate.studies.planners.trials import Record
+from palpate.studies.rate import Rate
 from palpate.studies.scores.summary import Summary, summarise
-from palpate.studies.trials import Rate, Record, Row
 
 WIDTH = 130
 """Characters of the widest tables, whatever the terminal has: rates with intervals are not
@@ -109,23 +112,27 @@ def _robot_seconds(runs: Sequence[SeedRun]) -> float:
 
 
 def show_trials(records: Sequence[Record], published: Mapping[str, str], as_json: bool) -> None:
-    """Rates with their 95 % Wilson intervals, beside the published syntax and success."""
-    rows = trials.table(records)
+    """Rates with their 95 % Wilson intervals, beside the published syntax and success; where there
+    are several scenarios, each of them below."""
+    rows = tabulated.table(records)
+    single = tabulated.by_scenario(records)
     if as_json:
-        print_json({"rows": [_row_json(row) for row in rows]})
+        content = {"rows": [_row_json(row) for row in rows]}
+        print_json(content | {"scenarios": [_row_json(row) for row in single]})
         return
-    table = plain_table(
-        "configuration",
-        "planner",
-        "syntax",
-        "valid",
-        "success",
-        "tokens",
-        "US $",
-        "paper: syntax, success",
-    )
-    for row in rows:
-        table.add_row(*_row_cells(row), published.get(row.configuration, "–"))
+    paper = [published.get(row.configuration, "–") for row in rows]
+    _show_rows(rows, "paper: syntax, success", paper)
+    if len(single) > len(rows):
+        out.print()
+        _show_rows(single, "scenario", [row.scenario for row in single])
+
+
+def _show_rows(rows: Sequence[Row], last: str, cells: Sequence[str]) -> None:
+    """Rows of trials, with one more column."""
+    heads = ("configuration", "planner", "syntax", "valid", "success", "tokens", "US $")
+    table = plain_table(*heads, last)
+    for row, cell in zip(rows, cells, strict=True):
+        table.add_row(*_row_cells(row), Text(cell))
     SafeConsole(highlight=False, width=max(out.width, WIDTH)).print(table)
 
 
@@ -133,8 +140,11 @@ def _row_cells(row: Row) -> list[str | Text]:
     cost = "–"
     if row.cost is not None:
         cost = f"{row.cost:.3f}"
+    configuration = row.configuration
+    if row.prompt != "full":
+        configuration += f", {row.prompt} prompt"
     return [
-        row.configuration,
+        configuration,
         Text(row.planner),
         str(row.syntax),
         str(row.valid),

@@ -5,68 +5,109 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable
+from dataclasses import dataclass
 from pathlib import Path
 
 import mujoco
 from lxml import etree
 
 from palpate.errors import InputError
+from palpate.geometry.pose import Array
+from palpate.mjcf.attached import ATTACH, attached_names, brought
 from palpate.mjcf.defaults import standing_in
-from palpate.mjcf.document import Document, Element, children, copy_root, elements
+from palpate.mjcf.document import (
+    Document,
+    Element,
+    children,
+    compiler_settings,
+    copy_root,
+    elements,
+)
 from palpate.mjcf.edits import Edit, Insert, apply
-from palpate.mjcf.robots import attached_body, attached_names
-from palpate.mjcf.roles import Roles
+from palpate.mjcf.roles import PLACING, Roles
 
 BASE_SITE = "robot_base"
 
-_PLACING = ("pos", "quat", "axisangle", "xyaxes", "zaxis", "euler")
-"""Attributes that place a body or a site."""
-
-_ASSETS = ("mesh", "material", "texture", "hfield")
+_ASSETS = ("mesh", "material", "texture", "hfield", "model")
 """The robot's, which would only cost time."""
 
 _REFERRING = ("actuator", "sensor", "tendon", "equality", "contact", "deformable", "custom")
 """Sections whose entries refer to others; of `<custom>`, its tuples do."""
 
 
-def model_tree(
-    document: Document, roles: Roles, edits: Iterable[Edit | Insert]
-) -> tuple[Element, dict[Element, Element]]:
-    """A copy of the document without robots and keyframes, `edits` applied, and the copy of each
-    element."""
-    root, twin_of = copy_root(document)
-    apply(edits, twin_of)
-    _settle_defaults(root)
-    _keep_all(root)
-    robots = [twin_of[robot] for robot in roles.robots]
-    _remove_robots(root, robots, roles)
-    return root, twin_of
+@dataclass(frozen=True, slots=True, eq=False)
+class ModelTree:
+    """A document's elements copied, to be changed and compiled.
+
+    Attributes:
+        root: the scene's. attached: those of the models that it attaches, by where they lie.
+        twin_of: the copy of each element. folder: where relative file names start.
+    """
+
+    root: Element
+    attached: dict[Path, Element]
+    twin_of: dict[Element, Element]
+    folder: Path | None
+
+    @classmethod
+    def of(cls, document: Document) -> ModelTree:
+        """An unchanged copy."""
+        root, twin_of = copy_root(document)
+        attached: dict[Path, Element] = {}
+        for path, model in document.attached().items():
+            attached[path], twins = copy_root(model)
+            twin_of |= twins
+        return cls(root, attached, twin_of, document.folder)
+
+    def text(self) -> str:
+        """The scene's own."""
+        return etree.tostring(self.root, encoding="unicode")
+
+    def parts(self) -> dict[str, str]:
+        """The texts of what it attaches, by the names that it calls them by."""
+        found: dict[str, str] = {}
+        for path, root in self.attached.items():
+            found[str(path)] = etree.tostring(root, encoding="unicode")
+        return found
+
+
+def model_tree(document: Document, roles: Roles, edits: Iterable[Edit | Insert]) -> ModelTree:
+    """A copy of the document without robots and keyframes, `edits` applied."""
+    tree = ModelTree.of(document)
+    apply(edits, tree.twin_of)
+    for root in (tree.root, *tree.attached.values()):
+        _settle_defaults(root)
+        _keep_all(root)
+        for keyframe in root.findall("keyframe"):
+            root.remove(keyframe)
+    _remove_robots(tree, document, roles)
+    return tree
 
 
 def removed_with_robots(document: Document, roles: Roles) -> dict[str, int]:
     """How many elements besides the robots themselves go with them, by tag."""
-    root, twin_of = copy_root(document)
-    robots = [twin_of[robot] for robot in roles.robots]
-    before = Counter(str(part.tag) for part in elements(root))
-    for robot in robots:
-        before -= Counter(str(part.tag) for part in elements(robot))
-    _remove_robots(root, robots, roles)
-    after = Counter(str(part.tag) for part in elements(root))
+    tree = ModelTree.of(document)
+    before = Counter(str(part.tag) for part in elements(tree.root))
+    for robot in roles.robots:
+        before -= Counter(str(part.tag) for part in elements(tree.twin_of[robot]))
+    _remove_robots(tree, document, roles)
+    after = Counter(str(part.tag) for part in elements(tree.root))
     return {tag: number for tag, number in (before - after).items() if tag not in _ASSETS}
 
 
-def compile_spec(root: Element, folder: Path | None) -> mujoco.MjSpec:
-    """An editable model; files are found below `folder`.
+def compile_spec(tree: ModelTree) -> mujoco.MjSpec:
+    """An editable model; files are found below the tree's folder.
 
     Raises:
         InputError: MuJoCo does not accept the scene; the message is MuJoCo's.
     """
+    include = {name: text.encode("utf-8") for name, text in tree.parts().items()}
     try:
-        spec = mujoco.MjSpec.from_string(etree.tostring(root, encoding="unicode"))
+        spec = mujoco.MjSpec.from_string(tree.text(), include=include)
     except (ValueError, mujoco.FatalError) as error:
         raise refused(error) from None
-    if folder is not None:
-        spec.modelfiledir = str(folder)
+    if tree.folder is not None:
+        spec.modelfiledir = str(tree.folder)
     return spec
 
 
@@ -109,20 +150,22 @@ def _keep_all(root: Element) -> None:
                 element.attrib.pop(attribute, None)
 
 
-def _remove_robots(root: Element, robots: list[Element], roles: Roles) -> None:
+def _remove_robots(tree: ModelTree, document: Document, roles: Roles) -> None:
+    """Take out the robots, all of which begin in the scene's own tree, and what refers to them."""
+    if not roles.robots:
+        return
+    root = tree.root
     removed: set[str] = set()
-    for robot in robots:
-        removed |= _names(robot) | attached_names(robot, roles.models)
-        _leave_site(root, robot, roles)
+    for robot in roles.robots:
+        removed |= _names(robot) | attached_names(robot, document)
+        _leave_site(root, robot, tree.twin_of[robot], document)
     for keyframe in root.findall("keyframe"):
         root.remove(keyframe)
-    if robots:
-        _remove_watching(root, removed)
+    _remove_watching(root, removed)
     while removed:
         removed = _remove_referring(root, removed)
-    if robots:
-        _remove_unused_assets(root)
-        _remove_unused_plugins(root)
+    _remove_unused_assets(root)
+    _remove_unused_plugins(root)
 
 
 def _names(element: Element) -> set[str]:
@@ -131,22 +174,41 @@ def _names(element: Element) -> set[str]:
     return {name for name in found if name}
 
 
-def _leave_site(root: Element, robot: Element, roles: Roles) -> None:
+def _leave_site(root: Element, original: Element, robot: Element, document: Document) -> None:
     """The arm stands where the scene's own robot stood, unless a site says otherwise."""
     parent = robot.getparent()
     assert parent is not None
     if root.find(f".//site[@name='{BASE_SITE}']") is None:
-        site = etree.Element("site", {"name": BASE_SITE})
-        placed = robot
-        if robot.tag == "attach":
-            placed = attached_body(robot, roles.models)
-            assert placed is not None
-        for attribute in _PLACING:
-            value = placed.get(attribute)
-            if value is not None:
-                site.set(attribute, value)
+        places = _attached_place(original, document)
+        if original.tag != ATTACH:
+            places = {name: original.get(name) or "" for name in PLACING & set(original.keys())}
+        site = etree.Element("site", {"name": BASE_SITE, **places})
         parent.insert(parent.index(robot), site)
     parent.remove(robot)
+
+
+def _attached_place(attach: Element, document: Document) -> dict[str, str]:
+    """Where the first body of an attached robot stands, from its `<attach>`: its model measures
+    angles in a way of its own."""
+    part = brought(attach, document, ())
+    body = None if part is None else next(part.content.iter("body"), None)
+    if part is None or body is None:
+        return {}
+    above = [outer for outer in body.iterancestors() if part.content in outer.iterancestors()]
+    inner = etree.Element("mujoco")
+    inner.append(etree.Element("compiler", compiler_settings(part.model.root)))
+    at = etree.SubElement(inner, "worldbody")
+    for outer in (*reversed(above), body):
+        placing = {name: outer.get(name) or "" for name in PLACING & set(outer.keys())}
+        at = etree.SubElement(at, "frame", placing)
+    etree.SubElement(at, "site", name=BASE_SITE)
+    model = compile_model(mujoco.MjSpec.from_string(etree.tostring(inner, encoding="unicode")))
+    site = model.site(BASE_SITE)
+    return {"pos": _text(site.pos), "quat": _text(site.quat)}
+
+
+def _text(numbers: Array) -> str:
+    return " ".join(repr(number) for number in numbers.tolist())
 
 
 def _remove_referring(root: Element, names: set[str]) -> set[str]:
@@ -187,9 +249,14 @@ def _remove_unused_assets(root: Element) -> None:
         used = _references(root, tag)
         for section in root.iterfind("asset"):
             for asset in section.findall(tag):
-                name = asset.get("name") or Path(asset.get("file") or "").stem
+                name = asset.get("name") or _name_by_file(asset)
                 if name and name not in used and asset.get("type") != "skybox":
                     section.remove(asset)
+
+
+def _name_by_file(asset: Element) -> str:
+    """What MuJoCo calls an asset that has no name; a model is called as it calls itself."""
+    return "" if asset.tag == "model" else Path(asset.get("file") or "").stem
 
 
 def _remove_unused_plugins(root: Element) -> None:

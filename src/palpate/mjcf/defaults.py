@@ -48,8 +48,24 @@ def answered_elsewhere(element: Element) -> Iterator[Edit]:
 
 
 class Defaults:
-    """The `<default>` classes of a document: what an element's attribute is when the element leaves
-    it out."""
+    """The `<default>` classes of a document and of the models that it attaches, each of which has its
+    own: what an element's attribute is when the element leaves it out."""
+
+    def __init__(self, root: Element, *attached: Element) -> None:
+        self._models = {model: _Classes(model) for model in (root, *attached)}
+        self._only = None if attached else self._models[root]
+
+    def attribute(self, element: Element, name: str) -> str | None:
+        """The attribute as MuJoCo would see it, or None when nothing states it."""
+        own = element.get(name)
+        if own is not None:
+            return own
+        classes = self._only or self._models[element.getroottree().getroot()]
+        return classes.inherited(element, name)
+
+
+class _Classes:
+    """Those of one model."""
 
     def __init__(self, root: Element) -> None:
         self._classes: dict[str, list[Element]] = {"": []}
@@ -58,11 +74,8 @@ class Defaults:
         first = root.find("default")
         self._root_class = "" if first is None else first.get("class") or "main"
 
-    def attribute(self, element: Element, name: str) -> str | None:
-        """The attribute as MuJoCo would see it, or None when nothing states it."""
-        own = element.get(name)
-        if own is not None:
-            return own
+    def inherited(self, element: Element, name: str) -> str | None:
+        """What an element's classes state, the innermost first."""
         for default in reversed(self._classes.get(self._class_of(element), [])):
             for entry in default.iterfind(str(element.tag)):
                 inherited = entry.get(name)

@@ -38,8 +38,8 @@ COUNTS = {"pos": 3, "diaginertia": 3, "fullinertia": 6}
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """Where an element stands: in an included file, or in the main text (None), and how many start
-    tags come before its own there."""
+    """Where an element stands: in an included file or an attached model, or in the main text (None),
+    and how many start tags come before its own there."""
 
     file: Path | None
     number: int
@@ -50,9 +50,10 @@ class Named:
     """A file that an element names.
 
     Attributes:
-        attribute, name: as written. located: the name from the scene's folder, below the folder that
-            `<compiler>` sets for its kind.
+        attribute, name: as written. located: the name from the scene's folder (from that of the
+            attached model), below the folder that `<compiler>` sets for its kind.
         path: the file, absolute.
+        model: the attached model that names it; None for the scene.
     """
 
     element: Element
@@ -60,11 +61,13 @@ class Named:
     name: str
     located: str
     path: Path
+    model: Path | None = None
 
 
 @dataclass(frozen=True, slots=True)
 class Texts:
-    """A scene's own text, and those of the included files that are not as they lie there."""
+    """A scene's own text, and those of included files and attached models that are not as they lie
+    there."""
 
     main: str
     parts: Mapping[Path, str] = field(default_factory=dict[Path, str])
@@ -77,16 +80,18 @@ class Document:
     Attributes:
         text: the main file.
         root: its elements, included files expanded in place.
-        index: where each element stands, those of `<include>` that it was expanded from among them.
+        index: where each element stands, those of `<include>` that it was expanded from among them,
+            and those of the models that it attaches.
         folder: where relative file names start, None for text without files.
         home: the folder outside of which nothing is read, None for text without files.
         files: every other file it needs, absolute. includes: those of them that are included, by
             the names that they are included by. beside: the asset files of these that lie beside
             them, from `folder`, by the names that they have there.
-        texts: the text of each included file. named: what names a file in all of them.
-        attached: roots of the models that it attaches, and of those that these do.
-        models: roots of those that it attaches itself, by the names that `<attach>` calls them by.
+        texts: the text of each included file, and of all of the attached models. named: what names
+            a file in all of them.
+        models: those that it attaches itself, by the names that `<attach>` calls them by.
         robots: names of the bodies that robots begin with, where somebody said so.
+        path: where it lies, of an attached model; None for a scene.
     """
 
     text: str
@@ -99,9 +104,9 @@ class Document:
     beside: Mapping[str, str] = field(default_factory=dict[str, str])
     texts: Mapping[Path, str] = field(default_factory=dict[Path, str])
     named: tuple[Named, ...] = ()
-    attached: tuple[Element, ...] = ()
-    models: Mapping[str, Element] = field(default_factory=dict[str, Element])
+    models: Mapping[str, Document] = field(default_factory=lambda: dict[str, Document]())
     robots: tuple[str, ...] = ()
+    path: Path | None = None
 
     @property
     def worldbody(self) -> Element:
@@ -113,6 +118,18 @@ class Document:
         found = self.root.find("worldbody")
         if found is None:
             raise InputError("the scene has no <worldbody>, so there is nothing in it")
+        return found
+
+    def attached(self) -> dict[Path, Document]:
+        """The models that it attaches, and those that these do, by where they lie."""
+        found: dict[Path, Document] = {}
+        pending = list(self.models.values())
+        while pending:
+            model = pending.pop(0)
+            assert model.path is not None
+            if model.path not in found:
+                found[model.path] = model
+                pending += model.models.values()
         return found
 
 
@@ -253,6 +270,7 @@ def has_unknown(element: Element | None, attribute: str, *indices: int) -> bool:
 
 
 def copy_root(document: Document) -> tuple[Element, dict[Element, Element]]:
-    """A deep copy of the document's root, and which element each original became."""
+    """A deep copy of the document's root, without those of attached models, and which element each
+    original became."""
     twin = deepcopy(document.root)
     return twin, dict(zip(elements(document.root), elements(twin), strict=True))

@@ -58,10 +58,10 @@ def unweighed_geoms(body: BodyDescription) -> tuple[Element, ...]:
 def _weighing(body: BodyDescription) -> Iterator[Element]:
     """The geoms that MuJoCo takes an object's mass from: those in the groups of the compiler's
     `inertiagrouprange`, but for parts that have an `<inertial>` of their own."""
-    root = body.elements.element.getroottree().getroot()
-    low, high = compiler_settings(root).get("inertiagrouprange", GROUPS).split()
     for geom in body.elements.geoms:
-        part = next(geom.iterancestors("body"))
+        root = geom.getroottree().getroot()
+        low, high = compiler_settings(root).get("inertiagrouprange", GROUPS).split()
+        part = next(geom.iterancestors("body"), body.elements.element)
         group = body.defaults.attribute(geom, "group") or "0"
         if int(low) <= int(group) <= int(high) and inertial_of(part) is None:
             yield geom
@@ -127,7 +127,7 @@ def _stated_masses(body: BodyDescription, unweighed: Sequence[Element]) -> float
             if not mass:
                 return None
             total += float(mass[0])
-    for part in body.elements.element.iterdescendants("body"):
+    for part in body.elements.parts:
         inertial = inertial_of(part)
         total += 0.0 if inertial is None else float(inertial.get("mass") or 0.0)
     return total
@@ -259,7 +259,7 @@ def _volume(body: BodyDescription, geom: Element) -> float:
 
 
 def _inertial(body: BodyDescription, mine: _Together, known: _Together) -> Iterator[Change]:
-    if next(body.elements.element.iterdescendants("body"), None) is not None:
+    if body.elements.parts:
         raise InputError(
             f"'{body.name}' is made of several bodies; MJCF has no one place for its centre of mass"
         )

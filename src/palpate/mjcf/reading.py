@@ -104,7 +104,7 @@ class _Reader:
     asset_bytes: int = 0
     models: int = 0
     within: tuple[Path, ...] = ()
-    """The attached models that this one is part of."""
+    """The attached models that this one is part of, its own file last."""
     origins: dict[Element, Path] = field(default_factory=dict[Element, Path])
     """The folder of the included file that an element came from."""
     given: Mapping[Path, str] = field(default_factory=dict[Path, str])
@@ -112,18 +112,23 @@ class _Reader:
     index: dict[Element, Place] = field(default_factory=dict[Element, Place])
     texts: dict[Path, str] = field(default_factory=dict[Path, str])
     named: list[Named] = field(default_factory=list[Named])
-    attachable: dict[str, Element] = field(default_factory=dict[str, Element])
-    """Roots of attached models by name."""
+    attachable: dict[str, Document] = field(default_factory=dict[str, Document])
+    """Attached models by name."""
+    attached: dict[Path, tuple[Document, int]] = field(
+        default_factory=dict[Path, tuple[Document, int]]
+    )
+    """All of them so far, whoever attaches them, and how many each of them attaches: a file is read
+    once, and counted as often as it is attached."""
     beside: dict[str, str] = field(default_factory=dict[str, str])
     """Assets found beside the included file that names them: from the scene's folder, by name."""
 
     def document(self, text: str, where: str) -> Document:
         root = self.parsed(text, where)
         _require_model(root, where)
-        self._number(root, None)
+        self._number(root, self.path)
         includes = self._expand_includes(root, where)
         found = list(includes.values())
-        attached = self._check_assets(root, where, found)
+        self._check_assets(root, where, found)
         for element in elements(root):
             for attribute in COUNTS.keys() & set(element.keys()):
                 element.set(attribute, spelled_out(attribute, element.get(attribute) or ""))
@@ -138,9 +143,14 @@ class _Reader:
             self.beside,
             self.texts,
             tuple(self.named),
-            tuple(attached),
             self.attachable,
+            path=self.path,
         )
+
+    @property
+    def path(self) -> Path | None:
+        """Where the model lies, of one that is attached."""
+        return self.within[-1] if self.within else None
 
     def _number(self, root: Element, file: Path | None) -> None:
         for number, element in enumerate(elements(root)):
@@ -171,14 +181,13 @@ class _Reader:
             self.texts[path] = text
             included = self.parsed(text, str(path))
             self._number(included, path)
-            self.named.append(Named(include, "file", name, name, path))
+            self.named.append(Named(include, "file", name, name, path, self.path))
             self.origins |= dict.fromkeys(elements(included), path.parent)
             _replace(include, included, where)
         return found
 
-    def _check_assets(self, root: Element, where: str, found: list[Path]) -> list[Element]:
-        """Look for every file that is named; the roots of the attached models."""
-        attached: list[Element] = []
+    def _check_assets(self, root: Element, where: str, found: list[Path]) -> None:
+        """Look for every file that is named, and read those that are attached."""
         settings = compiler_settings(root)
         for element in elements(root):
             for attribute in _FILE_ATTRIBUTES:
@@ -188,7 +197,7 @@ class _Reader:
                 located = _located(name, element, settings)
                 path = self._file(located, element, where, name)
                 found.append(path)
-                self.named.append(Named(element, attribute, name, located, path))
+                self.named.append(Named(element, attribute, name, located, path, self.path))
                 is_there = _exists(self.folder, located)
                 if element.tag in _READ_AT_ONCE or not is_there:
                     # MuJoCo would look elsewhere: in the working directory, or nowhere.
@@ -198,12 +207,10 @@ class _Reader:
                 if element.tag == "model":
                     model = self._attached(path, where)
                     found.extend(model.files)
-                    attached += [model.root, *model.attached]
                     called = element.get("name") or model.root.get("model") or path.stem
-                    self.attachable[called] = model.root
+                    self.attachable[called] = model
                 else:
                     self._take_asset(path, element, where)
-        return attached
 
     def _file(self, name: str, element: Element, where: str, bare: str = "") -> Path:
         """The file that an element names: from the scene's folder, else from that of the included
@@ -219,14 +226,31 @@ class _Reader:
         """A model that the scene attaches, which has its own folder and may attach others."""
         if path in self.within:
             raise InputError(f"{where} attaches {path.name}, of which it is a part")
-        self.models += 1
+        document, inside = self.attached.get(path, (None, 0))
+        self.models += 1 + inside
         if self.models > MAX_INCLUDES:
             raise InputError(f"{where} attaches more than {MAX_INCLUDES} models")
-        within = (*self.within, path)
-        inner = _Reader(path.parent, self.home, self.bytes, self.asset_bytes, self.models, within)
-        document = inner.document(read_text(path), str(path))
+        if document is not None:
+            return document
+        before = self.models
+        text = self.given[path] if path in self.given else read_text(path)
+        inner = _Reader(
+            path.parent,
+            self.home,
+            self.bytes,
+            self.asset_bytes,
+            self.models,
+            (*self.within, path),
+            given=self.given,
+            attached=self.attached,
+        )
+        document = inner.document(text, str(path))
         self.bytes, self.asset_bytes = inner.bytes, inner.asset_bytes
         self.models = inner.models
+        self.index |= inner.index
+        self.texts |= {**inner.texts, path: text}
+        self.named += inner.named
+        self.attached[path] = document, self.models - before
         return document
 
     def _take_asset(self, path: Path, element: Element, where: str) -> None:

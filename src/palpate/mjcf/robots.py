@@ -7,7 +7,7 @@ Joints alone make no robot: cabinets and ovens have many.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from palpate.mjcf.defaults import Defaults
@@ -48,12 +48,12 @@ class Robots:
         moving = (c for c in through_frames(body) if c.tag == "body" and has_joint(c))
         return any(self._is_robot(child) for child in moving)
 
-    def are_attached(self, body: Element) -> bool:
-        """Whether what an attached model brings is a robot: a body, or a world of bodies."""
-        if self.named:
-            return False
-        bodies = [body] if body.tag == "body" else body.iterchildren("body")
-        return any(self.begin_with(one) for one in bodies)
+    def within(self, prefix: str, root: Element) -> Robots:
+        """Those of an attached model, `root`, whose names have a prefix in the scene."""
+        named = [name.removeprefix(prefix) for name in self.named if name.startswith(prefix)]
+        if self.named and not named:
+            named = [NOBODY]
+        return Robots(tuple(named), _driven(root), self.defaults)
 
     def _is_robot(self, body: Element) -> bool:
         parts = [part for part in elements(body) if part.tag in _PARTS]
@@ -70,24 +70,6 @@ _PARTS = ("joint", "site", "body")
 def find_robots(root: Element, named: Sequence[str], defaults: Defaults) -> Robots:
     """What tells the robots of a document; `named` as in `Robots`."""
     return Robots(tuple(named), _driven(root), defaults)
-
-
-def attached_body(attach: Element, models: Mapping[str, Element]) -> Element | None:
-    """What an `<attach>` takes from its model: one body, or all of its world."""
-    model = models.get(attach.get("model") or "")
-    if model is None:
-        return None
-    name = attach.get("body")
-    if name is None:
-        return model.find("worldbody")
-    return next((body for body in model.iter("body") if body.get("name") == name), None)
-
-
-def attached_names(attach: Element, models: Mapping[str, Element]) -> set[str]:
-    """Names that elements of an attached model have in the scene."""
-    model, prefix = models.get(attach.get("model") or ""), attach.get("prefix") or ""
-    parts = () if model is None else elements(model)
-    return {prefix + name for part in parts if (name := part.get("name"))}
 
 
 def is_free(body: Element, defaults: Defaults) -> bool:

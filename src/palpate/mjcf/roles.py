@@ -6,11 +6,12 @@ surface; an articulated body that is driven, or ends in a hand, is a robot and n
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Literal
 
 from palpate.errors import InputError, unknown_name
+from palpate.mjcf.attached import ATTACH, Brought, around, brought, prefix
 from palpate.mjcf.defaults import Defaults
 from palpate.mjcf.document import (
     Document,
@@ -25,7 +26,6 @@ from palpate.mjcf.robots import (
     NOBODY,
     TRANSPARENT,
     Robots,
-    attached_body,
     copy_mark,
     find_robots,
     has_joint,
@@ -50,6 +50,8 @@ class Elements:
         colliding: those of them that can touch, else all.
         inertial: its `<inertial>`, if any.
         defaults: what its elements inherit.
+        parts: an object's bodies besides its own, which move with it.
+        through: the `<attach>`s that bring it from a model of its own, the outermost first.
     """
 
     name: str
@@ -59,6 +61,21 @@ class Elements:
     colliding: tuple[Element, ...]
     inertial: Element | None
     defaults: Defaults
+    parts: tuple[Element, ...] = ()
+    through: tuple[Element, ...] = ()
+
+    def moved_by(self) -> Element | None:
+        """What it stands in that has a place of its own, so that its own is not the world's; None for
+        nothing."""
+        for outer in around(self.element, self.through):
+            moves = outer.tag == "replicate" or PLACING & set(outer.keys())
+            if outer.tag in (*TRANSPARENT, "body") and moves:
+                return outer
+        return None
+
+
+PLACING = frozenset({"pos", "quat", "axisangle", "xyaxes", "zaxis", "euler"})
+"""Attributes that place a body, a frame or a site."""
 
 
 @dataclass(slots=True, eq=False)
@@ -66,19 +83,22 @@ class Roles:
     """Who is what in a document, in its order.
 
     Attributes:
-        robots: the bodies that robots begin with. ignored: bodies with other joints, which are
-            neither robot nor object: drawers and doors. replicated: free bodies of which
-            `<replicate>` makes the parts, so that one element is many shapes. attached: the
-            `<attach>`s of what is taken as it is in its own file. models: those that it attaches.
+        root: the scene's. robots: the bodies that robots begin with, or the `<attach>`s that bring
+            them. ignored: bodies with other joints, which are neither robot nor object: drawers and
+            doors. replicated: free bodies of which `<replicate>` or `<attach>` makes the parts, so
+            that one element is many shapes.
+        brought: the parts of attached models. copied: the `<attach>`s of what is there already,
+            where values are written.
     """
 
+    root: Element
     defaults: Defaults
     bodies: dict[str, Elements] = field(default_factory=dict[str, Elements])
     robots: list[Element] = field(default_factory=list[Element])
     ignored: list[Element] = field(default_factory=list[Element])
     replicated: list[Element] = field(default_factory=list[Element])
-    attached: list[Element] = field(default_factory=list[Element])
-    models: Mapping[str, Element] = field(default_factory=dict[str, Element])
+    brought: list[Brought] = field(default_factory=list[Brought])
+    copied: list[Element] = field(default_factory=list[Element])
 
     @property
     def objects(self) -> dict[str, Elements]:
@@ -89,6 +109,18 @@ class Roles:
     def surfaces(self) -> dict[str, Elements]:
         """What may be a surface, by name."""
         return self._of("surface")
+
+    def compiled_name(self, element: Element, own: str) -> str | None:
+        """What an element called `own` is called in compiled models; None of what is in no model."""
+        part = self._bringing(element)
+        if part is None and element.getroottree().getroot() is not self.root:
+            return None
+        return compiled_name(element, own, () if part is None else part.through)
+
+    def _bringing(self, element: Element) -> Brought | None:
+        contents = {part.content: part for part in self.brought}
+        around = (element, *element.iterancestors()) if contents else ()
+        return next((contents[outer] for outer in around if outer in contents), None)
 
     def _of(self, role: Role) -> dict[str, Elements]:
         return {name: body for name, body in self.bodies.items() if body.role == role}
@@ -101,17 +133,59 @@ def find_roles(document: Document) -> Roles:
         InputError: an object without a geom, a name used twice, a surface with several geoms of
             unknown height, a robot that is not there.
     """
-    found = Roles(Defaults(document.root), models=document.models)
+    attached = [model.root for model in document.attached().values()]
+    found = Roles(document.root, Defaults(document.root, *attached))
     robots = find_robots(document.root, document.robots, found.defaults)
     for world in document.root.iterfind("worldbody"):
-        _walk(world, found, robots, world=True)
+        _walk(world, found, _Model(document, robots), world=True)
     _require_found(document, found)
     return found
 
 
+def _beginning(robots: Iterable[Element], document: Document) -> Iterator[str]:
+    """Names that bodies of robots have in the scene."""
+    for robot in robots:
+        part = brought(robot, document, ()) if robot.tag == ATTACH else None
+        bodies = (robot,) if part is None else part.content.iter("body")
+        for body in bodies:
+            yield ("" if part is None else part.prefix) + (body.get("name") or "")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Model:
+    """The model whose elements are being sorted.
+
+    Attributes:
+        robots: what tells them in it. through: the `<attach>`s that bring it.
+    """
+
+    document: Document
+    robots: Robots
+    through: tuple[Element, ...] = ()
+
+    def bringing(self, attach: Element) -> Brought | None:
+        """What an `<attach>` of it brings."""
+        return brought(attach, self.document, self.through)
+
+    def inside(self, part: Brought) -> _Model:
+        """The model that a part of it comes from."""
+        robots = self.robots.within(part.through[-1].get("prefix") or "", part.model.root)
+        return _Model(part.model, robots, part.through)
+
+    def name(self, element: Element, own: str) -> str:
+        """What an element is called in compiled models."""
+        return compiled_name(element, own, self.through)
+
+
+def compiled_name(element: Element, own: str, through: Sequence[Element]) -> str:
+    """What an element called `own` is called that comes `through` some `<attach>`s."""
+    marks = [copy_mark(part) for part in (element, *reversed(through))]
+    return prefix(through) + own + "".join(marks)
+
+
 def _require_found(document: Document, found: Roles) -> None:
     """The robots that were named are there."""
-    names = {robot.get("name") for robot in found.robots} | {NOBODY}
+    names = {*_beginning(found.robots, document), NOBODY}
     others = [*found.ignored, *(body.element for body in found.bodies.values())]
     valid = {name for body in others if body.tag == "body" and (name := body.get("name"))}
     for name in document.robots:
@@ -119,27 +193,54 @@ def _require_found(document: Document, found: Roles) -> None:
             raise unknown_name("body that a robot begins with", name, {*valid, NOBODY})
 
 
-def _walk(parent: Element, found: Roles, robots: Robots, world: bool) -> None:
+def _walk(parent: Element, found: Roles, model: _Model, world: bool) -> None:
     for child in children(parent):
         if child.tag in TRANSPARENT:
-            _walk(child, found, robots, world)
+            _walk(child, found, model, world)
         elif child.tag == "geom" and world and (child.get("name") or _is_floor(child, found)):
-            _add_surface(child, (child,), found)
+            _add_surface(child, (child,), found, model)
         elif child.tag == "body":
-            _sort_body(child, found, robots)
-        elif child.tag == "attach":
-            _sort_attached(child, found, robots)
+            _sort_body(child, found, model)
+        elif child.tag == ATTACH:
+            _sort_attached(child, found, model, world)
 
 
-def _sort_attached(attach: Element, found: Roles, robots: Robots) -> None:
-    """What an attached model brings is a robot, or stands as its own file has it."""
-    body = attached_body(attach, found.models)
-    if body is not None:
-        own = body.getroottree().getroot()
-        if find_robots(own, robots.named, Defaults(own)).are_attached(body):
-            found.robots.append(attach)
-            return
-    found.attached.append(attach)
+def _sort_attached(attach: Element, found: Roles, model: _Model, world: bool) -> None:
+    """What an attached model brings is a robot, or is sorted as if it stood here."""
+    part = model.bringing(attach)
+    if part is None:
+        return
+    if _holds_robot(part, model):
+        found.robots.append(attach)
+    elif _is_there(part, found):
+        found.copied.append(attach)
+    else:
+        found.brought.append(part)
+        if part.content.tag == "body":
+            _sort_body(part.content, found, model.inside(part))
+        else:
+            _walk(part.content, found, model.inside(part), world)
+
+
+def _holds_robot(part: Brought, model: _Model) -> bool:
+    """Whether a robot begins in an attached part, or in what that attaches."""
+    pending, seen = [(part, model)], list[Brought]()
+    while pending:
+        part, model = pending.pop()
+        inside = model.inside(part)
+        if any(inside.robots.begin_with(body) for body in part.content.iter("body")):
+            return True
+        seen.append(part)
+        for attach in () if part.is_own else part.content.iter(ATTACH):
+            inner = inside.bringing(attach)
+            if inner is not None and not any(inner.overlaps(other) for other in seen):
+                pending.append((inner, inside))
+    return False
+
+
+def _is_there(part: Brought, found: Roles) -> bool:
+    """Whether its elements are those of something else in the scene, too."""
+    return part.is_own or any(part.overlaps(other) for other in found.brought)
 
 
 def _is_floor(geom: Element, found: Roles) -> bool:
@@ -147,20 +248,44 @@ def _is_floor(geom: Element, found: Roles) -> bool:
     return found.defaults.attribute(geom, "type") == "plane" and FLOOR not in found.bodies
 
 
-def _sort_body(body: Element, found: Roles, robots: Robots) -> None:
-    if robots.begin_with(body):
+def _sort_body(body: Element, found: Roles, model: _Model) -> None:
+    if model.robots.begin_with(body):
         found.robots.append(body)
     elif is_free(body, found.defaults):
-        if body.find(".//replicate") is None:
-            _add_object(body, found)
-        else:
+        if _has_copies(body, found, model):
             found.replicated.append(body)
+        else:
+            _add_object(body, found, model)
     elif not has_joint(body):
         if body.get("name") and body.get("mocap") != "true":
-            _add_surface(body, _own_geoms(body), found)
-        _walk(body, found, robots, world=not body.get("name"))
+            _add_surface(body, _own_geoms(body), found, model)
+        _walk(body, found, model, world=not body.get("name"))
     else:
         found.ignored.append(body)
+
+
+def _has_copies(body: Element, found: Roles, model: _Model) -> bool:
+    """Whether one element of a body makes several parts of the scene."""
+    if body.find(".//replicate") is not None:
+        return True
+    brings = [(part, model) for part in _brings(body, model)]
+    seen: list[Brought] = []
+    while brings:
+        part, outer = brings.pop()
+        if _is_there(part, found) or any(part.overlaps(other) for other in seen):
+            return True
+        seen.append(part)
+        inside = outer.inside(part)
+        brings += [(inner, inside) for inner in _brings(part.content, inside)]
+    return False
+
+
+def _brings(element: Element, model: _Model) -> Iterator[Brought]:
+    """What is attached below an element."""
+    for attach in element.iter(ATTACH):
+        part = model.bringing(attach)
+        if part is not None:
+            yield part
 
 
 def _own_geoms(body: Element) -> tuple[Element, ...]:
@@ -179,24 +304,44 @@ def _touches(geom: Element, defaults: Defaults) -> bool:
     return contype.strip() != "0" or conaffinity.strip() != "0"
 
 
-def _add_object(body: Element, found: Roles) -> None:
-    geoms = tuple(e for e in elements(body) if e.tag == "geom")
+def _add_object(body: Element, found: Roles, model: _Model) -> None:
+    all_parts = list(_parts(body, found, model))
+    geoms = tuple(part for part in all_parts if part.tag == "geom")
     if not geoms:
         raise InputError(f"object {label(body)} has no geom, so it has no shape to touch")
-    name = (body.get("name") or _named(body, geoms[0], found)) + copy_mark(body)
-    colliding = _colliding(geoms, found.defaults)
-    inertial = inertial_of(body)
-    _register(Elements(name, "object", body, geoms, colliding, inertial, found.defaults), found)
+    own = body.get("name") or _named(body, geoms[0], found, model)
+    made = Elements(
+        model.name(body, own),
+        "object",
+        body,
+        geoms,
+        _colliding(geoms, found.defaults),
+        inertial_of(body),
+        found.defaults,
+        tuple(part for part in all_parts if part.tag == "body" and part is not body),
+        model.through,
+    )
+    _register(made, found)
 
 
-def _named(body: Element, geom: Element, found: Roles) -> str:
+def _parts(body: Element, found: Roles, model: _Model) -> Iterator[Element]:
+    """An object's elements, those that it attaches among them."""
+    for element in elements(body):
+        yield element
+        part = model.bringing(element) if element.tag == ATTACH else None
+        if part is not None:
+            found.brought.append(part)
+            yield from _parts(part.content, found, model.inside(part))
+
+
+def _named(body: Element, geom: Element, found: Roles, model: _Model) -> str:
     """A name for a body that has none, after what it is, by which models compiled of the document
     know it, too."""
     shape = found.defaults.attribute(geom, "type") or "sphere"
     stem = geom.get("name") or found.defaults.attribute(geom, "mesh") or shape
     taken = {e.get("name") for e in elements(body.getroottree().getroot()) if e.tag == "body"}
     name, count = stem, 1
-    while name in taken or name in found.bodies:
+    while name in taken or prefix(model.through) + name in found.bodies:
         count += 1
         name = f"{stem}_{count}"
     body.set("name", name)
@@ -211,11 +356,20 @@ def inertial_of(body: Element) -> Element | None:
     return body.find("inertial")
 
 
-def _add_surface(element: Element, geoms: tuple[Element, ...], found: Roles) -> None:
+def _add_surface(element: Element, geoms: tuple[Element, ...], found: Roles, model: _Model) -> None:
     carrying = _carrying(element, _colliding(geoms, found.defaults), found.defaults)
     if carrying:
-        name = (element.get("name") or FLOOR) + copy_mark(element)
-        body = Elements(name, "surface", element, carrying, carrying, None, found.defaults)
+        name = model.name(element, element.get("name") or FLOOR)
+        body = Elements(
+            name,
+            "surface",
+            element,
+            carrying,
+            carrying,
+            None,
+            found.defaults,
+            through=model.through,
+        )
         _register(body, found)
 
 

@@ -12,18 +12,16 @@ from functools import cache
 
 import mujoco
 import numpy as np
-from lxml import etree
 from numpy.typing import NDArray
 
 from palpate.errors import InputError
 from palpate.geometry.outline import Convex
 from palpate.geometry.pose import Array, Pose
-from palpate.mjcf.compile import BASE_SITE, compile_model, compile_spec, model_tree
+from palpate.mjcf.compile import BASE_SITE, ModelTree, compile_model, compile_spec, model_tree
 from palpate.mjcf.document import Document, Element
 from palpate.mjcf.edits import Edit, Insert
-from palpate.mjcf.robots import copy_mark
+from palpate.mjcf.limits.trial import require_compiles
 from palpate.mjcf.roles import Roles
-from palpate.mjcf.trial import require_compiles
 
 INFINITE_PLANE = 10.0
 """m: half extent given to a plane without one."""
@@ -107,11 +105,11 @@ def compile_shapes(
     Raises:
         InputError: MuJoCo does not accept the scene, or it is too large for the trial.
     """
-    root, twin_of = model_tree(document, roles, edits)
-    names = _name_geoms(twin_of)
+    tree = model_tree(document, roles, edits)
+    names = _name_geoms(tree, roles)
     if on_trial:
-        require_compiles(etree.tostring(root, encoding="unicode"), document.folder)
-    model = compile_model(compile_spec(root, document.folder))
+        require_compiles(tree.text(), document.folder, parts=tree.parts())
+    model = compile_model(compile_spec(tree))
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     _require_finite(model, data)
@@ -145,14 +143,16 @@ _NO_GEOMS = ("default", "tendon")
 """Where `<geom>` is a class's, or what a tendon wraps around."""
 
 
-def _name_geoms(twin_of: Mapping[Element, Element]) -> dict[Element, str]:
+def _name_geoms(tree: ModelTree, roles: Roles) -> dict[Element, str]:
     """Names by which the compiled geoms are found again; what has none is given one."""
     names: dict[Element, str] = {}
-    for i, (original, twin) in enumerate(twin_of.items()):
+    for i, (original, twin) in enumerate(tree.twin_of.items()):
         if original.tag == "geom" and next(original.iterancestors(*_NO_GEOMS), None) is None:
             name = twin.get("name") or f"palpate:{i}"
             twin.set("name", name)
-            names[original] = name + copy_mark(original)
+            compiled = roles.compiled_name(original, name)
+            if compiled is not None:
+                names[original] = compiled
     return names
 
 

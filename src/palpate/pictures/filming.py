@@ -33,7 +33,8 @@ class Filming:
         if not gl_available()[0]:
             return None
         t, qpos = frames_of(footage.frames)
-        return film(footage.model, t, qpos, trace, given_up=self._given_up.is_set)
+        drawn = footage.drawn(soft=False)
+        return film(footage.model, t, qpos, trace, drawn=drawn, given_up=self._given_up.is_set)
 
     def __enter__(self) -> Filming:
         return self

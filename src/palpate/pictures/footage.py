@@ -14,7 +14,18 @@ if TYPE_CHECKING:
 @dataclass(frozen=True, slots=True, eq=False)
 class Footage:
     """What the cell's 30 Hz camera saw: the world's model and its configurations, (t in s, qpos),
-    to be rendered."""
+    to be rendered.
+
+    Attributes:
+        spec: what the model was compiled from, which says how its bodies look; None: as they collide.
+    """
 
     model: mujoco.MjModel
     frames: tuple[tuple[float, Array], ...]
+    spec: mujoco.MjSpec | None = None
+
+    def drawn(self, *, soft: bool = True) -> mujoco.MjModel:
+        """The model as it is drawn."""
+        from palpate.pictures.stage import staged
+
+        return self.model if self.spec is None else staged(self.spec, soft=soft)

@@ -4,15 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass
-from itertools import takewhile
+from itertools import product, takewhile
 
 import mujoco
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
 from palpate.geometry.pose import Array
+from palpate.pictures.dress import Looks, looks_in
 from palpate.pictures.film import mp4
-from palpate.pictures.renderer import Painter, Pixels, add_lights, extent, png, points_over
+from palpate.pictures.framing import extent, points_over
+from palpate.pictures.renderer import Painter, Pixels, png
+from palpate.pictures.stage import staged
 from palpate.trace.samples import Trace
 
 FPS = 10.0
@@ -20,9 +23,8 @@ SPEED = 2.5
 """A film runs so many times faster than robot time; long runs faster still."""
 LONGEST = 20.0
 """s: no film is longer, so that the page stays small and made in seconds without a GPU."""
-BELOW = 0.3
-"""m below the lowest thing that can move: what is farther down, such as a table's legs, need not be
-in view."""
+AROUND, BELOW = 0.15, 0.10
+"""m around and below what can move: of the rest, so much is in view."""
 SIZE = (624, 416)
 
 
@@ -39,24 +41,19 @@ def render_before_after(
     after: mujoco.MjSpec,
     bodies: Collection[str] = (),
     *,
+    looks: Looks | None = None,
     width: int = 960,
     height: int = 640,
 ) -> tuple[bytes, bytes]:
     """Two PNGs from one camera that has the named bodies (all, when none is named) of both scenes
-    in view.
+    in view. `looks`: how bodies look; as the scene `before` says, unless given.
 
     Raises:
         RuntimeError: no usable OpenGL.
     """
-    models = [_with_lights(before), _with_lights(after)]
-    posed = [(model, _forwarded(model)) for model in models]
-    points = np.concatenate(
-        [_of_interest(model, extent(model, data, bodies), data) for model, data in posed]
-    )
-    pictures: list[bytes] = []
-    for model, data in posed:
-        with Painter(model, width, height) as painter:
-            pictures.append(png(painter.paint(data, painter.around(points))))
+    worn = looks_in(before) if looks is None else looks
+    points = np.concatenate([_points(spec, bodies) for spec in (before, after)])
+    pictures = [_still(spec, worn, points, (width, height)) for spec in (before, after)]
     return pictures[0], pictures[1]
 
 
@@ -68,32 +65,28 @@ def render_scene(
     Raises:
         RuntimeError: no usable OpenGL.
     """
-    model = _with_lights(spec)
-    data = _forwarded(model)
-    with Painter(model, width, height) as painter:
-        return png(
-            painter.paint(
-                data, painter.around(_of_interest(model, extent(model, data, bodies), data))
-            )
-        )
+    return _still(spec, looks_in(spec), _points(spec, bodies), (width, height))
 
 
 def render_moment(
-    model: mujoco.MjModel, qpos: Array, *, width: int = 960, height: int = 640
+    model: mujoco.MjModel,
+    qpos: Array,
+    drawn: mujoco.MjModel | None = None,
+    *,
+    width: int = 960,
+    height: int = 640,
 ) -> bytes:
     """A PNG of a world at configuration `qpos` (nq,), robot included: the first stored frame is the
-    workspace.
+    workspace. `drawn`: the world as it is to look.
 
     Raises:
         RuntimeError: no usable OpenGL.
     """
-    data = mujoco.MjData(model)
-    data.qpos[:] = qpos
-    mujoco.mj_forward(model, data)
-    with Painter(model, width, height) as painter:
-        return png(
-            painter.paint(data, painter.around(_of_interest(model, extent(model, data), data)))
-        )
+    data = _forwarded(model, qpos)
+    points = _of_interest(model, extent(model, data, _loose(model)))
+    painted = drawn or model
+    with Painter(painted, width, height) as painter:
+        return png(painter.paint(_forwarded(painted, qpos), painter.around(points)))
 
 
 def film(
@@ -102,10 +95,11 @@ def film(
     qpos: Array,
     trace: Trace | None = None,
     bodies: Collection[str] = (),
+    drawn: mujoco.MjModel | None = None,
     given_up: Callable[[], bool] = lambda: False,
 ) -> Film | None:
     """The run, from stored frames: times `t` (n,) in s and configurations `qpos` (n, nq). None
-    without frames, and as soon as it is `given_up`.
+    without frames, and as soon as it is `given_up`. `drawn`: the world as it is to look.
 
     With a trace, each frame says which leaf runs and which force is measured.
 
@@ -116,7 +110,9 @@ def film(
         return None
     speed = film_speed(float(t[-1] - t[0]))
     rows = np.searchsorted(t, np.arange(t[0], t[-1], speed / FPS))
-    frames = _frames(model, t[rows], qpos[rows], trace, bodies)
+    seen = qpos[rows][:: max(1, len(rows) // 12)]
+    points = _of_interest(model, points_over(model, seen, bodies or _loose(model)))
+    frames = _frames(drawn or model, t[rows], qpos[rows], trace, points)
     encoded = mp4(takewhile(lambda _: not given_up(), frames), FPS)
     return Film(encoded, speed) if encoded and not given_up() else None
 
@@ -127,11 +123,9 @@ def film_speed(seconds: float) -> float:
 
 
 def _frames(
-    model: mujoco.MjModel, t: Array, qpos: Array, trace: Trace | None, bodies: Collection[str]
+    model: mujoco.MjModel, t: Array, qpos: Array, trace: Trace | None, points: Array
 ) -> Iterator[Pixels]:
     data = mujoco.MjData(model)
-    points = points_over(model, qpos[:: max(1, len(qpos) // 12)], bodies)
-    points = _of_interest(model, points, _forwarded(model))
     with Painter(model, *SIZE, draft=True) as painter:
         camera = painter.around(points)
         for now, configuration in zip(t, qpos, strict=True):
@@ -184,27 +178,40 @@ def _fitting(
     return text
 
 
-def _of_interest(model: mujoco.MjModel, points: Array, data: mujoco.MjData) -> Array:
-    """The points, those far below everything that can move raised."""
-    loose = [
-        model.body(i).name
-        for i in range(1, model.nbody)
-        if model.body_weldid[i] and model.body(i).name
-    ]
-    if not loose:
+def _of_interest(model: mujoco.MjModel, points: Array) -> Array:
+    """Where something can move, the corners (8, 3) around `points` and of what they stand on a part;
+    else the points."""
+    if not _loose(model):
         return points
-    floor = extent(model, data, loose)[:, 2].min() - BELOW
-    return np.column_stack([points[:, :2], np.maximum(points[:, 2], floor)])
+    low = points.min(axis=0) - np.array([AROUND, AROUND, BELOW])
+    high = points.max(axis=0) + np.array([AROUND, AROUND, 0.0])
+    return np.array(list(product(*zip(low, high, strict=True))))
 
 
-def _with_lights(spec: mujoco.MjSpec) -> mujoco.MjModel:
-    copy = spec.copy()
-    add_lights(copy)
-    return copy.compile()
+def _loose(model: mujoco.MjModel) -> list[str]:
+    """The names of bodies that can move, an arm's links among them."""
+    moving = [i for i in range(1, model.nbody) if model.body_weldid[i]]
+    return [model.body(i).name for i in moving if model.body(i).name]
 
 
-def _forwarded(model: mujoco.MjModel) -> mujoco.MjData:
+def _points(spec: mujoco.MjSpec, bodies: Collection[str]) -> Array:
+    """Corners (n, 3), m, of what is to be in view."""
+    model = spec.compile()
+    loose = _loose(model)
+    named = [name for name in loose if name in bodies] or loose or bodies
+    return _of_interest(model, extent(model, _forwarded(model), named))
+
+
+def _still(spec: mujoco.MjSpec, looks: Looks, points: Array, size: tuple[int, int]) -> bytes:
+    model = staged(spec, looks)
+    with Painter(model, *size) as painter:
+        return png(painter.paint(_forwarded(model), painter.around(points)))
+
+
+def _forwarded(model: mujoco.MjModel, qpos: Array | None = None) -> mujoco.MjData:
     data = mujoco.MjData(model)
+    if qpos is not None:
+        data.qpos[:] = qpos
     mujoco.mj_forward(model, data)
     return data
 

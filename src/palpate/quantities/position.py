@@ -13,7 +13,7 @@ from palpate.estimation.estimate import Estimate, not_measured
 from palpate.estimation.windows import mean_pose
 from palpate.geometry.pose import Pose
 from palpate.mjcf.body import Body, BodyDescription
-from palpate.mjcf.document import UNKNOWN, Element, has_unknown, label, tokens
+from palpate.mjcf.document import UNKNOWN, has_unknown, label, tokens
 from palpate.mjcf.edits import Edit, Slot, number, unknown_only
 from palpate.mjcf.roles import Elements
 from palpate.parameter import Parameter
@@ -89,7 +89,7 @@ class Position(Quantity):
         self, body: BodyDescription, value: tuple[float, ...], std: float | None
     ) -> Iterator[Edit]:
         element = body.elements.element
-        _refuse_frame(element)
+        _refuse_moved(body)
         texts = {i: number(v, std) for i, v in enumerate(value[:2])}
         yield Edit(element, "pos", unknown_only(element, "pos", texts), "0 0 0")
 
@@ -102,7 +102,7 @@ class Position(Quantity):
         element = body.elements.element
         if not has_unknown(element, "pos", 2):
             return
-        _refuse_frame(element)
+        _refuse_moved(body)
         z = body.given_z
         if z is None:
             support = support_z(body, believed)
@@ -125,13 +125,13 @@ def support_z(body: BodyDescription, believed: Values) -> float | None:
     return max(tops, default=0.0)
 
 
-def _refuse_frame(element: Element) -> None:
-    for parent in element.iterancestors("frame", "replicate"):
-        if parent.tag == "replicate" or set(parent.attrib) - {"childclass", "name"}:
-            raise InputError(
-                f"{label(element)} is inside a <{parent.tag}> that moves it; write its pos in the world "
-                "to have it measured"
-            )
+def _refuse_moved(body: BodyDescription) -> None:
+    outer = body.elements.moved_by()
+    if outer is not None:
+        raise InputError(
+            f"{label(body.elements.element)} is inside a <{outer.tag}> that moves it; write its pos in "
+            "the world to have it measured"
+        )
 
 
 def estimate_position(trace: Trace, parameter: Parameter, body: Body | None) -> Estimate:

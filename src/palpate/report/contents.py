@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from palpate import __version__
 from palpate.parameter import Parameter
+from palpate.pictures.dress import looks_in
 from palpate.pictures.filming import Filming
 from palpate.pictures.moments import (
     Film,
@@ -72,10 +73,13 @@ def take_stills(run: Run, taken: Pictures) -> Pictures:
     before = run.scene.spec()
     if run.twin is None or run.twin.scene is None:
         return replace(taken, workspace=workspace or render_scene(before, names))
-    pair = render_before_after(before, run.twin.scene.spec(), names)
-    if workspace is None and run.footage is not None:
-        _, qpos = frames_of(run.footage.frames)
-        workspace = render_moment(run.footage.model, qpos[0])
+    seen, looks = run.footage, None
+    if seen is not None and seen.spec is not None:
+        looks = looks_in(seen.spec)
+    pair = render_before_after(before, run.twin.scene.spec(), names, looks=looks)
+    if workspace is None and seen is not None:
+        _, qpos = frames_of(seen.frames)
+        workspace = render_moment(seen.model, qpos[0], seen.drawn())
     return Pictures(workspace, *pair, taken.film)
 
 

@@ -42,6 +42,8 @@ def write_twin(run: Run, folder: Path) -> None:
     """The twin, and the scene as contact told it."""
     if run.twin is not None:
         write_text(folder / "twin.xml", run.twin.xml)
+        for name, text in run.twin.beside.items():
+            write_text(folder / name, text)
     _write_scene(run, folder)
 
 

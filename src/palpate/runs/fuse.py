@@ -137,6 +137,8 @@ def write_fusion(fusion: Fusion, folder: Path) -> None:
     try:
         with new_folder(folder) as scratch:
             write_text(scratch / "twin.xml", fusion.twin.xml)
+            for name, text in fusion.twin.beside.items():
+                write_text(scratch / name, text)
             write_json(scratch / "result.json", fusion_json(fusion, folder))
     except OSError as error:
         raise InputError(f"cannot write '{folder}': {error.strerror}") from error

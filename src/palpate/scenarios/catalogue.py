@@ -34,6 +34,8 @@ class Scenario:
         status: how a run of it ends.
         images: the pictures that a model is shown; without any, one is taken of the simulated
             world.
+        may_touch: what has to be moved besides that of which something is measured.
+        only_seen: nothing but a picture tells what is meant.
     """
 
     name: str
@@ -44,6 +46,13 @@ class Scenario:
     planner: str
     status: str
     images: tuple[Path, ...] = ()
+    may_touch: tuple[str, ...] = ()
+    only_seen: bool = False
+
+    @property
+    def asks(self) -> bool:
+        """Whether it asks a planner anything, and is not about one recorded plan."""
+        return self.request is not None or bool(self.expects)
 
     @property
     def folder(self) -> Path:
@@ -117,6 +126,8 @@ def _read(name: str) -> Scenario:
         planner=_located(name, content.get("planner", "symbolic")),
         status=content.get("status", "complete"),
         images=tuple(_file(name, image) for image in content.get("images", [])),
+        may_touch=tuple(content.get("may_touch", [])),
+        only_seen=content.get("only_seen", False),
     )
 
 

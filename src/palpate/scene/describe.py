@@ -11,11 +11,11 @@ import numpy as np
 from palpate.errors import InputError, unknown_name
 from palpate.geometry.pose import Array
 from palpate.mjcf.body import BodyDescription
-from palpate.mjcf.bounds import require_bounded
 from palpate.mjcf.defaults import INHERITED
 from palpate.mjcf.document import UNKNOWN, Document, Element, elements, has_unknown, label, tokens
 from palpate.mjcf.edits import Edit, Slot
-from palpate.mjcf.roles import Roles, find_roles
+from palpate.mjcf.limits.bounds import require_bounded
+from palpate.mjcf.roles import Elements, Roles, find_roles
 from palpate.mjcf.shapes import RESTING, Shapes, compile_shapes
 from palpate.quantities.catalogue import Catalogue
 from palpate.scene.places import APPROACH
@@ -129,10 +129,10 @@ def _refuse_other_unknowns(document: Document, roles: Roles, slots: Iterable[Slo
 def _all_elements(document: Document, roles: Roles) -> Iterator[Element]:
     """Those of the scene, and of the models that it attaches for others than robots."""
     yield from elements(document.root)
-    for attach in roles.attached:
-        model = document.models.get(attach.get("model") or "")
-        if model is not None:
-            yield from elements(model)
+    models = {part.model.root: part.model.root for part in roles.brought}
+    for root in models:
+        if root is not document.root:
+            yield from elements(root)
 
 
 def _is_uncovered(value: str, slots: list[Slot]) -> bool:
@@ -160,7 +160,7 @@ def _placements(poses: Poses, roles: Roles) -> Iterator[Edit]:
     """Changes that put bodies where the poses say, but for a z that the file writes `?`."""
     for name, entry in poses.objects.items():
         element = roles.bodies[name].element
-        _require_in_world(element)
+        _require_in_world(roles.bodies[name])
         pose = entry.body_pose()
         position = _numbered(pose.position)
         if has_unknown(element, "pos", 2):
@@ -177,12 +177,11 @@ def _numbered(values: Array) -> dict[int, str]:
     return {i: repr(value) for i, value in enumerate(values.tolist())}
 
 
-def _require_in_world(element: Element) -> None:
-    parent = element.getparent()
-    if parent is None or parent.tag != "worldbody" or element.get("fromto"):
+def _require_in_world(body: Elements) -> None:
+    if body.moved_by() is not None or body.element.get("fromto"):
         raise InputError(
-            f"{label(element)} is not placed by its own pos in the worldbody, so poses cannot move "
-            "it"
+            f"{label(body.element)} is not placed by its own pos in the worldbody, so poses cannot "
+            "move it"
         )
 
 

@@ -14,12 +14,13 @@ camera: {pos: [...], quat: [...], fovy: 45, size: [640, 480]}
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Annotated, Any
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
-from palpate.errors import InputError
+from palpate.errors import InputError, unknown_name
 from palpate.files.plain_yaml import plain_yaml
 from palpate.files.read import read_text
 from palpate.geometry.pose import Pose
@@ -33,8 +34,12 @@ Quaternion = tuple[Number, Number, Number, Number]
 Name = Annotated[str, Field(min_length=1, max_length=100)]
 
 
+_FORM = re.compile(r"constrained-|\[")
+"""In a step of a complaint that names a form."""
+
+
 class _Strict(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid")
+    model_config = ConfigDict(frozen=True, extra="forbid", use_attribute_docstrings=True)
 
 
 class PoseEntry(_Strict):
@@ -42,16 +47,20 @@ class PoseEntry(_Strict):
     quat (wxyz)."""
 
     pos: Vector
+    """Position, m."""
     yaw: Number | None = None
+    """Turn about world z, rad."""
     euler: Vector | None = None
+    """Turns about the fixed axes x, y and z, in this order, rad."""
     quat: Quaternion | None = None
+    """Quaternion w, x, y, z."""
 
     @model_validator(mode="after")
     def _one_orientation(self) -> PoseEntry:
         if (self.yaw, self.euler, self.quat).count(None) < 2:
-            raise ValueError("give one of yaw, euler, quat")
+            raise ValueError("has more than one of yaw, euler and quat")
         if self.quat is not None and sum(v * v for v in self.quat) < 1e-9:
-            raise ValueError("quat is all zero")
+            raise ValueError("has a quat of zeros")
         return self
 
     def body_pose(self) -> Pose:
@@ -78,7 +87,9 @@ class CameraEntry(_Strict):
     """A pinhole camera looking along its own -z, as in MuJoCo."""
 
     pos: Vector
+    """Position in the world, m."""
     quat: Quaternion
+    """Orientation in the world: quaternion w, x, y, z."""
     fovy: Annotated[float, Field(gt=1, lt=170)]
     """Vertical field of view, degrees, as in MJCF."""
     size: tuple[Annotated[int, Field(gt=0, le=20000)], Annotated[int, Field(gt=0, le=20000)]]
@@ -92,11 +103,18 @@ class Poses(_Strict):
     """The content of a `poses.yaml`."""
 
     objects: dict[Name, PoseEntry] = {}
+    """Poses of the objects' frames in the world; they overrule the MJCF."""
     places: dict[Name, PoseEntry] = {}
+    """Poses of the TCP, by names that plans may use; it points down unless euler or quat is given."""
     joints: dict[Name, tuple[Number, Number, Number, Number, Number, Number, Number]] = {}
+    """Joint configurations, rad; `home_config` is where plans begin."""
     offsets: dict[Name, Offset | dict[Name, Offset]] = {}
+    """How far plans go, m: along the axis an offset is named after, or [x, y, z] along the grasp's
+    axes; for every object, or by object."""
     grasps: dict[Name, PoseEntry] = {}
+    """Poses of the TCP in the object's frame."""
     camera: CameraEntry | None = None
+    """The camera that took the picture."""
     accuracy: Annotated[float, Field(gt=0.0, le=0.1)] | None = None
     """m (1 sigma), how far an object may be from where it is said to stand; what poses that were
     measured are known to, where it is left out."""
@@ -122,9 +140,55 @@ def parse_poses(text: str, where: str = "poses") -> Poses:
     try:
         return Poses.model_validate(content or {})
     except ValidationError as error:
-        first = error.errors()[0]
-        place = ".".join(str(part) for part in first["loc"]) or "content"
-        raise InputError(f"{where}: {place}: {first['msg']}") from None
+        raise InputError(f"{where}: {_complaint(error)}") from None
+
+
+_POSE = (
+    "a pose: pos: [x, y, z] in m, and at most one of yaw (rad), euler (rad) and quat (w, x, y, z)"
+)
+_FORMS = {
+    "objects": _POSE,
+    "places": _POSE,
+    "grasps": _POSE,
+    "joints": "seven angles in rad",
+    "offsets": "a length in m, [x, y, z] in m, or a mapping of such offsets for one object",
+    "camera": "a camera: pos: [x, y, z] in m, quat: [w, x, y, z], fovy in degrees, and size: [width, height] in pixels",
+    "accuracy": "a length in m, more than 0 and at most 0.1",
+}
+"""What an entry below each key is."""
+_SINGLE = ("camera", "accuracy")
+"""The keys that have no entries."""
+
+
+def _complaint(invalid: ValidationError) -> str:
+    """What is wrong, where, and what should stand there, in words of the file."""
+    errors = invalid.errors()
+    unknown = [error for error in errors if error["type"] == "extra_forbidden"]
+    first = (unknown or errors)[0]
+    # Where an entry may have one of several forms, some steps name a form and no key.
+    steps = [str(step) for step in first["loc"] if not _FORM.search(str(step))]
+    if not steps:
+        return f"needs keys: {', '.join(_FORMS)}"
+    if steps[0] not in _FORMS:
+        return str(unknown_name("key", steps[0], _FORMS))
+    what = _said(first["type"], first["msg"])
+    one = f"'{steps[0]}'" if steps[0] in _SINGLE else f"an entry of '{steps[0]}'"
+    return f"{'.'.join(steps)} {what}; {one} is {_FORMS[steps[0]]}"
+
+
+def _said(kind: str, message: str) -> str:
+    """A complaint of pydantic's, as the end of a sentence."""
+    if kind == "extra_forbidden":
+        return "is no key"
+    if kind == "missing":
+        return "is missing"
+    if kind in ("dict_type", "model_type"):
+        return "has no keys below it"
+    return (
+        message.removeprefix("Value error, ")
+        .replace("Input should", "should")
+        .partition(", unable")[0]
+    )
 
 
 def _from_euler(angles: Vector) -> Quaternion:

@@ -10,6 +10,7 @@ import numpy as np
 from palpate.mjcf.compile import BASE_SITE, removed_with_robots
 from palpate.mjcf.document import Element
 from palpate.mjcf.robots import copy_mark
+from palpate.mjcf.roles import Elements
 from palpate.scene.places import reachable
 from palpate.scene.scene import Scene
 
@@ -78,13 +79,13 @@ def _others(scene: Scene) -> Iterator[str]:
             "Neither object nor surface nor robot, as they have joints that are not free: "
             f"{_names(map(_called, description.roles.ignored))}.{advice}"
         )
-    if description.roles.attached:
-        models = sorted({str(attach.get("model")) for attach in description.roles.attached})
+    if description.roles.copied:
+        copies = [_attached_as(attach) for attach in description.roles.copied]
         yield (
-            "Attached models are taken as they are, and nothing in them is measured: "
-            f"{_names(map(_quoted, models))}. Where it is to be, <include> them instead."
+            "Of what is attached more than once, the first stands for all, as one file states it: not "
+            f"{_names(copies)}. Where one of them differs, give it a file of its own."
         )
-    copied = [name for name, body in description.bodies.items() if copy_mark(body.elements.element)]
+    copied = [name for name, body in description.bodies.items() if _is_replicated(body.elements)]
     if copied:
         yield (
             f"Of the copies that <replicate> makes, the first stands for all: {_names(map(_quoted, copied))}."
@@ -128,6 +129,16 @@ def _names(names: Iterable[str]) -> str:
 
 def _quoted(name: str) -> str:
     return f"'{name}'"
+
+
+def _is_replicated(body: Elements) -> bool:
+    return any(copy_mark(part) for part in (body.element, *body.through))
+
+
+def _attached_as(attach: Element) -> str:
+    """What an `<attach>` brings is called."""
+    brings = attach.get("body") or attach.get("frame") or attach.get("model") or ""
+    return f"'{attach.get('prefix') or ''}{brings}'"
 
 
 def _called(body: Element) -> str:

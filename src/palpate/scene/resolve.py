@@ -70,8 +70,7 @@ class ResolvedScene:
         """An editable model without any robot in which `values` hold, and beliefs for the rest."""
         stated = self.changes(self.completed(self.means(), values), {})
         made = [*self.description.placed, *stated]
-        root, _ = model_tree(self.document, self.description.roles, made)
-        return compile_spec(root, self.document.folder)
+        return compile_spec(model_tree(self.document, self.description.roles, made))
 
     def bodies(self) -> dict[str, Body]:
         """Objects and surfaces by name, in document order."""

@@ -55,10 +55,8 @@ def let_down(bodies: Mapping[str, BodyDescription], shapes: Shapes) -> Iterator[
 
 def _hangs(body: BodyDescription) -> bool:
     """Whether an object is placed by its file alone, in the world's axes, and just above a surface."""
-    element = body.elements.element
-    parent = element.getparent()
-    is_placed = parent is not None and parent.tag == "worldbody" and body.given is None
-    if body.role != "object" or not is_placed or has_unknown(element, "pos"):
+    is_placed = body.elements.moved_by() is None and body.given is None
+    if body.role != "object" or not is_placed or has_unknown(body.elements.element, "pos"):
         return False
     below = body.surfaces_below()
     if not below or any(surface.top_is_open for surface in below):

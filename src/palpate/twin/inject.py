@@ -12,10 +12,9 @@ from pathlib import Path
 
 from palpate.errors import InputError
 from palpate.estimation.estimate import Estimate, Part, rounded
-from palpate.mjcf import spans
 from palpate.mjcf.body import BodyDescription
 from palpate.mjcf.defaults import answered_elsewhere
-from palpate.mjcf.document import Document, Element, Texts, elements
+from palpate.mjcf.document import Element, Texts, elements
 from palpate.mjcf.edits import Change, Edit
 from palpate.mjcf.reading import parse_document
 from palpate.parameter import Parameter
@@ -25,6 +24,7 @@ from palpate.scene.describe import Description, describe
 from palpate.scene.fill import changes
 from palpate.scene.poses import Poses
 from palpate.scene.scene import Scene
+from palpate.twin.one_text import in_one
 from palpate.twin.reading import misread
 from palpate.twin.records import as_text, recorded
 from palpate.twin.rewrite import rewritten
@@ -47,7 +47,12 @@ def inject(
     std = _deviations(records)
     for parameter, reason in misread(description, texts, values, std, catalogue()):
         raise InputError(f"{parameter} cannot be stated in this file: {reason}")
-    return in_one(description.document, texts)
+    made = in_one(description.document, texts)
+    if made.beside:
+        raise InputError(
+            "what is stated belongs into attached models, which are files of their own"
+        )
+    return made.main
 
 
 @dataclass(frozen=True, slots=True)
@@ -228,14 +233,6 @@ def _injected(
     edits += _leftovers(description, quantities, values, edits)
     texts = rewritten(description.document, edits)
     return replace(texts, main=recorded(texts.main, records))
-
-
-def in_one(document: Document, texts: Texts) -> str:
-    """The main text; with the content of all included files in it where one of them has changed."""
-    if not texts.parts:
-        return texts.main
-    parts = {**document.texts, **texts.parts}
-    return spans.inline_includes(texts.main, document.includes, document.beside, parts)
 
 
 def _deviations(records: Sequence[Estimate]) -> dict[Parameter, float]:

@@ -112,7 +112,7 @@ class _Tree:
             tree.places[original] = tree._usual_place(original)
         for named in after.named:
             # The files of an attached model are found from its own place.
-            apart = named.element.tag == "model" and not tree._is_whole()
+            apart = (named.element.tag == "model" or named.model) and not tree._is_whole()
             if apart or Path(named.located).is_absolute():
                 tree.places[named.path] = named.path
         for original, text in texts.parts.items():
@@ -159,21 +159,25 @@ class _Tree:
         return _named_anew(text, names)
 
     def _name(self, named: Named) -> str:
-        """The name by which a file is found from where the twin lies."""
-        place = self.places[named.path]
+        """The name by which a file is found from where the twin, or the model that names it, lies."""
+        place, folder = self.places[named.path], self._folder(named)
         is_bare = named.located == named.name
-        if is_bare and place.is_relative_to(self.path.parent):
-            return place.relative_to(self.path.parent).as_posix()
+        if is_bare and place.is_relative_to(folder):
+            return place.relative_to(folder).as_posix()
         return str(place)
 
     def _needs_other_name(self, named: Named) -> bool:
         """Whether MuJoCo would not find it: from the main text, else from the file that names it."""
         wanted = self.places[named.path]
-        found = Path(os.path.normpath(self.path.parent / named.located))
+        found = Path(os.path.normpath(self._folder(named) / named.located))
         file = self.after.index[named.element].file
         if file is not None and found != wanted and not self._will_exist(found):
             found = Path(os.path.normpath(self.places[file].parent / named.name))
         return found != wanted
+
+    def _folder(self, named: Named) -> Path:
+        """Where a name starts."""
+        return (self.path if named.model is None else self.places[named.model]).parent
 
     def _will_exist(self, path: Path) -> bool:
         return path.exists() or path in self.places.values()

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -18,7 +18,8 @@ from palpate.parameter import Parameter
 from palpate.scene.load import scene_from_text
 from palpate.scene.scene import Scene
 from palpate.trace.samples import Trace
-from palpate.twin.inject import complete, in_one
+from palpate.twin.inject import complete
+from palpate.twin.one_text import in_one
 from palpate.twin.tree import write_tree
 from palpate.twin.validate import Replay, Validation, touched, validate
 
@@ -38,6 +39,8 @@ class Twin:
         scene: the twin read back, with the poses that came with the user's scene; None likewise.
         unwritten: what was measured of objects and surfaces and is not in it; `notes` say why.
         document: the user's files. texts: those of them that have changed.
+        beside: by name, the texts that belong into the folder of `xml`: attached models in which
+            something was measured.
     """
 
     xml: str
@@ -48,6 +51,7 @@ class Twin:
     unwritten: tuple[Parameter, ...] = ()
     document: Document | None = None
     texts: Texts | None = None
+    beside: Mapping[str, str] = field(default_factory=dict[str, str])
 
     @cached_property
     def mjmodel(self) -> MjModel:
@@ -103,14 +107,16 @@ def build_twin(
     made = complete(scene, written, {estimate.parameter for estimate in estimates})
     notes = (*_remarks(estimates), *made.notes)
     document = scene.resolved.document
+    one = in_one(document, made.texts)
     unmarked = Twin(
-        in_one(document, made.texts),
+        one.main,
         _diff(document, made.texts),
         notes,
         None,
         unwritten=made.unwritten,
         document=document,
         texts=made.texts,
+        beside=one.beside,
     )
     try:
         twin = scene_from_text(made.texts, scene, _measured_places(scene, written))
@@ -145,13 +151,16 @@ def read_twin(
     written = _written(estimates)
     document = scene.resolved.document
     texts = Texts(xml)
-    if document.includes:
+    if document.includes or document.models:
         texts = complete(scene, written, {estimate.parameter for estimate in estimates}).texts
     diff = _diff(document, texts)
-    read = Twin(xml, diff, tuple(notes), validation, None, tuple(unwritten), document, texts)
+    beside = in_one(document, texts).beside
+    read = Twin(
+        xml, diff, tuple(notes), validation, None, tuple(unwritten), document, texts, beside
+    )
     if validation is None or not scene.bodies:
         return read
-    return replace(read, scene=scene_from_text(xml, scene, _measured_places(scene, written)))
+    return replace(read, scene=scene_from_text(texts, scene, _measured_places(scene, written)))
 
 
 def _written(estimates: Sequence[Estimate]) -> list[Estimate]:

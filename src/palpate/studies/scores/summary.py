@@ -15,7 +15,7 @@ from scipy.special import chdtri, stdtr, stdtrit
 from palpate.geometry.pose import Array
 from palpate.parameter import Parameter
 from palpate.studies.accuracy import ScoredEstimate, SeedRun, Unmeasured
-from palpate.studies.trials import Rate
+from palpate.studies.rate import Rate
 
 Key = tuple[Parameter, int]
 """A parameter and a component of it."""

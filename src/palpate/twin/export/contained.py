@@ -12,8 +12,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from palpate.mjcf import spans
-from palpate.mjcf.document import Document, Element, Texts, read_text
-from palpate.mjcf.reading import parse_document, reparsed
+from palpate.mjcf.document import Document, Element, Texts
+from palpate.mjcf.reading import reparsed
 from palpate.redaction import redact
 
 SCENE = "scene.xml"
@@ -47,6 +47,8 @@ class _Packing:
         data = flat.text.encode("utf-8")
         changes: list[spans.Change] = []
         for named in flat.named:
+            if named.model != flat.path:
+                continue
             packed = self._packed(named.path, named.element, flat)
             tag = tags[flat.index[named.element].number]
             changes.append(spans.set_attribute(tag, named.attribute, packed))
@@ -63,7 +65,7 @@ class _Packing:
         name = self._free(path, is_model)
         self.names[path] = name
         if is_model:
-            self.pack(parse_document(read_text(path), path.parent, home=document.home), name)
+            self.pack(document.attached()[path], name)
         else:
             target = self.folder / name
             target.parent.mkdir(parents=True, exist_ok=True)

@@ -79,7 +79,7 @@ def export_twin(
     """
     if twin.scene is None:
         raise InputError(f"there is no twin to export: {'; '.join(twin.notes) or 'nothing moved'}")
-    document = reparsed(Texts(twin.xml), twin.scene.resolved.document)
+    document = reparsed(twin.texts or Texts(twin.xml), twin.scene.resolved.document)
     description = describe(document, Poses(), twin.scene.catalogue)
     write_contained(document, scratch)
     scene = scratch / SCENE

@@ -9,7 +9,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from palpate.errors import InputError, Unavailable
-from palpate.studies.trials import Rate, Record, Trial, read_records, run_trials, table
+from palpate.studies.planners.table import table
+from palpate.studies.planners.trials import Record, Trial, read_records, run_trials
+from palpate.studies.rate import Rate
 
 TRIALS = [
     Trial("cup", planner, configuration, number)

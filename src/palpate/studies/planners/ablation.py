@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from palpate.errors import unknown_name
-from palpate.studies.attempt import Conditions, attempt, with_image
-from palpate.studies.trials import Record, Trial, every_trial, run_trials
+from palpate.scenarios.catalogue import scenario, scenarios
+from palpate.studies.planners.attempt import Conditions, attempt
+from palpate.studies.planners.trials import Record, Trial, every_trial, run_trials
 
 CONFIGURATIONS: dict[str, frozenset[str]] = {
     "full": frozenset(),
@@ -37,9 +39,33 @@ PAPER: dict[str, tuple[int, int | None]] = {
 
 TRIALS = 10
 
+KINDS = ("bottle_and_table", "occlusion", "friction", "hammer", "water_temperature")
+"""Scenarios of several kinds: what a part of the prompt is worth for one of them (something in the
+way, a slide beside a log, three grasps, a refusal) it may not be for another."""
+EVERY = "all"
+SEVERAL = "kinds"
+
+
+def chosen(names: Sequence[str]) -> list[str]:
+    """The scenarios that these words name: `all` are those that ask a planner something, `kinds`
+    are `KINDS`.
+
+    Raises:
+        InputError: there is no such scenario.
+    """
+    found: list[str] = []
+    for name in names:
+        if name == EVERY:
+            found += [each.name for each in scenarios().values() if each.asks]
+        elif name == SEVERAL:
+            found += KINDS
+        else:
+            found.append(scenario(name).name)
+    return list(dict.fromkeys(found))
+
 
 def ablation(
-    scenario: str,
+    names: Sequence[str],
     planners: Sequence[str],
     file: Path,
     conditions: Conditions,
@@ -47,15 +73,17 @@ def ablation(
     configurations: Iterable[str] = CONFIGURATIONS,
     in_flight: int = 4,
     say: Callable[[str], None] = lambda _: None,
+    prompts: Iterable[str] = ("full",),
 ) -> list[Record]:
-    """Every configuration with every planner, `trials` times each; results are appended to `file`.
+    """Every configuration of every prompt with every planner in every scenario, `trials` times
+    each; results are appended to `file`.
 
     Raises:
         InputError: unknown scenario, planner or configuration.
         Unavailable: the provider could not be reached; what is done is kept.
     """
-    conditions = with_image(scenario, conditions, file)
-    wanted = every_trial(scenario, planners, configurations, trials)
+    conditions = replace(conditions, beside=file)
+    wanted = every_trial(chosen(names), planners, configurations, trials, prompts)
 
     def attempted(trial: Trial) -> Record:
         return attempt(trial, without(trial.configuration), conditions)

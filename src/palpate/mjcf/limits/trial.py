@@ -1,15 +1,18 @@
 """A scene compiled in a process of its own first, which may use so much memory and time and no
 more: for scenes that may be larger than their text tells.
 
-`python -m palpate.mjcf.trial FOLDER` is that process; it reads the MJCF from standard input.
+`python -m palpate.mjcf.limits.trial FOLDER` is that process; it reads the MJCF and what that attaches
+from standard input, as JSON.
 """
 
 from __future__ import annotations
 
+import json
 import os
 import signal
 import subprocess
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 
 from palpate.errors import InputError
@@ -25,9 +28,11 @@ WALL_SECONDS = 30.0
 """s on the clock, which is more where others compute, too."""
 
 
-def require_compiles(xml: str, folder: Path | None, what: str = "the scene") -> None:
-    """See whether MuJoCo compiles it within bounds. What MuJoCo itself finds wrong with it is left
-    to whoever compiles it here.
+def require_compiles(
+    xml: str, folder: Path | None, what: str = "the scene", parts: Mapping[str, str] | None = None
+) -> None:
+    """See whether MuJoCo compiles it within bounds, `parts` in the place of files that it attaches.
+    What MuJoCo itself finds wrong with it is left to whoever compiles it here.
 
     Raises:
         InputError: it takes more memory or time.
@@ -36,7 +41,7 @@ def require_compiles(xml: str, folder: Path | None, what: str = "the scene") -> 
     try:
         done = subprocess.run(
             command,
-            input=xml.encode("utf-8"),
+            input=json.dumps([xml, dict(parts or {})]).encode("utf-8"),
             env=_environment(),
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
@@ -72,10 +77,11 @@ def main() -> int:
     1 where there is no memory for it."""
     import mujoco
 
-    folder, xml = sys.argv[1], sys.stdin.buffer.read().decode("utf-8")
+    folder, (xml, parts) = sys.argv[1], json.loads(sys.stdin.buffer.read())
+    include = {name: text.encode("utf-8") for name, text in parts.items()}
     _limit()
     try:
-        spec = mujoco.MjSpec.from_string(xml)
+        spec = mujoco.MjSpec.from_string(xml, include=include)
         spec.modelfiledir = folder
         spec.compiler.usethread = False
         model = spec.compile()

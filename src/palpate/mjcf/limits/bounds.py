@@ -2,7 +2,7 @@
 
 A line of MJCF can ask for a million bodies. What can be computed from the text is computed and
 refused here; where a text does not tell (meshes, plugins, many bodies), it says that the scene is
-to be compiled elsewhere first (`palpate.mjcf.trial`).
+to be compiled elsewhere first (`palpate.mjcf.limits.trial`).
 
 The limits are ours. They are some ten times what scenes of a workplace need, and small enough that
 MuJoCo 4.0 compiles what keeps to them in about a second and a few hundred megabytes.
@@ -16,8 +16,8 @@ from dataclasses import dataclass
 from math import inf, prod
 
 from palpate.errors import InputError
-from palpate.mjcf.assets import require_bounded_files
 from palpate.mjcf.document import Document, Element, elements, label, tokens
+from palpate.mjcf.limits.assets import require_bounded_files
 
 MAX_ELEMENTS = 10_000
 """Elements of a scene, replicated ones counted as often as they are replicated. A kitchen with its
@@ -111,7 +111,7 @@ def require_bounded(document: Document, where: str = "the scene") -> Extent:
         InputError: larger than is built, a picture unpacks to more than is read, or it needs a
             plugin that is not MuJoCo's own; the message names the element or the file.
     """
-    roots = (document.root, *document.attached)
+    roots = [document.root, *(model.root for model in document.attached().values())]
     for root in roots:
         _require_cells(root, where)
         for element in elements(root):

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 
-from palpate.studies.attempt import Conditions, attempt, with_image
-from palpate.studies.trials import Record, Trial, every_trial, run_trials
+from palpate.studies.planners.ablation import ablation
+from palpate.studies.planners.attempt import Conditions
+from palpate.studies.planners.trials import Record
 
 PAPER: dict[str, tuple[int, int]] = {"GPT-4": (20, 20), "Gemini 1.5 Pro": (20, 20)}
 """Valid syntax and task success of 20: table III of the paper."""
@@ -21,24 +22,20 @@ def published() -> dict[str, str]:
 
 
 def repeatability(
-    scenario: str,
+    names: Sequence[str],
     planners: Sequence[str],
     file: Path,
     conditions: Conditions,
     trials: int = TRIALS,
     in_flight: int = 4,
     say: Callable[[str], None] = lambda _: None,
+    prompts: Iterable[str] = ("full",),
 ) -> list[Record]:
-    """The full prompt with every planner, `trials` times each; results are appended to `file`.
+    """Whole prompts with every planner in every scenario, `trials` times each; results are appended
+    to `file`.
 
     Raises:
         InputError: unknown scenario or planner.
         Unavailable: the provider could not be reached; what is done is kept.
     """
-    conditions = with_image(scenario, conditions, file)
-    wanted = every_trial(scenario, planners, ["full"], trials)
-
-    def attempted(trial: Trial) -> Record:
-        return attempt(trial, frozenset(), conditions)
-
-    return run_trials(wanted, attempted, file, in_flight, say)
+    return ablation(names, planners, file, conditions, trials, ["full"], in_flight, say, prompts)

@@ -10,8 +10,7 @@ from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, wait
 from dataclasses import asdict, dataclass, field
 from itertools import islice, product
 from pathlib import Path
-from statistics import fmean
-from typing import Any
+from typing import Any, Literal
 
 from pydantic import TypeAdapter, ValidationError
 
@@ -22,6 +21,14 @@ OUTAGES = 3
 """Trials in a row that find the provider unavailable, after which no further one is begun."""
 
 
+Outcome = Literal[
+    "not judged", "acquired", "stopped rightly", "refused rightly", "refused", "failed"
+]
+"""What came of a trial. It succeeded where it acquired what it should, where the arm had to be
+stopped and was, and where nobody could have measured anything and that was the answer."""
+SUCCESSES: tuple[Outcome, ...] = ("acquired", "stopped rightly", "refused rightly")
+
+
 @dataclass(frozen=True, slots=True, order=True)
 class Trial:
     """One independent attempt of a planner at a scenario's task.
@@ -30,22 +37,41 @@ class Trial:
         scenario: its name. planner: planner string.
         configuration: what was left out of the prompt, `full` if nothing.
         number: from 0; also the seed of the simulated world's sensors.
+        prompt: which system prompt, `full` or `lean`.
     """
 
     scenario: str
     planner: str
     configuration: str
     number: int
+    prompt: str = "full"
 
 
 def every_trial(
-    scenario: str, planners: Iterable[str], configurations: Iterable[str], number: int
+    scenarios: Iterable[str],
+    planners: Iterable[str],
+    configurations: Iterable[str],
+    number: int,
+    prompts: Iterable[str] = ("full",),
 ) -> list[Trial]:
-    """`number` trials of every configuration with every planner, planner by planner."""
+    """`number` trials of every configuration of every prompt with every planner, scenario by
+    scenario and planner by planner."""
     trials: list[Trial] = []
-    for planner, configuration, i in product(planners, configurations, range(number)):
-        trials.append(Trial(scenario, planner, configuration, i))
+    each = product(scenarios, planners, prompts, configurations, range(number))
+    for scenario, planner, prompt, configuration, i in each:
+        trials.append(Trial(scenario, planner, configuration, i, prompt))
     return trials
+
+
+@dataclass(frozen=True, slots=True)
+class Found:
+    """One estimate beside the truth, all in the quantity's SI unit; one number a component."""
+
+    value: tuple[float, ...]
+    std: tuple[float, ...]
+    truth: tuple[float, ...]
+    unit: str
+    verdict: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,11 +80,12 @@ class Record:
 
     Attributes:
         syntax: the first answer is a plan that compiles to a behavior tree.
-        valid: a plan passed the check.
-        success: the executed tree acquired exactly what it should; None where the task defines no
-            success.
+        valid: a plan, or an explanation why there is none, passed the check.
+        success: whether the outcome is one of `SUCCESSES`; None where the task defines none.
         reason: why not.
         figures: tokens, cost, latency, the model's name as the provider reports it.
+        found: what was estimated, by parameter. actions: leaves that were started.
+        robot_seconds: how long they took.
     """
 
     trial: Trial
@@ -67,6 +94,10 @@ class Record:
     success: bool | None
     reason: str = ""
     figures: dict[str, Any] = field(default_factory=dict[str, Any])
+    outcome: Outcome = "not judged"
+    found: dict[str, Found] = field(default_factory=dict[str, Found])
+    actions: int = 0
+    robot_seconds: float = 0.0
 
     @property
     def tokens(self) -> int:
@@ -77,48 +108,6 @@ class Record:
     def cost(self) -> float | None:
         """US dollars; None where an answer has no known price."""
         return self.figures.get("cost_usd")
-
-
-@dataclass(frozen=True, slots=True)
-class Rate:
-    """`hits` of `trials` with the 95 % Wilson score interval."""
-
-    hits: int
-    trials: int
-
-    @classmethod
-    def of(cls, outcomes: Iterable[bool]) -> Rate:
-        """How many of the outcomes are hits."""
-        listed = list(outcomes)
-        return cls(sum(listed), len(listed))
-
-    @property
-    def interval(self) -> tuple[float, float]:
-        """(low, high) of the rate."""
-        from scipy.stats import binomtest
-
-        if self.trials == 0:
-            return 0.0, 1.0
-        found = binomtest(self.hits, self.trials).proportion_ci(method="wilson")
-        return float(found.low), float(found.high)
-
-    def __str__(self) -> str:
-        low, high = self.interval
-        return f"{self.hits}/{self.trials} [{low:.2f}, {high:.2f}]"
-
-
-@dataclass(frozen=True, slots=True)
-class Row:
-    """One row of a table: a configuration of the prompt with a model, over its trials."""
-
-    configuration: str
-    planner: str
-    syntax: Rate
-    valid: Rate
-    success: Rate | None
-    tokens: float
-    cost: float | None
-    """US dollars of all trials together; None where an answer has no known price."""
 
 
 def run_trials(
@@ -162,36 +151,6 @@ def read_records(file: Path) -> list[Record]:
         raise lines.other() from None
 
 
-def table(records: Iterable[Record]) -> list[Row]:
-    """One row for each configuration and planner, in order of first appearance."""
-    groups: dict[tuple[str, str], list[Record]] = {}
-    for record in records:
-        groups.setdefault((record.trial.configuration, record.trial.planner), []).append(record)
-    return [_row(*key, group) for key, group in groups.items()]
-
-
-def _row(configuration: str, planner: str, records: Sequence[Record]) -> Row:
-    judged = [r.success for r in records if r.success is not None]
-    return Row(
-        configuration,
-        planner,
-        Rate.of(r.syntax for r in records),
-        Rate.of(r.valid for r in records),
-        Rate.of(judged) if judged else None,
-        fmean(r.tokens for r in records),
-        _cost(records),
-    )
-
-
-def _cost(records: Iterable[Record]) -> float | None:
-    total = 0.0
-    for record in records:
-        if record.cost is None:
-            return None
-        total += record.cost
-    return total
-
-
 def _attempted(
     trials: Sequence[Trial], attempt: Callable[[Trial], Record], in_flight: int
 ) -> Iterator[Record]:
@@ -221,14 +180,15 @@ def _told(record: Record) -> str:
     """A record in one line."""
     trial = record.trial
     syntax = "syntax valid" if record.syntax else "syntax not valid"
-    return (
-        f"{trial.configuration}, {trial.planner}, trial {trial.number}: {syntax}, {_ended(record)}"
-    )
+    asked = f"{trial.scenario}, {trial.configuration}"
+    if trial.prompt != "full":
+        asked += f", {trial.prompt} prompt"
+    return f"{asked}, {trial.planner}, trial {trial.number}: {syntax}, {_ended(record)}"
 
 
 def _ended(record: Record) -> str:
     if record.success is None:
         return "not judged"
     if record.success:
-        return "success"
-    return f"no success ({record.reason})"
+        return record.outcome
+    return f"{record.outcome} ({record.reason})"

@@ -11,10 +11,19 @@ from palpate.planning.model import session as session_module
 from palpate.planning.model.session import Budget, ModelSettings
 from palpate.runs.run import Run
 from palpate.scenarios.catalogue import scenario
-from palpate.studies.ablation import CONFIGURATIONS, PAPER, ablation, without
-from palpate.studies.attempt import Conditions
-from palpate.studies.repeatability import repeatability
-from palpate.studies.trials import read_records, table
+from palpate.studies.planners.ablation import (
+    CONFIGURATIONS,
+    KINDS,
+    PAPER,
+    ablation,
+    chosen,
+    without,
+)
+from palpate.studies.planners.attempt import Conditions
+from palpate.studies.planners.repeatability import repeatability
+from palpate.studies.planners.table import by_scenario, table
+from palpate.studies.planners.trials import read_records
+from palpate.studies.rate import Rate
 
 pytest.importorskip("pydantic_ai")
 
@@ -73,7 +82,7 @@ def model(request: Request) -> Reply:
 def test_the_papers_table_is_made_over_http(tmp_path: Path) -> None:
     with Loopback(answer=model) as server:
         records = ablation(
-            NAME, ["openai:gpt-x"], tmp_path / "r.jsonl", settings(server), trials=2, in_flight=4
+            [NAME], ["openai:gpt-x"], tmp_path / "r.jsonl", settings(server), trials=2, in_flight=4
         )
         requests = list(server.requests)
     assert server.most_in_flight > 1
@@ -96,6 +105,41 @@ def test_the_papers_table_is_made_over_http(tmp_path: Path) -> None:
     }
     assert rows["full"].tokens == 3500
     assert all(bool(request.images) == ("Attached" in request.user) for request in requests)
+    assert all("<!--" not in request.user for request in requests), "notes give answers away"
+    weighed = [record.found["green_bottle.mass"] for record in records if record.success]
+    assert len(weighed) == 8
+    assert all(abs(w.value[0] - w.truth[0]) < 4 * w.std[0] for w in weighed)
+
+
+def several(request: Request) -> Reply:
+    """Right about both tasks, unless nobody told it that some things cannot be measured."""
+    if "temperature" not in request.user:
+        return Says(GOOD)
+    if "# Reasoning rules" in request.system:
+        return Says('{"parameters": [], "explanation": "Nothing senses heat.", "tree": null}')
+    return Says(GOOD)
+
+
+def test_scenarios_of_several_kinds_are_studied_together(tmp_path: Path) -> None:
+    names, left_out = [NAME, "water_temperature"], ["full", "no rules"]
+    file = tmp_path / "r.jsonl"
+    with Loopback(answer=several) as server:
+        records = ablation(names, ["openai:gpt-x"], file, settings(server), 1, left_out)
+    found = [(row.scenario, row.configuration, row.success) for row in by_scenario(records)]
+    assert found == [
+        (NAME, "full", Rate(1, 1)),
+        (NAME, "no rules", Rate(1, 1)),
+        ("water_temperature", "full", Rate(1, 1)),
+        ("water_temperature", "no rules", Rate(0, 1)),
+    ]
+    assert [row.scenario for row in table(records)] == ["", ""]
+    assert records[2].outcome == "refused rightly"
+
+
+def test_scenarios_are_named_one_by_one_or_all_together() -> None:
+    assert chosen(["friction", "friction"]) == ["friction"]
+    assert set(KINDS) == set(chosen(["kinds"])) < set(chosen(["all"]))
+    assert "mishaps/unreachable" not in chosen(["all"]), "it is about a recorded plan"
 
 
 def test_the_image_is_left_out_only_where_it_should_be(tmp_path: Path) -> None:
@@ -106,7 +150,7 @@ def test_the_image_is_left_out_only_where_it_should_be(tmp_path: Path) -> None:
     with Loopback(answer=model) as server:
         shared = settings(server, images=(picture,))
         ablation(
-            NAME,
+            [NAME],
             ["openai:gpt-x"],
             tmp_path / "r.jsonl",
             shared,
@@ -122,7 +166,7 @@ def test_syntax_counts_the_first_answer_and_validity_what_feedback_made_of_it(
 ) -> None:
     with Loopback(Says(GOOD[:-50]), Says(GOOD)) as server:
         records = repeatability(
-            NAME, ["openai:gpt-x"], tmp_path / "r.jsonl", settings(server, rounds=1), trials=1
+            [NAME], ["openai:gpt-x"], tmp_path / "r.jsonl", settings(server, rounds=1), trials=1
         )
     assert (records[0].syntax, records[0].valid, records[0].success) == (False, True, True)
     assert records[0].figures["rounds"] == 2
@@ -131,7 +175,7 @@ def test_syntax_counts_the_first_answer_and_validity_what_feedback_made_of_it(
 def test_models_are_compared_on_the_same_task(tmp_path: Path) -> None:
     with Loopback(answer=model) as server:
         records = repeatability(
-            NAME, ["openai:one", "openai:two"], tmp_path / "r.jsonl", settings(server), trials=2
+            [NAME], ["openai:one", "openai:two"], tmp_path / "r.jsonl", settings(server), trials=2
         )
     assert [
         (row.planner, row.syntax.hits, row.success.hits if row.success else -1)
@@ -144,14 +188,18 @@ def test_any_planner_can_be_studied(tmp_path: Path) -> None:
     plan = scenario(NAME).folder / "plans" / "paper.json"
     planners = ["symbolic", f"replay:{plan}"]
     records = repeatability(
-        NAME, planners, tmp_path / "r.jsonl", Conditions(noise="none"), trials=1
+        [NAME], planners, tmp_path / "r.jsonl", Conditions(noise="none"), trials=1
     )
     assert [(r.syntax, r.valid, r.success) for r in records] == [(True, True, True)] * 2
 
 
 def test_a_plan_that_measures_too_much_is_no_success(tmp_path: Path) -> None:
     records = repeatability(
-        NAME, ["exhaustive"], tmp_path / "r.jsonl", Conditions(noise="none"), trials=1
+        ["bottle_and_table"],
+        ["exhaustive"],
+        tmp_path / "r.jsonl",
+        Conditions(noise="none"),
+        trials=1,
     )
     assert (records[0].syntax, records[0].success) == (True, False)
 
@@ -159,7 +207,7 @@ def test_a_plan_that_measures_too_much_is_no_success(tmp_path: Path) -> None:
 def test_an_outage_is_no_result(tmp_path: Path) -> None:
     file = tmp_path / "r.jsonl"
     with Loopback(Fails(401)) as server, pytest.raises(Unavailable, match="key was refused"):
-        repeatability(NAME, ["openai:gpt-x"], file, settings(server), trials=5)
+        repeatability([NAME], ["openai:gpt-x"], file, settings(server), trials=5)
     assert read_records(file) == []
 
 
@@ -167,4 +215,4 @@ def test_bad_names_are_told(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="full"):
         without("no soul")
     with pytest.raises(InputError, match=NAME):
-        repeatability("nowhere", ["symbolic"], tmp_path / "r.jsonl", Conditions(), trials=1)
+        repeatability(["nowhere"], ["symbolic"], tmp_path / "r.jsonl", Conditions(), trials=1)

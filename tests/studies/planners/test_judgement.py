@@ -1,7 +1,7 @@
 import pytest
 
 from palpate.parameter import Parameter
-from palpate.studies.judgement import judge
+from palpate.studies.planners.judgement import judge
 from palpate.trace.recording import Context, Conversion, Hand, LeafRun, Recording
 from palpate.trace.samples import FORCES, POSE, Samples, Trace
 

@@ -1,0 +1,99 @@
+"""Plans, what the check says of them, and what a model would be sent."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Iterable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rich.console import Console
+
+from palpate.cli.console import escape, out, print_json
+from palpate.cli.show.next_step import show_next
+from palpate.display import visible
+from palpate.redaction import redact
+from palpate.runs.reproduce import executing, running
+
+if TYPE_CHECKING:
+    from palpate.api import Plan as CheckedPlan
+    from palpate.planning.check.check import Finding
+    from palpate.planning.plan import Plan
+    from palpate.settings import Settings
+
+
+def show_plan(plan: CheckedPlan, as_json: bool, file: Path | None) -> None:
+    """A plan: parameters, tree in the paper's notation, explanation, findings; also to a file."""
+    from palpate.runs.result import plan_text
+
+    text = plan_text(plan.made)
+    if file:
+        file.write_text(redact(text), encoding="utf-8")
+    if as_json:
+        print_json(json.loads(text) | {"findings": _findings_json(plan.findings)})
+        return
+    print_plan(plan, out)
+    _print_findings(plan.findings)
+    if not plan.made.ready:
+        return
+    settings = plan.made.settings
+    if file is not None:
+        show_next("let the arm carry it out", executing(settings, file))
+    else:
+        show_next("let the arm carry it out", running(settings))
+
+
+def print_plan(plan: Plan, console: Console) -> None:
+    """Parameters, tree, explanation and notes."""
+    from palpate.tools import paper_notation
+
+    names = ", ".join(str(parameter) for parameter in plan.parameters)
+    console.print("measures  ", names or "nothing", markup=False, soft_wrap=True)
+    if plan.tree:
+        console.print(*paper_notation(plan.tree), sep="\n", markup=False, soft_wrap=True)
+    console.print(f"\n{plan.explanation}", markup=False)
+    show_notes(plan, console)
+
+
+def show_notes(plan: Plan, console: Console) -> None:
+    """Remarks of the planner."""
+    for note in plan.notes:
+        console.print(f"[dim]note[/] {escape(note)}")
+
+
+def show_findings(findings: Iterable[Finding], as_json: bool) -> None:
+    """What the check says against a plan."""
+    found = _findings_json(findings)
+    if as_json:
+        print_json({"valid": not found, "findings": found})
+    elif found:
+        _print_findings(findings)
+    else:
+        out.print("[green]valid[/]")
+
+
+def _print_findings(findings: Iterable[Finding]) -> None:
+    for finding in findings:
+        out.print(f"[yellow]{finding.rule}[/] {finding.path}: {escape(finding.message)}")
+
+
+def _findings_json(findings: Iterable[Finding]) -> list[dict[str, str]]:
+    """The contract's form of findings."""
+    return [{"path": f.path, "rule": f.rule, "message": f.message} for f in findings]
+
+
+def show_prompt(settings: Settings, as_json: bool) -> None:
+    """System prompt, user message and images, as they would be sent."""
+    from palpate.tools import prompt as compose
+
+    prompt = compose(settings)
+    images = [str(path) for path in prompt.images]
+    if as_json:
+        print_json({"system": prompt.system, "user": prompt.user, "images": images})
+        return
+    parts = [part for part in (prompt.system.rstrip(), prompt.user) if part]
+    text = "\n\n".join(parts)
+    if images:
+        text = "\n".join([text, "Attach:", *images])
+    sys.stdout.write(visible(text) + "\n")

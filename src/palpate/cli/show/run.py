@@ -1,0 +1,186 @@
+"""A run's result, and what it falls short of."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Generator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+from palpate.cli.console import err, escape, out, print_json, printing, say
+from palpate.cli.exits import EXIT
+from palpate.cli.show.estimates import show_estimates
+from palpate.cli.show.plan import print_plan, show_notes
+from palpate.display import visible
+
+if TYPE_CHECKING:
+    from palpate.estimation.estimate import Estimate
+    from palpate.execution.runner import Observer
+    from palpate.runs.run import Run
+    from palpate.settings import Settings
+    from palpate.twin.held_out import Motion
+
+
+@contextmanager
+def live_view() -> Generator[tuple[Observer, Callable[[str], None]]]:
+    """The live view on stderr and a way to name the present stage."""
+    from palpate.live.terminal import LiveTree
+
+    with LiveTree(err) as live:
+        yield live, live.progress
+
+
+def confirm_plan(run: Run) -> bool:
+    """Show the plan and ask whether the robot may move; no answer is a no."""
+    import typer
+
+    print_plan(run.plan, err)
+    question = f"Let {visible(str(run.settings.robot))} move? (--yes skips this question)"
+    try:
+        return typer.confirm(question, err=True)
+    except typer.Abort:
+        err.print()
+        return False
+
+
+def warn_of_invented(settings: Settings) -> None:
+    """Say first of all where what will be measured is made up."""
+    if settings.world is None and settings.robot is None and settings.scene is not None:
+        err.print(
+            "[bold yellow]simulated[/] without --robot or --world: what the scene does not know is drawn at "
+            f"random (--seed {settings.seed}), and then measured. No value below is one of a real thing.",
+            soft_wrap=True,
+        )
+
+
+class ValuesFirst:
+    """Prints the values of a run as soon as they are final, while twin, film and report are made.
+
+    Attributes:
+        shown: whether it has done so.
+    """
+
+    def __init__(self, as_json: bool) -> None:
+        self.shown = False
+        self._as_json = as_json
+
+    def __call__(self, run: Run) -> None:
+        """Show the values of `run`; where an object is printed in the end, on stderr, a line each."""
+        if self._as_json:
+            for estimate in run.estimates:
+                say(f"final: {repr(estimate).strip('<>')}")
+            return
+        with printing():
+            _show_values(run)
+        self.shown = True
+
+
+def show_ended(run: Run, as_json: bool, values_shown: bool = False) -> int:
+    """The result on stdout, without its values where these were shown already, and on stderr, a line
+    each, what it falls short of; the exit status."""
+    with printing():
+        show_run(run, as_json, values_shown)
+    for line in run.shortfalls:
+        say(line)
+    kept = f"; what there is, is in '{run.folder}'" if run.folder else ""
+    if run.interrupted is not None:
+        say(f"{run.interrupted}{kept}: `palpate report` finishes it")
+    elif run.status == "aborted" and run.execution is not None:
+        say(f"stopped: {run.execution.stopped_by}{kept}")
+    return EXIT[run.status]
+
+
+def show_run(run: Run, as_json: bool, values_shown: bool = False) -> None:
+    """The result: values with error bars, and where the files are."""
+    from palpate.runs.result import result_json
+
+    if as_json:
+        print_json(result_json(run, run.folder))
+        return
+    if run.status == "rejected":
+        _show_rejection(run)
+    elif run.execution is None:
+        out.print("[bold green]nothing is missing[/]")
+    elif not values_shown:
+        _show_values(run)
+    show_notes(run.plan, out)
+    _show_files(run)
+
+
+def _show_values(run: Run) -> None:
+    _show_measured(run)
+    _show_setbacks(run)
+    _show_world(run)
+
+
+def _show_rejection(run: Run) -> None:
+    out.print("[bold yellow]no plan[/]", escape(run.plan.explanation))
+    for finding in run.findings:
+        out.print(f"  [yellow]{finding.rule}[/] {escape(finding.path)}: {escape(finding.message)}")
+
+
+def _show_measured(run: Run) -> None:
+    if run.estimates:
+        show_estimates(run.estimates, run.truth)
+    else:
+        out.print("[bold red]no estimates[/]: the run ended before any was made")
+    for estimate in run.estimates:
+        _show_precision(run, estimate)
+    _show_held_out(run)
+
+
+def _show_held_out(run: Run) -> None:
+    """How well motions were predicted that nothing was fitted to, a line each."""
+    if run.held_out is None:
+        return
+    for motion in run.held_out.motions:
+        heading, said = "[green]validation agrees[/]", _prediction(motion)
+        if motion.disagreement:
+            said += f". {motion.disagreement}"
+        if not motion.agrees:
+            heading = "[bold red]validation disagrees[/]"
+        out.print(f"{heading} {escape(said)}", soft_wrap=True)
+    for note in run.held_out.notes:
+        out.print(f"[dim]not validated[/] {escape(note)}", soft_wrap=True)
+
+
+def _prediction(motion: Motion) -> str:
+    return (
+        f"{motion.motion}: predicted to {1e3 * motion.rms:.2g} mN·m (χ² {motion.chi2:.0f} of "
+        f"{motion.dof}, p {motion.p:.2g}); by the scene as given to {1e3 * motion.rms_template:.3g} mN·m"
+    )
+
+
+def _show_precision(run: Run, estimate: Estimate) -> None:
+    """What came of the width that was asked."""
+    precision = run.settings.within.precision(estimate)
+    if precision is not None:
+        colour = "yellow" if precision.outcome == "rounds used up" else "green"
+        name, said = escape(str(estimate.parameter)), escape(precision.in_words(estimate.unit))
+        out.print(f"[{colour}]{precision.outcome}[/] {name}: {said}", soft_wrap=True)
+
+
+def _show_setbacks(run: Run) -> None:
+    assert run.execution is not None
+    for setback in run.execution.setbacks:
+        out.print(f"[yellow]went on after[/] {escape(setback)}", soft_wrap=True)
+    if run.execution.stopped_by:
+        out.print(f"[bold red]stopped[/] {escape(run.execution.stopped_by)}", soft_wrap=True)
+
+
+def _show_world(run: Run) -> None:
+    """Values that nothing real stands behind look no different: it is said."""
+    if run.simulated and run.world is not None:
+        out.print(f"[bold yellow]simulated[/] {escape(run.world)}", soft_wrap=True)
+    if run.drawn:
+        out.print("[bold yellow]made up[/] no value above is one of a real thing", soft_wrap=True)
+
+
+def _show_files(run: Run) -> None:
+    from palpate.tools import pictures
+
+    out.print(f"[dim]run folder[/]  {run.folder}", soft_wrap=True)
+    if run.folder:
+        out.print(f"[dim]report[/]      {run.folder / 'report.html'}", soft_wrap=True)
+    possible, remedy = pictures()
+    if not possible:
+        out.print(f"[dim]no pictures[/] {escape(remedy)}", soft_wrap=True)

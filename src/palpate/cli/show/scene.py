@@ -1,0 +1,104 @@
+"""What a scene states and lacks, and the files of a new one."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+from palpate.cli.console import escape, out, print_json
+from palpate.cli.show.layout import Column, print_rows
+from palpate.cli.show.next_step import show_next
+from palpate.runs.reproduce import running
+
+if TYPE_CHECKING:
+    from palpate.api import Scene
+    from palpate.mjcf.body import Body
+    from palpate.scaffold.folder import Scaffold
+
+GAP = (
+    Column("name", style="bold"),
+    Column("role"),
+    Column("missing", words=True),
+    Column("known", words=True, style="dim"),
+    Column("assumed", words=True, style="dim"),
+)
+
+
+def show_gap(scene: Scene, as_json: bool) -> None:
+    """What is known and what is missing, body by body, and what to do about it."""
+    from palpate.settings import Settings
+    from palpate.tools import units
+
+    if as_json:
+        print_json(_gap_json(scene))
+        return
+    if scene.bodies:
+        of = units()
+        print_rows(GAP, [_body_cells(body, of) for body in scene.bodies.values()])
+    else:
+        out.print(
+            "no object and no surface: a body with a free joint is an object, a named body or"
+        )
+        out.print("geom that stands still and carries something is a surface")
+    for remark in scene.remarks:
+        out.print(f"[dim]{escape(remark)}[/]")
+    if scene.missing:
+        show_next("measure what is missing", running(scene.settings(Settings())))
+
+
+def _gap_json(scene: Scene) -> dict[str, Any]:
+    missing: list[dict[str, str]] = []
+    for parameter in scene.missing:
+        missing.append({"object": parameter.object, "quantity": parameter.quantity})
+    return {
+        "missing": missing,
+        "bodies": [_body_json(body) for body in scene.bodies.values()],
+        "remarks": list(scene.remarks),
+    }
+
+
+def _body_json(body: Body) -> dict[str, Any]:
+    return {
+        "name": body.name,
+        "role": body.role,
+        "missing": sorted(body.missing),
+        "assumed": sorted(body.assumed),
+        "known": {quantity: list(values) for quantity, values in body.known.items()},
+    }
+
+
+def _body_cells(body: Body, units: Mapping[str, str]) -> list[str]:
+    known: list[str] = []
+    for quantity, values in body.known.items():
+        words = [quantity, *(f"{value:.4g}" for value in values)]
+        unit = units.get(quantity, "1")
+        if unit != "1":
+            words.append(unit)
+        known.append(" ".join(words))
+    missing = "[green]nothing[/]"
+    if body.missing:
+        missing = f"[bold red]{', '.join(sorted(body.missing))}[/]"
+    return [
+        escape(body.name),
+        body.role,
+        missing,
+        ", ".join(known) or "–",
+        ", ".join(sorted(body.assumed)) or "–",
+    ]
+
+
+def show_scaffold(made: Scaffold, as_json: bool) -> None:
+    """The files of a new scene, and what to do next."""
+    if as_json:
+        files = {"scene": str(made.scene), "poses": str(made.poses)}
+        print_json(files | {"objects": list(made.objects)})
+        return
+    scene = shlex.quote(str(made.scene))
+    out.print(f"wrote {escape(str(made.scene))}", soft_wrap=True)
+    out.print(f"      {escape(str(made.poses))}", soft_wrap=True)
+    out.print("Put a ruler to your table, correct places and sizes in them, then:")
+    out.print(f"  palpate gap {escape(scene)}", soft_wrap=True)
+    if made.objects:
+        question = shlex.quote(f"how heavy is the {made.objects[0].replace('_', ' ')}?")
+        out.print(f"  palpate run --scene {escape(scene)} -r {escape(question)}", soft_wrap=True)

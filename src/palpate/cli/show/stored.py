@@ -1,0 +1,62 @@
+"""What becomes of runs that lie in folders: several fused, a twin handed on."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from palpate.cli.console import escape, out, print_json
+from palpate.cli.show.estimates import COLUMNS, estimate_rows, show_objection
+from palpate.cli.show.layout import Column, print_rows
+
+if TYPE_CHECKING:
+    from palpate.runs.fuse import Fusion
+    from palpate.runs.run import Run
+    from palpate.twin.export.export import Export
+
+
+def show_fusion(fusion: Fusion, as_json: bool) -> None:
+    """What each run says of each parameter, and what they say together."""
+    from palpate.runs.fuse import fusion_json
+
+    if as_json:
+        print_json(fusion_json(fusion, fusion.folder))
+        return
+    rows: list[list[str]] = []
+    for estimate in fusion.estimates:
+        for name, run in zip(fusion.names, fusion.runs, strict=True):
+            for one in run.estimates:
+                if one.parameter == estimate.parameter:
+                    rows += [[*row, escape(name)] for row in estimate_rows(one)]
+        rows += [[*row, "[bold]together[/]"] for row in estimate_rows(estimate)]
+    print_rows([*COLUMNS, Column("by", words=True)], rows)
+    for estimate in fusion.estimates:
+        show_objection(estimate)
+    for line in fusion.left_out:
+        out.print(f"[yellow]left out[/] {escape(line)}", soft_wrap=True)
+    for note in fusion.twin.notes:
+        out.print(f"[dim]note[/] {escape(note)}", soft_wrap=True)
+    if fusion.folder is not None:
+        out.print(f"[dim]twin[/] {fusion.folder / 'twin.xml'}", soft_wrap=True)
+
+
+def show_export(run: Run, export: Export, as_json: bool) -> None:
+    """What became of each estimate, and what else is not as it was."""
+    from palpate.runs.export import export_json
+
+    if as_json:
+        print_json(export_json(run, export) | {"file": str(export.file)})
+        return
+    rows: list[list[str]] = []
+    for estimate in run.estimates:
+        if estimate.parameter in export.held:
+            rows += [[*row, "[green]read back[/]"] for row in estimate_rows(estimate)]
+        elif estimate.parameter in export.lost:
+            lost = f"[yellow]not in {export.format}[/]"
+            rows += [[*row, lost] for row in estimate_rows(estimate)]
+    if rows:
+        print_rows([*COLUMNS, Column("in the file")], rows)
+    else:
+        out.print("no value was measured: nothing of this run had to be written")
+    for note in export.notes:
+        out.print(f"[dim]note[/] {escape(note)}", soft_wrap=True)
+    out.print(f"[dim]{export.format}[/] {export.file}", soft_wrap=True)

@@ -1,0 +1,179 @@
+"""A picture with words in it: names where the scene has its things, the world's axes, and a grid of
+10 cm on the table."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+from PIL import Image, ImageDraw, ImageFont
+
+from palpate.geometry.pose import Array, Pose
+from palpate.pictures.renderer import Pixels
+from palpate.scene.camera import Camera
+
+STEP = 0.1
+"""m between two lines of the grid."""
+LINE, RAISED = 0.0006, 0.0004
+"""m: half the width of a line, and how far it lies above the table."""
+GRID = "palpate_grid"
+INK, HALO = (18, 22, 28), (255, 255, 255)
+AXES = {"x": (196, 30, 34), "y": (22, 130, 52), "z": (28, 84, 196)}
+ARROW = 0.08
+"""m: how long an axis is drawn."""
+TAG = 20
+"""Pixels of a name's letters."""
+
+
+@dataclass(frozen=True, slots=True)
+class Ground:
+    """The part of the table that is looked at: world z, and from where to where, m, in whole steps."""
+
+    z: float
+    low: tuple[float, float]
+    high: tuple[float, float]
+
+    @classmethod
+    def under(cls, points: Array, margin: float = 0.12) -> Ground:
+        """The ground of `points` (n, 3) and `margin` m around."""
+        low, high = points.min(axis=0), points.max(axis=0)
+        west, south = (STEP * np.floor((low[:2] - margin) / STEP)).tolist()
+        east, north = (STEP * np.ceil((high[:2] + margin) / STEP)).tolist()
+        return cls(float(low[2]), (west, south), (east, north))
+
+    def lines(self, axis: int) -> list[float]:
+        """Where the grid's lines across `axis` lie, m."""
+        count = round((self.high[axis] - self.low[axis]) / STEP)
+        return [round(self.low[axis] + STEP * number, 3) for number in range(count + 1)]
+
+    @property
+    def corners(self) -> Array:
+        """(4, 3) m."""
+        (west, south), (east, north) = self.low, self.high
+        flat = [(west, south), (east, south), (east, north), (west, north)]
+        return np.array([[x, y, self.z] for x, y in flat])
+
+
+def ruled(spec: mujoco.MjSpec, ground: Ground) -> None:
+    """Draw the grid on the table of `spec`, in place: things stand before it."""
+    spec.add_material(name=GRID, rgba=[0.10, 0.12, 0.16, 0.55], specular=0.0)
+    middle = (np.array(ground.low) + ground.high) / 2
+    half = (np.array(ground.high) - ground.low) / 2
+    z = ground.z + RAISED
+    for x in ground.lines(0):
+        _line(spec, [x, middle[1], z], [LINE, half[1], LINE / 4])
+    for y in ground.lines(1):
+        _line(spec, [middle[0], y, z], [half[0], LINE, LINE / 4])
+
+
+def _line(spec: mujoco.MjSpec, pos: list[float], size: list[float]) -> None:
+    spec.worldbody.add_geom(
+        type=mujoco.mjtGeom.mjGEOM_BOX,
+        pos=pos,
+        size=size,
+        material=GRID,
+        mass=0.0,
+        contype=0,
+        conaffinity=0,
+    )
+
+
+def camera_of(view: mujoco.MjvCamera, fovy: float, width: int, height: int) -> Camera:
+    """A free camera as a pinhole; `fovy` in degrees."""
+    az, el = np.radians([view.azimuth, view.elevation])
+    forward = np.array([np.cos(el) * np.cos(az), np.cos(el) * np.sin(az), np.sin(el)])
+    right = np.array([np.sin(az), -np.cos(az), 0.0])
+    turn = np.column_stack([right, np.cross(right, forward), -forward])
+    quaternion = np.empty(4)
+    mujoco.mju_mat2Quat(quaternion, turn.ravel())
+    eye = np.array(view.lookat) - view.distance * forward
+    return Camera(Pose(eye, quaternion), float(np.radians(fovy)), width, height)
+
+
+def annotated(pixels: Pixels, camera: Camera, names: Mapping[str, Array], ground: Ground) -> Pixels:
+    """The picture with every name above its place (3,) m, the grid's figures and the axes."""
+    image = Image.fromarray(pixels)
+    draw = ImageDraw.Draw(image)
+    _figures(draw, camera, ground)
+    _axes(draw, camera, ground)
+    for name, (foot, box) in _tags(draw, camera, names, image.size).items():
+        left, top, right, bottom = box
+        draw.line((*foot, (left + right) / 2, bottom), fill=INK, width=2)
+        draw.rounded_rectangle(box, 6, fill=HALO, outline=INK, width=2)
+        middle = ((left + right) / 2, (top + bottom) / 2)
+        draw.text(middle, name, font=_font(TAG), fill=INK, anchor="mm")
+    return np.asarray(image)
+
+
+Box = tuple[float, float, float, float]
+
+
+def _tags(
+    draw: ImageDraw.ImageDraw, camera: Camera, names: Mapping[str, Array], size: tuple[int, int]
+) -> dict[str, tuple[tuple[float, float], Box]]:
+    """For each name the pixel that it points at, and the box that it stands in, none over another."""
+    placed: dict[str, tuple[tuple[float, float], Box]] = {}
+    seen = {name: camera.project(point) for name, point in names.items()}
+    # What is lowest in the picture is nearest: its name is placed first, the others give way upwards.
+    for name, foot in sorted(seen.items(), key=lambda item: -(item[1] or (0, 0))[1]):
+        if foot is None or not (0 <= foot[0] < size[0] and 0 <= foot[1] < size[1]):
+            continue
+        half = draw.textlength(name, font=_font(TAG)) / 2 + 8
+        middle = min(max(foot[0], half + 4), size[0] - half - 4)
+        bottom = foot[1] - 22
+        box = (middle - half, bottom - TAG - 10, middle + half, bottom)
+        while any(_overlap(box, other) for _, other in placed.values()) and box[1] > TAG + 14:
+            box = (box[0], box[1] - 6, box[2], box[3] - 6)
+        placed[name] = (foot, box)
+    return placed
+
+
+def _overlap(one: Box, other: Box) -> bool:
+    beside = one[2] + 4 < other[0] or other[2] + 4 < one[0]
+    above = one[3] + 4 < other[1] or other[3] + 4 < one[1]
+    return not (beside or above)
+
+
+def _figures(draw: ImageDraw.ImageDraw, camera: Camera, ground: Ground) -> None:
+    """Where the grid's lines lie, at their ends that are nearest to the camera."""
+    eye = camera.pose_world_camera.position
+    near = [ground.high[i] if eye[i] > ground.low[i] else ground.low[i] for i in (0, 1)]
+    out = [0.025 if near[i] == ground.high[i] else -0.025 for i in (0, 1)]
+    # The corner that both have is left to neither.
+    for x in ground.lines(0)[:-1]:
+        _write(draw, camera, (x, near[1] + out[1], ground.z), f"x={x:.1f}", AXES["x"])
+    for y in ground.lines(1)[1:]:
+        _write(draw, camera, (near[0] + out[0], y, ground.z), f"y={y:.1f}", AXES["y"])
+
+
+def _axes(draw: ImageDraw.ImageDraw, camera: Camera, ground: Ground) -> None:
+    """The world's directions, at the corner of the ground that is nearest to the arm."""
+    origin = np.array([ground.low[0], ground.low[1], ground.z])
+    start = camera.project(origin)
+    for (name, colour), way in zip(AXES.items(), np.eye(3), strict=True):
+        end = camera.project(origin + ARROW * way)
+        if start is None or end is None:
+            continue
+        draw.line((*start, *end), fill=HALO, width=8)
+        draw.line((*start, *end), fill=colour, width=4)
+        _write(draw, camera, origin + 1.25 * ARROW * way, name, colour)
+
+
+def _write(
+    draw: ImageDraw.ImageDraw,
+    camera: Camera,
+    point: Array | tuple[float, float, float],
+    text: str,
+    colour: tuple[int, int, int],
+) -> None:
+    at = camera.project(np.asarray(point))
+    if at is not None:
+        draw.text(
+            at, text, font=_font(17), fill=colour, anchor="mm", stroke_width=3, stroke_fill=HALO
+        )
+
+
+def _font(size: int) -> ImageFont.FreeTypeFont | ImageFont.ImageFont:
+    return ImageFont.load_default(size=size)

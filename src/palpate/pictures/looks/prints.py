@@ -1,0 +1,180 @@
+"""What is printed, woven or grown on surfaces: small pictures made by arithmetic, the same each
+time."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+from PIL import Image, ImageDraw, ImageFont
+
+from palpate.geometry.pose import Array
+from palpate.pictures.renderer import Pixels
+
+INK, PAPER = (38, 42, 48), (247, 243, 232)
+"""RGB of writing and of what is written on."""
+FACING = 25
+"""degrees: how far a label is turned on, so that its words face the usual camera."""
+
+
+@cache
+def wood(size: int = 512, planks: int = 6) -> Pixels:
+    """Planks with their grain from left to right: shades around white, to be tinted."""
+    random = np.random.default_rng(7)
+    across = np.linspace(0, 1, size)[:, None]
+    bend = 0.10 * noise(random, (4, 3), size) + 0.03 * noise(random, (12, 4), size)
+    rings = np.sin(2 * np.pi * 12 * (across + bend))
+    fibres = noise(random, (size - 1, 14), size)
+    knots = noise(random, (6, 5), size)
+    shade = 0.91 + 0.03 * rings + 0.035 * fibres + 0.03 * knots
+    width = size // planks
+    for plank in range(planks + 1):
+        rows = slice(plank * width, (plank + 1) * width)
+        shade[rows] = np.roll(shade[rows], random.integers(size), axis=1)
+        shade[rows] *= 0.96 + 0.06 * random.random()
+        shade[rows][:2] *= 0.80
+    warm = np.array([1.0, 0.985, 0.96])
+    return _pixels(shade[..., None] * warm)
+
+
+@cache
+def concrete(size: int = 512) -> Pixels:
+    """A swept floor: light, with clouds in it."""
+    random = np.random.default_rng(3)
+    clouds = noise(random, (6, 6), size) + 0.6 * noise(random, (24, 24), size)
+    grains = random.standard_normal((size, size))
+    shade = 0.93 + 0.022 * clouds + 0.012 * grains
+    return _pixels(shade[..., None] * np.array([1.0, 1.0, 0.985]))
+
+
+@cache
+def fabric(size: int = 256) -> Pixels:
+    """A coarse weave, to be tinted."""
+    random = np.random.default_rng(5)
+    row, column = np.indices((size, size))
+    weave = np.sin(2 * np.pi * row / 8) * np.sin(2 * np.pi * column / 8)
+    shade = 0.88 + 0.08 * weave + 0.03 * random.standard_normal((size, size))
+    stripe = (column % 64 < 6) | (row % 64 < 6)
+    return _pixels(np.where(stripe, shade * 0.78, shade)[..., None] * np.ones(3))
+
+
+@cache
+def cardboard(size: int = 256) -> Pixels:
+    """Brown board with a strip of tape, to be tinted."""
+    random = np.random.default_rng(11)
+    shade = 0.92 + 0.05 * noise(random, (size // 2, 4), size)
+    shade += 0.012 * random.standard_normal((size, size))
+    return _pixels(shade[..., None] * np.ones(3))
+
+
+@cache
+def label(words: str, colour: tuple[int, int, int], width: int = 768, height: int = 256) -> Pixels:
+    """A label that goes around a bottle or a tin: a band of colour, and the words three times, so
+    that one shows from every side."""
+    image = Image.new("RGB", (width, height), PAPER)
+    draw = ImageDraw.Draw(image)
+    band = height // 7
+    draw.rectangle((0, 0, width, band), fill=colour)
+    draw.rectangle((0, height - band, width, height), fill=colour)
+    for third in range(3):
+        centre = (width * (2 * third + 1) // 6, height // 2)
+        written(draw, words, centre, (width // 3 - 24, height - 3 * band))
+    return np.roll(np.asarray(image), round(width * FACING / 360), axis=1)
+
+
+@cache
+def carton(words: str, colour: tuple[int, int, int], size: int = 512) -> Pixels:
+    """A printed carton: front with words and a picture at the left, side with lines of small print at
+    the right, lid above."""
+    image = Image.new("RGB", (size, size), colour)
+    draw = ImageDraw.Draw(image)
+    dark = _mixed(colour, 0.72)
+    half, lid = size // 2, size // 5
+    # The front: a paper panel with words, a sun over hills below it.
+    draw.rounded_rectangle((24, lid + 34, half - 24, lid + 190), 18, fill=PAPER)
+    written(draw, words, (half // 2, lid + 112), (half - 84, 124))
+    draw.ellipse((half // 2 - 46, size - 178, half // 2 + 46, size - 86), fill=_mixed(colour, 1.35))
+    draw.pieslice((-60, size - 110, half // 2 + 60, size + 130), 180, 360, fill=dark)
+    draw.pieslice(
+        (half // 2 - 60, size - 84, half + 60, size + 110), 180, 360, fill=_mixed(dark, 0.8)
+    )
+    # The side: a table of figures.
+    draw.rectangle((half, lid, size, size), fill=_mixed(colour, 0.9))
+    draw.rectangle((half + 36, lid + 40, size - 36, size - 60), fill=PAPER)
+    for line in range(lid + 62, size - 84, 22):
+        draw.line((half + 52, line, size - 110, line), fill=INK, width=5)
+        draw.line((size - 88, line, size - 54, line), fill=INK, width=5)
+    # The lid, with the fold of its flaps.
+    draw.rectangle((0, 0, size, lid), fill=_mixed(colour, 1.08))
+    draw.line((0, lid // 2, size, lid // 2), fill=dark, width=4)
+    return np.asarray(image)
+
+
+@cache
+def scale(width: int = 256, height: int = 1024) -> Pixels:
+    """A thermometer's tube: its red column and its degrees, from every side."""
+    image = Image.new("RGB", (width, height), (250, 250, 247))
+    draw = ImageDraw.Draw(image)
+    for side in range(4):
+        middle = width * (2 * side + 1) // 8
+        draw.line((middle, height // 3, middle, height), fill=(200, 30, 34), width=9)
+        for step in range(31):
+            y = round(height * (0.06 + 0.9 * step / 30))
+            long = 14 if step % 5 == 0 else 7
+            draw.line((middle + 9, y, middle + 9 + long, y), fill=INK, width=3)
+    return np.asarray(image)
+
+
+@cache
+def sign(words: str, colour: tuple[int, int, int], width: int = 384, height: int = 256) -> Pixels:
+    """Words on a ground of one colour."""
+    image = Image.new("RGB", (width, height), colour)
+    ink = INK if sum(colour) > 380 else PAPER
+    written(ImageDraw.Draw(image), words, (width // 2, height // 2), (width - 40, height - 40), ink)
+    return np.asarray(image)
+
+
+def written(
+    draw: ImageDraw.ImageDraw,
+    words: str,
+    centre: tuple[int, int],
+    room: tuple[int, int],
+    ink: tuple[int, int, int] = INK,
+) -> None:
+    """Words as large as they fit into `room` (width, height) pixels around `centre`, on one line or
+    one word a line."""
+    if not words:
+        return
+    text, font = max(
+        (_fitted(draw, form, room) for form in (words, words.replace(" ", "\n"))),
+        key=lambda fitted: fitted[1].size if isinstance(fitted[1], ImageFont.FreeTypeFont) else 0,
+    )
+    draw.multiline_text(centre, text, font=font, fill=ink, anchor="mm", align="center", spacing=2)
+
+
+def _fitted(
+    draw: ImageDraw.ImageDraw, text: str, room: tuple[int, int]
+) -> tuple[str, ImageFont.FreeTypeFont | ImageFont.ImageFont]:
+    for size in range(120, 8, -4):
+        font = ImageFont.load_default(size=size)
+        left, top, right, foot = draw.multiline_textbbox((0, 0), text, font=font, spacing=2)
+        if right - left <= room[0] and foot - top <= room[1]:
+            return text, font
+    return text, ImageFont.load_default(size=8)
+
+
+def noise(random: np.random.Generator, cells: tuple[int, int], size: int) -> Array:
+    """(size, size) smooth noise of about unit spread, with so many cells down and across."""
+    coarse = random.standard_normal((cells[0] + 1, cells[1] + 1)).astype(np.float32)
+    smooth = Image.fromarray(coarse).resize((size, size), Image.Resampling.BICUBIC)
+    return np.asarray(smooth, dtype=float)
+
+
+def _mixed(colour: tuple[int, int, int], factor: float) -> tuple[int, int, int]:
+    """Darker below 1, lighter above."""
+    red, green, blue = (min(255, round(value * factor)) for value in colour)
+    return red, green, blue
+
+
+def _pixels(shades: Array) -> Pixels:
+    return (255 * np.clip(shades, 0, 1)).astype(np.uint8)

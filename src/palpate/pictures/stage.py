@@ -1,0 +1,78 @@
+"""A scene as it is drawn: dressed, in its room, and lit. Its configurations are the scene's own."""
+
+from __future__ import annotations
+
+import mujoco
+
+from palpate.geometry.pose import Array
+from palpate.pictures.dress import Looks, dress, looks_in
+from palpate.pictures.framing import extent
+from palpate.pictures.lab import LAB, ROOM, furnish
+
+
+def staged(spec: mujoco.MjSpec, looks: Looks | None = None, *, soft: bool = True) -> mujoco.MjModel:
+    """`spec`, which stays as it is, as a model for pictures: `looks` of its bodies (what the scene
+    itself says of them, unless given), around it the room, where the scene wants it or has neither
+    floor nor light; with `soft` shadows or, in a third of the time, hard ones.
+
+    Raises:
+        InputError: there is no such look.
+    """
+    drawn = spec.copy()
+    worn = looks_in(spec) if looks is None else looks
+    things = loose_things(spec)
+    dress(drawn, worn)
+    if worn.get(ROOM) == LAB or _is_bare(drawn):
+        furnish(drawn, things, soft)
+    else:
+        _light(drawn)
+    return drawn.compile()
+
+
+def loose_things(spec: mujoco.MjSpec) -> Array:
+    """Corners (n, 3), m, of what can move freely, else of everything."""
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    return extent(model, data, free_bodies(model))
+
+
+def free_bodies(model: mujoco.MjModel) -> list[str]:
+    """The names of what can move freely."""
+    joints = range(model.njnt)
+    free = [i for i in joints if model.jnt_type[i] == mujoco.mjtJoint.mjJNT_FREE]
+    return [model.body(int(model.jnt_bodyid[i])).name for i in free]
+
+
+def _is_bare(spec: mujoco.MjSpec) -> bool:
+    """Whether nothing is said of light and floor."""
+    planes = [g for g in spec.worldbody.geoms if g.type == mujoco.mjtGeom.mjGEOM_PLANE]
+    return not (list(spec.lights) or planes or _has_sky(spec))
+
+
+def _has_sky(spec: mujoco.MjSpec) -> bool:
+    textures: list[mujoco.MjsTexture] = list(spec.textures)
+    return any(texture.type == mujoco.mjtTexture.mjTEXTURE_SKYBOX for texture in textures)
+
+
+def _light(spec: mujoco.MjSpec) -> None:
+    """Add what a picture needs and the scene lacks: a sky, a lamp with shadow."""
+    if not _has_sky(spec):
+        spec.add_texture(
+            name="palpate_sky",
+            type=mujoco.mjtTexture.mjTEXTURE_SKYBOX,
+            builtin=mujoco.mjtBuiltin.mjBUILTIN_GRADIENT,
+            rgb1=[0.90, 0.93, 0.96],
+            rgb2=[0.62, 0.70, 0.79],
+            width=128,
+            height=768,
+        )
+    if not list(spec.lights):
+        spec.worldbody.add_light(
+            name="palpate_lamp",
+            pos=[0.6, -0.8, 2.6],
+            dir=[-0.1, 0.3, -1.0],
+            diffuse=[0.6, 0.6, 0.6],
+            specular=[0.2, 0.2, 0.2],
+            castshadow=True,
+        )

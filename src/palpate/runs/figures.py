@@ -1,0 +1,43 @@
+"""Estimates as people read them: a value and its error with as many digits as the error carries."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from palpate.estimation.estimate import Estimate, Verdict, rounded
+
+AXES = {2: ("x", "y"), 3: ("x", "y", "z"), 6: ("xx", "yy", "zz", "xy", "xz", "yz")}
+"""Names of the components of a vector, and of a symmetric tensor in MuJoCo's `fullinertia`
+order."""
+
+
+@dataclass(frozen=True, slots=True)
+class Figure:
+    """One component of an estimate: its name, empty for a scalar, and its numbers as text, all with
+    the same digits after the point."""
+
+    axis: str
+    value: str
+    std: str
+    low: str
+    high: str
+    verdict: Verdict
+
+
+def figures(estimate: Estimate) -> tuple[Figure, ...]:
+    """A figure a component; none where there is no value."""
+    axes = axes_of(len(estimate.value))
+    found: list[Figure] = []
+    for i, axis in enumerate(axes):
+        std = float(estimate.std[i])
+        value, spread = rounded(float(estimate.value[i]), std)
+        low, high = (rounded(bound, std)[0] for bound in estimate.ci95[i].tolist())
+        found.append(Figure(axis, value, spread, low, high, estimate.verdicts[i]))
+    return tuple(found)
+
+
+def axes_of(count: int) -> tuple[str, ...]:
+    """Names of so many components."""
+    if count == 1:
+        return ("",)
+    return AXES.get(count, tuple(str(i + 1) for i in range(count)))

@@ -1,0 +1,194 @@
+"""Did the run acquire exactly what it should? Answered from the execution trace, as in the paper, and
+from what stands in the twin beside the hidden truth."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Collection, Iterable, Iterator, Sequence
+from dataclasses import dataclass
+
+from palpate.estimation.estimate import Estimate
+from palpate.parameter import Parameter
+from palpate.quantities.catalogue import catalogue
+from palpate.runs.run import Run
+from palpate.scenarios.catalogue import Scenario
+from palpate.studies.planners.trials import SUCCESSES, Outcome
+from palpate.trace.recording import Recording
+from palpate.trace.samples import Trace
+
+FAR = 4.0
+"""Stated standard deviations beyond which an identified value is wrong."""
+
+
+@dataclass(frozen=True, slots=True)
+class Judgement:
+    """Whether a trial succeeded, and if not, the first reason."""
+
+    success: bool
+    reason: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Ruling:
+    """What a trial came to, and why it is no success."""
+
+    outcome: Outcome
+    reason: str = ""
+
+    @property
+    def success(self) -> bool:
+        """Whether that is what was to come of it."""
+        return self.outcome in SUCCESSES
+
+
+def rule(run: Run, task: Scenario, looks: bool) -> Ruling:
+    """What a run of a scenario came to: by its trace, and by what stands in its twin beside what is
+    true. `looks`: the planner sees pictures, and so has no excuse where only they tell."""
+    if not run.ready:
+        return _unmoved(run, task, looks)
+    if task.status == "rejected":
+        return Ruling("failed", "the arm moved where nothing can be measured")
+    if task.status == "aborted":
+        return _stopped(run, task)
+    assert run.trace is not None
+    judgement = judge(run.trace, task.expects, task.may_touch)
+    if not judgement.success:
+        return Ruling("failed", judgement.reason)
+    if wrong := next(_errors(run, task.expects), None):
+        return Ruling("failed", wrong)
+    return Ruling("acquired")
+
+
+def is_valid(run: Run) -> bool:
+    """Whether the plan, or the explanation why there is none, passed the check."""
+    if run.findings:
+        return False
+    if run.conversation is None or not run.conversation.rounds:
+        return True
+    return not run.conversation.rounds[-1].findings
+
+
+def _unmoved(run: Run, task: Scenario, looks: bool) -> Ruling:
+    """Nothing was measured: rightly so where nobody could."""
+    if not is_valid(run):
+        findings = [finding.message for finding in run.findings[:3]]
+        return Ruling("failed", ("; ".join(findings) or run.plan.explanation)[:500])
+    if run.plan.satisfied:
+        return Ruling("failed", "it says that nothing is missing")
+    if not task.expects or (task.only_seen and not looks):
+        return Ruling("refused rightly")
+    return Ruling("refused", f"no tree: {run.plan.explanation[:300]}")
+
+
+def _stopped(run: Run, task: Scenario) -> Ruling:
+    """The right plan in a world where it must not be carried through."""
+    if needless := set(run.plan.parameters) ^ set(task.expects):
+        return Ruling("failed", f"what to measure is another: {_listed(needless)}")
+    if run.status != "aborted":
+        return Ruling("failed", f"ended {run.status} where the arm had to stop")
+    named = [estimate.parameter for estimate in run.estimates if estimate.identified]
+    if wrong := next(_errors(run, named), None):
+        return Ruling("failed", wrong)
+    return Ruling("stopped rightly")
+
+
+def _errors(run: Run, expected: Iterable[Parameter]) -> Iterator[str]:
+    """What is wrong with what stands in the twin."""
+    estimates = {estimate.parameter: estimate for estimate in run.estimates}
+    unwritten = run.twin.unwritten if run.twin else ()
+    for parameter in expected:
+        estimate = estimates.get(parameter)
+        if estimate is None or not run.suffices(estimate):
+            yield f"{parameter} is {estimate.verdict if estimate else 'not identified'}"
+            continue
+        if parameter in unwritten:
+            yield f"{parameter} is not in the twin"
+        truth = run.truth.get(parameter)
+        if truth is None:
+            yield f"nobody knows {parameter}"
+        elif (off := _deviations(estimate, truth)) > FAR:
+            yield f"{parameter} is off by {off:.1f} of its standard deviations"
+
+
+def _deviations(estimate: Estimate, truth: Sequence[float]) -> float:
+    """Stated standard deviations of the worst error among the components that are identified."""
+    worst = 0.0
+    for i, verdict in enumerate(estimate.verdicts):
+        error = abs(float(estimate.value[i]) - truth[i])
+        if verdict == "identified" and error > 0.0:
+            std = float(estimate.std[i])
+            worst = max(worst, error / std if std > 0.0 else float("inf"))
+    return worst
+
+
+def judge(
+    trace: Trace, expected: Collection[Parameter], may_touch: Collection[str] = ()
+) -> Judgement:
+    """Success: the right sensing on the right objects, nothing failed or stopped, nothing
+    redundant.
+
+    `may_touch` names objects that may be carried out of the way besides those of `expected`.
+    """
+    objection = next(_objections(trace, expected, may_touch), None)
+    return Judgement(objection is None, objection or "")
+
+
+def _objections(
+    trace: Trace, expected: Collection[Parameter], may_touch: Collection[str]
+) -> Iterator[str]:
+    """What speaks against a success, the gravest first."""
+    for leaf in trace.leaves:
+        if leaf.status != "SUCCESS":
+            yield f"{leaf.label} failed: {leaf.message}"[:300]
+    acquired = Counter(_acquired(trace, expected))
+    if missed := set(expected) - set(acquired):
+        yield f"not acquired: {_listed(missed)}"
+    if needless := set(acquired) - set(expected):
+        yield f"not asked for: {_listed(needless)}"
+    if twice := [parameter for parameter, count in acquired.items() if count > 1]:
+        yield f"acquired more than once: {_listed(twice)}"
+    for node in _unused(trace, expected):
+        yield f"measured without need at {node}"
+    wanted = {parameter.object for parameter in expected}
+    if strangers := _grasped(trace) - wanted - set(may_touch):
+        yield f"touched needlessly: {', '.join(sorted(strangers))}"
+
+
+def _acquired(trace: Trace, expected: Collection[Parameter]) -> Iterator[Parameter]:
+    """What was converted, and the expected derived quantities for which the raw forces were
+    logged."""
+    for conversion in trace.conversions:
+        yield Parameter(conversion.object, conversion.quantity)
+    logged = [(r.buffer, r.context) for r in trace.recordings]
+    for parameter in expected:
+        quantity = catalogue()[parameter.quantity]
+        if quantity.derived and quantity.is_evidenced(parameter, logged):
+            yield parameter
+
+
+def _unused(trace: Trace, expected: Collection[Parameter]) -> Iterator[str]:
+    """Nodes of recordings that neither a conversion nor an expected derived quantity rests on."""
+    converted = {(c.recording.buffer, c.recording.start) for c in trace.conversions}
+    for recording in trace.recordings:
+        is_converted = (recording.buffer, recording.start) in converted
+        if not is_converted and not _is_evidence(recording, expected):
+            yield recording.node
+
+
+def _is_evidence(recording: Recording, expected: Collection[Parameter]) -> bool:
+    """Whether one of the expected derived quantities rests on a recording."""
+    pieces = [catalogue().piece(p, recording.buffer, recording.context) for p in expected]
+    return any(piece is not None for piece in pieces)
+
+
+def _grasped(trace: Trace) -> set[str]:
+    """Every object that was ever held."""
+    held: set[str] = set()
+    for leaf in trace.leaves:
+        if leaf.context and leaf.context.holding:
+            held.add(leaf.context.holding)
+    return held
+
+
+def _listed(parameters: Iterable[Parameter]) -> str:
+    return ", ".join(str(parameter) for parameter in sorted(parameters))

@@ -1,0 +1,61 @@
+"""Which tests take long: they are left out of `make test` and run by `make test-all`.
+
+A test belongs here when it takes more than some seconds on one core: whole runs of large scenarios,
+a real robot's protocol in lockstep, studies over many runs. What they are about is also asserted, for
+smaller cases, by tests that are not here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from fnmatch import fnmatch
+
+import pytest
+
+LONG = (
+    "tests/robots/franky/test_over_the_wire.py::*",
+    "tests/robots/franky/test_faults.py::*",
+    "tests/scenarios/test_catalogue.py::test_a_scenario_ends_as_it_should[[]fifteen_objects]",
+    "tests/scenarios/test_catalogue.py::test_a_scenario_ends_as_it_should[[]clutter]",
+    "tests/scenarios/test_catalogue.py::test_a_scenario_ends_as_it_should[[]from_picture]",
+    "tests/scenarios/test_recorded_plans.py::test_a_recorded_plan_acquires_exactly_what_is_missing*",
+    "tests/test_pipeline.py::test_every_stage_can_start_from_the_folder",
+    "tests/test_pipeline.py::test_same_seed_same_result_bit_for_bit",
+    "tests/execution/test_repetition.py::test_a_value_is_measured_until_it_is_as_narrow_as_asked*",
+    "tests/runs/test_read.py::test_a_scene_that_was_seen_in_a_picture_is_the_one_that_contact_told",
+    "tests/cli/test_stored_runs.py::test_estimates_are_made_anew",
+    "tests/cli/test_models.py::test_bottle_and_table_end_to_end_over_http",
+    "tests/cli/test_models.py::test_the_papers_tables_are_made_and_gone_on_with",
+    "tests/cli/test_models.py::test_a_conversation_is_replayed_without_network",
+    "tests/cli/test_models.py::test_the_answer_of_any_chat_is_checked_and_executed",
+    "tests/cli/test_calibrate.py::test_a_known_weight_makes_masses_right",
+    "tests/studies/test_efficiency.py::test_one_missing_mass_takes_less_than_everything",
+    "tests/studies/test_ablation.py::test_a_plan_that_measures_too_much_is_no_success",
+    "tests/studies/engine/test_cluster.py::*",
+    "tests/examples/test_thermometer.py::test_the_request_is_measured_and_reported",
+    "tests/examples/test_thermometer.py::test_a_thermometer_that_cannot_be_read_ends*",
+    "tests/examples/test_rolling_friction.py::*",
+    "tests/examples/test_programs.py::test_a_program_runs_and_prints_what_it_promises[[]07*",
+    "tests/examples/test_programs.py::test_a_program_runs_and_prints_what_it_promises[[]08*",
+    "tests/examples/test_programs.py::test_a_program_runs_and_prints_what_it_promises[[]09*",
+    "tests/examples/test_programs.py::test_a_program_runs_and_prints_what_it_promises[[]10*",
+    "tests/vocabulary/test_turning.py::test_a_centre_of_mass_is_found_along_gravity",
+    "tests/test_api.py::test_where_the_scenes_file_is_gone_the_measurement_is_still_there",
+    "tests/test_api.py::test_the_same_seed_gives_the_same_run",
+)
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: Sequence[pytest.Item]) -> None:
+    """Mark them; where all tests are collected, a pattern that matches none is an error."""
+    unmatched = set(LONG)
+    for item in items:
+        for pattern in LONG:
+            if fnmatch(item.nodeid, pattern):
+                unmatched.discard(pattern)
+                item.add_marker("long")
+    if unmatched and _everything(config):
+        raise pytest.UsageError(f"tests/conftest.py: no test is called {sorted(unmatched)}")
+
+
+def _everything(config: pytest.Config) -> bool:
+    return config.args_source is pytest.Config.ArgsSource.TESTPATHS and not config.option.keyword

@@ -1,0 +1,37 @@
+"""The documentation: every page is in the site's contents, and what a page links to is there."""
+
+import re
+from pathlib import Path
+
+import pytest
+import yaml
+
+ROOT = Path(__file__).parents[1]
+DOCS = ROOT / "docs"
+GENERATED = {"commands.md", "poses.schema.json"}
+"""Pages that `docs/hooks.py` makes when the site is built."""
+LINK = re.compile(r"\]\(([^)#\s]+)(?:#[^)]*)?\)")
+PAGES = sorted([*DOCS.glob("*.md"), ROOT / "README.md", ROOT / "CONTRIBUTING.md"])
+
+
+def contents(entry: object) -> list[str]:
+    """The pages of the site's navigation."""
+    if isinstance(entry, str):
+        return [entry]
+    inner = entry.values() if isinstance(entry, dict) else entry
+    return [page for one in inner for page in contents(one)]
+
+
+def test_every_page_is_in_the_contents_once() -> None:
+    settings = yaml.safe_load((ROOT / "mkdocs.yml").read_text(encoding="utf-8"))
+    listed = contents(settings["nav"])
+    pages = {page.name for page in DOCS.glob("*.md")} | {"commands.md"}
+    assert sorted(listed) == sorted(pages)
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_what_a_page_links_to_is_there(page: Path) -> None:
+    for target in LINK.findall(page.read_text(encoding="utf-8")):
+        if "://" in target or target in GENERATED:
+            continue
+        assert (page.parent / target).exists(), target
