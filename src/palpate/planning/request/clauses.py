@@ -11,17 +11,17 @@ from typing import Literal
 
 from palpate.planning.request import lexicon
 from palpate.planning.request.item import GRIPPER, Item
-from palpate.planning.request.lexicon import DETERMINERS, EVERY
+from palpate.planning.request.lexicon import DETERMINERS, EVERY, word_set
 from palpate.planning.request.wording import english
 
 Mode = Literal["want", "know", "skip"]
 """What a stretch of the request says of its parameters: wanted, known already, not wanted."""
 
-_PRECISION = frozenset(
-    ["within", "accurate", "accuracy", "precision", "precise", "tolerance", "error", "resolution"]
-)
+_PRECISION = word_set("within accurate accuracy precision precise tolerance error resolution")
 """Words beside an amount that is no value but how well one is to be known."""
-_QUESTIONS = frozenset(["how", "what", "which", "whether", "if"])
+_QUESTIONS = word_set("how what which whether if")
+_ASKING = word_set("is are was were do does did has have can could will would")
+"""Words that ask, where a clause begins with them."""
 _MENTIONS = ("quantity", "unmeasurable", "object", "unknown", "pronoun", "everything")
 """Kinds of items that make up groups; the others only tie them together."""
 _BETWEEN_LISTED = DETERMINERS | EVERY | {"of", "for", "also", "how", "then", "finally", "next"}
@@ -69,9 +69,12 @@ class Clause:
 
     @property
     def selects(self) -> bool:
-        """Whether it asks which of several: "the heaviest", "which box is heavier"."""
+        """Whether it asks which of several: "the heaviest", "which box", "what box is heavier"."""
         words = {word for item in self.items for word in item.words}
-        return "which" in words or not words.isdisjoint(english().superlatives)
+        if "which" in words or not words.isdisjoint(english().superlatives):
+            return True
+        pairs = zip(self.items, self.items[1:], strict=False)
+        return any(item.text == "what" and after.kind == "object" for item, after in pairs)
 
     def between(self, at: int) -> tuple[Item, ...]:
         """What stands between group `at` and the next."""
@@ -171,7 +174,8 @@ def _states_amount(items: Sequence[Item]) -> bool:
     words = {item.text for item in items}
     if not any(item.kind == "amount" for item in items) or any(item.compared for item in items):
         return False
-    return words.isdisjoint(_PRECISION | _QUESTIONS)
+    asked = items[0].text in _ASKING or not words.isdisjoint(_QUESTIONS)
+    return not asked and words.isdisjoint(_PRECISION)
 
 
 def _without_relative_where(items: Sequence[Item]) -> tuple[Item, ...]:

@@ -99,15 +99,18 @@ def ground(request: str, scene: Scene) -> Grounded:
             f"the request has {len(request)} characters; say it in at most {MAX_REQUEST}"
         )
     words = Words(scene)
-    said = words.spelt(tokens(in_english(words.nouns.apart(request), words.nouns.names)))
-    found = located(words.items(said), scene, words.remarks)
+    said = tokens(in_english(words.nouns.apart(request), words.nouns.names))
+    slips = words.slips(said)
+    found = located(words.items([slips.get(word, word) for word in said]), scene)
+    remarks = [f"'{word}' is read as '{meant}'." for word, meant in slips.items()]
+    remarks += [item.remark for item in found if item.remark]
     items, unread = understood(found)
     reading = Reading(Resolver(scene))
     for clause in clauses(items):
         reading.read(clause)
     if not reading.pairs:
         unread += [item.text for item in found if item.kind == "aside"]
-    return _answer(request, reading, words.remarks, unread)
+    return _answer(request, reading, remarks, unread)
 
 
 def _answer(
@@ -122,7 +125,7 @@ def _answer(
     asked: list[Parameter] = []
     for quantity, objects in reading.pairs or reading.aims():
         asked += resolver.parameters(quantity, objects)
-    if not reading.pairs and not asked:
+    if not (reading.pairs or asked or resolver.cannot):
         asked, remark = _unsaid(request, reading, unread)
         read += [remark] if remark else []
     elif any(item.kind == "everything" for item in reading.alone) and reading.pairs:
@@ -157,10 +160,12 @@ def _unsaid(request: str, reading: Reading, unread: Sequence[str]) -> tuple[list
     if unread:
         resolver.not_understood(unread)
     named = reading.fragment and bool(reading.alone)
-    wished = reading.wished or named or bool(quantities)
-    found, remark = resolver.without_quantity(reading.alone, wished)
+    # "The red box has 200 g, what about the blue one?", but not "the mug weighs 300 g".
+    others = bool(quantities) and bool(reading.alone)
+    wished = reading.wished or named or others
+    found, remark = resolver.without_quantity(reading.alone, wished, reading.at_large)
     if quantities and found and not reading.wished:
-        # "Everything but the boxes should be weighed": what is said of the boxes is said of all.
+        # What is said of the boxes is said of all.
         found = [parameter for parameter in found if parameter.quantity in quantities]
     if not (found or remark or resolver.cannot):
         unknown = [item.text for item in reading.alone if _is_unknown(item)]

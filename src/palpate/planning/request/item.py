@@ -41,6 +41,7 @@ class Item:
         plural: it means all of `names`.
         fitting: all bodies that its words fit, also those that its exact name rules out.
         compared: it compares things: "heavier", "the same weight".
+        remark: how it was read, where that is not quite what was said.
     """
 
     kind: Kind
@@ -49,6 +50,7 @@ class Item:
     plural: bool = False
     fitting: tuple[str, ...] = ()
     compared: bool = False
+    remark: str = ""
 
     @property
     def text(self) -> str:

@@ -10,7 +10,7 @@ def word_set(text: str) -> frozenset[str]:
     return frozenset(text.split())
 
 
-def _by_word(labelled: Mapping[str, str]) -> dict[str, str]:
+def by_word(labelled: Mapping[str, str]) -> dict[str, str]:
     """Each word to the label that it stands under."""
     labels: dict[str, str] = {}
     for label, words in labelled.items():
@@ -43,7 +43,7 @@ _NOT_FELT = {
     "transparency": "transparency transparent",
     "sharpness": "sharp sharpness",
 }
-UNMEASURABLE = _by_word(_NOT_FELT)
+UNMEASURABLE = by_word(_NOT_FELT)
 """Properties people ask for that no touch of this arm can tell, by the words they use."""
 
 ADJECTIVES = word_set(
@@ -68,7 +68,7 @@ PASSIVE = word_set("is are was were be been being get gets")
 # Nouns that fit any object, any surface, the hand itself.
 
 OBJECT_NOUNS = word_set("object thing item body")
-SURFACE_NOUNS = frozenset(("surface",))
+SURFACE_NOUNS = word_set("surface")
 GRIPPER_NOUNS = word_set("gripper hand arm robot")
 
 # What stands for something said elsewhere.
@@ -117,6 +117,7 @@ UNITS = (
 # Each pattern is replaced in the order given, before the words are told apart.
 
 MARKS: tuple[tuple[str, str], ...] = (
+    (r"\b(what|who|where|there|here)'s\b", r"\1 is"),
     (r"\bnothing (?:but|except|other than)\b", " only "),
     (
         r"([^,.;:?!]*?)\b(?:(?:must|should|may|shall|can|is|are) not (?:to )?be \w+|(?:is|are) (?:off limits|taboo)|"
@@ -126,10 +127,16 @@ MARKS: tuple[tuple[str, str], ...] = (
     ),
     (
         r"\b(?:do|does|did|can|could) (?:you|anyone|anybody|somebody|someone|the robot) know\b|"
+        r"\b(?:must|should|shall) (?:i|we|one) (?:get to )?know\b|"
         r"\b(?:so|that|until|when) (?:i|we) (?:can )?know\b",
         " §want ",
     ),
     (r"\b(?:have|got|has) ([^,.;:?!]{1,40}?) already\b", r" §know \1 §want "),
+    (
+        r"\b(?:have|has|had) already been (?:weigh|measured?|determined?|tested|probed)\b",
+        " §was_known ",
+    ),
+    (r"\b(?:have|has|had) already (?:weigh|measured?|determined?|tested|probed)\b", " §know "),
     (
         r"\bleav(?:e|ing) ((?:\w+ ){1,6}?)(?:alone|in peace|be|out|where it is|as it is)\b",
         r" §neg \1 §want ",
@@ -142,6 +149,10 @@ MARKS: tuple[tuple[str, str], ...] = (
     (
         r"\bwhere (?:[\w' ]{0,30}?)\b(?:does|do|will|would|can|could) (.+?) balances?\b",
         r" where is the balance point of \1 ",
+    ),
+    (
+        r"\bpoint (?:where|(?:at|on|in) which) ((?:the|my|our|this|that) [\w ]+?) balances?\b",
+        r" balance point of \1 ",
     ),
     (r"\b(\d+(?:[.,]\d+)?) *(?:" + UNITS + r")(?!\w)", " §amount "),
     (r"\b(?:do|does|did) not (?:need|want|wish)(?: to)?(?: know| measure)?", " §neg "),

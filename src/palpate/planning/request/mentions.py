@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from palpate.planning.request import lexicon, spelling
 from palpate.planning.request.item import EDGE, Item
-from palpate.planning.request.lexicon import COLOURS, DETERMINERS, EVERY, STOP
+from palpate.planning.request.lexicon import COLOURS, DETERMINERS, EVERY, STOP, word_set
 from palpate.planning.request.nouns import Nouns
 from palpate.planning.request.tokens import singulars
 from palpate.planning.request.wording import english, longest
@@ -23,37 +23,32 @@ class Words:
 
     Attributes:
         nouns: of its bodies.
-        remarks: how words were read that are not quite what was said.
     """
 
     def __init__(self, scene: Scene) -> None:
         self.nouns = Nouns(scene)
-        self.remarks: list[str] = []
         several = [own for own in self.nouns.named if len(own) > 1]
         self._long_names = sorted(several, key=len, reverse=True)
         self._phrases = _phrases()
         self._relations = longest(english().relations)
 
-    def spelt(self, tokens: Sequence[str]) -> list[str]:
-        """The tokens, those that mean nothing as what they are a slip of."""
+    def slips(self, tokens: Sequence[str]) -> dict[str, str]:
+        """What those tokens that mean nothing are a slip of."""
         known = self.nouns.names | {word for phrase in self._phrases for word in phrase}
         known = {word for word in known - lexicon.WEAK if len(word) >= spelling.SHORTEST}
-        return [self._spelt(token, known) for token in tokens]
-
-    def _spelt(self, token: str, known: set[str]) -> str:
-        if not known.isdisjoint(singulars(token)) or self._means_something(token):
-            return token
-        found = spelling.meant(token, known)
-        if found is None:
-            return token
-        self.remarks.append(f"'{token}' is read as '{found}'.")
+        found: dict[str, str] = {}
+        for token in tokens:
+            if known.isdisjoint(singulars(token)) and not self._means_something(token):
+                meant = spelling.meant(token, known)
+                if meant is not None:
+                    found[token] = meant
         return found
 
     def _means_something(self, token: str) -> bool:
         if token in _SMALL or not token.isalpha() or self.nouns.known(token):
             return True
         forms = {*singulars(token), *_infinitives(token)}
-        return not (_MEANT | _FILLERS).isdisjoint(forms)
+        return not _READ.isdisjoint(forms)
 
     def items(self, tokens: Sequence[str]) -> list[Item]:
         """The request as items, in order."""
@@ -164,20 +159,39 @@ class Words:
     def _mention(self, tokens: Sequence[str], at: int, before: Sequence[Item]) -> Item | None:
         """The longest run of words that together fit some body; adjectives never stand apart from
         their noun."""
-        if tokens[at] in STOP and not (_is_determined(before) or self._owns(tokens, at)):
+        if tokens[at] in STOP and not self._is_noun(tokens, at, before):
             return None
         run = self._run(tokens[at:])
         if not run:
             return None
-        several = _is_every(before) or not self.nouns.singular(run[-1])
+        several = self._is_every(before) or not self.nouns.singular(run[-1])
         collective = run[-1] in english().collective
         plural = (several or collective) and not _is_one_of(before)
         names = self.nouns.matching(run, several)
         fitting = self.nouns.fitting(run)
+        remark = ""
         if names and not fitting and names[0] in self.nouns.own:
-            said = " and ".join(f"'{name}'" for name in names)
-            self.remarks.append(f"'{' '.join(run)}' is taken for {said}.")
-        return Item("object" if names else "unknown", run, names, plural, fitting or names)
+            remark = f"'{' '.join(run)}' is taken for {_quoted(names)}."
+        elif plural and self.nouns.is_kind(run[-1]):
+            remark = f"'{' '.join(run)}' are taken to be {_quoted(names)}."
+        kind = "object" if names else "unknown"
+        return Item(kind, run, names, plural, fitting or names, remark=remark)
+
+    def _is_noun(self, tokens: Sequence[str], at: int, before: Sequence[Item]) -> bool:
+        """Whether a small word names a thing: "the can", "tool and can", but not "can you"."""
+        return _is_determined(before) or self._owns(tokens, at) or _is_listed(before, tokens, at)
+
+    def _is_every(self, before: Sequence[Item]) -> bool:
+        """Whether the words just before say "all of them": "every tool", "every tool and can"."""
+        if _is_list_of_things(before):
+            first = before[-2]
+            return first.plural and self.nouns.singular(first.words[-1])
+        for item in reversed(before):
+            if item.text in EVERY:
+                return True
+            if item.kind != "stop" or item.text not in DETERMINERS | {"of"}:
+                return False
+        return False
 
     def _owns(self, tokens: Sequence[str], at: int) -> bool:
         """Whether a property comes right after: "shelf height and can mass"."""
@@ -206,7 +220,9 @@ class Words:
         deed = next((form for form in _infinitives(word) if form in _DEEDS), None)
         if word in said.tying:
             return Item("stop", (word,))
-        if deed is not None and not _is_noun_here(before, (*tokens, "")[at + 1]):
+        if deed is not None and _is_noun_here(before, (*tokens, "")[at + 1]):
+            return Item("word", (word,))
+        if deed is not None:
             return Item("deed", (word,), (deed,))
         if word in said.selecting and self.nouns.known((*tokens, "")[at + 1]):
             return Item("selector", (word,), (said.selecting[word],))
@@ -252,25 +268,8 @@ _MEANT = (
     | COLOURS
 )
 _DEEDS = english().deeds | english().handling
-_SAYING = frozenset(
-    [
-        "is",
-        "are",
-        "was",
-        "were",
-        "be",
-        "been",
-        "being",
-        "get",
-        "gets",
-        "how",
-        "if",
-        "whether",
-        "has",
-        "have",
-        "had",
-    ]
-)
+_READ = _MEANT | _FILLERS
+_SAYING = lexicon.PASSIVE | word_set("how if whether has have had")
 """Words before an adjective that says something of a thing."""
 
 
@@ -321,14 +320,19 @@ def _counts(synonym: str, tokens: Sequence[str], at: int) -> bool:
     return synonym not in lexicon.WEAK or following[0] == "of"
 
 
-def _is_every(before: Sequence[Item]) -> bool:
-    """Whether the words just before say "all of them"."""
-    for item in reversed(before):
-        if item.text in EVERY:
-            return True
-        if item.kind != "stop" or item.text not in DETERMINERS | {"of"}:
-            return False
-    return False
+def _is_list_of_things(before: Sequence[Item]) -> bool:
+    return len(before) > 1 and before[-1].kind == "list" and before[-2].kind == "object"
+
+
+def _is_listed(before: Sequence[Item], tokens: Sequence[str], at: int) -> bool:
+    """Whether a word is the last of a list of things, and nothing follows that it could do."""
+    following = (*tokens, ".")[at + 1]
+    ends = following in ".,;:?!" or following in lexicon.LIST or following.startswith("§")
+    return ends and _is_list_of_things(before)
+
+
+def _quoted(names: Sequence[str]) -> str:
+    return " and ".join(f"'{name}'" for name in names)
 
 
 def _is_one_of(before: Sequence[Item]) -> bool:
@@ -367,8 +371,9 @@ def _compared(items: Sequence[Item]) -> list[Item]:
         before = items[i - 1].text if i else ""
         after = [following.text for following in items[i + 1 : i + 3]]
         after = [text for text in after if text != "the"]
-        degrees = english().degrees - {"as"}
-        if before in english().degrees or (after and after[0] in {*degrees, "same"}):
+        degrees = {*english().degrees, "same"} - {"as"}
+        alike = after[:2] in (["as", "much"], ["as", "little"])
+        if before in english().degrees or alike or not degrees.isdisjoint(after[:1]):
             found[i] = replace(item, compared=True)
     return found
 

@@ -53,6 +53,11 @@ class Nouns:
             return True
         return any(_ends(own, form) for own in self._names for form in forms)
 
+    def is_kind(self, word: str) -> bool:
+        """Whether `word` is a kind of things, and in no name."""
+        forms = singulars(word)
+        return self._names.isdisjoint(forms) and not english().kinds.keys().isdisjoint(forms)
+
     def singular(self, word: str) -> bool:
         """Whether `word` is no plural: it is said so of something itself."""
         alike = word in self._said_of_any or word in frozenset[str]().union(*english().same)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 
 from palpate.planning.request.clauses import Clause
 from palpate.planning.request.item import Item
-from palpate.planning.request.lexicon import PASSIVE
+from palpate.planning.request.lexicon import PASSIVE, word_set
 from palpate.planning.request.resolver import Resolver
 from palpate.planning.request.wording import english
 
@@ -15,41 +15,8 @@ Objects = tuple[Item, ...]
 
 _EVERYTHING = Item("everything", ("everything",))
 _SIMULATING = ("simulat", "model", "twin")
-_OF_FRAGMENTS = frozenset(
-    [
-        "the",
-        "a",
-        "an",
-        "this",
-        "that",
-        "these",
-        "those",
-        "my",
-        "our",
-        "both",
-        "all",
-        "each",
-        "of",
-        "'s",
-    ]
-)
-_ASIDE = frozenset(
-    [
-        "when",
-        "if",
-        "while",
-        "before",
-        "after",
-        "how",
-        "what",
-        "which",
-        "because",
-        "since",
-        "that",
-        "where",
-        "until",
-    ]
-)
+_OF_FRAGMENTS = word_set("the a an this that these those my our both all each of 's")
+_ASIDE = word_set("when if while before after how what which because since that where until")
 """Words before a deed that is told of and not asked for."""
 
 
@@ -64,7 +31,8 @@ class Reading:
         spoken: the objects of every group so far, which "it" may mean.
         commands: deeds that the robot is asked to do.
         simulated: deeds that are to be simulated, and with what.
-        wished: whether anything is said to be missing, or to be found out.
+        wished: whether anything is said to be missing, or to be found out. at_large: whether that
+            is said in a clause that names no object.
         fragment: whether nothing but objects is named so far.
     """
 
@@ -78,6 +46,7 @@ class Reading:
     commands: list[Item] = field(default_factory=list[Item])
     simulated: list[tuple[Item, Objects]] = field(default_factory=list[tuple[Item, Objects]])
     wished: bool = False
+    at_large: bool = False
     fragment: bool = True
 
     def read(self, clause: Clause) -> None:
@@ -154,6 +123,7 @@ class Reading:
         for at, item in enumerate(clause.items):
             if not english().wishes.isdisjoint(item.words):
                 self.wished = True
+                self.at_large = self.at_large or not clause.groups
             if item.kind in ("stop", "deed", "unmeasurable", "unknown"):
                 self.fragment = self.fragment and item.text in _OF_FRAGMENTS
             simulating = simulating or item.text.startswith(_SIMULATING)
@@ -165,12 +135,17 @@ class Reading:
                 self.commands.append(item)
 
     def _done_to(self, clause: Clause, at: int) -> Objects:
-        """What the deed at item `at` is done to: the objects after it, else those before it."""
+        """What the deed at item `at` is done to: the objects right after it, "push the mug", else
+        those before it, "the mug is pushed", "the mug slides off the table"."""
         passive = at > 0 and clause.items[at - 1].text in PASSIVE
         for group in clause.groups:
-            if group.start > at and not passive and not group.of_quantities:
+            if group.start < at or passive or group.of_quantities:
+                continue
+            between = clause.items[at + 1 : group.start]
+            if not any(item.kind == "stop" and item.names for item in between):
                 return group.named or self._last_spoken()
-        return self._last_spoken()
+        before = [group.named for group in clause.groups if group.end < at and group.named]
+        return before[-1] if before else self._last_spoken()
 
     def _pair(self, quantity: Item, objects: Objects, wanted: bool) -> None:
         if wanted:

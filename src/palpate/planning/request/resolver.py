@@ -51,11 +51,15 @@ class Resolver:
 
     def _meant(self, id: str, objects: Sequence[Item]) -> str:
         """The quantity that a word means of `objects`: the height of a crate is part of its size."""
-        elsewhere = self.catalogue[id].elsewhere if id in self.catalogue else ""
-        names = [name for item in objects for name in item.names]
-        if not elsewhere or any(self._carries(name, id) for name in names):
+        if id not in self.catalogue:
             return id
-        return elsewhere if any(self._carries(name, elsewhere) for name in names) else id
+        elsewhere = self.catalogue[id].elsewhere
+        if not elsewhere or self._any_carries(objects, id):
+            return id
+        return elsewhere if self._any_carries(objects, elsewhere) else id
+
+    def _any_carries(self, objects: Sequence[Item], id: str) -> bool:
+        return any(self._carries(name, id) for item in objects for name in item.names)
 
     def can_have(self, objects: Sequence[Item], quantity: Item) -> bool:
         """Whether one of `objects` can have `quantity`."""
@@ -82,9 +86,11 @@ class Resolver:
                 excluded += _each(names, id)
         return excluded
 
-    def without_quantity(self, alone: Sequence[Item], wished: bool) -> tuple[list[Parameter], str]:
+    def without_quantity(
+        self, alone: Sequence[Item], wished: bool, at_large: bool = False
+    ) -> tuple[list[Parameter], str]:
         """What a request means that names objects, a wish or "everything", but no quantity, and how
-        it was read.
+        it was read. `at_large`: the wish is not for the objects that it names.
 
         Raises:
             InputError: it names only objects that the scene does not have. PlanRejected: one of
@@ -101,9 +107,14 @@ class Resolver:
         mentioned: list[str] = []
         for item in alone:
             mentioned += self._chosen(item, None)
-        if mentioned:
-            return self._missing_of(list(dict.fromkeys(mentioned)), list(self.scene.missing))
-        return self.everything()
+        if not mentioned or (at_large and self._holds_all(mentioned)):
+            return self.everything()
+        return self._missing_of(list(dict.fromkeys(mentioned)), list(self.scene.missing))
+
+    def _holds_all(self, names: Sequence[str]) -> bool:
+        """Whether these are where everything stands: "a model of my desk" is one of all on it."""
+        surfaces = self.scene.surfaces
+        return all(name in surfaces for name in names) and len(surfaces) == len(set(names))
 
     def everything(self) -> tuple[list[Parameter], str]:
         """All that the scene misses, and that this is how it was read."""

@@ -6,8 +6,8 @@ its left.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from palpate.errors import PlanRejected
 from palpate.geometry.pose import Array
 from palpate.mjcf.body import Body
 from palpate.planning.request.item import Item
-from palpate.planning.request.lexicon import DETERMINERS, EVERY, EVERYTHING, PASSIVE
+from palpate.planning.request.lexicon import DETERMINERS, EVERY, PASSIVE
 from palpate.planning.request.wording import english
 from palpate.scene.scene import Scene
 
@@ -25,6 +25,9 @@ TOUCHING = 0.02
 """m: what stands no farther above a top stands on it."""
 NEARER = 0.8
 """One of several stands beside a thing where its distance is less than this of the next one's."""
+LEVEL = 0.001
+"""m: of two things, neither is the nearest where their distances differ by less; scenes state places
+in millimetres."""
 LARGER = 1.1
 """One of several is the large one where it is larger than the next by this."""
 
@@ -32,40 +35,58 @@ _AROUND = DETERMINERS | EVERY | {"that", "which"}
 _VIEWS = ("left", "right")
 
 
-def located(items: Sequence[Item], scene: Scene, remarks: list[str]) -> list[Item]:
+@dataclass(frozen=True, slots=True)
+class Landmark:
+    """What is said of where a thing stands: how, to which things, and at which item that ends."""
+
+    relation: str
+    marks: tuple[Item, ...]
+    end: int
+
+    def bodies(self, scene: Scene) -> list[Body]:
+        """The things themselves."""
+        return _bodies(scene, (name for mark in self.marks for name in mark.names))
+
+
+def located(items: Sequence[Item], scene: Scene) -> list[Item]:
     """The items; things that are named by where they stand are those things, and what they stand
     beside is not asked about.
 
     Raises:
         PlanRejected: nothing stands there, or it cannot be told which does.
     """
-    found = list(_selected(items, scene, remarks))
-    at = len(found) - 1
-    while at >= 0:
-        span = _landmark(found, at)
-        if span is not None and found[at].kind == "deed":
-            del found[at + 1 : span[2] + 1]
-        elif span is not None:
-            relation, marks, end = span
-            found[at : end + 1] = [_placed(found[at], relation, marks, scene, remarks)]
-        at -= 1
+    found = list(_selected(items, scene))
+    for at in range(len(found) - 1, -1, -1):
+        landmark = _landmark(found, at)
+        if landmark is None:
+            continue
+        placed = [found[at]]
+        if found[at].kind != "deed":
+            placed = [_placed(found[at], landmark, scene)]
+        found[at : landmark.end + 1] = placed
     return found
 
 
-def _selected(items: Sequence[Item], scene: Scene, remarks: list[str]) -> Iterator[Item]:
+def _selected(items: Sequence[Item], scene: Scene) -> Iterator[Item]:
     """The items; "the left box" is that of the boxes which stands farthest to the left."""
     for before, item in zip([None, *items], items, strict=False):
         if item.kind == "selector":
             continue
         several = item.kind == "object" and not item.plural and len(item.fitting) > 1
-        if before is not None and before.kind == "selector" and several:
-            bodies = [scene.bodies[name] for name in item.fitting]
-            chosen = _extreme(before.names[0], bodies, scene, before.text, item.text)
-            if before.names[0] in _VIEWS:
-                remarks.append(f"'{before.text}' is as the robot sees it.")
-            yield replace(item, names=(chosen,), fitting=(chosen,))
-        else:
+        if before is None or before.kind != "selector" or not several:
             yield item
+            continue
+        place = before.names[0]
+        chosen = _extreme(place, _bodies(scene, item.fitting), scene, before.text, item.text)
+        yield replace(item, names=(chosen,), fitting=(chosen,), remark=_as_seen(before.text, place))
+
+
+def _as_seen(said: str, relation: str) -> str:
+    return f"'{said}' is as the robot sees it." if relation in _VIEWS else ""
+
+
+def _bodies(scene: Scene, names: Iterable[str]) -> list[Body]:
+    return [scene.bodies[name] for name in names if name in scene.bodies]
 
 
 def _extreme(place: str, bodies: Sequence[Body], scene: Scene, said: str, noun: str) -> str:
@@ -105,29 +126,24 @@ _EXTREMES: Mapping[str, Callable[[Body, Scene], float]] = {
 }
 
 
-def _landmark(items: Sequence[Item], at: int) -> tuple[str, tuple[Item, ...], int] | None:
-    """What is said of where item `at` stands: the relation, to which things, and where that ends."""
-    done = items[at].kind == "deed" and at > 0 and items[at - 1].text in PASSIVE
-    if not (done or _may_stand(items[at])):
+def _landmark(items: Sequence[Item], at: int) -> Landmark | None:
+    """What is said of where item `at` stands."""
+    if not (_is_done(items, at) or _may_stand(items[at])):
         return None
-    i = at + 1
-    while i < len(items) and items[i].text in english().tying:
-        i += 1
-    if i >= len(items) or items[i].kind != "stop" or not items[i].names:
+    way = at + 1
+    while way < len(items) and items[way].text in english().tying:
+        way += 1
+    if way >= len(items) or items[way].kind != "stop" or not items[way].names:
         return None
-    relation = items[i].names[0]
-    marks: list[Item] = []
-    end = i
-    for k in range(i + 1, len(items)):
-        if items[k].kind == "object":
-            marks.append(items[k])
-            end = k
-            if relation != "between" or len(marks) == 2:
-                break
-        elif items[k].text not in _AROUND and not (marks and items[k].kind == "list"):
-            break
-    wanted = 2 if relation == "between" and not any(mark.plural for mark in marks) else 1
-    return (relation, tuple(marks), end) if len(marks) == wanted else None
+    relation = items[way].names[0]
+    marks, end = _marks(items, way + 1, 2 if relation == "between" else 1)
+    two = relation == "between" and not any(mark.plural for mark in marks)
+    return Landmark(relation, marks, end) if len(marks) == 1 + two else None
+
+
+def _is_done(items: Sequence[Item], at: int) -> bool:
+    """Whether item `at` is something done to a thing: "is pushed over the table"."""
+    return items[at].kind == "deed" and at > 0 and items[at - 1].text in PASSIVE
 
 
 def _may_stand(item: Item) -> bool:
@@ -136,37 +152,46 @@ def _may_stand(item: Item) -> bool:
     return item.kind == "object" and bool(item.names)
 
 
-def _placed(
-    item: Item, relation: str, marks: Sequence[Item], scene: Scene, remarks: list[str]
-) -> Item:
-    """The item as the things that it names and that stand so."""
-    landmarks = [
-        scene.bodies[name] for mark in marks for name in mark.names if name in scene.bodies
-    ]
-    taken = {body.name for body in landmarks}
-    everything = item.kind != "object"
-    candidates = list(scene.objects) if everything else list(item.names)
-    rest = [scene.bodies[name] for name in candidates if name in scene.bodies]
-    rest = [body for body in rest if body.name not in taken]
-    if relation in _STANDING and len(candidates) == 1 and not everything:
+def _marks(items: Sequence[Item], start: int, most: int) -> tuple[tuple[Item, ...], int]:
+    """The first `most` things from item `start` on, with nothing else between, and where they end."""
+    marks: list[Item] = []
+    end = start
+    for at in range(start, len(items)):
+        item = items[at]
+        if item.kind == "object":
+            marks.append(item)
+            end = at
+        elif item.text not in _AROUND and not (marks and item.kind == "list"):
+            break
+        if len(marks) == most:
+            break
+    return tuple(marks), end
+
+
+def _placed(item: Item, landmark: Landmark, scene: Scene) -> Item:
+    """The item as the things that it names and that stand so.
+
+    Raises:
+        PlanRejected: nothing does, or it cannot be told which does.
+    """
+    anything = item.kind != "object"
+    if len(item.names) == 1 and landmark.relation in _STANDING:
         return item
-    if relation in _STANDING:
-        found = _standing(relation, rest, landmarks)
-    elif len(rest) <= 1 and not everything:
-        found = rest
-    else:
-        found = _beside(relation, rest, landmarks, scene)
-    if relation in _VIEWS and len(rest) > 1:
-        remarks.append(f"'{relation}' is as the robot sees it.")
+    marks = landmark.bodies(scene)
+    rest = _bodies(scene, scene.objects if anything else item.names)
+    rest = [body for body in rest if all(body is not mark for mark in marks)]
+    found, remark = rest, ""
+    if landmark.relation in _STANDING:
+        found = _standing(landmark.relation, rest, marks)
+    elif anything or len(rest) > 1:
+        found, remark = _beside(landmark.relation, rest, marks, scene)
     if not found:
-        said = " and ".join(f"'{mark.text}'" for mark in marks)
-        raise PlanRejected(f"no '{item.text}' of this scene is {_SAID[relation]} {said}")
+        said = " and ".join(f"'{mark.text}'" for mark in landmark.marks)
+        raise PlanRejected(f"no '{item.text}' of this scene is {_SAID[landmark.relation]} {said}")
     names = tuple(body.name for body in found)
-    several = item.plural or (everything and item.text in EVERYTHING | EVERY)
-    return Item("object", item.words, names, several or everything, names)
+    return Item("object", item.words, names, anything or item.plural, names, remark=remark)
 
 
-_STANDING = ("on", "under", "in", "off", "over")
 _SAID = {
     "on": "on",
     "off": "on",
@@ -174,6 +199,7 @@ _SAID = {
     "under": "under",
     "in": "in",
     "beside": "beside",
+    "nearest": "nearest to",
     "left": "left of",
     "right": "right of",
     "behind": "behind",
@@ -182,24 +208,23 @@ _SAID = {
 }
 
 
-def _standing(relation: str, rest: Sequence[Body], landmarks: Sequence[Body]) -> list[Body]:
-    """Those of the rest that stand on the landmarks, also by way of others, in them or under them."""
-    if relation == "under":
-        return [body for body in rest if any(_on(mark, body) for mark in landmarks)]
-    if relation == "in":
-        return [body for body in rest if any(_in(body, mark) for mark in landmarks)]
-    found: list[Body] = []
-    below = list(landmarks)
-    while below:
-        carried = {name for body in below for name in body.carries}
-        on = [b for b in rest if b.name in carried or any(_on(b, other) for other in below)]
-        below = [body for body in on if body not in found]
-        found += below
-    return found
+def _standing(relation: str, rest: Sequence[Body], marks: Sequence[Body]) -> list[Body]:
+    """Those of the rest that stand so to one of the marks."""
+    stands = _STANDING[relation]
+    return [body for body in rest if any(stands(body, mark, rest) for mark in marks)]
+
+
+def _is_upon(body: Body, mark: Body, others: Sequence[Body]) -> bool:
+    """Whether one stands on the other, also by way of others."""
+    if _on(body, mark):
+        return True
+    return any(_on(body, other) and _is_upon(other, mark, others) for other in others)
 
 
 def _on(upper: Body, lower: Body) -> bool:
-    """Whether one stands on the other."""
+    """Whether one stands right on the other."""
+    if upper.name in lower.carries:
+        return True
     x, y = _middle(upper)[:2]
     near = abs(upper.bottom_z() - lower.top_z()) < TOUCHING
     return upper is not lower and near and lower.covers(x, y)
@@ -212,31 +237,49 @@ def _in(inner: Body, outer: Body) -> bool:
     return inner is not outer and between and outer.covers(x, y)
 
 
+_STANDING: Mapping[str, Callable[[Body, Body, Sequence[Body]], bool]] = {
+    "on": _is_upon,
+    "off": _is_upon,
+    "over": _is_upon,
+    "under": lambda body, mark, _: _on(mark, body),
+    "in": lambda body, mark, _: _in(body, mark),
+}
+
+
 def _middle(body: Body) -> Array:
     """Of its box, in the world, m."""
     return body.pose_world.rotation @ body.centre + body.pose_world.position
 
 
 def _beside(
-    relation: str, rest: Sequence[Body], landmarks: Sequence[Body], scene: Scene
-) -> list[Body]:
-    """That of the rest which stands so, the nearest where several do.
+    relation: str, rest: Sequence[Body], marks: Sequence[Body], scene: Scene
+) -> tuple[list[Body], str]:
+    """That of the rest which stands so, the nearest where several do, and how it was told.
 
     Raises:
         PlanRejected: two are about as near.
     """
-    mark = np.mean([_in_base(body, scene) for body in landmarks], axis=0)
-    apart = [(_in_base(body, scene) - mark, body) for body in rest]
-    so = [(float(np.linalg.norm(way[:2])), body) for way, body in apart if _SIDES[relation](way)]
+    middle = np.mean([_in_base(mark, scene) for mark in marks], axis=0)
+    ways = [(_in_base(body, scene) - middle, body) for body in rest]
+    so = [(float(np.hypot(*way[:2])), body) for way, body in ways if _SIDES[relation](way)]
     so.sort(key=lambda one: one[0])
-    if len(so) > 1 and so[0][0] > NEARER * so[1][0]:
-        names = " or ".join(f"'{body.name}'" for _, body in so[:2])
-        raise PlanRejected(f"{_SAID[relation]} it may stand {names}; name one")
-    return [body for _, body in so[:1]]
+    found = [body for _, body in so[:1]]
+    if len(so) < 2:
+        return found, _as_seen(relation, relation)
+    (first, nearest), (second, other) = so[:2]
+    told_apart, remark = first < NEARER * second, _as_seen(relation, relation)
+    if relation == "nearest":
+        told_apart = second - first > LEVEL
+        remark = f"The nearest is '{nearest.name}', by {1e3 * (second - first):.0f} mm."
+    if told_apart:
+        return found, remark
+    names = f"'{nearest.name}' or '{other.name}'"
+    raise PlanRejected(f"{_SAID[relation]} it may stand {names}; name one")
 
 
 _SIDES: Mapping[str, Callable[[Array], bool]] = {
     "beside": lambda way: True,
+    "nearest": lambda way: True,
     "between": lambda way: True,
     "left": lambda way: bool(way[1] > APART),
     "right": lambda way: bool(way[1] < -APART),

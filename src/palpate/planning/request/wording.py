@@ -9,6 +9,7 @@ from importlib.resources import files
 from typing import Any
 
 from palpate.files.plain_yaml import plain_yaml
+from palpate.planning.request.lexicon import by_word, word_set
 
 LANGUAGES = ("de", "es", "fr", "it")
 """Besides English."""
@@ -70,14 +71,14 @@ def english() -> English:
     for quantities, verbs in said["purposes"].items():
         purposes |= dict.fromkeys(verbs.split(), tuple(quantities.split()))
     sets = ("collective", "superlatives", "degrees", "than", "tying", "deeds", "handling", "states")
-    words = {name: _set(said[name]) for name in (*sets, "harmless", "aside", "nouns", "wishes")}
+    words = {name: word_set(said[name]) for name in (*sets, "harmless", "aside", "nouns", "wishes")}
     return English(
         turned=_phrases(said["turned"]),
-        compared=_by_word(said["compared"]),
+        compared=by_word(said["compared"]),
         relations=relations,
-        selecting=_by_word(said["selecting"]),
-        kinds={kind: _set(members) for kind, members in said["kinds"].items()},
-        same=tuple(_set(line) for line in said["same"]),
+        selecting=by_word(said["selecting"]),
+        kinds={kind: word_set(members) for kind, members in said["kinds"].items()},
+        same=tuple(word_set(line) for line in said["same"]),
         purposes=purposes,
         **words,
     )
@@ -89,32 +90,17 @@ def language(code: str) -> Language:
     said = _read(code)
     endings = tuple(said["endings"].split())
     compounds = bool(said.get("compounds", False))
-    return Language(_set(said["tells"]), _phrases(said["turned"]), endings, compounds)
+    return Language(word_set(said["tells"]), _phrases(said["turned"]), endings, compounds)
 
 
 def _read(code: str) -> dict[str, Any]:
-    text = (
-        files("palpate.planning.request")
-        .joinpath("words", f"{code}.yaml")
-        .read_text(encoding="utf-8")
-    )
+    file = files("palpate.planning.request").joinpath("words", f"{code}.yaml")
+    text = file.read_text(encoding="utf-8")
     return plain_yaml(text, f"words of '{code}'")
-
-
-def _set(text: str) -> frozenset[str]:
-    return frozenset(text.split())
 
 
 def _phrases(turned: Mapping[str, str]) -> dict[Phrase, Phrase]:
     return {tuple(phrase.split()): tuple(said.split()) for phrase, said in turned.items()}
-
-
-def _by_word(labelled: Mapping[str, str]) -> dict[str, str]:
-    """Each word to the label that it stands under."""
-    labels: dict[str, str] = {}
-    for label, words in labelled.items():
-        labels |= dict.fromkeys(words.split(), label)
-    return labels
 
 
 def longest(table: Iterable[Phrase]) -> int:
