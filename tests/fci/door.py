@@ -104,8 +104,8 @@ class Door:
         return [*pose.position.tolist(), *pose.quaternion.tolist()]
 
     def counts(self) -> dict[str, Any]:
-        """Cycles in all and in command, those lost, ms of a processor that one took, the mode, and
-        the largest force so far, N, mean of 5 ms."""
+        """Cycles in all and in command, those lost, ms of a processor that one took, the mode, the
+        largest force so far, N, mean of 5 ms, and the fastest that any object went down, m/s."""
         robot, server = self._bench.robot, self._bench.server
         return {
             "cycles": server.cycles,
@@ -114,6 +114,7 @@ class Door:
             "ms": 1e3 * server.seconds / max(server.cycles, 1),
             "mode": robot.mode.name,
             "peak": self._bench.sensing.peak,
+            "fell": self._bench.plant.fell,
         }
 
     def touching(self) -> float:

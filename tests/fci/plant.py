@@ -24,7 +24,7 @@ class Plant(World):
     Attributes:
         q, dq: (7,) rad, rad/s, true. motor: (7,) N m that the motors exerted. link: (7,) N m behind
             the gears. contact: (7,) N m that contacts exert at the joints.
-        cycles: how many there were.
+        cycles: how many there were. fell: m/s, the fastest that any object went down so far.
     """
 
     def __init__(
@@ -49,7 +49,13 @@ class Plant(World):
         self._armature = self.model.dof_armature[self._v].copy()
         self.link, self.ddq = self.true_gravity_torque(), np.zeros(7)
         self._before = np.zeros(7)
+        self.fell, self._sinking = 0.0, self._vertical()
         mujoco.mj_forward(self.model, self._data)
+
+    def _vertical(self) -> list[int]:
+        """Where the vertical velocities of free objects stand in `qvel`."""
+        free = self.model.jnt_type == mujoco.mjtJoint.mjJNT_FREE
+        return (self.model.jnt_dofadr[free] + 2).tolist()
 
     @property
     def compensated(self) -> Array:
@@ -72,6 +78,8 @@ class Plant(World):
         self._before[:] = self.dq
         self._substeps()
         self.cycles += 1
+        for i in self._sinking:
+            self.fell = max(self.fell, -float(data.qvel[i]))
         self.ddq = (self.dq - self._before) / TIMESTEP
         self.link = self.motor - self._armature * self.ddq
         if self.cycles % BLOCK == 0:
