@@ -46,9 +46,7 @@ def main() -> int:
     return int(any(row["exit"] != 0 or row["lost"] for row in rows))
 
 
-def carried_out(
-    out: Path, name: str, seeds: range, one: Callable[[int, Path], Row]
-) -> list[Row]:
+def carried_out(out: Path, name: str, seeds: range, one: Callable[[int, Path], Row]) -> list[Row]:
     """The rows of all seeds, those of earlier calls among them."""
     file = out / f"{name}.jsonl"
     lines = file.read_text().splitlines() if file.exists() else []
@@ -92,12 +90,12 @@ def table(rows: list[Row]) -> str:
 
 def fault_table(rows: list[Row]) -> str:
     """A line a run."""
-    lines = ["seed fault         at s  exit  end s  fall m/s  said"]
+    lines = ["seed fault          at s  exit  end s  work s  fall m/s  said"]
     for row in rows:
         wrong = "".join(f" WRONG: {what}" for what in row["wrong"])
         lines.append(
             f"{row['seed']:4} {row['fault']:13} {row['at']:4.1f}  {row['exit']:4} {row['end']:6.2f} "
-            f"{row['fell']:9.2f}  {row['said'][:90]}{wrong}"
+            f"{row['work']:7.2f} {row['fell']:9.2f}  {row['said'][:90]}{wrong}"
         )
     return "\n".join(lines)
 

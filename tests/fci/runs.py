@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import resource
 import subprocess
 import sys
 import time
@@ -30,11 +31,13 @@ class Ended:
 
     Attributes:
         exit: its status. told: what it wrote to stderr. seconds: of wall time that it took.
+        processor: s of one that it took.
     """
 
     exit: int
     told: str
     seconds: float
+    processor: float
 
 
 def command(name: str, bench: Served, folder: Path) -> list[str]:
@@ -49,9 +52,11 @@ def command(name: str, bench: Served, folder: Path) -> list[str]:
     return words
 
 
-def ran(words: list[str], meanwhile: Callable[[subprocess.Popen[str]], None] | None = None) -> Ended:
+def ran(
+    words: list[str], meanwhile: Callable[[subprocess.Popen[str]], None] | None = None
+) -> Ended:
     """What came of a command line; `meanwhile` is called while it runs."""
-    began = time.perf_counter()
+    began, used = time.perf_counter(), _processor()
     environment = {**os.environ, "PYTHONPATH": str(ROOT / "src"), "OMP_NUM_THREADS": "1"}
     process = subprocess.Popen(
         words,
@@ -65,7 +70,19 @@ def ran(words: list[str], meanwhile: Callable[[subprocess.Popen[str]], None] | N
     if meanwhile is not None:
         meanwhile(process)
     _, told = process.communicate(timeout=PATIENCE)
-    return Ended(process.returncode, told, time.perf_counter() - began)
+    return Ended(process.returncode, told, time.perf_counter() - began, _processor() - used)
+
+
+def _processor() -> float:
+    """s of a processor that processes took which this one waited for."""
+    waited = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return waited.ru_utime + waited.ru_stime
+
+
+def processor_of(pid: int) -> float:
+    """s of a processor that a running process took (Linux)."""
+    fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
 def measured(name: str, noise: str, seed: int, folder: Path) -> dict[str, Any]:

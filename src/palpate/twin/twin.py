@@ -102,7 +102,7 @@ def build_twin(
     replay: Replay | None = None,
 ) -> Twin:
     """Inject what was measured, then check that the result rests and, where there is a `trace` and a
-    `replay`, that it behaves as recorded."""
+    `replay`, that it behaves as recorded. Where nothing was measured, there is nothing to compare."""
     written = _written(estimates)
     made = complete(scene, written, {estimate.parameter for estimate in estimates})
     notes = (*_remarks(estimates), *made.notes)
@@ -120,7 +120,7 @@ def build_twin(
     )
     try:
         twin = scene_from_text(made.texts, scene, _measured_places(scene, written))
-        marks = validate(twin, scene, trace, replay)
+        marks = validate(twin, scene, trace, replay if written else None)
     except PalpateError as error:
         return replace(unmarked, notes=(*notes, f"the twin was not simulated: {error}"))
     return replace(unmarked, validation=marks, scene=twin)

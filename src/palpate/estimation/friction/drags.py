@@ -214,11 +214,18 @@ def _drags(trace: Trace, load: Load, felt: Feeling) -> Iterator[Drag]:
     )
     step = np.gradient(samples.target_world_tcp[:, :3], samples.t, axis=0)
     horizontal = np.linalg.norm(step[:, :2], axis=1)
-    level = np.abs(step[:, 2]) < tuning.DRAG_SLOPE * horizontal
+    # Soft springs are lowered steeply to press; what counts is how level the hand itself goes.
+    level = np.abs(_climbing(samples)) < tuning.DRAG_SLOPE * horizontal
     low = samples.pose_world_tcp[:, 2] < floor + tuning.DOWN
     for rows in runs(load.loaded & low & (horizontal > tuning.DRAG_SPEED) & level):
         if rows.stop - rows.start > tuning.DRAG_ROWS:
             yield _drag(samples, rows, step[:, :2], hanging, ways, free)
+
+
+def _climbing(samples: Samples) -> Array:
+    """(n,) m/s upwards, measured."""
+    size = max(1, round(tuning.BLOCK / float(np.median(np.diff(samples.t)))))
+    return np.gradient(smoothed(samples.pose_world_tcp[:, 2], size), samples.t)
 
 
 def _wander(samples: Samples, felt: Feeling, load: Load, floor: float) -> Array:
