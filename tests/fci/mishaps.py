@@ -95,7 +95,7 @@ def faulted(seed: int, folder: Path) -> dict[str, Any]:
         fate = _fate(bench, name)
         truth = None if fate is None else bench.ask("truth", name=f"{OBJECT}.mass")
     end, work = 0.0, 0.0
-    if striker.at is not None and 0 not in fault.exits:
+    if striker.at is not None and ended.exit != 0:
         end, work = over - striker.at, ended.processor - striker.used
     row = {
         "fault": name,

@@ -92,6 +92,19 @@ def test_independent_of_direction(bench, noises, goal):
     assert found.value[0] == pytest.approx(DYNAMIC, abs=2e-3)
 
 
+def test_soft_springs_are_lowered_steeply_and_the_hand_goes_level_all_the_same(bench, noises):
+    """800 N/m: the command of the same slide dives by 20 mm on 50."""
+    stiff = drag(bench, noises["lab"], 1)
+    target = stiff.samples.target_world_tcp.copy()
+    pressed = stiff.samples.pose_world_tcp[:, 2] - target[:, 2]
+    target[:, 2] -= 4.0 * np.maximum(pressed, 0.0)
+    soft = replace(stiff, samples=replace(stiff.samples, target_world_tcp=target))
+    found = estimate_friction(soft, PARAMETER, None)
+    again = estimate_friction(stiff, PARAMETER, None)
+    assert found.value[0] == pytest.approx(again.value[0], abs=1e-3)
+    assert found.std[0] == pytest.approx(again.std[0], rel=0.1)
+
+
 def test_nothing_dragged_nothing_known(weighing, noises):
     trace = weighing(0.254, noises["none"])
     found = estimate_friction(trace, PARAMETER, None)

@@ -53,6 +53,20 @@ def test_rigid_surface(bench, noises, world, tolerance):
         assert "soft onset" not in found.parts
 
 
+def test_an_arm_that_nobody_has_gauged_says_so_and_what_to_do(bench, noises):
+    b = bench(noises["lab"], 0)
+    b.go("table_approach", (0.5, 0.0, 0.32))
+    b.convert("Pose2Height", "table", "height", b.descend(rigid, "table"))
+    known, unknown = (
+        estimate_height(b.trace(replace(HAND, tip_offset_std=std)), HEIGHT, None)
+        for std in (2e-4, 5e-3)
+    )
+    assert "gauge" not in known.method
+    assert "known to ± 10 mm (95 %)" in unknown.method
+    assert "calibrate --gauge" in unknown.method
+    assert unknown.std[0] == pytest.approx(5e-3, rel=0.01)
+
+
 def test_penetration_is_corrected(bench, noises):
     found = probe(bench, noises["none"], rigid)
     assert found.parts["penetration"].value == pytest.approx(8.0 / 4e4, rel=0.1)

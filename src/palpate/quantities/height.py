@@ -24,6 +24,7 @@ from palpate.mjcf.shapes import RESTING
 from palpate.parameter import Parameter
 from palpate.quantities.evidence import Evidence
 from palpate.quantities.quantity import Prior, Quantity, Status, Values
+from palpate.trace.recording import Hand
 from palpate.trace.samples import POSE, Trace
 
 UNIT = "m"
@@ -215,7 +216,7 @@ def estimate_height(trace: Trace, parameter: Parameter, body: Body | None) -> Es
         UNIT,
         plane.height,
         float(np.hypot(plane.std, trace.hand.tip_offset_std)),
-        _method(found, plane),
+        _method(found, plane) + _ungauged(plane, trace.hand),
         tuple(touch.recording for touch in found),
         parts=_parts(found, plane),
         tests=tuple(_tests(found, plane)),
@@ -250,6 +251,17 @@ def _parts(found: Sequence[Touch], plane: Plane) -> dict[str, Part]:
     if plane.tilt is not None:
         parts["tilt"] = Part(*plane.tilt, "rad")
     return parts
+
+
+def _ungauged(plane: Plane, hand: Hand) -> str:
+    """What to do where the touches know more than the arm does."""
+    tip = hand.tip_offset_std
+    if tip < tuning.UNGAUGED or tip < plane.std:
+        return ""
+    return (
+        f" The arm's own height is known to ± {2e3 * tip:.0f} mm (95 %), as of one that nobody has "
+        "calibrated: touch something of known height (palpate calibrate --gauge)."
+    )
 
 
 def _method(found: Sequence[Touch], plane: Plane) -> str:

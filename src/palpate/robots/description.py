@@ -21,6 +21,7 @@ from palpate.robots.reflex import Reflex, Reflexes
 from palpate.robots.sheet import (
     FILE,
     Accuracy,
+    Hardware,
     Pace,
     ParallelHand,
     Reach,
@@ -86,8 +87,8 @@ class RobotDescription:
             owner is told.
         accuracy: what the maker states.
         reach: where the arm works well. postures: where the inverse kinematics looks.
-        stiffness, pace: defaults of the controller and of commanded motions. hardware: the
-            springs of a real arm, None where they are the same.
+        stiffness, pace: defaults of the controller and of commanded motions. hardware: what a real
+            arm has else, None where that is nothing.
         sensors: how its joint torque signals deviate.
         end_effector: what the last joint carries, where somebody weighed it.
         config: what was measured of this very arm; it is in the other attributes already. told: the
@@ -110,7 +111,7 @@ class RobotDescription:
     pace: Pace
     sensors: Sensors
     postures: tuple[Array, ...]
-    hardware: Stiffness | None = None
+    hardware: Hardware | None = None
     end_effector: EndEffector | None = None
     config: RobotConfig | None = None
     told: RobotDescription | None = None
@@ -151,11 +152,18 @@ class RobotDescription:
         return replace(self, pace=self.pace.model_copy(update=slower))
 
     def real(self) -> RobotDescription:
-        """The same arm as it is where it is not simulated; springs that its owner set stay."""
-        set_by_hand = self.config is not None and self.config.stiffness is not None
-        if set_by_hand or self.hardware is None:
+        """The same arm as it is where it is not simulated: on a real one's springs, and as far from
+        its drawings as one is that nobody has calibrated; what its owner set or measured stays."""
+        hardware, config = self.hardware, self.config
+        if hardware is None:
             return self
-        return replace(self, stiffness=self.hardware)
+        stiffness, nominal = hardware.stiffness, self.nominal
+        if config is not None and config.stiffness is not None:
+            stiffness = config.stiffness
+        measured = config is not None and config.tip_offset is not None
+        if not measured and hardware.tip_offset_std is not None:
+            nominal = replace(nominal, tip_offset_std=hardware.tip_offset_std)
+        return replace(self, stiffness=stiffness, nominal=nominal)
 
     def spec(self, gravity: Array | None = None) -> mujoco.MjSpec:
         """An editable copy of the arm's model, its options those of every world it is put in."""
@@ -207,7 +215,7 @@ def read_description(folder: Path, name: str, known: Mapping[str, Path]) -> Robo
         pace=sheet.pace,
         sensors=sheet.sensors,
         postures=sheet.postures,
-        hardware=None if sheet.hardware is None else sheet.hardware.stiffness,
+        hardware=sheet.hardware,
     )
 
 

@@ -172,10 +172,16 @@ class Stiffness(Section):
 
 
 class Hardware(Section):
-    """What a real arm has else than a simulated one: springs that a control loop at 1 kHz keeps
-    stable, and that give way to a person."""
+    """What a real arm has else than a simulated one.
+
+    Attributes:
+        stiffness: of springs that a control loop at 1 kHz keeps stable, and that give way to a person.
+        tip_offset_std: m, by how much the pads' end may stand higher or lower than the drawings say,
+            on an arm that nobody has calibrated; None where it is the datasheet's.
+    """
 
     stiffness: Stiffness
+    tip_offset_std: Size | None = None
 
 
 class Cautious(Section):

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
 import palpate as pp
 from palpate.cells.simulated import simulated_cell
+from palpate.robots.owner.registered import own_arm
 from palpate.scene.scene import with_real_arm
 from palpate.stages import perform
 
@@ -33,5 +35,15 @@ def test_two_kilograms_are_lifted_and_set_down_on_800_newtons_a_metre() -> None:
 def test_springs_that_somebody_set_stay() -> None:
     arm = pp.load(DESK.format(mass="")).arm
     assert arm.hardware is not None
-    assert arm.real().stiffness == arm.hardware
+    assert arm.real().stiffness == arm.hardware.stiffness
     assert replace(arm, hardware=None).real().stiffness == arm.stiffness
+
+
+def test_a_real_arm_knows_its_height_as_well_as_somebody_has_measured_it(tmp_path: Path) -> None:
+    """10 mm in z are reported of arms as they come (libfranka issue 198)."""
+    assert own_arm("fr3", False, None).nominal.tip_offset_std == 2e-4
+    assert own_arm("fr3", False, None, real=True).nominal.tip_offset_std == 5e-3
+    measured = tmp_path / "robot.yaml"
+    measured.write_text("tip_offset: {value: 0.0091, std: 0.00004}\n")
+    arm = own_arm("fr3", False, measured, real=True)
+    assert arm.real().nominal.tip_offset_std == 4e-5

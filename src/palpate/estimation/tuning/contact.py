@@ -165,6 +165,10 @@ REACH = 0.5
 """m from the base to where an arm touches: what leans by an angle is off there by as much in height, and an
 arm whose owner says that its fingertips are off by more leans by more. Sensitive: no."""
 
+UNGAUGED = 1e-3
+"""m (1 sigma) from which an arm's own height is that of one which nobody has calibrated: a datasheet
+states 0.2 mm, a gauge block tells it to less than 0.1. Sensitive: no."""
+
 EASED = 5e-4
 """m by which the hand was told to rise again where what it pressed with was eased. Sensitive: no."""
 

@@ -86,9 +86,10 @@ def _computer(address: Address) -> Iterator[Line]:
         f"{kernel} is none: install a PREEMPT_RT kernel (Ubuntu: linux-image-realtime), or give "
         "?realtime=ignore and expect lost cycles"
     )
-    if not good and not address.realtime:
+    if not address.realtime:
         remedy = f"{kernel} is none, which this address does not ask for"
-    yield Line(good, "realtime kernel", kernel if good else remedy)
+    detail = kernel if good else remedy
+    yield Line(good or not address.realtime, "realtime kernel", detail)
     most = os.sched_get_priority_max(os.SCHED_FIFO)
     allowed = _priority()
     detail = f"up to {allowed} of {most}"
@@ -120,6 +121,7 @@ def _arm(session: Session, arm: RobotDescription, pose_world_base: Pose) -> Iter
     yield _room(np.array(state.q), arm)
     yield _end_effector(state, arm)
     yield _tcp(state, arm, pose_world_base)
+    yield _tip(arm)
     yield _weight(session, state, arm, pose_world_base)
 
 
@@ -163,6 +165,15 @@ def _tcp(state: Any, arm: RobotDescription, pose_world_base: Pose) -> Line:
     except InputError as error:
         return Line(False, "TCP", str(error))
     return Line(True, "TCP", f"{1e3 * away:.2f} mm from the description's")
+
+
+def _tip(arm: RobotDescription) -> Line:
+    """How well the height of the fingertips is known."""
+    std = arm.real().nominal.tip_offset_std
+    detail = f"their height is known to ± {2e3 * std:.1f} mm"
+    if arm.config is None or arm.config.tip_offset is None:
+        detail += ", not measured on this arm: palpate calibrate --gauge HEIGHT"
+    return Line(True, "fingertips", detail)
 
 
 def _weight(session: Session, state: Any, arm: RobotDescription, pose_world_base: Pose) -> Line:
