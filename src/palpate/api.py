@@ -20,7 +20,7 @@ from palpate.cells.cell import Cell
 from palpate.cells.simulated import simulated_cell
 from palpate.display import table
 from palpate.estimation.estimate import Estimate
-from palpate.execution.recovery import OnFailure
+from palpate.execution.recovery import OnFailure, Resume, nobody
 from palpate.pipeline import Confirm, Measured, Progress, quiet, unasked, unheard
 from palpate.planning.check.check import Finding
 from palpate.planning.model.session import ModelSettings
@@ -458,6 +458,7 @@ def run_settings(
     progress: Progress = quiet,
     confirm: Confirm = unasked,
     measured: Measured = unheard,
+    may_resume: Resume = nobody,
 ) -> Run:
     """The run that settings describe, as the command line has them, into a run folder. `measured` is
     shown the run as soon as its values are final.
@@ -466,7 +467,9 @@ def run_settings(
         InputError: bad input; nothing is planned then. Unavailable: planner or robot out of reach.
         ExecutionAborted: a real robot was not allowed to move.
     """
-    return _run_of(pipeline.run(settings, observer, progress, confirm, measured))
+    return _run_of(
+        pipeline.run(settings, observer, progress, confirm, measured, may_resume)
+    )
 
 
 def finish(folder: str | Path, progress: Progress = quiet) -> Run:

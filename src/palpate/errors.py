@@ -5,6 +5,7 @@
     ├── PlanRejected        no plan exists for the request, or none passed the check
     ├── ExecutionAborted    the robot stopped, or was not allowed to move
     └── Unavailable         a planner's provider, or a robot, is out of reach
+        └── Stopped         a robot was stopped, and a person has to let it go on
 
 A message names the thing, lists the valid choices where there are any, and says what to do. It names
 arguments as they are written in Python, `scene=D.xml`; the command line makes flags of them.
@@ -33,6 +34,10 @@ class ExecutionAborted(PalpateError):
 
 class Unavailable(PalpateError):
     """A planner's provider, or a robot, could not be reached or used."""
+
+
+class Stopped(Unavailable):
+    """A robot that something, or somebody, stopped: a person has to see to it, and let it go on."""
 
 
 def unknown_name(kind: str, name: str, valid: Iterable[str], hint: str = "") -> InputError:

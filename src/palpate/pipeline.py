@@ -16,9 +16,11 @@ from typing import TYPE_CHECKING, TypeVar
 from palpate import stages
 from palpate.cells.cell import Cell
 from palpate.errors import ExecutionAborted, InputError
+from palpate.execution.recovery import Resume, nobody
 from palpate.interrupt import interrupts
 from palpate.planning.check.check import Finding
 from palpate.planning.planner import Planner
+from palpate.robots.robot import Remembering
 from palpate.runs.folder import (
     check_writable,
     default_folder,
@@ -68,6 +70,7 @@ def run(
     progress: Progress = quiet,
     may_move: Confirm = unasked,
     measured: Measured = unheard,
+    may_resume: Resume = nobody,
 ) -> Run:
     """From settings to a finished run folder.
 
@@ -83,7 +86,15 @@ def run(
         scene = load(settings)
         progress("planning")
         made = plan(settings, scene)
-    return carry_out(made, observer, progress, may_move, folder=folder, measured=measured)
+    return carry_out(
+        made,
+        observer,
+        progress,
+        may_move,
+        folder=folder,
+        measured=measured,
+        may_resume=may_resume,
+    )
 
 
 def carry_out(
@@ -94,8 +105,10 @@ def carry_out(
     cell: Cell | None = None,
     folder: Path | None = None,
     measured: Measured = unheard,
+    may_resume: Resume = nobody,
 ) -> Run:
-    """From a plan to a finished run, kept in `folder` while it grows, or in memory alone.
+    """From a plan to a finished run, kept in `folder` while it grows, or in memory alone. `may_resume` is
+    asked where a real robot was stopped.
 
     A signal ends it: while executing in a controlled stop, after which what was measured is still
     made something of; else where it stands. What fails once something has moved is one of the run's
@@ -117,7 +130,9 @@ def carry_out(
         made = replace(made, world=cell.description, simulated=cell.simulated)
         keeper = Keeper(folder, signals)
         made = keeper.begin(made, request_json(made.settings))
-        made = keeper.executed(partial(_executed, cell, observer, progress, keeper), made)
+        made = keeper.executed(
+            partial(_executed, cell, observer, progress, keeper, may_resume), made
+        )
         with _filming(made) as film:
             return _finished(made, keeper, progress, cell, film, _unfailing(measured))
 
@@ -263,20 +278,26 @@ def execute(
     observer: Observer | None = None,
     progress: Progress = quiet,
     keep: Keep | None = None,
+    may_resume: Resume = nobody,
 ) -> Run:
-    """From a plan to a trace; `keep` writes it down meanwhile."""
-    robot = stages.robot_of(cell)
+    """From a plan to a trace; `keep` writes it down meanwhile. `may_resume` is asked where a real robot
+    was stopped."""
+    robot, before = stages.robot_of(cell, may_resume)
     progress(f"executing on the {'simulated' if cell.simulated else 'real'} robot")
     policy, within = made.settings.on_failure, made.settings.within
     plan, scene, real = made.plan, made.scene, not cell.simulated
-    done = stages.perform(plan, scene, robot, observer, policy, keep, within, progress, real)
+    done = stages.perform(
+        plan, scene, robot, observer, policy, keep, within, progress, real, may_resume
+    )
+    ending = Ending.of(done)
     return replace(
         made,
         world=cell.description,
         simulated=cell.simulated,
-        execution=Ending.of(done),
+        execution=replace(ending, setbacks=(*before, *ending.setbacks)),
         final_state=done.final_state,
         recorded=done.trace,
+        black_box=robot.black_box() if isinstance(robot, Remembering) else None,
         footage=stages.footage_of(cell),
     )
 
@@ -378,9 +399,14 @@ def reopen(folder: Path) -> Run:
 
 
 def _executed(
-    cell: Cell, observer: Observer | None, progress: Progress, keeper: Keeper, made: Run
+    cell: Cell,
+    observer: Observer | None,
+    progress: Progress,
+    keeper: Keeper,
+    may_resume: Resume,
+    made: Run,
 ) -> Iterator[Run]:
-    made = execute(made, cell, observer, progress, keeper.samples)
+    made = execute(made, cell, observer, progress, keeper.samples, may_resume)
     keeper.trace(made)
     yield made
 

@@ -14,10 +14,10 @@ from palpate.cells.cell import Cell, Close
 from palpate.cells.registry import drivers
 from palpate.cells.simulated import SEEN_TOLERANCE, SIZE_TOLERANCE, simulated_cell
 from palpate.cells.view import image_files
-from palpate.errors import InputError, PalpateError, PlanRejected, Unavailable
+from palpate.errors import InputError, PalpateError, PlanRejected, Stopped, Unavailable
 from palpate.estimation.estimate import Estimate
 from palpate.execution.part import part_of
-from palpate.execution.recovery import OnFailure
+from palpate.execution.recovery import OnFailure, Resume, confirmed, nobody
 from palpate.interrupt import interrupts
 from palpate.parameter import Parameter
 from palpate.planning.check.check import Finding, check
@@ -28,6 +28,7 @@ from palpate.planning.symbolic.planner import requested
 from palpate.quantities.estimators import estimate_all, failed
 from palpate.quantities.precision.within import Within
 from palpate.robots.owner.registered import require_same
+from palpate.robots.robot import Recoverable, Robot
 from palpate.runs.read import require_own_version
 from palpate.runs.run import Ending, Run
 from palpate.scene.from_picture import DetectedScene, SceneBuilder
@@ -44,7 +45,6 @@ if TYPE_CHECKING:
 
     from palpate.execution.runner import Execution, Keep, Observer
     from palpate.pictures.footage import Footage
-    from palpate.robots.robot import Robot
     from palpate.trace.samples import Trace
 
 MADE_UP = "Simulated: the true value was drawn from priors, and is that of no real thing."
@@ -121,14 +121,20 @@ def pictures_of(settings: Settings, scene: Scene | None, poses: Poses) -> tuple[
     return tuple(picture for picture in taken if picture is not None)
 
 
-def robot_of(cell: Cell) -> Robot:
-    """The cell's robot.
+def robot_of(cell: Cell, may_resume: Resume = nobody) -> tuple[Robot, tuple[str, ...]]:
+    """The cell's robot, and what it had to get over: where it was stopped before, `may_resume` is asked
+    whether it may go on.
 
     Raises:
         InputError: the workplace cannot be used. Unavailable: the robot is out of reach.
     """
     try:
-        return cell.robot()
+        return cell.robot(), ()
+    except Stopped as stopped:
+        if not isinstance(cell, Recoverable) or not may_resume(str(stopped)):
+            raise
+        cell.recover()
+        return cell.robot(), (confirmed(str(stopped)),)
     except PalpateError:
         raise
     except Exception as error:
@@ -146,10 +152,12 @@ def perform(
     within: Within | None = None,
     say: Callable[[str], None] = print,
     real: bool = False,
+    may_resume: Resume = nobody,
 ) -> Execution:
     """Run the tree on the robot, go on after a failure as far as the policy allows, and measure
     again what is wider than `within` asks, of which `say` is told; the robot is let go in any case.
-    `keep` writes down what it senses meanwhile. `real`: something real moves."""
+    `keep` writes down what it senses meanwhile. `real`: something real moves, and where it was stopped
+    `may_resume` is asked."""
     from palpate.execution.recovery import recover
     from palpate.execution.repetition import repeat
     from palpate.execution.runner import run as run_tree
@@ -157,7 +165,7 @@ def perform(
     attempt = partial(run_tree, observer=observer, keep=keep)
     try:
         first = attempt(plan, scene, robot)
-        done = recover(first, plan, scene, robot, on_failure, attempt, real)
+        done = recover(first, plan, scene, robot, on_failure, attempt, real, may_resume)
         if within:
             done = repeat(done, plan, scene, robot, within, attempt, say)
         return done

@@ -12,7 +12,7 @@ from palpate.errors import InputError
 from palpate.geometry.pose import Pose
 from palpate.parameter import Parameter
 from palpate.robots.franky.address import SCHEME, Address, read_address
-from palpate.robots.franky.preflight import require_answer
+from palpate.robots.franky.preflight import clear, require_answer
 
 if TYPE_CHECKING:
     from palpate.pictures.footage import Footage
@@ -24,7 +24,8 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FrankyCell:
-    """A real workplace with a Franka in it. Implements `palpate.cells.cell.Cell`."""
+    """A real workplace with a Franka in it. Implements `palpate.cells.cell.Cell` and, of an arm that is
+    stopped before it is connected, `palpate.robots.robot.Recoverable`."""
 
     address: Address
     scene: Scene | None
@@ -57,6 +58,10 @@ class FrankyCell:
         except BaseException:
             session.close()
             raise
+
+    def recover(self) -> None:
+        """See `Recoverable`."""
+        clear(self.address)
 
     def footage(self) -> Footage | None:
         """None."""

@@ -443,6 +443,7 @@ def carry_out(settings: Settings, as_json: bool, yes: bool = False) -> None:
     from palpate.cli.show.run import (
         ValuesFirst,
         confirm_plan,
+        confirm_resuming,
         live_view,
         show_ended,
         warn_of_invented,
@@ -454,6 +455,11 @@ def carry_out(settings: Settings, as_json: bool, yes: bool = False) -> None:
     with interrupts() as signals, signals.noted():
         warn_of_invented(settings)
         with live_view() as (observer, say):
+
+            def may_resume(why: str) -> bool:
+                say("the robot was stopped")
+                return confirm_resuming(why)
+
             values = ValuesFirst(as_json)
-            done = run_settings(settings, observer, say, confirm, values)
+            done = run_settings(settings, observer, say, confirm, values, may_resume)
         raise typer.Exit(show_ended(done, as_json, values.shown))

@@ -9,24 +9,25 @@ run on.
 - `skip`: the object at which it failed is left alone, the rest is measured.
 - `replan`: everything still missing is tried again, at most `MAX_REPLANS` times.
 
-A run that somebody stopped, that still holds an object, or whose robot cannot be believed or does not
-move any more, is never taken up again; nor, on a real robot, one in which the arm stopped itself: a
-person has to see first what it met.
+A run that somebody stopped, that still holds an object, or whose robot cannot be believed is never
+taken up again. Nor is a real robot that stopped itself, or was stopped by its user stop, unless a person
+has seen what it met, and says so.
 """
 
 from __future__ import annotations
 
 import logging
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Literal
 
-from palpate.errors import InputError
+from palpate.errors import InputError, PalpateError
 from palpate.parameter import Parameter
 from palpate.planning.check.check import check
 from palpate.planning.plan import Plan
 from palpate.planning.symbolic.planner import assemble
-from palpate.robots.robot import Robot
+from palpate.robots.robot import Recoverable, Robot
 from palpate.scene.load import rearranged
 from palpate.scene.scene import Scene
 from palpate.trace.recording import Conversion, LeafRun
@@ -40,7 +41,14 @@ if TYPE_CHECKING:
 log = logging.getLogger(__name__)
 
 Runner = Callable[[Plan, Scene, Robot], "Execution"]
+Resume = Callable[[str], bool]
+"""Told what stopped a real robot; whether a person has seen to it, and lets it go on."""
 MAX_REPLANS = 2
+
+
+def nobody(_: str) -> bool:
+    """No person is there to let a stopped robot go on."""
+    return False
 
 
 def recover(
@@ -51,16 +59,19 @@ def recover(
     policy: OnFailure,
     run: Runner,
     real: bool = False,
+    may_resume: Resume = nobody,
 ) -> Execution:
     """The execution with all further attempts that the policy allows joined to it; `real`: something
-    real moves."""
+    real moves, and where it was stopped `may_resume` is asked."""
     done, now, left_alone = first, plan, set[str]()
     for attempt in range(len(scene.bodies) if policy == "skip" else MAX_REPLANS):
-        if policy == "stop" or not resumable(done):
+        if policy == "stop" or not resumable(done, robot):
             break
-        if real and done.reflex is not None:
-            log.warning("not taken up again by itself: see what the arm met, then run again")
-            break
+        if real and (done.reflex or done.fault):
+            let = let_go_on(done, robot, may_resume)
+            if let is None:
+                break
+            done = let
         rest = remaining(plan.parameters, done.trace)
         if policy == "skip" and rest:
             left_alone.add(failed_at(done.trace, now, scene) or rest[0].object)
@@ -84,11 +95,35 @@ def _planned_again(
         return None
 
 
-def resumable(done: Execution) -> bool:
+def resumable(done: Execution, robot: Robot) -> bool:
     """Whether a stopped run left a cell in which to go on, and a robot that can be believed."""
-    if done.asked or done.fault is not None:
+    if done.asked or done.status != "stopped" or done.final_state.holding is not None:
         return False
-    return done.status == "stopped" and done.final_state.holding is None
+    # What the robot itself says stopped it can be seen to; signals without sense cannot.
+    stopped = isinstance(robot, Recoverable) and robot.state.fault is not None
+    return done.fault is None or stopped
+
+
+def let_go_on(done: Execution, robot: Robot, may_resume: Resume) -> Execution | None:
+    """The execution with a word on who let it go on; None where nobody does, or the robot cannot."""
+    why = done.stopped_by or ""
+    if not may_resume(why):
+        log.warning("not taken up again by itself: see what the arm met, then run again")
+        return None
+    try:
+        if isinstance(robot, Recoverable):
+            robot.recover()
+    except PalpateError as error:
+        log.warning("it cannot go on: %s", error)
+        return None
+    return replace(done, stopped_by=confirmed(why))
+
+
+def confirmed(why: str) -> str:
+    """What stopped a robot, and that a person let it go on."""
+    word = f"{why} (a person let the robot go on at {time.strftime('%H:%M:%S')})"
+    log.warning("%s", word)
+    return word
 
 
 def remaining(parameters: Sequence[Parameter], trace: Trace) -> list[Parameter]:

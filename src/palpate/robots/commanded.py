@@ -11,17 +11,55 @@ import numpy as np
 
 from palpate.geometry.pose import Array, Pose
 from palpate.robots import trajectory
-from palpate.robots.description import RobotDescription
+from palpate.robots.description import Limits, RobotDescription
 from palpate.robots.nominal import NominalArm, wrench
 from palpate.robots.pace import free_speeds, joint_rates
 from palpate.robots.sheet import Stiffness
 from palpate.robots.trajectory import Motion, Path, PosePath, Stretch
+from palpate.trace.recording import Hand
 
 STANDING = 1e-4
 """m: a shorter way has no direction to be heavy in."""
 GIVING_WAY = 0.2
 """s, about 2 d / k of the TCP's springs: a stop this long moves the equilibrium on by as much as it
 leads the arm, so that a contact keeps the force it had."""
+
+
+class Commanded:
+    """What all robots here say of themselves, whatever follows their commands: a base for `Robot`s."""
+
+    def __init__(self, arm: RobotDescription, nominal: NominalArm, gravity: float) -> None:
+        """`gravity`: m/s^2 that is thought to act."""
+        self._arm, self._nominal, self._gravity = arm, nominal, gravity
+
+    @property
+    def limits(self) -> Limits:
+        """The description's."""
+        return self._arm.limits
+
+    @property
+    def hand(self) -> Hand:
+        """The nominal hand, as its owner knows it."""
+        return self._arm.nominal
+
+    @property
+    def gravity(self) -> float:
+        """m/s^2 that is thought to act."""
+        return self._gravity
+
+    def move_pose(self, target: Pose, speed: float, slower: Sequence[Stretch] = ()) -> None:
+        """See `Robot`."""
+        raise NotImplementedError
+
+    def move_axis(self, direction: Array, speed: float, travel: float) -> None:
+        """See `Robot`."""
+        place, origin = self._pose_begin()
+        way = travel * np.asarray(direction, dtype=float)
+        self.move_pose(Pose(place + way, origin), speed)
+
+    def _pose_begin(self) -> tuple[Array, Array]:
+        """(3,) m and (4,): where a Cartesian motion would begin now."""
+        raise NotImplementedError
 
 
 def joint_path(

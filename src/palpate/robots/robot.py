@@ -6,9 +6,9 @@ polls `state.moving`. Time is the robot's own.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 from palpate.geometry.pose import Array, Pose
 from palpate.robots.description import Limits
@@ -164,4 +164,27 @@ class Robot(Protocol):
 
     def close(self) -> None:
         """Stop, and let go of the connection. May be called twice, and at any time."""
+        ...
+
+
+@runtime_checkable
+class Recoverable(Protocol):
+    """A robot, or its workplace, that stays as it is once something stopped it."""
+
+    def recover(self) -> None:
+        """A person has seen what stopped it, and lets it go on.
+
+        Raises:
+            Unavailable: it cannot go on all the same; the message says what to do.
+        """
+        ...
+
+
+@runtime_checkable
+class Remembering(Protocol):
+    """A robot that knows more of its last seconds than its samples say."""
+
+    def black_box(self) -> Mapping[str, Array] | None:
+        """What its control loop heard and told in the last seconds before it was stopped, by name, one
+        row a cycle; None where nothing stopped it."""
         ...

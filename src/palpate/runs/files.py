@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
+
+import numpy as np
 
 from palpate.execution.btcpp import tree_xml
 from palpate.runs.folder import replacing, write_json, write_text
-from palpate.runs.result import has_scene_of_its_own, plan_text, result_json
+from palpate.runs.result import CYCLES, has_scene_of_its_own, plan_text, result_json
 from palpate.runs.run import TRACE, Run
 from palpate.trace.mcap import write_mcap
 from palpate.vocabulary.registry import vocabulary
@@ -32,10 +35,13 @@ def write_plan(run: Run, folder: Path) -> None:
 
 
 def write_trace(run: Run, folder: Path) -> None:
-    """The finished trace, in the place of the one that grew."""
+    """The finished trace, in the place of the one that grew, and the cycles before a stop."""
     if run.trace is not None:
         with replacing(folder / TRACE) as part:
             write_mcap(part, run.trace)
+    if run.black_box is not None:
+        with replacing(folder / CYCLES) as part, part.open("wb") as file:
+            np.savez(file, **dict[str, Any](run.black_box))
 
 
 def write_twin(run: Run, folder: Path) -> None:

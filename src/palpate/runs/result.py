@@ -19,6 +19,10 @@ if TYPE_CHECKING:
     from palpate.twin.validate import Residual, Validation
 
 
+CYCLES = "cycles.npz"
+"""What a real robot remembers of its last seconds before it was stopped, in a run folder."""
+
+
 def result_json(run: Run, folder: Path | None) -> dict[str, Any]:
     """The content of `result.json`, which `--json` prints too."""
     content = {
@@ -187,6 +191,8 @@ def _files(run: Run, folder: Path | None) -> dict[str, str]:
         names["scene"] = "scene.xml"
     if run.execution:
         names["trace"] = "trace.mcap"
+    if run.black_box or (folder / CYCLES).exists():
+        names["cycles"] = CYCLES
     if run.twin:
         names["twin"] = "twin.xml"
     if folder == run.folder:

@@ -22,6 +22,7 @@ from palpate.twin.twin import Twin
 if TYPE_CHECKING:
     from palpate.execution.rehearsal import Rehearsal
     from palpate.execution.runner import Execution
+    from palpate.geometry.pose import Array
     from palpate.pictures.footage import Footage
     from palpate.planning.model.conversation import Conversation
     from palpate.scene.from_picture import DetectedScene
@@ -78,7 +79,8 @@ class Run:
         world: where the plan was executed, in words. simulated: whether no real thing moved.
         execution: how the execution ended. final_state: what is believed about the cell then.
         recorded: everything recorded, unless it lies in the folder (see `trace`).
-        footage: what the cell's camera saw.
+        footage: what the cell's camera saw. black_box: every cycle of a real robot's last seconds before
+            it was stopped, by name; `cycles.npz` in the folder.
         estimates: one a parameter of the plan. truth: what is so, where somebody knows.
         held_out: how well motions were predicted that nothing was fitted to; None where nothing was
             lifted.
@@ -102,6 +104,7 @@ class Run:
     final_state: SymbolicState | None = None
     recorded: Trace | None = None
     footage: Footage | None = None
+    black_box: Mapping[str, Array] | None = None
     estimates: tuple[Estimate, ...] = ()
     truth: Mapping[Parameter, tuple[float, ...]] = field(
         default_factory=dict[Parameter, tuple[float, ...]]

@@ -5,11 +5,9 @@ from __future__ import annotations
 import os
 import re
 import signal
-import tempfile
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -18,29 +16,24 @@ from tests.fci.served import Served, files, served
 
 import palpate as pp
 from palpate.cells.registry import drivers
+from palpate.errors import Stopped
 from palpate.execution.recovery import OnFailure
 from palpate.execution.runner import Execution, Snapshot
 from palpate.scenarios.catalogue import scenario
 from palpate.scene.scene import with_real_arm
-from palpate.stages import perform
+from palpate.stages import perform, robot_of
 
 pytest.importorskip("franky", reason="franky-control has no wheel for this machine")
 
 BOTTLE = "green_bottle"
-LOGS: list[str | None] = []
-"""Of the runs so far."""
+BOXES: list[Any] = []
+"""What the arms of the runs so far remembered of their last seconds."""
 
 
 @pytest.fixture(scope="module")
 def bench() -> Iterator[Served]:
     with served(**files("one_missing_mass"), fastest=1.0) as running:
         yield running
-
-
-@pytest.fixture(autouse=True)
-def temporary(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """What is written down after a fault does not stay."""
-    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
 
 
 @dataclass
@@ -76,8 +69,69 @@ def executed(bench: Served, name: str, mishap: Mishap | None, policy: OnFailure)
     plan = pp.load(asked.scene).plan(asked.request)
     robot: Any = drivers().connect(f"franky://{bench.address}", scene).robot()
     done = perform(plan, scene, robot, mishap, policy, real=True)
-    LOGS.append(robot.flushed)
+    BOXES.append(robot.black_box())
     return done
+
+
+def test_a_person_lets_a_stopped_arm_go_on(bench: Served) -> None:
+    robot: Any = drivers().connect(f"franky://{bench.address}", real_scene()).robot()
+    home = robot.state.q
+    try:
+        robot.move_joints(home + 0.05)
+        robot.advance(0.2)
+        bench.ask("user_stop", pressed=True)
+        passing(robot, lambda state: state.fault is not None)
+        with pytest.raises(pp.Unavailable, match="stopped by the user stop"):
+            robot.recover()
+        assert "user stop" in robot.state.fault
+        bench.ask("user_stop", pressed=False)
+        robot.recover()
+        assert (robot.state.fault, robot.black_box()) == (None, None)
+        robot.move_joints(home)
+        passing(robot, lambda state: not state.moving)
+        robot.advance(0.3)
+        assert robot.state.q == pytest.approx(home, abs=5e-3)
+    finally:
+        robot.close()
+
+
+def test_a_killed_control_box_is_gone_and_the_next_one_is_found() -> None:
+    with served(**files("one_missing_mass"), fastest=1.0) as first:
+        address = first.address
+        robot: Any = drivers().connect(f"franky://{address}", real_scene()).robot()
+        robot.move_joints(robot.state.q + 0.05)
+        robot.advance(0.2)
+        first.ask("kill")
+        began = time.perf_counter()
+        passing(robot, lambda state: state.fault is not None)
+        robot.close()
+        assert time.perf_counter() - began < 10.0  # 1 s where nothing else keeps the machine busy
+        assert re.search(
+            "said nothing|connection .* is lost|not answer any more", robot.state.fault
+        )
+    with served(**files("one_missing_mass"), fastest=1.0, address=address):
+        again: Any = drivers().connect(f"franky://{address}", real_scene()).robot()
+        again.move_joints(again.state.q + 0.02)
+        passing(again, lambda state: not state.moving)
+        assert again.state.fault is None
+        again.close()
+
+
+def real_scene() -> Any:
+    """What the user knows, with an arm in it that is not simulated."""
+    asked = scenario("one_missing_mass").settings()
+    assert asked.scene is not None
+    return with_real_arm(pp.load(asked.scene))
+
+
+def passing(robot: Any, until: Callable[[Any], bool]) -> None:
+    """Let time pass until something is so, for 5 s at most."""
+    for _ in range(250):
+        robot.advance(0.02)
+        robot.drain()
+        if until(robot.state):
+            return
+    pytest.fail("it is not so within 5 s")
 
 
 def stopped_by(done: Execution) -> str:
@@ -94,9 +148,14 @@ def test_a_frozen_control_box_is_noticed_and_taken_up_again(bench: Served) -> No
         bench.ask("freeze", frozen=False)
     assert re.search("has said nothing|connection .* is lost|not answer any more", stopped_by(done))
     assert seconds < 10.0  # 0.6 s where nothing else keeps the machine busy
-    with pytest.raises(pp.Unavailable, match=r"stopped by a reflex: see what it met"):
-        ran(bench, Mishap("nothing", lambda: None))
-    bench.ask("recover")
+    cell = drivers().connect(f"franky://{bench.address}", real_scene())
+    with pytest.raises(Stopped, match=r"stopped by a reflex: see what it met"):
+        robot_of(cell)
+    told: list[str] = []
+    robot, before = robot_of(cell, lambda why: told.append(why) is None)
+    robot.close()
+    assert "stopped by a reflex" in told[0]
+    assert "a person let the robot go on at" in before[0]
 
 
 def test_a_cut_connection_is_said_and_another_one_can_be_made(bench: Served) -> None:
@@ -127,8 +186,7 @@ def test_after_a_user_stop_nothing_is_put_down_and_nobody_goes_on(bench: Served)
     assert "still hold 'green_bottle'" in stopped_by(done)
     assert seconds < 5.0  # 0.13 s where nothing else keeps the machine busy
     assert bench.ask("pose", body=BOTTLE)[2] > lifted
-    assert LOGS[-1] is not None
-    kept = np.load(LOGS[-1])
+    kept = BOXES[-1]
     assert "user stop" in str(kept["why"])
     assert kept["tau_J"].shape == (5000, 7)
     assert (np.diff(kept["t"]) > 0).all()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Generator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
@@ -31,10 +32,23 @@ def live_view() -> Generator[tuple[Observer, Callable[[str], None]]]:
 
 def confirm_plan(run: Run) -> bool:
     """Show the plan and ask whether the robot may move; no answer is a no."""
-    import typer
-
     print_plan(run.plan, err)
     question = f"Let {visible(str(run.settings.robot))} move? (--yes skips this question)"
+    return _confirmed(question)
+
+
+def confirm_resuming(why: str) -> bool:
+    """Ask whether a robot that was stopped may go on; where nobody sits at a terminal, nobody says so."""
+    if not sys.stdin.isatty():
+        return False
+    err.print(visible(why), markup=False)
+    return _confirmed("Have you seen what stopped it, and is the way clear? Let it go on?")
+
+
+def _confirmed(question: str) -> bool:
+    """The answer of whoever sits there; none is a no."""
+    import typer
+
     try:
         return typer.confirm(question, err=True)
     except typer.Abort:

@@ -157,7 +157,7 @@ def _end_effector(state: Any, arm: RobotDescription) -> Line:
 
 def _tcp(state: Any, arm: RobotDescription, pose_world_base: Pose) -> Line:
     """Forward kinematics against the control box's."""
-    from palpate.robots.franky.robot import require_end_effector
+    from palpate.robots.franky.fitness import require_end_effector
 
     nominal = NominalArm(arm, pose_world_base, np.zeros(3))
     try:

@@ -60,6 +60,11 @@ class Hand:
         return self._fingers
 
     @property
+    def speed(self) -> float:
+        """m/s of a finger at most."""
+        return self._sheet.speed
+
+    @property
     def lost(self) -> str | None:
         """Why the hand does not answer any more, None while it does."""
         return self._lost

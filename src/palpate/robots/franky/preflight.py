@@ -20,6 +20,10 @@ SPOKEN = 10
 
 _GREETING = struct.Struct("<IIIHH")
 """Command, id and size of the message; version and UDP port."""
+_MESSAGE = struct.Struct("<III")
+"""Command, id and size of a message that says no more; an answer to it has a status besides."""
+RECOVER = 10
+"""AutomaticErrorRecovery (rbk_types.h)."""
 _ANSWER = struct.Struct("<IIIBH")
 """Command, id and size of the message; status and version."""
 
@@ -36,10 +40,8 @@ class Greeting:
 def greet(address: Address) -> Greeting:
     """Say hello at the arm's port, as libfranka does, and hang up."""
     try:
-        with socket.create_connection((address.host, ROBOT_PORT), ANSWERS) as line:
-            line.settimeout(ANSWERS)
-            line.sendall(_GREETING.pack(0, 0, _GREETING.size, SPOKEN, line.getsockname()[1]))
-            answer = line.recv(_ANSWER.size, socket.MSG_WAITALL)
+        with _line(address) as line:
+            answer = _greeted(line)
     except TimeoutError:
         return Greeting(None, f"it says nothing within {ANSWERS:g} s: {ACTIVATE}")
     except OSError as error:
@@ -53,6 +55,34 @@ def greet(address: Address) -> Greeting:
     if refused:
         return Greeting(version, WHEEL.format(theirs=version, ours=SPOKEN))
     return Greeting(version, None)
+
+
+def clear(address: Address) -> None:
+    """Clear the error that stopped an arm, because a person says so: franky's own robot, which could,
+    cannot be made of a stopped arm.
+
+    Raises:
+        Unavailable: nobody answers.
+    """
+    try:
+        with _line(address) as line:
+            _greeted(line)
+            line.sendall(_MESSAGE.pack(RECOVER, 1, _MESSAGE.size))
+            line.recv(_MESSAGE.size + 1, socket.MSG_WAITALL)
+    except OSError as error:
+        raise Unavailable(f"the robot at {address} does not answer: {error}") from error
+
+
+def _line(address: Address) -> socket.socket:
+    line = socket.create_connection((address.host, ROBOT_PORT), ANSWERS)
+    line.settimeout(ANSWERS)
+    return line
+
+
+def _greeted(line: socket.socket) -> bytes:
+    """What is answered to a greeting."""
+    line.sendall(_GREETING.pack(0, 0, _GREETING.size, SPOKEN, line.getsockname()[1]))
+    return line.recv(_ANSWER.size, socket.MSG_WAITALL)
 
 
 ACTIVATE = "activate FCI in Desk, and see that no other program is connected"

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from palpate.errors import Unavailable
+from palpate.errors import Stopped, Unavailable
 from palpate.robots.franky import faults
 from palpate.robots.franky.address import Address
 from palpate.robots.franky.library import Call, Late, franky
@@ -78,6 +78,17 @@ class Session:
         torques = (TORQUES * np.asarray(torque_max)).tolist()
         self.robot.set_collision_behavior(torques, torques, wrench, wrench)
 
+    def recover(self) -> None:
+        """Clear the errors that stopped the arm, because a person says so.
+
+        Raises:
+            Unavailable: it is not ready all the same.
+        """
+        with suppress(Exception):
+            Call(self.robot.recover_from_errors, "palpate recover").result(CONNECTED)
+        if problem := faults.of_mode(self.state()):
+            raise Unavailable(f"the robot at {self.address}: {problem}")
+
     def close(self, lost: bool = False) -> None:
         """End the control loop without a jerk, and let go; an arm that does not answer is left
         alone, at once where it is known to be `lost`."""
@@ -114,7 +125,22 @@ class Session:
                 "activated in Desk, and no other program connected?"
             ) from None
         except Exception as error:
+            if (mode := stopped_in(error)) is not None:
+                reason = f"{faults.MODES[mode]}: {faults.REMEDIES[mode]}"
+                raise Stopped(
+                    f"{where} cannot be used: it is {reason}, or at a terminal, which asks"
+                ) from error
             raise Unavailable(f"{where} cannot be used: {connecting(error)}") from error
+
+
+def stopped_in(error: Exception) -> str | None:
+    """The mode of an arm that was stopped, where that is why it refuses a connection."""
+    text = str(error)
+    if "Reflex" in text:
+        return "Reflex"
+    if "UserStopped" in text or "User stopped" in text:
+        return "UserStopped"
+    return None
 
 
 def connecting(error: Exception) -> str:
@@ -130,9 +156,6 @@ def connecting(error: Exception) -> str:
             f"{text}; install the wheel of franky-control that speaks this robot's version of "
             "libfranka (its README lists them)"
         )
-    if "Reflex" in text or "UserStopped" in text or "User stopped" in text:
-        mode = "Reflex" if "Reflex" in text else "UserStopped"
-        return f"it is {faults.MODES[mode]}: {faults.REMEDIES[mode]}"
     return f"{kind}: {text}"
 
 

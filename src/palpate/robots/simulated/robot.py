@@ -15,6 +15,7 @@ import numpy as np
 from palpate.geometry.pose import Array, Pose
 from palpate.robots import trajectory
 from palpate.robots.commanded import (
+    Commanded,
     ahead_of,
     joint_path,
     pose_path,
@@ -22,7 +23,7 @@ from palpate.robots.commanded import (
     stopped_pose,
     swing_path,
 )
-from palpate.robots.description import Limits, RobotDescription
+from palpate.robots.description import RobotDescription
 from palpate.robots.nominal import NominalArm
 from palpate.robots.owner.calibrated import known, unmeasured
 from palpate.robots.owner.config import RobotConfig
@@ -47,7 +48,6 @@ from palpate.robots.simulated.setpoints import (
 from palpate.robots.simulated.timing import BLOCK, DAMPING_DELAY, LONGEST_RUN, PERIOD, TIMESTEP
 from palpate.robots.simulated.world import Steps, World
 from palpate.robots.trajectory import Stretch
-from palpate.trace.recording import Hand
 from palpate.trace.samples import Samples
 
 if TYPE_CHECKING:
@@ -59,7 +59,7 @@ SHORTEST_YIELD, LONGEST_YIELD = 0.1, 0.5
 """s after a reflex."""
 
 
-class MujocoRobot:
+class MujocoRobot(Commanded):
     """An arm with its hand, simulated. Implements `palpate.robots.robot.Robot`.
 
     It starts at home, at rest, with open fingers and zeroed torque sensors.
@@ -94,10 +94,9 @@ class MujocoRobot:
         assumed = np.array(world.option.gravity if gravity is None else gravity)
         if arm.gravity is not None:
             assumed = np.array([0.0, 0.0, -arm.gravity])
-        self._arm = arm
-        self._gravity = float(-assumed[2])
+        nominal = NominalArm(arm, arm.stands(pose_world_base), assumed)
+        super().__init__(arm, nominal, float(-assumed[2]))
         self._world = World(world, stands or pose_world_base, unmeasured(arm), truth)
-        self._nominal = NominalArm(arm, arm.stands(pose_world_base), assumed)
         self._sensors = Sensors(model, arm.limits.tau_max, streams)
         self._encoders = Encoders(model, self._sensors.rests, streams)
         self._world.feels = bool(self._encoders.soft)
@@ -138,21 +137,6 @@ class MujocoRobot:
         return self._world
 
     @property
-    def limits(self) -> Limits:
-        """The datasheet's."""
-        return self._arm.limits
-
-    @property
-    def hand(self) -> Hand:
-        """The nominal hand, as its owner knows it."""
-        return self._arm.nominal
-
-    @property
-    def gravity(self) -> float:
-        """m/s^2 that is thought to act."""
-        return self._gravity
-
-    @property
     def state(self) -> RobotState:
         """As of the last `advance`."""
         if self._cached is None:
@@ -190,12 +174,6 @@ class MujocoRobot:
         self._reflex = None
         t, begin, q = self._world.t, self._pose_motion(), self._readout.q
         self._follow_pose(*pose_path(self._nominal, self._arm, t, begin, target, speed, slower, q))
-
-    def move_axis(self, direction: Array, speed: float, travel: float) -> None:
-        """See `Robot`."""
-        now, origin = self._pose_motion()
-        ahead = Pose(now.p[:3] + travel * np.asarray(direction, dtype=float), origin)
-        self.move_pose(ahead, speed)
 
     def swing(self, about: Array, angle: float, frequency: float, cycles: int) -> None:
         """See `Robot`."""
@@ -296,6 +274,10 @@ class MujocoRobot:
         return ahead_of(
             readout.pose_world_tcp, readout.jacobian, self._sprung(), self._arm.stiffness, twist
         )
+
+    def _pose_begin(self) -> tuple[Array, Array]:
+        now, origin = self._pose_motion()
+        return now.p[:3], origin
 
     def _sprung(self) -> Array:
         """What the springs exert at the joints now (7,), N m."""
