@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import ClassVar
 
 import numpy as np
@@ -10,6 +11,7 @@ import pytest
 
 from palpate import pipeline
 from palpate.cells.simulated import SimulatedCell
+from palpate.errors import Unavailable
 from palpate.execution.recovery import MAX_REPLANS, OnFailure, failed_at, recover
 from palpate.execution.rehearsal import rehearse
 from palpate.execution.runner import Execution, run
@@ -91,6 +93,76 @@ def test_replanning_is_bounded(scene: Scene) -> None:
     done = execute(scene, planned(scene, Parameter("wet", "mass")), "replan")
     assert done.status == "stopped"
     assert len(done.setbacks) == MAX_REPLANS
+
+
+class StoppedArm:
+    """A real arm's word that it was stopped; a `Recoverable` as far as recovery asks."""
+
+    def __init__(self, cleared: bool = True) -> None:
+        self.state = SimpleNamespace(fault="the user stop was pressed")
+        self.cleared, self.asked = cleared, 0
+
+    def recover(self) -> None:
+        self.asked += 1
+        if not self.cleared:
+            raise Unavailable("release the user stop")
+
+
+@pytest.fixture(scope="module")
+def ended(scene: Scene) -> Execution:
+    plan = Plan((), Node("Sequence", (), (Node("OpenGripper"),)), "", "test")
+    return execute(scene, plan, "stop")
+
+
+@pytest.mark.parametrize("policy", ["replan", "skip"])
+@pytest.mark.parametrize(("says", "cleared"), [(False, True), (True, False)])
+def test_a_real_arm_that_was_stopped_never_goes_on_by_itself(
+    scene: Scene, ended: Execution, policy: OnFailure, says: bool, cleared: bool
+) -> None:
+    why, robot = "MovePose: the user stop was pressed", StoppedArm(cleared)
+    first = replace(ended, status="stopped", stopped_by=why, fault="the user stop was pressed")
+    told: list[str] = []
+
+    def answer(reason: str) -> bool:
+        told.append(reason)
+        return says
+
+    def attempt(plan: Plan, around: Scene, arm: object) -> Execution:
+        raise AssertionError("it went on")
+
+    plan = planned(scene, Parameter("dry", "mass"))
+    done = recover(first, plan, scene, robot, policy, attempt, True, answer)  # type: ignore[arg-type]
+    assert done is first
+    assert told == [why]
+    assert robot.asked == int(says)
+
+
+def test_a_person_lets_it_go_on_and_the_result_says_so(scene: Scene, ended: Execution) -> None:
+    robot, plan = StoppedArm(), planned(scene, Parameter("dry", "mass"))
+    first = replace(ended, status="stopped", stopped_by="stopped", fault="the user stop")
+    attempts: list[Plan] = []
+
+    def attempt(plan: Plan, around: Scene, arm: object) -> Execution:
+        attempts.append(plan)
+        return ended
+
+    done = recover(first, plan, scene, robot, "replan", attempt, True, lambda _: True)  # type: ignore[arg-type]
+    assert done.status == "complete"
+    assert attempts[0].parameters == plan.parameters
+    assert robot.asked == 1
+    assert done.setbacks[0].startswith("stopped (a person let the robot go on at ")
+
+
+def test_signals_without_sense_are_nobody_s_to_confirm(scene: Scene, ended: Execution) -> None:
+    robot, plan = StoppedArm(), planned(scene, Parameter("dry", "mass"))
+    robot.state.fault = None
+    first = replace(ended, status="stopped", stopped_by="frozen", fault="signals are frozen")
+
+    def answer(_: str) -> bool:
+        raise AssertionError("asked")
+
+    done = recover(first, plan, scene, robot, "replan", execute, True, answer)  # type: ignore[arg-type]
+    assert done is first
 
 
 def test_replanning_gets_over_bad_luck(scene: Scene) -> None:
