@@ -18,6 +18,7 @@ from palpate.errors import InputError, PalpateError, PlanRejected, Stopped, Unav
 from palpate.estimation.estimate import Estimate
 from palpate.execution.part import part_of
 from palpate.execution.recovery import OnFailure, Resume, confirmed, nobody
+from palpate.geometry.pose import Pose
 from palpate.interrupt import interrupts
 from palpate.parameter import Parameter
 from palpate.planning.check.check import Finding, check
@@ -33,7 +34,7 @@ from palpate.runs.read import require_own_version
 from palpate.runs.run import Ending, Run
 from palpate.scene.from_picture import DetectedScene, SceneBuilder
 from palpate.scene.load import parse_scene
-from palpate.scene.poses import Poses, read_poses
+from palpate.scene.poses import Poses, read_poses, seen_by
 from palpate.scene.scene import Scene
 from palpate.settings import Settings, noise_told
 from palpate.twin.held_out import HeldOut, held_out, with_tests
@@ -61,6 +62,8 @@ def ask_planner(settings: Settings, scene: Scene | None, planner: Planner | None
     if scene is not None:
         settings.within.check(scene.bodies)
     poses = read_poses(settings.poses) if settings.poses else Poses()
+    base = Pose.of((0.0, 0.0, 0.0)) if scene is None else scene.pose_world_base
+    poses = seen_by(poses, settings.described_arm(), base)
     planner = planner or _planner(settings, poses)
     pictures = _pictures(planner, settings, scene, poses)
     answer = _answer(planner, settings, scene, pictures)

@@ -19,6 +19,7 @@ from palpate.robots.owner.calibrated import as_measured, calibrated
 from palpate.robots.owner.config import Gains, Lean, RobotConfig, Value, read_config, write_config
 from palpate.robots.registry import load_description
 from palpate.robots.simulated.robot import MujocoRobot
+from palpate.scene.poses import Poses, seen_by
 from palpate.settings import Settings, request_json, settings_from
 
 ARM = load_description()
@@ -41,6 +42,7 @@ reflex:
   contact: {force: 40, torque: 10}
 workspace: {min: [0.2, -0.5, -0.1], max: [0.7, 0.5, 2.0]}
 speed: 0.5
+camera: {pos: [1.2, 0, 0.8], quat: [0.6, 0.37, 0.37, 0.6], fovy: 45, size: [640, 480]}
 """.replace("std: 1e-3 1e-3", "std: [1e-2, 1e-3, 1e-2, 1e-3, 1e-2, 1e-2, 1e-2]")
 
 
@@ -48,6 +50,25 @@ def written(folder: Path, text: str = EVERYTHING) -> Path:
     path = folder / "robot.yaml"
     path.write_text(text, encoding="utf-8")
     return path
+
+
+def test_the_camera_stands_beside_the_arm_where_no_poses_have_one(tmp_path: Path) -> None:
+    arm = calibrated(ARM, read_config(written(tmp_path)))
+    base = Pose.of((0.0, 0.5, 0.7), (np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5)))
+    camera = seen_by(Poses(), arm, base).camera
+    assert camera is not None
+    assert camera.pos == pytest.approx((0.0, 1.7, 1.5), abs=2e-3)  # the base leans by a mrad
+    assert (camera.fovy, camera.size) == (45.0, (640, 480))
+    own = Poses(camera=camera.model_copy(update={"fovy": 60.0}))
+    assert seen_by(own, arm, base) is own
+    assert seen_by(Poses(), ARM, base).camera is None
+
+
+@pytest.mark.parametrize("quat", ["[0, 0, 0, 0]", "[1, 0, 0]", "up"])
+def test_a_camera_that_looks_nowhere_is_bad_input(tmp_path: Path, quat: str) -> None:
+    text = f"camera: {{pos: [1, 0, 1], quat: {quat}, fovy: 45, size: [640, 480]}}"
+    with pytest.raises(InputError, match="quaternion"):
+        read_config(written(tmp_path, text))
 
 
 def test_what_was_measured_comes_before_what_is_told(tmp_path: Path) -> None:

@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
@@ -24,6 +24,9 @@ from palpate.errors import InputError, unknown_name
 from palpate.files.plain_yaml import plain_yaml
 from palpate.files.read import read_text
 from palpate.geometry.pose import Pose
+
+if TYPE_CHECKING:
+    from palpate.robots.description import RobotDescription
 
 MAX_BYTES = 200_000
 """Largest poses file."""
@@ -128,6 +131,24 @@ def read_poses(path: Path) -> Poses:
     """
     text = read_text(path, MAX_BYTES, "poses")
     return parse_poses(text, str(path))
+
+
+def seen_by(poses: Poses, arm: RobotDescription, pose_world_base: Pose) -> Poses:
+    """The poses with the camera of the arm's robot.yaml where they have none: it stands beside the
+    arm."""
+    camera = arm.config.camera if arm.config is not None else None
+    if poses.camera is not None or camera is None:
+        return poses
+    stands = arm.stands(pose_world_base) @ Pose.of(camera.pos, camera.quat)
+    entry = CameraEntry.model_validate(
+        {
+            "pos": tuple(stands.position.tolist()),
+            "quat": tuple(stands.quaternion.tolist()),
+            "fovy": camera.fovy,
+            "size": camera.size,
+        }
+    )
+    return poses.model_copy(update={"camera": entry})
 
 
 def parse_poses(text: str, where: str = "poses") -> Poses:

@@ -12,7 +12,7 @@ import os
 import tempfile
 from functools import lru_cache
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, cast
 
 import numpy as np
 from pydantic import (
@@ -55,6 +55,18 @@ def _square(value: Any) -> Array:
     small = ASKEW * float(np.abs(array).max())
     if not np.allclose(array, array.T, atol=small) or np.linalg.eigvalsh(array)[0] < -small:
         raise ValueError(wanted)
+    array.flags.writeable = False
+    return array
+
+
+def _quaternion(value: Any) -> Array:
+    """Four numbers, of some length."""
+    try:
+        array = np.array(value, dtype=float)
+    except (TypeError, ValueError):
+        array = np.zeros(0)
+    if array.shape != (4,) or not np.isfinite(array).all() or not array.any():
+        raise ValueError("give a quaternion: w, x, y, z, not all of them 0")
     array.flags.writeable = False
     return array
 
@@ -125,6 +137,16 @@ class EndEffector(Section):
     centre: Vector
 
 
+class Camera(Section):
+    """A camera that stands still: where it is in the axes of the arm's base, m and quaternion (w, x, y,
+    z), looking along its own -z as in MJCF; its vertical field of view, degrees; pixels."""
+
+    pos: Vector
+    quat: Annotated[np.ndarray, PlainValidator(_quaternion)]
+    fovy: Annotated[float, _Plain, Field(gt=1, lt=170)]
+    size: tuple[Annotated[int, Field(gt=0, le=20000)], Annotated[int, Field(gt=0, le=20000)]]
+
+
 class Simulated(Section):
     """Which arm of the embedded world it is: another `noise` or `seed` is another arm. `visits`: how
     often it was calibrated; the next time what is drawn once a run is drawn anew."""
@@ -146,7 +168,8 @@ class RobotConfig(Section):
         tip_compliance: m/N, of pads and joints beyond the encoders, under a force along the tool.
         end_effector: what hangs on the flange. stiffness: of the controller's springs.
         reflex: at what the arm stops itself. workspace: a box that the TCP stays in.
-        speed: part of the description's pace.
+        speed: part of the description's pace. camera: the one that sees the workspace, where no
+            poses.yaml has one.
     """
 
     palpate_robot: Literal[1] = 1
@@ -163,6 +186,7 @@ class RobotConfig(Section):
     reflex: ReflexSheet | None = None
     workspace: Workspace | None = None
     speed: Annotated[float, _Plain, Field(gt=0, le=1)] | None = None
+    camera: Camera | None = None
 
     # One and the same for the same file, as what is computed of it is kept.
     def __hash__(self) -> int:
@@ -226,6 +250,8 @@ def _plain(section: BaseModel) -> dict[str, Any]:
             value = _plain(value)
         elif isinstance(value, np.ndarray):
             value = value.tolist()
+        elif isinstance(value, tuple):
+            value = list(cast("tuple[Any, ...]", value))
         if value is not None:
             said[name] = value
     return said
