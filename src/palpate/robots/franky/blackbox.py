@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from palpate.geometry.pose import Array
-from palpate.robots.franky.drive import Row
+from palpate.robots.franky.control.drive import Row
 from palpate.robots.franky.faults import mode_of
 
 SIGNALS = ("q", "dq", "tau_J", "tau_J_d", "tau_ext_hat_filtered", "O_F_ext_hat_K")

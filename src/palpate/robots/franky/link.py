@@ -9,7 +9,7 @@ import numpy as np
 
 from palpate.geometry.pose import Array
 from palpate.robots.franky import faults
-from palpate.robots.franky.drive import Drive, Reacted, Row
+from palpate.robots.franky.control.drive import Drive, Reacted, Row
 from palpate.robots.franky.hand import Hand
 from palpate.robots.franky.library import Call
 from palpate.robots.franky.readout import PERIOD, Readout

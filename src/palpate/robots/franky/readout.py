@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from palpate.geometry.pose import Array, Pose
-from palpate.robots.franky.course import CYCLE
-from palpate.robots.franky.drive import Row
+from palpate.robots.franky.control.course import CYCLE
+from palpate.robots.franky.control.drive import Row
 from palpate.robots.nominal import NominalArm, wrenches
 from palpate.trace.samples import Samples
 

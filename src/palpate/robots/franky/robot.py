@@ -14,15 +14,15 @@ from palpate.geometry.pose import Array, Pose
 from palpate.robots.commanded import Commanded
 from palpate.robots.description import RobotDescription
 from palpate.robots.franky.blackbox import black_box
-from palpate.robots.franky.course import Course
-from palpate.robots.franky.drive import Drive, Row
+from palpate.robots.franky.control.course import Course
+from palpate.robots.franky.control.drive import Drive, Row
+from palpate.robots.franky.control.lead import Lead, Maker
+from palpate.robots.franky.control.springs import Springs
 from palpate.robots.franky.fitness import require_end_effector, require_free
 from palpate.robots.franky.hand import Hand
-from palpate.robots.franky.lead import Lead, Maker
 from palpate.robots.franky.link import Link
 from palpate.robots.franky.readout import Readout
 from palpate.robots.franky.session import Session
-from palpate.robots.franky.springs import Springs
 from palpate.robots.nominal import NominalArm
 from palpate.robots.reflex import Reflex
 from palpate.robots.robot import RobotState

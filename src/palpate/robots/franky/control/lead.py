@@ -16,8 +16,8 @@ from palpate.robots.commanded import (
     swing_path,
 )
 from palpate.robots.description import RobotDescription
-from palpate.robots.franky.course import Course, joint_course, pose_course
-from palpate.robots.franky.drive import Drive
+from palpate.robots.franky.control.course import Course, joint_course, pose_course
+from palpate.robots.franky.control.drive import Drive
 from palpate.robots.franky.readout import Readout
 from palpate.robots.nominal import NominalArm
 from palpate.robots.simulated.impedance import Inertia

@@ -17,9 +17,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from palpate.geometry.pose import Array, Pose
-from palpate.robots.franky.course import CYCLE, Course
+from palpate.robots.franky.control.course import CYCLE, Course
+from palpate.robots.franky.control.springs import BLENDING, TORQUE_STEP, Springs
 from palpate.robots.franky.library import franky
-from palpate.robots.franky.springs import BLENDING, TORQUE_STEP, Springs
 from palpate.robots.reflex import Reflex
 from palpate.robots.simulated.impedance import Inertia
 
