@@ -467,9 +467,7 @@ def run_settings(
         InputError: bad input; nothing is planned then. Unavailable: planner or robot out of reach.
         ExecutionAborted: a real robot was not allowed to move.
     """
-    return _run_of(
-        pipeline.run(settings, observer, progress, confirm, measured, may_resume)
-    )
+    return _run_of(pipeline.run(settings, observer, progress, confirm, measured, may_resume))
 
 
 def finish(folder: str | Path, progress: Progress = quiet) -> Run:
