@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import shutil
 from collections.abc import Callable
 from dataclasses import replace
@@ -121,6 +122,87 @@ def test_a_run_is_not_counted_twice_nor_one_of_another_scene(
     assert apart.status == 2
     for word in ("not of one scene", "0.35 0 -0.03", "worlds differ"):
         assert word in apart.err
+
+
+def test_runs_are_compared(palpate: Palpate, folders: list[Path]) -> None:
+    answer = palpate("compare", *folders, "--json")
+    assert answer.status == 0
+    result = json.loads(answer.out)
+    assert [run["name"] for run in result["runs"]] == ["run0", "run1"]
+    assert result["remarks"] == []
+    (mass,) = result["parameters"]
+    first, second = mass["runs"]
+    assert first["difference"] is None
+    assert second["difference"] == pytest.approx(second["value"] - first["value"])
+    # Two arms share nothing.
+    apart = math.hypot(first["std"], second["std"])
+    assert second["difference_std"] == pytest.approx(apart)
+    assert second["z"] == pytest.approx(second["difference"] / second["difference_std"])
+    table = palpate("compare", *folders)
+    assert (table.status, table.err) == (0, "")
+    assert f"{second['z']:+.1f}" in table.out
+    assert palpate("compare", folders[0]).status == 2
+
+
+def test_what_runs_share_is_not_in_their_difference(
+    palpate: Palpate, stored: Path, tmp_path: Path
+) -> None:
+    copy = tmp_path / "copy"
+    shutil.copytree(stored, copy)
+    result = json.loads((copy / "result.json").read_text())
+    row = result["parameters"][0]
+    shift = 0.01
+    row["value"] += shift
+    row["ci95"] = [bound + shift for bound in row["ci95"]]
+    (copy / "result.json").write_text(json.dumps(result))
+    answer = json.loads(palpate("compare", stored, copy, "--json").out)
+    second = answer["parameters"][0]["runs"][1]
+    shared = math.hypot(*(one["effect"][0] for one in row["shared"]))
+    assert shared > 0.1 * row["std"]
+    own = math.sqrt(row["std"] ** 2 - shared**2)
+    assert second["difference_std"] == pytest.approx(math.sqrt(2) * own)
+    assert second["difference"] == pytest.approx(shift)
+
+
+def test_runs_of_other_things_are_compared_with_a_remark(
+    palpate: Palpate, stored: Path, tmp_path: Path
+) -> None:
+    unknown = _unknown(stored, tmp_path / "unknown")
+    other = tmp_path / "other.xml"
+    other.write_text(SCENE.replace("0.35 0 -0.03", "0.36 0 -0.03"))
+    _edit(unknown / "request.json", scene=str(other))
+    answer = palpate("compare", stored, unknown)
+    assert answer.status == 0
+    for words in ("not of one scene", "not identified", "–"):
+        assert words in answer.out, words
+
+
+def test_a_report_is_opened(
+    palpate: Palpate, stored: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    opened: list[str] = []
+    there = True
+
+    def browser(url: str) -> bool:
+        opened.append(url)
+        return there
+
+    monkeypatch.setattr("webbrowser.open", browser)
+    missing = palpate("open", tmp_path)
+    assert (missing.status, missing.out) == (2, "")
+    copy = tmp_path / "a copy"
+    shutil.copytree(stored, copy)
+    (copy / "report.html").unlink(missing_ok=True)
+    assert "palpate report" in palpate("open", copy).err
+    page = copy / "report.html"
+    page.write_text("<!doctype html>")
+    answer = palpate("open", copy)
+    assert (answer.status, answer.out, answer.err) == (0, f"{page}\n", "")
+    assert opened == [page.as_uri()]
+    there = False
+    without = palpate("open", copy)
+    assert (without.status, without.out) == (0, f"{page}\n")
+    assert "no browser" in without.err
 
 
 def test_what_is_contradicted_has_no_say(

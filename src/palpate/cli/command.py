@@ -18,8 +18,8 @@ from palpate.interrupt import interrupts
 Function = TypeVar("Function", bound=Callable[..., None])
 
 
-def command(app: typer.Typer) -> Callable[[Function], Function]:
-    """Make a function a command of `app`.
+def command(app: typer.Typer, name: str | None = None) -> Callable[[Function], Function]:
+    """Make a function a command of `app`, by its own name unless another is given.
 
     A parameter whose type is a dataclass is an option group: the command has its fields as options,
     and the function gets the dataclass. A `PalpateError`, or a signal, becomes a message and its
@@ -44,7 +44,7 @@ def command(app: typer.Typer) -> Callable[[Function], Function]:
                     raise typer.Exit(print_error(aborted, as_json)) from None
 
         _set_options(called, _options(function, hints, groups))
-        app.command()(called)
+        app.command(name)(called)
         return function
 
     return register

@@ -335,6 +335,30 @@ def fuse(
 
 
 @command(app)
+def compare(
+    folders: Annotated[
+        list[Path], typer.Argument(metavar="RUN RUN…", help="Run folders of the same things.")
+    ],
+    *,
+    as_json: AsJson = False,
+) -> None:
+    """Show what several runs say of the same parameters, and how far they are apart."""
+    import palpate as pp
+    from palpate.cli.show.comparison import show_comparison
+    from palpate.runs.compare import compare_runs
+
+    show_comparison(compare_runs([pp.open(folder) for folder in folders]), as_json)
+
+
+@command(app, name="open")
+def open_report(folder: RunFolder) -> None:
+    """Open a run's report in the browser."""
+    from palpate.cli.show.browser import show_report
+
+    show_report(folder)
+
+
+@command(app)
 def export(
     folder: RunFolder,
     *,

@@ -84,6 +84,17 @@ def fuse(sources: Sequence[Source]) -> Estimate:
     )
 
 
+def difference(one: Source, other: Source) -> tuple[Array, Array]:
+    """(n,) how much `other` is above `one`, and the standard deviation of that: what both share, as
+    C_11 + C_22 - 2 C_12 has it, moves both alike and is not in it."""
+    apart = [_apart(one), _apart(other)]
+    stds: list[float] = []
+    for i in range(len(one.estimate.value)):
+        covariance = _covariance(apart, i)
+        stds.append(math.sqrt(covariance[0, 0] + covariance[1, 1] - 2.0 * covariance[0, 1]))
+    return other.estimate.value - one.estimate.value, np.array(stds)
+
+
 def _covariance(sources: Sequence[Source], component: int) -> Array:
     """(n, n) of one component in all sources."""
     own = np.array([source.own[component] for source in sources])

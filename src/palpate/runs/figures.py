@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from palpate.estimation.estimate import Estimate, Verdict, rounded
+from palpate.geometry.pose import Array
 
 AXES = {2: ("x", "y"), 3: ("x", "y", "z"), 6: ("xx", "yy", "zz", "xy", "xz", "yz")}
 """Names of the components of a vector, and of a symmetric tensor in MuJoCo's `fullinertia`
@@ -41,3 +42,9 @@ def axes_of(count: int) -> tuple[str, ...]:
     if count == 1:
         return ("",)
     return AXES.get(count, tuple(str(i + 1) for i in range(count)))
+
+
+def rounded_columns(values: Array, stds: Array) -> tuple[list[str], list[str]]:
+    """Values and standard deviations (n,) as text, each with its own digits."""
+    texts = [rounded(*pair) for pair in zip(values.tolist(), stds.tolist(), strict=True)]
+    return [value for value, _ in texts], [std for _, std in texts]

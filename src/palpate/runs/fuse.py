@@ -73,16 +73,18 @@ def fuse_runs(runs: Sequence[Run]) -> Fusion:
     """
     if len(runs) < 2:
         raise InputError("give two runs or more to fuse")
-    names = _names(runs)
+    names = names_of(runs)
     for name, run in zip(names[1:], runs[1:], strict=True):
-        apart = list(_differences(runs[0], run))
+        apart = list(differences(runs[0], run))
         if apart:
             raise InputError(f"{names[0]} and {name} are not of one scene: {'; '.join(apart)}")
     _require_different(runs, names)
     estimates: list[Estimate] = []
     left_out: list[str] = []
-    for parameter in _parameters(runs):
-        found = [(name, run, _of(run, parameter)) for name, run in zip(names, runs, strict=True)]
+    for parameter in parameters_of(runs):
+        found = [
+            (name, run, estimate_of(run, parameter)) for name, run in zip(names, runs, strict=True)
+        ]
         made = [(name, run, one) for name, run, one in found if one is not None]
         for name, _, one in made:
             if not one.identified:
@@ -144,7 +146,7 @@ def write_fusion(fusion: Fusion, folder: Path) -> None:
         raise InputError(f"cannot write '{folder}': {error.strerror}") from error
 
 
-def _names(runs: Sequence[Run]) -> tuple[str, ...]:
+def names_of(runs: Sequence[Run]) -> tuple[str, ...]:
     """Folders by their last part, where those differ."""
     folders = [run.folder for run in runs]
     short = [f"run {i + 1}" if at is None else at.name for i, at in enumerate(folders)]
@@ -154,13 +156,13 @@ def _names(runs: Sequence[Run]) -> tuple[str, ...]:
     return tuple(name if at is None else str(at) for name, at in pairs)
 
 
-def _parameters(runs: Sequence[Run]) -> list[Parameter]:
+def parameters_of(runs: Sequence[Run]) -> list[Parameter]:
     """All that any run promised, in order."""
     promised = [estimate.parameter for run in runs for estimate in run.estimates]
     return list(dict.fromkeys(promised))
 
 
-def _of(run: Run, parameter: Parameter) -> Estimate | None:
+def estimate_of(run: Run, parameter: Parameter) -> Estimate | None:
     for estimate in run.estimates:
         if estimate.parameter == parameter:
             return estimate
@@ -176,7 +178,7 @@ def _unknown(parameter: Parameter, told: Sequence[Estimate]) -> Estimate:
     return not_identified(parameter, told[0].unit, "No run identified it.")
 
 
-def _differences(one: Run, other: Run) -> Iterator[str]:
+def differences(one: Run, other: Run) -> Iterator[str]:
     """Why two runs are not of one scene and one world, in words; nothing where they are."""
     if not one.scene.bodies or not other.scene.bodies:
         yield "the scene's file is gone"

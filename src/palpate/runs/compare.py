@@ -1,0 +1,145 @@
+"""What several runs say of the same parameters, beside each other."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from palpate import __version__
+from palpate.errors import InputError
+from palpate.estimation.estimate import Estimate, Shared
+from palpate.estimation.fusion import Source, difference
+from palpate.geometry.pose import Array
+from palpate.parameter import Parameter
+from palpate.runs.fuse import arm_of, differences, estimate_of, names_of, parameters_of
+from palpate.runs.result import finite
+from palpate.runs.run import Run
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Row:
+    """What one run says of a parameter.
+
+    Attributes:
+        run: its name. estimate: None where it promised none.
+        difference: (n,) from the first run that has a value; None for that one, and without a value.
+        std: (n,) of the difference, without what both runs share.
+    """
+
+    run: str
+    estimate: Estimate | None
+    difference: Array | None = None
+    std: Array | None = None
+
+    @property
+    def z(self) -> Array | None:
+        """(n,) the difference in its standard deviations."""
+        if self.difference is None or self.std is None:
+            return None
+        return self.difference / self.std
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Comparison:
+    """Parameters with a row of each run; `remarks` say in what the runs are not alike."""
+
+    runs: tuple[Run, ...]
+    names: tuple[str, ...]
+    rows: dict[Parameter, tuple[Row, ...]]
+    remarks: tuple[str, ...]
+
+
+def compare_runs(runs: Sequence[Run]) -> Comparison:
+    """All parameters of two runs or more, each run against the first that has a value.
+
+    Raises:
+        InputError: fewer than two runs.
+    """
+    if len(runs) < 2:
+        raise InputError("give two runs or more to compare")
+    names = names_of(runs)
+    remarks: list[str] = []
+    one_scene = True
+    for name, run in zip(names[1:], runs[1:], strict=True):
+        apart = list(differences(runs[0], run))
+        if apart:
+            remarks.append(f"{names[0]} and {name} are not of one scene: {'; '.join(apart)}")
+            one_scene = False
+    rows: dict[Parameter, tuple[Row, ...]] = {}
+    for parameter in parameters_of(runs):
+        rows[parameter] = tuple(_rows(parameter, runs, names, one_scene))
+    return Comparison(tuple(runs), names, rows, tuple(remarks))
+
+
+def _rows(
+    parameter: Parameter, runs: Sequence[Run], names: Sequence[str], one_scene: bool
+) -> Iterator[Row]:
+    first: Source | None = None
+    for name, run in zip(names, runs, strict=True):
+        estimate = estimate_of(run, parameter)
+        if estimate is None or not estimate.has_value:
+            yield Row(name, estimate)
+            continue
+        source = Source(name, arm_of(run), estimate)
+        if not one_scene:
+            source = _of_its_own_scene(source)
+        if first is None or len(first.estimate.value) != len(estimate.value):
+            first = first or source
+            yield Row(name, estimate)
+        else:
+            yield Row(name, estimate, *difference(first, source))
+
+
+def _of_its_own_scene(source: Source) -> Source:
+    """With nothing in common with runs of other scenes but the arm."""
+    shared: list[Shared] = []
+    for one in source.estimate.shared:
+        cause = one.cause if one.of == "arm" else f"{one.cause} of {source.run}"
+        shared.append(replace(one, cause=cause))
+    return replace(source, estimate=replace(source.estimate, shared=tuple(shared)))
+
+
+def comparison_json(comparison: Comparison) -> dict[str, Any]:
+    """For scripts; scalars for quantities of one component, lists for the others."""
+    runs: list[dict[str, Any]] = []
+    for name, run in zip(comparison.names, comparison.runs, strict=True):
+        where = None if run.folder is None else str(run.folder.absolute())
+        of = {"simulated": run.simulated, "arm": arm_of(run), "world": run.world}
+        runs.append({"name": name, "folder": where, "status": run.status} | of)
+    parameters: list[dict[str, Any]] = []
+    for parameter, rows in comparison.rows.items():
+        about = {"object": parameter.object, "quantity": parameter.quantity}
+        units = [row.estimate.unit for row in rows if row.estimate is not None]
+        parameters.append(about | {"unit": units[0], "runs": [_row_json(row) for row in rows]})
+    return finite(
+        {
+            "runs": runs,
+            "parameters": parameters,
+            "remarks": list(comparison.remarks),
+            "provenance": {"palpate": __version__},
+        }
+    )
+
+
+def _row_json(row: Row) -> dict[str, Any]:
+    estimate = row.estimate
+    return {
+        "run": row.run,
+        "value": _plain(None if estimate is None else estimate.value),
+        "std": _plain(None if estimate is None else estimate.std),
+        "verdict": None if estimate is None else estimate.verdict,
+        "difference": _plain(row.difference),
+        "difference_std": _plain(row.std),
+        "z": _plain(row.z),
+    }
+
+
+def _plain(numbers: Array | None) -> Any:
+    """A list of one as what is in it, nothing as null."""
+    if numbers is None or not len(numbers):
+        return None
+    found: list[float] = np.asarray(numbers).tolist()
+    return found[0] if len(found) == 1 else found
