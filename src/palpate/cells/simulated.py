@@ -85,7 +85,9 @@ class SimulatedCell:
         """See `Close`. None without a usable OpenGL."""
         known = self.scene or self.world
         names: dict[str, Array] = {}
-        for name, body in known.objects.items():
+        for name, body in known.bodies.items():
+            if body.carries:  # things stand where its name would
+                continue
             x, y, _ = body.pose_world.apply(body.centre)
             names[name] = np.array([x, y, body.top_z()])
         return closer_png(self.world.spec(self.drawn), names)

@@ -13,7 +13,7 @@ import numpy as np
 
 from palpate.pictures.annotate import Ground, annotated, camera_of, ruled
 from palpate.pictures.renderer import Painter, gl_available, png
-from palpate.pictures.stage import loose_things, staged
+from palpate.pictures.stage import ground_level, loose_things, staged
 
 if TYPE_CHECKING:
     from mujoco import MjData, MjModel, MjSpec
@@ -48,7 +48,7 @@ def closer_png(world: MjSpec, names: Mapping[str, Array]) -> bytes | None:
     if not gl_available()[0]:
         return None
     things = loose_things(world)
-    ground = Ground.under(things)
+    ground = Ground.under(things, ground_level(world, things))
     spec = world.copy()
     ruled(spec, ground)
     model = staged(spec)

@@ -23,6 +23,8 @@ INK, HALO = (18, 22, 28), (255, 255, 255)
 AXES = {"x": (196, 30, 34), "y": (22, 130, 52), "z": (28, 84, 196)}
 ARROW = 0.08
 """m: how long an axis is drawn."""
+HIDDEN = 0.05
+"""m below the ground: what the picture cannot show."""
 TAG = 20
 """Pixels of a name's letters."""
 
@@ -36,12 +38,12 @@ class Ground:
     high: tuple[float, float]
 
     @classmethod
-    def under(cls, points: Array, margin: float = 0.12) -> Ground:
-        """The ground of `points` (n, 3) and `margin` m around."""
+    def under(cls, points: Array, level: float, margin: float = 0.12) -> Ground:
+        """The ground of `points` (n, 3) and `margin` m around, at world z `level`, m."""
         low, high = points.min(axis=0), points.max(axis=0)
         west, south = (STEP * np.floor((low[:2] - margin) / STEP)).tolist()
         east, north = (STEP * np.ceil((high[:2] + margin) / STEP)).tolist()
-        return cls(float(low[2]), (west, south), (east, north))
+        return cls(level, (west, south), (east, north))
 
     def lines(self, axis: int) -> list[float]:
         """Where the grid's lines across `axis` lie, m."""
@@ -93,7 +95,9 @@ def camera_of(view: mujoco.MjvCamera, fovy: float, width: int, height: int) -> C
 
 
 def annotated(pixels: Pixels, camera: Camera, names: Mapping[str, Array], ground: Ground) -> Pixels:
-    """The picture with every name above its place (3,) m, the grid's figures and the axes."""
+    """The picture with every name above its place (3,) m, the grid's figures and the axes. What lies
+    under the ground is not named."""
+    names = {name: point for name, point in names.items() if point[2] > ground.z - HIDDEN}
     image = Image.fromarray(pixels)
     draw = ImageDraw.Draw(image)
     _figures(draw, camera, ground)

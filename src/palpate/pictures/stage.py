@@ -9,6 +9,9 @@ from palpate.pictures.dress import Looks, dress, looks_in
 from palpate.pictures.framing import extent
 from palpate.pictures.lab import LAB, ROOM, furnish
 
+TABLE = "table"
+"""The look of what things stand on."""
+
 
 def staged(spec: mujoco.MjSpec, looks: Looks | None = None, *, soft: bool = True) -> mujoco.MjModel:
     """`spec`, which stays as it is, as a model for pictures: `looks` of its bodies (what the scene
@@ -30,11 +33,24 @@ def staged(spec: mujoco.MjSpec, looks: Looks | None = None, *, soft: bool = True
 
 
 def loose_things(spec: mujoco.MjSpec) -> Array:
-    """Corners (n, 3), m, of what can move freely, else of everything."""
+    """Corners (n, 3), m, of what can move freely, else of what has a look and is no table, else of
+    everything."""
     model = spec.compile()
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
-    return extent(model, data, free_bodies(model))
+    others = [name for name, look in looks_in(spec).items() if look not in (LAB, TABLE)]
+    return extent(model, data, free_bodies(model) or others)
+
+
+def ground_level(spec: mujoco.MjSpec, things: Array) -> float:
+    """World z of the top of what looks like a table, m, else of the foot of the things."""
+    tables = [name for name, look in looks_in(spec).items() if look == TABLE]
+    if not tables:
+        return float(things[:, 2].min())
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    return float(extent(model, data, tables)[:, 2].max())
 
 
 def free_bodies(model: mujoco.MjModel) -> list[str]:

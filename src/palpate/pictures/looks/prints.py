@@ -91,8 +91,8 @@ def carton(words: str, colour: tuple[int, int, int], size: int = 512) -> Pixels:
     dark = _mixed(colour, 0.72)
     half, lid = size // 2, size // 5
     # The front: a paper panel with words, a sun over hills below it.
-    draw.rounded_rectangle((24, lid + 34, half - 24, lid + 190), 18, fill=PAPER)
-    written(draw, words, (half // 2, lid + 112), (half - 84, 124))
+    draw.rounded_rectangle((12, lid + 24, half - 12, lid + 210), 18, fill=PAPER)
+    written(draw, words, (half // 2, lid + 116), (half - 40, 150))
     draw.ellipse((half // 2 - 46, size - 178, half // 2 + 46, size - 86), fill=_mixed(colour, 1.35))
     draw.pieslice((-60, size - 110, half // 2 + 60, size + 130), 180, 360, fill=dark)
     draw.pieslice(
