@@ -50,10 +50,12 @@ class Base:
 
 @cache
 def bases() -> tuple[Base, ...]:
-    """Every different valid plan of every scenario with a scene, in order of name."""
+    """Every different valid plan of every scenario whose scene tells what is meant, in order of
+    name."""
     found: list[Base] = []
-    for name in scenarios():
-        found += _of(scenario(name))
+    for name, task in scenarios().items():
+        if not task.only_seen:
+            found += _of(scenario(name))
     return tuple(found)
 
 

@@ -67,7 +67,13 @@ def attempt(trial: Trial, without: frozenset[str], conditions: Conditions) -> Re
         return Record(trial, True, True, True, reason, outcome="refused rightly")
     if looks:
         settings = replace(settings, images=_images(task, conditions))
-    run = pipeline.plan(settings, _uncommented(pipeline.load(settings)))
+    try:
+        run = pipeline.plan(settings, _uncommented(pipeline.load(settings)))
+    except InputError as error:
+        # What the scene does not know by that name nobody can ask for who does not look.
+        if looks or not task.only_seen:
+            raise
+        return Record(trial, True, True, True, str(error), outcome="refused rightly")
     syntax, valid, figures = _syntax(run), is_valid(run), _figures(run)
     if "text" in without:  # nothing was asked: there is no right answer
         return Record(trial, syntax, valid, None, figures=figures)
