@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.estimation import tuning
+from palpate.estimation.droop import Droop
 from palpate.estimation.load.fit import Load, fit_load
 from palpate.estimation.load.segments import Cut, Segment, Weighing, compared, weighings
 from palpate.estimation.windows import at_rest, commanded, load_of, mean_pose, runs
@@ -27,13 +28,14 @@ class Hold:
         recording: of it. grasp: s, when the hand had closed on it. pose_world_tcp: of the hand
             meanwhile.
         pose_tcp_body: the object in the hand: where it was believed to stand when the measured hand
-            closed on it.
+            closed on it. droop: what has turned it since.
     """
 
     recording: Recording
     grasp: float
     pose_world_tcp: Pose
     pose_tcp_body: Pose
+    droop: Droop
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -48,6 +50,11 @@ class Held:
     load: Load
     holds: Sequence[Hold]
     weighings: Sequence[Weighing]
+
+    def droop(self, grasp: float, time: float) -> Droop:
+        """What has turned the object in a grasp by a time, s."""
+        moments = (hold.droop.moment for hold in self.holds if hold.grasp == grasp)
+        return Droop.since(grasp, time, next(moments, 0.0))
 
 
 def held(trace: Trace, body: Body) -> Held | None:
@@ -65,11 +72,16 @@ def held(trace: Trace, body: Body) -> Held | None:
     keys = [grasp for one in found for grasp in one.grasps]
     by_key = dict(zip(keys, recordings, strict=True))
     holds: list[Hold] = []
-    for grasp in load.grasps:
+    level: dict[float, float] = {}
+    for grasp, moment in zip(load.grasps, load.value[1:].reshape(-1, 2), strict=True):
         recording = by_key[grasp]
-        here = mean_pose(trace.of(recording))
+        here, time = mean_pose(trace.of(recording)), grasped(trace, recording, body)
         in_hand = pose_in_hand(trace, recording, body)
-        holds.append(Hold(recording, _grasped(trace, recording, body), here, in_hand))
+        # A grasp is held level before it is tilted.
+        closing = level.setdefault(time, float(here.rotation[:2, 1] @ moment))
+        middle = (recording.start + recording.end) / 2.0
+        droop = Droop.since(time, middle, closing)
+        holds.append(Hold(recording, time, here, in_hand, droop))
     return Held(load, holds, found)
 
 
@@ -180,14 +192,14 @@ def _as_own(found: Weighing, time: float) -> Weighing:
 def pose_in_hand(trace: Trace, recording: Recording, body: Body) -> Pose:
     """The object in the hand: where it is believed to have stood, at rest, when the measured hand
     closed on it."""
-    time = _grasped(trace, recording, body)
+    time = grasped(trace, recording, body)
     if not np.isfinite(time):
         return mean_pose(trace.of(recording)).inverse() @ body.pose_at_rest
     at_grasp = trace.samples.between(time - tuning.AT_GRASP, time + tuning.AT_GRASP)
     return mean_pose(at_grasp).inverse() @ body.pose_at_rest
 
 
-def _grasped(trace: Trace, recording: Recording, body: Body) -> float:
+def grasped(trace: Trace, recording: Recording, body: Body) -> float:
     """s, when the hand had closed on what it held in a recording; -inf where that is not told."""
     grasps = load_of(trace, body.name).grasps
     return max((time for time in grasps if time <= recording.start), default=-np.inf)

@@ -1,16 +1,18 @@
 """What a load resists being turned with: swings with it against swings without.
 
-A hand that turns to and fro about its TCP with the angle A sin(wt) makes every joint's torque swing
-along, as what the arm itself weighs and resists with, and as the load's wrench does: about the TCP,
+A hand that turns to and fro about its TCP makes every joint's torque swing along, as what the arm
+itself weighs and resists with, and as the load's wrench does: about the TCP,
 
-    f = m (a + g) + alpha x h        n = h x (a + g) + I alpha
+    f = m (a + g) + alpha x h + w x (w x h)        n = h x (a + g) + I alpha + w x I w
 
-with the TCP's acceleration a, the hand's angular acceleration alpha, gravity g (upwards, as it is
-held), the load's first moment h = m c and its inertia I about the TCP: linear in all ten. Each
-signal is fitted by a constant, a trend and a sine of that frequency (a lock-in): constants, drift and
-all noise at other frequencies drop out, friction is a quarter of a period off, and the acceleration
-is -w² times the place. The arm's own part is that of the empty hand's swing, in proportion to how far
-the hand turned.
+with the TCP's acceleration a, the hand's rate w and angular acceleration alpha, gravity g (upwards, as
+it is held), the load's first moment h = m c and its inertia I about the TCP: linear in all ten. Each
+signal is fitted by a constant, a trend and a sine of the swing's frequency (a lock-in): constants,
+drift and all noise at other frequencies drop out, and friction is a quarter of a period off. What
+unit parameters make of the signals, and what moves the arm's own links, is computed sample by sample
+and locked in alike: springs that still ring as a swing begins are no pure sine, and -w² times the
+place, which would be 1 to 2 % off, is no acceleration then. What the links' nominal inertias leave of
+the arm's own part is that of the empty hand's swing, in proportion to how far the hand turned.
 """
 
 from __future__ import annotations
@@ -20,11 +22,12 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
 
 from palpate.estimation import tuning
 from palpate.estimation.load.feeling import Feeling, feeling
 from palpate.estimation.load.noise import Noise
-from palpate.estimation.windows import commanded, mean_pose, runs
+from palpate.estimation.windows import Mask, commanded, mean_pose, runs
 from palpate.geometry.pose import Array, Pose, rotations
 from palpate.trace.recording import Recording
 from palpate.trace.samples import Samples, Trace
@@ -40,12 +43,14 @@ class Swing:
     """A swing about one axis, in phase with how far the hand turned.
 
     Attributes:
-        pose: where the hand turned. axis: (3,) unit, world. angle: rad, amplitude. rate: rad/s.
+        time: s, its middle. pose: where the hand turned. axis: (3,) unit, world. angle: rad, amplitude. rate: rad/s.
         felt: (m,) amplitudes of the signals, N m. variance: (m,) that white noise has in them.
-        own: (m,) of them, what moves the arm's own links, as far as their inertias are known.
+        own: (m,) of them, what moves the arm's own links, by their nominal inertias; 0 where these are
+            not known.
         load: (m, 10) what unit mass, first moment and inertia (about the TCP, tool axes) make of them.
     """
 
+    time: float
     pose: Pose
     axis: Array
     angle: float
@@ -118,6 +123,7 @@ def _swing(samples: Samples, signals: Array, felt: Feeling, noise: Noise, gravit
     period = 2.0 * np.pi / rate
     # It grows in its first period and fades in its last.
     steady = (samples.t > samples.t[0] + period) & (samples.t < samples.t[-1] - period)
+    motion = _Changes.of(samples).where(steady)
     samples, signals = samples.where(steady), signals[steady]
     pose = mean_pose(samples)
     turned = _rotation_vectors(samples.pose_world_tcp[:, 3:], pose)
@@ -133,19 +139,43 @@ def _swing(samples: Samples, signals: Array, felt: Feeling, noise: Noise, gravit
         flat = lock.of_signal(values.reshape(len(values), -1)) / unit
         return flat.real.reshape(values.shape[1:])
 
-    maps = felt.maps(samples.q)
-    alpha = -(rate**2) * in_phase(turned)
-    a = -(rate**2) * in_phase(samples.pose_world_tcp[:, :3])
-    inertial = maps.mean(axis=0) @ _resisting(pose.rotation, a, alpha)
-    hanging = in_phase(
-        np.einsum("nij,njk->nik", maps, _hanging(rotations(samples.pose_world_tcp[:, 3:]), gravity))
-    )
+    made = felt.maps(samples.q) @ _unit_loads(samples, motion, gravity)
+    links = felt.links_motion(samples.q, samples.dq, motion.joints)
     variance = 2.0 * noise.white / len(samples.t)
-    links = felt.inertia(samples.q.mean(axis=0))
-    own = np.zeros(signals.shape[1])
-    if links is not None:
-        own = -(rate**2) * links @ in_phase(samples.q)
-    return Swing(pose, along, angle, rate, in_phase(signals), variance, own, inertial + hanging)
+    return Swing(
+        float(samples.t.mean()),
+        pose,
+        along,
+        angle,
+        rate,
+        in_phase(signals),
+        variance,
+        in_phase(links),
+        in_phase(made),
+    )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Changes:
+    """How fast speeds change.
+
+    Attributes:
+        joints: (n, m) rad/s². hand: (n, 6) m/s² and rad/s² of the TCP, world axes.
+    """
+
+    joints: Array
+    hand: Array
+
+    @classmethod
+    def of(cls, samples: Samples) -> _Changes:
+        """By splines through the speeds, which lag and flatten nothing at a swing's frequencies."""
+        speeds = np.hstack([samples.dq, samples.twist])
+        changes = CubicSpline(samples.t, speeds)(samples.t, 1)
+        return cls(*np.split(changes, [samples.dq.shape[1]], axis=1))
+
+    def where(self, rows: Mask) -> _Changes:
+        """Some rows of it."""
+        return _Changes(self.joints[rows], self.hand[rows])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -196,26 +226,23 @@ def _rotation_vectors(quaternions: Array, about: Pose) -> Array:
     return vectors * np.where(sines > 1e-9, np.arcsin(sines) / np.maximum(sines, 1e-9), 1.0)
 
 
-def _resisting(rotation: Array, a: Array, alpha: Array) -> Array:
-    """(6, 10) wrench about the TCP of unit mass, first moment and inertia in the tool's axes, by
-    accelerations."""
-    found = np.zeros((6, 10))
-    found[:3, 0] = a
+def _unit_loads(samples: Samples, changes: _Changes, gravity: float) -> Array:
+    """(n, 6, 10) wrench about the TCP, world axes, of unit mass, first moment and inertia in the
+    tool's axes."""
+    tools = rotations(samples.pose_world_tcp[:, 3:])
+    rate, turned = samples.twist[:, 3:], changes.hand[:, 3:]
+    carried = changes.hand[:, :3] + np.array([0.0, 0.0, gravity])
+    found = np.zeros((len(tools), 6, 10))
+    found[:, :3, 0] = carried
     for k in range(3):
-        found[:3, 1 + k] = np.cross(alpha, rotation[:, k])
-        found[3:, 1 + k] = np.cross(rotation[:, k], a)
+        axis = tools[:, :, k]
+        found[:, :3, 1 + k] = np.cross(turned, axis) + np.cross(rate, np.cross(rate, axis))
+        found[:, 3:, 1 + k] = np.cross(axis, carried)
     for k, (i, j) in enumerate(INERTIA):
         unit = np.zeros((3, 3))
         unit[i, j] = unit[j, i] = 1.0
-        found[3:, 4 + k] = rotation @ unit @ rotation.T @ alpha
-    return found
-
-
-def _hanging(tools: Array, gravity: float) -> Array:
-    """(n, 6, 10) likewise, by gravity, in tools' axes (n, 3, 3)."""
-    up = np.array([0.0, 0.0, gravity])
-    found = np.zeros((len(tools), 6, 10))
-    found[:, :3, 0] = up
-    for k in range(3):
-        found[:, 3:, 1 + k] = np.cross(tools[:, :, k], up)
+        tensors = tools @ unit @ tools.transpose(0, 2, 1)
+        spin = np.einsum("nij,nj->ni", tensors, rate)
+        resisted = np.einsum("nij,nj->ni", tensors, turned)
+        found[:, 3:, 4 + k] = resisted + np.cross(rate, spin)
     return found

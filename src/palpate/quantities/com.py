@@ -11,6 +11,7 @@ from scipy.special import stdtrit
 
 from palpate.estimation import tuning
 from palpate.estimation.agreement import FitTest, chi_squared
+from palpate.estimation.droop import SPREAD
 from palpate.estimation.estimate import Estimate, Part, Shared, not_identified
 from palpate.estimation.holds import Held, held
 from palpate.estimation.load.fit import Load
@@ -235,12 +236,12 @@ def _grasps(trace: Trace, held: Held, body: Body, about: Array) -> _Grasps:
         along.append(hold.pose_world_tcp.rotation[:2])
         right.append(hold.pose_world_tcp.position[:2] + offset - pose_world_body.position[:2])
     slopes, places = _slopes(load), _places(along, accuracy(body), trace.hand)
-    covariance = slopes @ load.covariance @ slopes.T + tuning.GRASP_ACCURACY**2 * np.eye(
-        len(slopes)
-    )
+    covariance = slopes @ load.covariance @ slopes.T
+    covariance += _shifted(held, trace.hand.pose_repeatability)
     for place in places:
         covariance += np.outer(place.effect, place.effect)
-    covariance += _turned(held, about)
+    turned = _turned(held, about) * SPREAD
+    covariance += turned @ turned.T
     shared = (*shared_gains(slopes @ load.gains), *places)
     loose = tuning.ARM_WEIGHT * trace.hand.pose_repeatability / load.force
     return _Grasps(
@@ -248,23 +249,25 @@ def _grasps(trace: Trace, held: Held, body: Body, about: Array) -> _Grasps:
     )
 
 
-def _turned(held: Held, about: Array) -> Array:
-    """(2n, 2n) m² of where the load hangs, for what its moment may have turned it in the fingers,
-    about the axis along which they close, the more the longer: in each grasp by something of its own,
-    the same however it is tilted. Where the hand is tilted, it is seen from above."""
-    moments = held.load.value[1:].reshape(-1, 2)
-    effects: list[Array] = []
-    for hold, moment in zip(held.holds, moments, strict=True):
-        closing = hold.pose_world_tcp.rotation[:, 1]
-        lever = hold.pose_world_tcp.rotation @ hold.pose_tcp_body.apply(about)
-        held_for = max(0.0, hold.recording.start - hold.grasp) if np.isfinite(hold.grasp) else 0.0
-        softness = tuning.GRIP_TURN + tuning.GRIP_CREEP * held_for
-        turn = softness * float(closing[:2] @ moment)
-        effects.append(turn * np.cross(closing, lever)[:2])
+def _shifted(held: Held, repeatability: float) -> Array:
+    """(2n, 2n) m² of where the object is in the hand: the arm grips it, and has put it down, as exactly
+    as it repeats a pose, and in putting down it slips. The same however it is tilted."""
     grasps = np.array([hold.grasp for hold in held.holds])
     same = np.repeat(np.repeat(grasps[:, None] == grasps, 2, axis=0), 2, axis=1)
-    found = np.concatenate(effects)
-    return np.outer(found, found) * same
+    shift = tuning.GRASP_SHIFT**2 + 2.0 * repeatability**2
+    axes = np.vstack([hold.pose_world_tcp.rotation[:2] for hold in held.holds])
+    return shift * (axes @ axes.T) * same
+
+
+def _turned(held: Held, about: Array) -> Array:
+    """(2n, 2) m by which where the load hangs is another, seen from above, for each unit of what is not
+    known of how the pads let it turn: the same in all grasps, as far as the load turns it in each."""
+    effects: list[Array] = []
+    for hold in held.holds:
+        closing = hold.pose_world_tcp.rotation[:, 1]
+        lever = hold.pose_world_tcp.rotation @ hold.pose_tcp_body.apply(about)
+        effects.append(np.outer(np.cross(closing, lever)[:2], hold.droop.turns))
+    return np.vstack(effects)
 
 
 def accuracy(body: Body) -> float:
@@ -281,11 +284,14 @@ def _places(tools: Sequence[Array], accuracy: float, hand: Hand) -> list[Shared]
     nothing that is felt shows by how much that is off.
     """
     seen = np.vstack(tools)
-    known = (accuracy, tuning.PLACE_ACCURACY, tuning.PLACE_ACCURACY)
+    placed = {"x": accuracy, "z": tuning.PLACE_ACCURACY}
     found: list[Shared] = []
-    for axis, column, std in zip("xyz", seen.T, known, strict=True):
-        place, tip = (std * column).tolist(), (hand.tip_offset_std * column).tolist()
-        found.append(Shared(f"place in the scene along the tool's {axis}", "scene", tuple(place)))
+    for axis, column in zip("xyz", seen.T, strict=True):
+        if axis in placed:
+            place = (placed[axis] * column).tolist()
+            cause = f"place in the scene along the tool's {axis}"
+            found.append(Shared(cause, "scene", tuple(place)))
+        tip = (hand.tip_offset_std * column).tolist()
         found.append(Shared(f"fingertips along the tool's {axis}", "arm", tuple(tip)))
     return found
 

@@ -11,8 +11,9 @@ from scipy.optimize import least_squares
 
 from palpate.estimation import tuning
 from palpate.estimation.agreement import FitTest, chi_squared
+from palpate.estimation.droop import SPREAD, Droop
 from palpate.estimation.estimate import Estimate, Part, not_identified
-from palpate.estimation.holds import Held, held, pose_in_hand
+from palpate.estimation.holds import Held, grasped, held, pose_in_hand
 from palpate.estimation.rigid import MASS, about_centre, linear, moved, of_box, pseudo_inertia
 from palpate.estimation.swung import contrast, swings
 from palpate.geometry.inertia import inertia_components
@@ -29,7 +30,7 @@ from palpate.trace.samples import FORCES, Trace
 
 UNIT = "kg·m²"
 
-SPREAD = 0.5
+BELIEVED = 0.5
 """Part of the prior that is its 1 sigma: mass may sit at the rim or in the core."""
 
 
@@ -95,7 +96,7 @@ class Inertia(Quantity):
         mass = believed.get(Parameter(body.name, "mass"), (mass_of(body),))
         com = believed.get(Parameter(body.name, "com")) or com_of(body)
         mean = inertia_for(body, mass[0], com)
-        return Prior(mean, tuple(SPREAD * abs(part) for part in mean))
+        return Prior(mean, tuple(BELIEVED * abs(part) for part in mean))
 
     def write(
         self, body: BodyDescription, value: tuple[float, ...], std: float | None
@@ -104,24 +105,37 @@ class Inertia(Quantity):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Evidence:
-    """What tells of an object's ten inertial parameters.
+class _Swung:
+    """What one swing tells of an object's ten inertial parameters.
 
     Attributes:
-        felt, variance: for each swing (m,) what the load makes of the signals; load: (m, 10) what
-            unit parameters in the tool's axes make of them.
-        rates: rad/s of each swing. axes: which axis of the tool each is about.
-        poses: of the object in the tool's frame, swung. held: as it was held still.
+        felt, variance: (m,) what the load makes of the signals. load: (m, 10) what unit parameters in
+            the tool's axes make of them.
+        rate: rad/s. axis: which axis of the tool it is about.
+        pose_tcp_body: of the object in the hand as it was grasped. droop: what has turned it since.
     """
 
-    felt: Sequence[Array]
-    variance: Sequence[Array]
-    load: Sequence[Array]
-    rates: Sequence[float]
-    axes: Sequence[int]
-    poses: Sequence[Pose]
+    felt: Array
+    variance: Array
+    load: Array
+    rate: float
+    axis: int
+    pose_tcp_body: Pose
+    droop: Droop
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Evidence:
+    """All swings of an object, and how it was held still."""
+
+    swings: Sequence[_Swung]
     held: Held
     gravity: float
+
+
+GIVE, SOFTNESS = slice(10, 13), slice(13, 15)
+"""Places behind the ten numbers of a body: how what is between pads and object gives way about
+three axes, s², and how the object turns in the fingers (`estimation.droop`)."""
 
 
 def estimate_inertia(trace: Trace, parameter: Parameter, body: Body | None) -> Estimate:
@@ -155,7 +169,7 @@ def estimate_inertia(trace: Trace, parameter: Parameter, body: Body | None) -> E
         UNIT,
         value,
         std,
-        _method(len(found.rates), blind.tolist()),
+        _method(len(found.swings), blind.tolist()),
         tuple(hold.recording for hold in found.held.holds),
         "prior-dominated" if bool(blind[:3].all()) else "identified",
         parts,
@@ -171,27 +185,17 @@ def _evidence(trace: Trace, body: Body) -> _Evidence | None:
         return None
     noise = still.weighings[0].noise
     empty = [one for r in swung if r.context.holding is None for one in swings(trace, r, noise)]
-    felt: list[Array] = []
-    variance: list[Array] = []
-    load: list[Array] = []
-    rates: list[float] = []
-    axes: list[int] = []
-    poses: list[Pose] = []
+    found: list[_Swung] = []
     for recording in swung:
-        if recording.context.holding != body.name:
-            continue
-        pose = pose_in_hand(trace, recording, body)
-        for swing, difference, spread in contrast(swings(trace, recording, noise), empty):
-            gain = trace.hand.torque_gain / np.sqrt(3.0) * difference
-            felt.append(difference)
-            variance.append(spread + gain**2 + tuning.SWING_FLOOR**2)
-            load.append(swing.load)
-            rates.append(swing.rate)
-            axes.append(int(np.abs(swing.pose.rotation.T @ swing.axis).argmax()))
-            poses.append(pose)
-    if not felt:
-        return None
-    return _Evidence(felt, variance, load, rates, axes, poses, still, trace.gravity)
+        if recording.context.holding == body.name:
+            pose = pose_in_hand(trace, recording, body)
+            for swing, felt, spread in contrast(swings(trace, recording, noise), empty):
+                droop = still.droop(grasped(trace, recording, body), swing.time)
+                gain = trace.hand.torque_gain / np.sqrt(3.0) * felt
+                variance = spread + gain**2 + tuning.SWING_FLOOR**2
+                axis = int(np.abs(swing.pose.rotation.T @ swing.axis).argmax())
+                found.append(_Swung(felt, variance, swing.load, swing.rate, axis, pose, droop))
+    return _Evidence(found, still, trace.gravity) if found else None
 
 
 def _fit(found: _Evidence, body: Body) -> tuple[Array, Array, FitTest]:
@@ -199,7 +203,7 @@ def _fit(found: _Evidence, body: Body) -> tuple[Array, Array, FitTest]:
     covariance, inflated where the swings disagree, and whether they do: Gauss-Newton from the box's
     (e.g. Nocedal and Wright, Numerical Optimization, section 10.3)."""
     mass = found.held.load.force / found.gravity
-    start = np.concatenate([of_box(max(mass, 1e-3), body.centre, body.size), np.zeros(3)])
+    start = np.concatenate([of_box(max(mass, 1e-3), body.centre, body.size), np.zeros(5)])
     spread = _spread(body)
 
     def misfit(numbers: Array) -> Array:
@@ -224,24 +228,23 @@ def _fit(found: _Evidence, body: Body) -> tuple[Array, Array, FitTest]:
 
 
 def _spread(body: Body) -> Array:
-    """(13,) 1 sigma of what is believed of the numbers before they are measured."""
+    """(15,) 1 sigma of what is believed of the numbers before they are measured."""
     radii = body.size / np.sqrt(12.0)
     skew = tuning.SKEW_PRIOR * radii[[0, 0, 1]]
     centre = tuning.COM_PRIOR * np.maximum(body.size, 1e-3)
     mass, radius = [tuning.LOG_MASS_PRIOR], [tuning.RADIUS_PRIOR] * 3
-    return np.concatenate([mass, radius, skew, centre, [tuning.GIVE_PRIOR] * 3])
+    return np.concatenate([mass, radius, skew, centre, [tuning.GIVE_PRIOR] * 3, SPREAD])
 
 
 def _swung(numbers: Array, found: _Evidence) -> list[Array]:
     """What the numbers leave of each swing, in standard deviations."""
     pseudo = pseudo_inertia(numbers[:10])
     left: list[Array] = []
-    each = zip(
-        found.felt, found.variance, found.load, found.rates, found.axes, found.poses, strict=True
-    )
-    for felt, variance, load, rate, axis, pose in each:
-        gives = 1.0 + numbers[10 + axis] * rate**2
-        left.append((felt - gives * load @ linear(moved(pseudo, pose))) / np.sqrt(variance))
+    for one in found.swings:
+        pose = one.droop.turned(one.pose_tcp_body, numbers[SOFTNESS])
+        gives = 1.0 + numbers[GIVE][one.axis] * one.rate**2
+        made = gives * one.load @ linear(moved(pseudo, pose))
+        left.append((one.felt - made) / np.sqrt(one.variance))
     return left
 
 
@@ -250,7 +253,8 @@ def _hanging(numbers: Array, found: _Evidence) -> Array:
     pseudo, load = pseudo_inertia(numbers[:10]), found.held.load
     made = [float(pseudo[3, 3]) * found.gravity]
     for hold in found.held.holds:
-        tool = linear(moved(pseudo, hold.pose_tcp_body))
+        pose = hold.droop.turned(hold.pose_tcp_body, numbers[SOFTNESS])
+        tool = linear(moved(pseudo, pose))
         x, y, _ = hold.pose_world_tcp.rotation @ tool[1:4] * found.gravity
         made += [y, -x]
     root = np.linalg.cholesky(load.covariance)

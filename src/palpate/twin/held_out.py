@@ -285,7 +285,7 @@ def _hanging(
     pose_world_body: Pose = pose_world_tcp @ pose_in_hand(trace, recording, body)
     across = pose_world_body.rotation[:2]
     # Where grasps were compared, what they have in common is in none of the differences.
-    place = tuning.GRASP_ACCURACY**2
+    place = tuning.GRASP_SHIFT**2 + 2.0 * trace.hand.pose_repeatability**2
     centre = _known(fitted, body.known.get("com"), signals)
     if fitted is None or centre is None:
         place += accuracy(body) ** 2 + trace.hand.tip_offset_std**2

@@ -15,7 +15,6 @@ import numpy as np
 from palpate.estimation import tuning
 from palpate.estimation.load.moving import about, own_motion
 from palpate.estimation.windows import Mask, gained
-from palpate.geometry.inertia import tensor_of
 from palpate.geometry.pose import Array, Pose
 from palpate.trace.recording import Chain
 from palpate.trace.samples import Samples, Trace
@@ -55,12 +54,12 @@ class Feeling:
         found[rows] = own_motion(self.chain, samples.q[rows], rates[rows], changes[rows])
         return found
 
-    def inertia(self, q: Array) -> Array | None:
-        """(m, m) kg m² of the arm's links at joint angles `q` (7,); None where nothing is known of
-        them."""
+    def links_motion(self, q: Array, dq: Array, ddq: Array) -> Array:
+        """(n, m) N m that the arm's own links take to be moved at joint angles `q` (n, 7), rad, rates
+        and accelerations; 0 where nothing is known of them."""
         if self.chain is None or not self.chain.links:
-            return None
-        return _inertia(self.chain, q)
+            return np.zeros((len(q), self.signals.shape[1]))
+        return own_motion(self.chain, q, dq, ddq)
 
 
 def feeling(trace: Trace) -> Feeling:
@@ -119,28 +118,3 @@ def _kinematics(chain: Chain, q: Array) -> tuple[Array, Array, Array]:
     for axis, anchor in zip(axes, anchors, strict=True):
         columns.append(np.concatenate([np.cross(axis, tcp - anchor), axis], axis=1))
     return tcp, rotation @ np.array(chain.tool), np.stack(columns, axis=2)
-
-
-def _inertia(chain: Chain, q: Array) -> Array:
-    """(m, m): the sum of all links' m Jv^T Jv + Jw^T I Jw (Lynch and Park, as above, chapter 8)."""
-    rotation, shift = np.eye(3), np.zeros(3)
-    axes: list[Array] = []
-    anchors: list[Array] = []
-    found = np.zeros((len(q), len(q)))
-    for joint, angle in enumerate(q):
-        own = np.array(chain.axes[joint])
-        axes.append(rotation @ own)
-        anchors.append(rotation @ np.array(chain.anchors[joint]) + shift)
-        rotation = rotation @ about(own, np.array([angle]))[0]
-        shift = anchors[-1] - rotation @ np.array(chain.anchors[joint])
-        for link in chain.links:
-            if link.joint == joint:
-                com = rotation @ np.array(link.com) + shift
-                turning = np.stack(axes, axis=1)
-                moving = np.stack(
-                    [np.cross(a, com - p) for a, p in zip(axes, anchors, strict=True)], axis=1
-                )
-                tensor = rotation @ tensor_of(link.inertia) @ rotation.T
-                part = link.mass * moving.T @ moving + turning.T @ tensor @ turning
-                found[: joint + 1, : joint + 1] += part
-    return found

@@ -1,0 +1,48 @@
+"""How an object turns between the pads that hold it, by its own weight.
+
+Pads give way at once, and creep: a hammer held beside its balance point turns about the axis along
+which the fingers close, the farther the longer it is held, always the way its weight pulls. How far
+a newton metre turns it, and how fast, is not known beforehand (`tuning.GRIP_TURN`, `tuning.GRIP_CREEP`); of
+one object between one pair of pads it is the same in all grasps, and is fitted.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from palpate.estimation import tuning
+from palpate.geometry.pose import Array, Pose
+
+SPREAD = np.array([tuning.GRIP_TURN, tuning.GRIP_CREEP])
+"""1 sigma of what is not known: rad per N m, and rad/s per N m."""
+
+
+@dataclass(frozen=True, slots=True)
+class Droop:
+    """What turns an object in the hand.
+
+    Attributes:
+        moment: N m that the hand holds it with about the axis along which the fingers close, as it
+            hangs level. age: s since the fingers closed on it.
+    """
+
+    moment: float
+    age: float
+
+    @classmethod
+    def since(cls, grasp: float, time: float, moment: float) -> Droop:
+        """Of what was grasped at one time, s, at another; -inf is a grasp of which nothing is told."""
+        return cls(moment, max(0.0, time - grasp) if np.isfinite(grasp) else 0.0)
+
+    @property
+    def turns(self) -> Array:
+        """(2,) rad about the tool's y for each unit of what is not known."""
+        return -self.moment * np.array([1.0, self.age])
+
+    def turned(self, pose_tcp_body: Pose, softness: Array) -> Pose:
+        """Where it is by then, by the pads' `softness` (2,)."""
+        half = float(self.turns @ softness) / 2.0
+        turn = Pose.of(np.zeros(3), (np.cos(half), 0.0, np.sin(half), 0.0))
+        return turn @ pose_tcp_body

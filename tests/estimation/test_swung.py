@@ -1,0 +1,86 @@
+"""Swings of a load: what unit parameters make of the signals is what the signals show."""
+
+import numpy as np
+import pytest
+
+from palpate.estimation.droop import Droop
+from palpate.estimation.load.noise import Noise
+from palpate.estimation.swung import swings
+from palpate.geometry.pose import Pose
+from palpate.trace.recording import Context, Hand, Recording
+from palpate.trace.samples import FORCES, Samples, Trace
+
+QUIET = Noise(white=np.zeros(6), flicker=np.zeros(6), freedom=np.inf)
+HAND = Hand(0.0, 0.1, 0.0, 1e-4)
+MASS, FIRST, TENSOR = 0.4, np.array([0.02, 0.0, 0.004]), np.diag([1e-3, 3e-3, 4e-3])
+
+
+def turned(angle):
+    """A tool that points down, turned about world y."""
+    half = angle / 2.0
+    about_y = Pose.of(np.zeros(3), (np.cos(half), 0.0, np.sin(half), 0.0))
+    return about_y @ Pose.top_down((0.5, 0.0, 0.4), 0.0)
+
+
+def swing(ringing):
+    """A swing at 2 Hz that follows its command late, and at first rings as springs do."""
+    t = np.arange(0.0, 4.0, 0.005)
+    inside = (t > 0.5) & (t < 3.5)
+    since = t - 0.5
+
+    def along(time):
+        envelope = np.clip(time / 0.5, 0.0, 1.0) * np.clip((3.0 - time) / 0.5, 0.0, 1.0)
+        return 0.07 * envelope * np.sin(4.0 * np.pi * time)
+
+    told = np.where(inside, along(since), 0.0)
+    angle = 0.07 * np.sin(4.0 * np.pi * since)
+    angle += ringing * np.exp(-2.0 * np.maximum(since, 0.0)) * np.cos(10.0 * np.pi * since)
+    rate, change = (np.gradient(angle, t), np.gradient(np.gradient(angle, t), t))
+    poses = [turned(one) for one in angle]
+    wrench = []
+    for pose, w, a in zip(poses, rate, change, strict=True):
+        first, tensor = pose.rotation @ FIRST, pose.rotation @ TENSOR @ pose.rotation.T
+        spin, gain, up = (np.array(v) for v in ((0, w, 0), (0, a, 0), (0, 0, 9.81)))
+        force = MASS * up + np.cross(gain, first) + np.cross(spin, np.cross(spin, first))
+        moment = np.cross(first, up) + tensor @ gain + np.cross(spin, tensor @ spin)
+        wrench.append(np.concatenate([force, moment]))
+    twist = np.zeros((len(t), 6))
+    twist[:, 4] = rate
+    samples = Samples(
+        t,
+        np.zeros((len(t), 7)),
+        np.zeros((len(t), 7)),
+        np.zeros((len(t), 7)),
+        np.array(wrench),
+        np.array([pose.vector for pose in poses]),
+        twist,
+        np.array([turned(one).vector for one in told]),
+        np.full(len(t), 0.02),
+    )
+    recording = Recording(FORCES, 0.0, 4.0, Context("swinging", holding="thing"))
+    return Trace(samples, (), (recording,), (), HAND), recording
+
+
+@pytest.mark.parametrize("ringing", [0.0, 0.01])
+def test_what_a_body_resists_with_is_found_however_the_hand_follows(ringing):
+    trace, recording = swing(ringing)
+    (found,) = swings(trace, recording, QUIET)
+    theta = np.concatenate([[MASS], FIRST, np.diag(TENSOR), np.zeros(3)])
+    assert found.rate == pytest.approx(4.0 * np.pi, rel=0.01)
+    largest = np.abs(found.felt).max()
+    assert found.load @ theta == pytest.approx(found.felt, abs=0.002 * largest)
+
+
+def test_a_load_droops_the_way_its_weight_pulls():
+    """About the tool's y, the farther the longer: what hangs out along the tool's x goes down."""
+    in_hand = Pose.of((0.07, 0.0, 0.0))
+    # Held up about the closing axis: with the tool down, along its -x.
+    held = Droop.since(10.0, 20.0, 0.2)
+    at_once, later = (held.turned(in_hand, np.array(soft)) for soft in ((0.1, 0.0), (0.1, 0.02)))
+    assert at_once.position[2] == pytest.approx(0.07 * np.sin(0.1 * 0.2), rel=1e-6)
+    assert later.position[2] == pytest.approx(0.07 * np.sin((0.1 + 0.02 * 10.0) * 0.2), rel=1e-6)
+    assert held.turned(in_hand, np.zeros(2)).position == pytest.approx(in_hand.position)
+
+
+def test_a_grasp_of_which_nothing_is_told_has_no_age():
+    assert Droop.since(-np.inf, 20.0, 0.2).age == 0.0
