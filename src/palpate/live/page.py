@@ -1,0 +1,205 @@
+"""A run in the browser, as it happens: the cell in 3-D, the tree with statuses, forces, a stop button, and,
+before a real robot moves, the plan and whether it may. When all is done the run can be played again.
+
+The page is served by viser, on this machine alone.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import threading
+import time
+from collections import deque
+from collections.abc import Iterator
+from contextlib import redirect_stdout
+from html import escape
+from io import StringIO
+
+import numpy as np
+from py_trees.behaviour import Behaviour
+
+from palpate.display import visible
+from palpate.errors import Unavailable
+from palpate.execution.leaf import PrimitiveLeaf
+from palpate.execution.runner import Snapshot
+from palpate.live.outline import Line, outline
+from palpate.live.player import Player
+from palpate.live.posed import PosedCell
+from palpate.runs.run import Run
+from palpate.scene.scene import Scene
+
+try:
+    import viser
+    from viser import uplot
+
+    from palpate.live.shapes import Drawn
+except ImportError:  # pragma: no cover
+    raise Unavailable("the live page needs viser: pip install 'palpate[live]'") from None
+
+HOST = "127.0.0.1"
+REFRESH_PERIOD = 1 / 15
+"""s of wall time between two pictures."""
+HISTORY = 1500
+"""Ticks of force that the plot shows: half a minute."""
+ASK_PERIOD = 0.2
+"""s: how often a signal is looked for while a person is asked."""
+
+
+class LivePage:
+    """The page. A context manager and an `Observer`.
+
+    Args:
+        port: where it is served; another one is taken where it is not free.
+
+    Raises:
+        Unavailable: viser is not installed, or no port is free.
+    """
+
+    def __init__(self, port: int = 8080) -> None:
+        try:
+            with _unheard():
+                self._server = viser.ViserServer(HOST, port, label="palpate", verbose=False)
+        except OSError as error:
+            raise Unavailable(f"the live page cannot be served: {error}") from None
+        self._server.gui.configure_theme(dark_mode=False, control_layout="fixed", show_logo=False)
+        self._server.scene.set_up_direction("+z")
+        self._server.initial_camera.position = (1.6, -1.4, 1.2)
+        self._server.initial_camera.look_at = (0.4, 0.0, 0.3)
+        self._stage = self._server.gui.add_markdown("**waiting**")
+        self._stop = self._server.gui.add_button("Stop", color="red", visible=False)
+        self._stop.on_click(lambda _: os.kill(os.getpid(), signal.SIGINT))
+        self._force = _force_plot(self._server.gui)
+        self._tree = self._server.gui.add_html("")
+        self._cell: PosedCell | None = None
+        self._drawn: Drawn | None = None
+        self._painted = -np.inf
+        self._times: deque[float] = deque(maxlen=HISTORY)
+        self._forces: deque[float] = deque(maxlen=HISTORY)
+
+    def __enter__(self) -> LivePage:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        with _unheard():
+            self._server.stop()
+
+    @property
+    def url(self) -> str:
+        """Where the page is."""
+        return f"http://{HOST}:{self._server.get_port()}"
+
+    def progress(self, stage: str) -> None:
+        """Name the present stage of the work."""
+        self._stop.visible = False
+        self._say(f"**{visible(stage)} …**")
+
+    def confirm(self, run: Run) -> bool:
+        """Show the plan and wait for the person at the page to let the robot move, or not."""
+        self._show_scene(run.scene)
+        self._say(f"**May the robot move?** {visible(run.plan.explanation)}")
+        self._tree.content = f"<pre>{escape(visible(str(run.plan.tree)))}</pre>"
+        answered = threading.Event()
+        allowed = self._server.gui.add_button("Let it move", color="teal", order=0.5)
+        refused = self._server.gui.add_button("Do not", order=0.6)
+        said: list[bool] = []
+        for button, answer in ((allowed, True), (refused, False)):
+            button.on_click(lambda _, answer=answer: (said.append(answer), answered.set()))
+        try:
+            while not answered.wait(ASK_PERIOD):
+                pass
+        finally:
+            allowed.remove()
+            refused.remove()
+        return said[0]
+
+    def on_tick(self, snapshot: Snapshot) -> None:
+        """Take note of a tick; draws at most fifteen times a second."""
+        self._times.append(snapshot.elapsed)
+        self._forces.append(float(snapshot.robot.wrench[2]))
+        if time.monotonic() - self._painted < REFRESH_PERIOD:
+            return
+        self._painted = time.monotonic()
+        self._paint(snapshot)
+
+    def finished(self, run: Run) -> None:
+        """Let the run be played again."""
+        self._stop.visible = False
+        self._say(f"**{run.status}**: " + visible("; ".join(str(e) for e in run.estimates)))
+        if run.trace is None or not len(run.trace.t):
+            return
+        self._show_scene(run.scene)
+        assert self._cell is not None
+        assert self._drawn is not None
+        self._plot(run.trace.t - run.trace.t[0], run.trace.wrench[:, 2])
+        Player(self._server.gui, run.trace, self._cell, self._drawn, self._tree)
+
+    def _paint(self, snapshot: Snapshot) -> None:
+        state = snapshot.robot
+        leaf = next(_leaves(snapshot.root))
+        with self._server.atomic():
+            self._show_scene(leaf.blackboard.scene)
+            assert self._cell is not None
+            assert self._drawn is not None
+            holding = leaf.blackboard.state.holding
+            self._cell.show(state.q, state.width, state.pose_world_tcp, holding)
+            self._drawn.move(self._cell.data)
+            self._plot(np.array(self._times), np.array(self._forces))
+            self._tree.content = outline(_lines(snapshot))
+            self._stop.visible = True
+            self._say(_headline(snapshot))
+
+    def _show_scene(self, scene: Scene) -> None:
+        if self._cell is None:
+            self._cell = PosedCell(scene)
+            self._drawn = Drawn(self._server.scene, self._cell.model)
+
+    def _plot(self, times: np.ndarray, forces: np.ndarray) -> None:
+        step = max(1, len(times) // HISTORY)
+        self._force.data = (times[::step].astype(float), forces[::step].astype(float))
+
+    def _say(self, text: str) -> None:
+        self._stage.content = text
+
+
+def _unheard() -> redirect_stdout[StringIO]:
+    """viser greets on stdout, where results are expected."""
+    return redirect_stdout(StringIO())
+
+
+def _force_plot(gui: viser.GuiApi) -> viser.GuiUplotHandle:
+    nothing = np.zeros(1)
+    return gui.add_uplot(
+        (nothing, nothing),
+        (uplot.Series(label="s"), uplot.Series(label="F_z / N", stroke="#0b8f83", width=2)),
+        scales={"x": uplot.Scale(time=False)},
+        title="vertical force",
+        aspect=2.0,
+    )
+
+
+def _leaves(node: Behaviour) -> Iterator[PrimitiveLeaf]:
+    if isinstance(node, PrimitiveLeaf):
+        yield node
+    for child in node.children:
+        yield from _leaves(child)
+
+
+def _headline(snapshot: Snapshot) -> str:
+    steps = len(list(_leaves(snapshot.root)))
+    done = min(len(snapshot.leaves) + 1, steps)
+    force = float(snapshot.robot.wrench[2])
+    stopping = f" · **stopping**: {visible(snapshot.stopping)}" if snapshot.stopping else ""
+    return f"**step {done} of {steps}** · {snapshot.elapsed:.1f} s · F_z {force:.1f} N{stopping}"
+
+
+def _lines(snapshot: Snapshot) -> Iterator[Line]:
+    said = {leaf.node: leaf.message for leaf in snapshot.leaves}
+    yield from _below(snapshot.root, 0, said)
+
+
+def _below(node: Behaviour, depth: int, said: dict[str, str]) -> Iterator[Line]:
+    message = said.get(node.node, "") if isinstance(node, PrimitiveLeaf) else ""
+    yield Line(node.name, depth, node.status.value, message)
+    for child in node.children:
+        yield from _below(child, depth + 1, said)

@@ -1,0 +1,87 @@
+"""The workplace as it is believed to be, posed: D with the nominal arm in it, at measured joint angles.
+
+It is a picture for people. What the hidden world, or a real workplace, does otherwise is not in it.
+"""
+
+from __future__ import annotations
+
+import mujoco
+
+from palpate.geometry.pose import Array, Pose
+from palpate.mjcf.compile import compile_model
+from palpate.robots.model import PREFIX
+from palpate.scene.scene import Scene
+
+
+class PosedCell:
+    """D and the arm, and where everything is after what has been grasped and let go of so far.
+
+    Attributes:
+        model, data: of MuJoCo; `data` has the poses of all bodies after `show`.
+    """
+
+    def __init__(self, scene: Scene) -> None:
+        self.model = _with_arm(scene)
+        self.data = mujoco.MjData(self.model)
+        self._arm = [self._address(name) for name in scene.arm.joints]
+        self._fingers = [self._address(name) for name in scene.arm.hand.fingers]
+        self._bodies = self._free_bodies(scene)
+        self._at_first = {name: scene.bodies[name].pose_world for name in self._bodies}
+        self.put_back()
+
+    def put_back(self) -> None:
+        """Put everything where D has it; the hand is empty."""
+        self._poses = dict(self._at_first)
+        self._held: tuple[str, Pose] | None = None
+
+    def show(self, q: Array, width: float, pose_world_tcp: Pose, holding: str | None) -> None:
+        """Pose everything.
+
+        Args:
+            q: (7,) rad. width: m between the fingers. pose_world_tcp: where the TCP is.
+            holding: the object between the fingers, which moves along with them.
+        """
+        self.carry(pose_world_tcp, holding)
+        self.data.qpos[self._arm] = q
+        self.data.qpos[self._fingers] = width / 2
+        for name, address in self._bodies.items():
+            pose = self._poses[name]
+            self.data.qpos[address : address + 7] = pose.vector
+        mujoco.mj_kinematics(self.model, self.data)
+
+    def carry(self, pose_world_tcp: Pose, holding: str | None) -> None:
+        """Move the hand: what it holds keeps its pose in it; what it let go of stays where it is."""
+        if holding not in self._poses:
+            self._held = None
+            return
+        if self._held is None or self._held[0] != holding:
+            self._held = (holding, pose_world_tcp.inverse() @ self._poses[holding])
+        self._poses[holding] = pose_world_tcp @ self._held[1]
+
+    def _address(self, joint: str) -> int:
+        """Where a joint of the arm stands in qpos."""
+        return int(self.model.joint(PREFIX + joint).qposadr[0])
+
+    def _free_bodies(self, scene: Scene) -> dict[str, int]:
+        """Where the poses of objects that move freely stand in qpos."""
+        found: dict[str, int] = {}
+        for name in scene.objects:
+            body = mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_BODY, name)
+            joint = int(self.model.body_jntadr[body]) if body > 0 else -1
+            if joint >= 0 and self.model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_FREE:
+                found[name] = int(self.model.jnt_qposadr[joint])
+        return found
+
+
+def _with_arm(scene: Scene) -> mujoco.MjModel:
+    spec = scene.spec()
+    for key in list(spec.keys):
+        spec.delete(key)
+    robot = scene.arm.spec()
+    # Nothing is simulated; where the two differ MuJoCo would warn.
+    for name in ("timestep", "integrator", "cone", "impratio", "gravity"):
+        setattr(robot.option, name, getattr(spec.option, name))
+    base = scene.pose_world_base
+    frame = spec.worldbody.add_frame(pos=base.position, quat=base.quaternion)
+    spec.attach(robot, frame=frame, prefix=PREFIX)
+    return compile_model(spec)
