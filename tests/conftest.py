@@ -39,6 +39,7 @@ LONG = (
     "tests/examples/test_programs.py::test_a_program_runs_and_prints_what_it_promises[[]08*",
     "tests/examples/test_programs.py::test_a_program_runs_and_prints_what_it_promises[[]09*",
     "tests/examples/test_programs.py::test_a_program_runs_and_prints_what_it_promises[[]10*",
+    "tests/live/test_page.py::*",
     "tests/vocabulary/test_turning.py::test_a_centre_of_mass_is_found_along_gravity",
     "tests/test_api.py::test_where_the_scenes_file_is_gone_the_measurement_is_still_there",
     "tests/test_api.py::test_the_same_seed_gives_the_same_run",

@@ -89,6 +89,10 @@ class Interrupts:
         self._heard = self._count
         return self._count - self._before
 
+    def forget(self) -> None:
+        """What has come only ended a wait, after everything was done: nothing was interrupted."""
+        self._count = self._heard = self._before = 0
+
     @property
     def reason(self) -> str:
         """The latest one in words."""

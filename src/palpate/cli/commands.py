@@ -21,6 +21,7 @@ from palpate.cli.options import (
     Fast,
     GivenScene,
     Images,
+    Live,
     ModelOptions,
     MotionOptions,
     NoiseLevel,
@@ -96,6 +97,7 @@ def demo(
     within: Widths = None,
     out: Out = None,
     fast: Fast = False,
+    live: Live = False,
     as_json: AsJson = False,
     model: ModelOptions,
 ) -> None:
@@ -115,7 +117,7 @@ def demo(
         fast=fast,
         model_settings=model.settings(),
     )
-    carry_out(settings, as_json)
+    carry_out(settings, as_json, live=live)
 
 
 @command(app)
@@ -134,6 +136,7 @@ def run(
     remeasure: Remeasure = False,
     within: Widths = None,
     motion: MotionOptions,
+    live: Live = False,
     as_json: AsJson = False,
     yes: Yes = False,
     without: Without = None,
@@ -147,7 +150,7 @@ def run(
         within=widths(within),
         model_settings=model.settings(without),
     )
-    carry_out(settings, as_json, yes)
+    carry_out(settings, as_json, yes, live)
 
 
 @command(app)
@@ -264,6 +267,7 @@ def execute(
     *,
     given: GivenScene,
     motion: MotionOptions,
+    live: Live = False,
     as_json: AsJson = False,
     yes: Yes = False,
 ) -> None:
@@ -279,7 +283,7 @@ def execute(
         arm=given.arm,
         planner=replayed(plan),
     )
-    carry_out(motion.added_to(settings), as_json, yes)
+    carry_out(motion.added_to(settings), as_json, yes, live)
 
 
 @command(app)
@@ -351,11 +355,24 @@ def compare(
 
 
 @command(app, name="open")
-def open_report(folder: RunFolder) -> None:
+def open_report(
+    folder: RunFolder,
+    *,
+    live: Annotated[
+        bool, typer.Option("--live", help="Play the run again on a page instead.")
+    ] = False,
+) -> None:
     """Open a run's report in the browser."""
+    import palpate as pp
     from palpate.cli.show.browser import show_report
+    from palpate.cli.show.run import live_page, play_again
 
-    show_report(folder)
+    if not live:
+        show_report(folder)
+        return
+    with interrupts() as signals, signals.noted(), live_page(live) as page:
+        assert page is not None
+        play_again(page, pp.open(folder), signals)
 
 
 @command(app)
@@ -461,24 +478,28 @@ def doctor(
     raise typer.Exit(examine_robot(robot, arm, robot_config, may_hold))
 
 
-def carry_out(settings: Settings, as_json: bool, yes: bool = False) -> None:
+def carry_out(settings: Settings, as_json: bool, yes: bool = False, live: bool = False) -> None:
     """Run with a live view on stderr, print the result, leave with its exit status."""
     from palpate.api import run_settings
     from palpate.cli.show.run import (
         ValuesFirst,
         confirm_plan,
         confirm_resuming,
+        live_page,
         live_view,
+        play_again,
         show_ended,
         warn_of_invented,
     )
 
-    def confirm(run: Run) -> bool:
-        return yes or confirm_plan(run)
+    with interrupts() as signals, signals.noted(), live_page(live) as page:
+        ask = page.confirm if page else confirm_plan
 
-    with interrupts() as signals, signals.noted():
+        def confirm(run: Run) -> bool:
+            return yes or ask(run)
+
         warn_of_invented(settings)
-        with live_view() as (observer, say):
+        with live_view(page) as (observer, say):
 
             def may_resume(why: str) -> bool:
                 say("the robot was stopped")
@@ -486,4 +507,7 @@ def carry_out(settings: Settings, as_json: bool, yes: bool = False) -> None:
 
             values = ValuesFirst(as_json)
             done = run_settings(settings, observer, say, confirm, values, may_resume)
-        raise typer.Exit(show_ended(done, as_json, values.shown))
+        status = show_ended(done, as_json, values.shown)
+        if page and not signals.count:
+            play_again(page, done, signals)
+        raise typer.Exit(status)

@@ -94,6 +94,10 @@ TwinFile = Annotated[
     ),
 ]
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")]
+Live = Annotated[
+    bool,
+    typer.Option("--live", help="Show the run in the browser, and play it again when it is done."),
+]
 Yes = Annotated[bool, typer.Option("--yes", help="Do not ask before a real robot moves.")]
 Rehearse = Annotated[
     bool | None,

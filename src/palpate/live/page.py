@@ -21,6 +21,7 @@ from py_trees.behaviour import Behaviour
 
 from palpate.display import visible
 from palpate.errors import Unavailable
+from palpate.estimation.estimate import Estimate
 from palpate.execution.leaf import PrimitiveLeaf
 from palpate.execution.runner import Snapshot
 from palpate.live.outline import Line, outline
@@ -71,6 +72,7 @@ class LivePage:
         self._stop.on_click(lambda _: os.kill(os.getpid(), signal.SIGINT))
         self._force = _force_plot(self._server.gui)
         self._tree = self._server.gui.add_html("")
+        self._closed = False
         self._cell: PosedCell | None = None
         self._drawn: Drawn | None = None
         self._painted = -np.inf
@@ -89,6 +91,11 @@ class LivePage:
         """Where the page is."""
         return f"http://{HOST}:{self._server.get_port()}"
 
+    @property
+    def closed(self) -> bool:
+        """Whether somebody has closed it, at the page."""
+        return self._closed
+
     def progress(self, stage: str) -> None:
         """Name the present stage of the work."""
         self._stop.visible = False
@@ -103,10 +110,15 @@ class LivePage:
         allowed = self._server.gui.add_button("Let it move", color="teal", order=0.5)
         refused = self._server.gui.add_button("Do not", order=0.6)
         said: list[bool] = []
-        for button, answer in ((allowed, True), (refused, False)):
-            button.on_click(lambda _, answer=answer: (said.append(answer), answered.set()))
+
+        def answer(event: viser.GuiEvent[viser.GuiButtonHandle]) -> None:
+            said.append(event.target is allowed)
+            answered.set()
+
+        allowed.on_click(answer)
+        refused.on_click(answer)
         try:
-            while not answered.wait(ASK_PERIOD):
+            while not answered.wait(ASK_PERIOD):  # a signal is raised between two waits
                 pass
         finally:
             allowed.remove()
@@ -125,7 +137,9 @@ class LivePage:
     def finished(self, run: Run) -> None:
         """Let the run be played again."""
         self._stop.visible = False
-        self._say(f"**{run.status}**: " + visible("; ".join(str(e) for e in run.estimates)))
+        self._say(f"**{run.status}**" + "".join(f"\n\n{_value(e)}" for e in run.estimates))
+        done = self._server.gui.add_button("Close", order=0.7)
+        done.on_click(lambda _: self._close())
         if run.trace is None or not len(run.trace.t):
             return
         self._show_scene(run.scene)
@@ -133,6 +147,9 @@ class LivePage:
         assert self._drawn is not None
         self._plot(run.trace.t - run.trace.t[0], run.trace.wrench[:, 2])
         Player(self._server.gui, run.trace, self._cell, self._drawn, self._tree)
+
+    def _close(self) -> None:
+        self._closed = True
 
     def _paint(self, snapshot: Snapshot) -> None:
         state = snapshot.robot
@@ -183,6 +200,10 @@ def _leaves(node: Behaviour) -> Iterator[PrimitiveLeaf]:
         yield node
     for child in node.children:
         yield from _leaves(child)
+
+
+def _value(estimate: Estimate) -> str:
+    return visible(repr(estimate).strip("<>"))
 
 
 def _headline(snapshot: Snapshot) -> str:

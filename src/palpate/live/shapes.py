@@ -1,5 +1,8 @@
 """What of a MuJoCo model a person sees, drawn once into the page's 3-D view; only poses change after that."""
 
+# trimesh is typed in part.
+# pyright: reportUnknownMemberType=false
+
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator

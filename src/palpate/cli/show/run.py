@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import time
 from collections.abc import Callable, Generator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
@@ -16,18 +17,49 @@ from palpate.display import visible
 if TYPE_CHECKING:
     from palpate.estimation.estimate import Estimate
     from palpate.execution.runner import Observer
+    from palpate.interrupt import Interrupts
+    from palpate.live.page import LivePage
     from palpate.runs.run import Run
     from palpate.settings import Settings
     from palpate.twin.held_out import Motion
 
 
 @contextmanager
-def live_view() -> Generator[tuple[Observer, Callable[[str], None]]]:
-    """The live view on stderr and a way to name the present stage."""
+def live_view(page: LivePage | None = None) -> Generator[tuple[Observer, Callable[[str], None]]]:
+    """The live view on stderr, and on a page where there is one, and a way to name the present
+    stage."""
     from palpate.live.terminal import LiveTree
+    from palpate.live.together import Together
 
     with LiveTree(err) as live:
-        yield live, live.progress
+        views = Together(live, page) if page else live
+        yield views, views.progress
+
+
+@contextmanager
+def live_page(wanted: bool) -> Generator[LivePage | None]:
+    """The page in the browser, where it is wanted.
+
+    Raises:
+        Unavailable: viser is not installed, or the page cannot be served.
+    """
+    if not wanted:
+        yield None
+        return
+    from palpate.live.page import LivePage
+
+    with LivePage() as page:
+        err.print(f"[dim]live[/] {page.url}", soft_wrap=True)
+        yield page
+
+
+def play_again(page: LivePage, run: Run, signals: Interrupts) -> None:
+    """Let the finished run be played again on the page until it is closed there, or Ctrl-C."""
+    page.finished(run)
+    err.print(f"[dim]played again at[/] {page.url} [dim]until Ctrl-C[/]", soft_wrap=True)
+    while not page.closed and not signals.pressed():
+        time.sleep(0.2)
+    signals.forget()
 
 
 def confirm_plan(run: Run) -> bool:
