@@ -4,17 +4,22 @@ from __future__ import annotations
 
 import pytest
 
+from palpate.errors import PlanRejected
 from palpate.parameter import Parameter
+from palpate.planning.symbolic.planner import SymbolicPlanner
 from palpate.scene.load import parse_scene
+from palpate.scene.poses import parse_poses
+from palpate.scene.remarks import remarks
 from palpate.scene.scene import Scene
 from palpate.twin.inject import inject
 
 MUG = '<body name="mug" pos="0.5 0 {z}" {turned}><freejoint/><geom type="box" size=".03 .03 .05"/></body>'
 
 
-def scene(*bodies: str, height: str = "0.2") -> Scene:
+def scene(*bodies: str, height: str = "0.2", poses: str | None = None) -> Scene:
     table = f'<geom name="table" type="box" pos="0.5 0 {height}" size=".3 .4 .02"/>'
-    return parse_scene(f"<mujoco><worldbody>{table}{''.join(bodies)}</worldbody></mujoco>")
+    text = f"<mujoco><worldbody>{table}{''.join(bodies)}</worldbody></mujoco>"
+    return parse_scene(text, poses=None if poses is None else parse_poses(poses))
 
 
 def mug(gap: float, turned: str = "") -> str:
@@ -28,6 +33,22 @@ def test_what_hangs_a_little_too_high_stands(gap: float) -> None:
     assert found.symbols.pose("mug_pose").position[2] < 0.33
     height = found.spec().compile().body("mug").pos[2]
     assert height == pytest.approx(0.27, abs=2e-4)
+
+
+def test_what_its_poses_hang_too_high_stands_and_is_told() -> None:
+    found = scene(mug(1.0), poses="objects: {mug: {pos: [0.5, 0, 0.28]}}")
+    assert found.bodies["mug"].bottom_z() == pytest.approx(0.22, abs=2e-4)
+    assert any("let down onto it: 'mug'" in line for line in remarks(found))
+
+
+def test_what_hangs_above_another_object_stands_on_it() -> None:
+    found = scene(mug(0.0), MUG.format(z=0.378, turned="").replace('"mug"', '"upper"'))
+    assert found.bodies["upper"].bottom_z() == pytest.approx(0.32, abs=5e-4)
+
+
+def test_what_hangs_far_above_everything_is_said_to() -> None:
+    with pytest.raises(PlanRejected, match="'mug' hangs in the air; say where it lies"):
+        SymbolicPlanner().plan("how heavy is the mug?", scene(mug(0.06)))
 
 
 def test_the_file_keeps_its_own_number() -> None:

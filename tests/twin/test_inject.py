@@ -365,6 +365,9 @@ ODD = """<mujoco>{before}<worldbody>
   <body name="mug" pos="0.5 0 0.27"><freejoint/>{mug}</body>
 </worldbody></mujoco>"""
 WALL = '<geom type="box" size=".03 .03 .05"'
+OPEN_WEDGE = """<asset><mesh name="wedge" face="0 1 2 1 3 2 0 4 1 1 4 5"
+    vertex="-.03 -.03 -.05 .03 -.03 -.05 -.03 .03 -.05 .03 .03 -.05 -.03 0 .05 .03 0 .05"/></asset>"""
+SHELL_WEDGE = OPEN_WEDGE.replace("face", 'inertia="shell" face')
 HANDLE = '<geom type="box" pos=".04 0 0" size=".01 .01 .02"'
 
 
@@ -388,6 +391,9 @@ HANDLE = '<geom type="box" pos=".04 0 0" size=".01 .01 .02"'
             f'<inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>{WALL} mass="?"/>',
             '<compiler inertiafromgeom="true"/>',
         ),
+        (f'<geom type="mesh" mesh="wedge" density="?"/>{HANDLE} density="300"/>', OPEN_WEDGE),
+        (f'<geom type="mesh" mesh="wedge" density="?"/>{HANDLE} mass=".02"/>', SHELL_WEDGE),
+        (f'{WALL} shellinertia="true" density="?"/>', ""),
     ],
 )
 def test_what_is_written_is_what_mujoco_reads(mug: str, before: str) -> None:

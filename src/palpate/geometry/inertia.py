@@ -14,12 +14,6 @@ def rotation(quaternion: Array) -> Array:
     return Pose.of((0, 0, 0), quaternion).rotation
 
 
-def inertia_components(diagonal: Array, quaternion: Array) -> tuple[float, ...]:
-    """xx yy zz xy xz yz in body axes, from MuJoCo's principal moments and their orientation."""
-    axes = rotation(np.asarray(quaternion))
-    return tuple(components(axes @ np.diag(np.asarray(diagonal)) @ axes.T))
-
-
 def tensor_of(parts: Sequence[float]) -> Array:
     """(3, 3) from xx yy zz xy xz yz."""
     xx, yy, zz, xy, xz, yz = parts

@@ -13,18 +13,17 @@ from dataclasses import dataclass
 import numpy as np
 
 from palpate.errors import InputError
-from palpate.geometry.inertia import components, rotation, tensor_of
+from palpate.geometry.inertia import components, tensor_of
 from palpate.geometry.pose import Array
 from palpate.mjcf.body import BodyDescription
 from palpate.mjcf.document import UNKNOWN, Element, compiler_settings, has_unknown, tokens
 from palpate.mjcf.edits import Change, Edit, Insert, number, unknown_only
 from palpate.mjcf.roles import inertial_of
+from palpate.mjcf.shapes import USUAL_DENSITY
+from palpate.mjcf.whole import away, whole
 
 GROUPS = "0 5"
 """MuJoCo's `inertiagrouprange`: geoms of all groups make an object's inertia."""
-
-USUAL_DENSITY = 1000.0
-"""kg/m³, of a geom that states none, by MuJoCo."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -138,12 +137,12 @@ def _stand_in(body: BodyDescription, geom: Element) -> float:
     mass = tokens(body.defaults.attribute(geom, "mass"))
     if mass:
         return 1.0 if UNKNOWN in mass else float(mass[0])
-    return USUAL_DENSITY * body.shapes.volume(geom)
+    return USUAL_DENSITY * body.shapes.mass_per_density(geom)
 
 
 def com_of(body: BodyDescription) -> tuple[float, ...]:
     """Centre of mass in the body frame, as MuJoCo has it, m."""
-    return tuple(np.asarray(body.shapes.model.body(body.name).ipos).tolist())
+    return tuple(whole(body.shapes.model, body.name).com.tolist())
 
 
 def inertia_for(body: BodyDescription, mass: float, com: Sequence[float]) -> tuple[float, ...]:
@@ -158,16 +157,12 @@ def _tensor(body: BodyDescription, mass: float, com: Array) -> Array:
         tensor, centre = _of_geoms(body, mass)
     else:
         tensor, centre = _of_box(body, mass)
-    offset = com - centre
-    return tensor + mass * (offset @ offset * np.eye(3) - np.outer(offset, offset))
+    return tensor + mass * away(com - centre)
 
 
 def _of_geoms(body: BodyDescription, mass: float) -> tuple[Array, Array]:
-    compiled = body.shapes.model.body(body.name)
-    axes = rotation(np.asarray(compiled.iquat))
-    scale = mass / float(compiled.mass[0])
-    tensor = axes @ np.diag(np.asarray(compiled.inertia)) @ axes.T * scale
-    return tensor, np.asarray(compiled.ipos)
+    compiled = whole(body.shapes.model, body.name)
+    return compiled.tensor * (mass / compiled.mass), compiled.com
 
 
 def _of_box(body: BodyDescription, mass: float) -> tuple[Array, Array]:
@@ -226,7 +221,7 @@ def _mass(body: BodyDescription, mass: float, std: float | None) -> Iterator[Edi
         share = own * weight / total
         is_dense = body.defaults.attribute(geom, "mass") is None
         if is_dense and UNKNOWN in tokens(geom.get("density")):
-            yield Edit(geom, "density", {0: number(share / _volume(body, geom))})
+            yield Edit(geom, "density", {0: number(share / body.shapes.mass_per_density(geom))})
         else:
             digits = std if len(weights) == 1 else None
             yield Edit(geom, "mass", {0: number(share, digits)})

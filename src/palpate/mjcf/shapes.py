@@ -7,7 +7,7 @@ a cylinder, rings between the poles of a ball, and of a mesh the vertices that s
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache
 
 import mujoco
@@ -18,10 +18,13 @@ from palpate.errors import InputError
 from palpate.geometry.outline import Convex
 from palpate.geometry.pose import Array, Pose
 from palpate.mjcf.compile import BASE_SITE, ModelTree, compile_model, compile_spec, model_tree
-from palpate.mjcf.document import Document, Element
+from palpate.mjcf.document import Document, Element, elements
 from palpate.mjcf.edits import Edit, Insert
 from palpate.mjcf.limits.trial import require_compiles
 from palpate.mjcf.roles import Roles
+
+USUAL_DENSITY = 1000.0
+"""kg/m³, of a geom that states none, by MuJoCo."""
 
 INFINITE_PLANE = 10.0
 """m: half extent given to a plane without one."""
@@ -38,12 +41,14 @@ reason."""
 class Shapes:
     """Geometry of a compiled scene at rest.
 
-    `geom_ids` and `names` refer to elements of the document.
+    `geom_ids` refers to elements of the document. `tree` is what was compiled.
     """
 
     model: mujoco.MjModel
     data: mujoco.MjData
     geom_ids: Mapping[Element, int]
+    tree: ModelTree
+    _per_density: dict[Element, float] = field(default_factory=dict[Element, float])
 
     def body_pose(self, name: str) -> Pose:
         """Pose of a body's frame in the world."""
@@ -77,6 +82,18 @@ class Shapes:
     def volume(self, geom: Element) -> float:
         """m³ of a geom; of a mesh as triangulated."""
         return geom_volume(self.model, self.geom_ids[geom])
+
+    def mass_per_density(self, geom: Element) -> float:
+        """m³ (m² of a shell) by which MuJoCo multiplies a geom's density, m: of meshes that are not
+        closed, or count as their hulls, another number than their volume."""
+        i = self.geom_ids[geom]
+        has_shells = any(part.get("shellinertia") == "true" for part in elements(self.tree.root))
+        if int(self.model.geom_type[i]) not in _TRIANGULATED and not has_shells:
+            return self.volume(geom)
+        if geom not in self._per_density:
+            body, twin = int(self.model.geom_bodyid[i]), self.tree.twin_of[geom]
+            self._per_density[geom] = _mass_per_density(self.tree, twin, body)
+        return self._per_density[geom] or self.volume(geom)
 
     def solid_geoms(self) -> list[int]:
         """Ids of all geoms that can touch something, planes left out."""
@@ -118,7 +135,23 @@ def compile_shapes(
         i = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_GEOM, name)
         if i >= 0:
             ids[geom] = i
-    return Shapes(model, data, ids)
+    return Shapes(model, data, ids, tree)
+
+
+_TRIANGULATED = (int(mujoco.mjtGeom.mjGEOM_MESH), int(mujoco.mjtGeom.mjGEOM_SDF))
+
+
+def _mass_per_density(tree: ModelTree, geom: Element, body: int) -> float:
+    """As MuJoCo has it: how much heavier a body gets as one of its geoms gets denser."""
+    stated, masses = dict(geom.attrib), list[float]()
+    for density in (USUAL_DENSITY, 2 * USUAL_DENSITY):
+        geom.attrib.pop("mass", None)
+        geom.set("density", repr(density))
+        masses.append(float(compile_model(compile_spec(tree)).body_mass[body]))
+    geom.attrib.clear()
+    geom.attrib.update(stated)
+    lighter, heavier = masses
+    return (heavier - lighter) / USUAL_DENSITY
 
 
 def _require_finite(model: mujoco.MjModel, data: mujoco.MjData) -> None:

@@ -20,7 +20,7 @@ from palpate.geometry.pose import Array
 from palpate.mjcf.body import Body, BodyDescription
 from palpate.mjcf.document import UNKNOWN, tokens
 from palpate.mjcf.edits import Slot
-from palpate.mjcf.inertial import Statement, lacks
+from palpate.mjcf.inertial import Statement, com_of, lacks
 from palpate.mjcf.roles import Elements
 from palpate.parameter import Parameter
 from palpate.quantities.contacts import tied_to
@@ -80,7 +80,7 @@ class CentreOfMass(Quantity):
         return "missing" if lacks(body.elements.inertial, "pos") else "known"
 
     def known(self, body: BodyDescription) -> tuple[float, ...]:
-        return tuple(float(v) for v in body.shapes.model.body(body.name).ipos)
+        return com_of(body)
 
     def overruled(self, body: BodyDescription) -> str:
         return tied_to(body)

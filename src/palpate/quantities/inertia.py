@@ -16,12 +16,13 @@ from palpate.estimation.estimate import Estimate, Part, not_identified
 from palpate.estimation.holds import Held, grasped, held, pose_in_hand
 from palpate.estimation.rigid import MASS, about_centre, linear, moved, of_box, pseudo_inertia
 from palpate.estimation.swung import contrast, swings
-from palpate.geometry.inertia import inertia_components
+from palpate.geometry.inertia import components
 from palpate.geometry.pose import Array, Pose
 from palpate.mjcf.body import Body, BodyDescription
 from palpate.mjcf.edits import Slot
 from palpate.mjcf.inertial import Statement, com_of, inertia_for, inertia_is_open, mass_of
 from palpate.mjcf.roles import Elements
+from palpate.mjcf.whole import whole
 from palpate.parameter import Parameter
 from palpate.quantities.contacts import tied_to
 from palpate.quantities.evidence import Evidence
@@ -78,8 +79,7 @@ class Inertia(Quantity):
         return "missing" if inertia_is_open(body.elements.inertial) else "known"
 
     def known(self, body: BodyDescription) -> tuple[float, ...]:
-        compiled = body.shapes.model.body(body.name)
-        return inertia_components(compiled.inertia, compiled.iquat)
+        return tuple(components(whole(body.shapes.model, body.name).tensor))
 
     def overruled(self, body: BodyDescription) -> str:
         return tied_to(body)

@@ -40,6 +40,7 @@ class Description:
         shapes: compiled with stand-ins for everything unknown.
         bodies: objects and surfaces by name, in document order.
         placed: the changes that put bodies where the poses say, and down onto what they hang above.
+        lowered: names of the latter.
         refused: what has a name and stands still and is yet no surface, with the reason.
     """
 
@@ -48,6 +49,7 @@ class Description:
     shapes: Shapes
     bodies: dict[str, BodyDescription]
     placed: tuple[Edit, ...]
+    lowered: tuple[str, ...]
     refused: dict[str, str]
 
 
@@ -69,9 +71,9 @@ def describe(document: Document, poses: Poses, catalogue: Catalogue) -> Descript
         edits += slot.placeholder()
     shapes = compile_shapes(document, roles, [*edits, *placed], extent.is_large)
     bodies = _described(roles, shapes, poses)
-    lowered = tuple(let_down(bodies, shapes))
+    lowered = dict(let_down(bodies, shapes))
     if lowered:
-        placed = (*placed, *lowered)
+        placed = (*placed, *lowered.values())
         shapes = compile_shapes(document, roles, [*edits, *placed])
         bodies = _described(roles, shapes, poses)
     refused: dict[str, str] = {}
@@ -80,7 +82,7 @@ def describe(document: Document, poses: Poses, catalogue: Catalogue) -> Descript
             refused[name] = reason
     for name in refused:
         del bodies[name]
-    return Description(document, roles, shapes, bodies, placed, refused)
+    return Description(document, roles, shapes, bodies, placed, tuple(lowered), refused)
 
 
 def _described(roles: Roles, shapes: Shapes, poses: Poses) -> dict[str, BodyDescription]:

@@ -85,6 +85,11 @@ def _others(scene: Scene) -> Iterator[str]:
             "Of what is attached more than once, the first stands for all, as one file states it: not "
             f"{_names(copies)}. Where one of them differs, give it a file of its own."
         )
+    if description.lowered:
+        yield (
+            "Placed a little above what they stand on, and let down onto it: "
+            f"{_names(map(_quoted, description.lowered))}."
+        )
     copied = [name for name, body in description.bodies.items() if _is_replicated(body.elements)]
     if copied:
         yield (

@@ -1,7 +1,7 @@
 """Objects that hang a little above what they are to stand on, let down onto it.
 
-Many files place objects a few millimetres too high and leave it to the simulator to drop them. Where
-they come to stand is where the arm has to look for them.
+Many files, and the code that draws poses for them, place objects a few millimetres too high and leave
+it to the simulator to drop them. Where they come to stand is where the arm has to look for them.
 """
 
 from __future__ import annotations
@@ -33,9 +33,9 @@ UPRIGHT = float(np.cos(np.radians(3.0)))
 """Likewise of what turns by more than that."""
 
 
-def let_down(bodies: Mapping[str, BodyDescription], shapes: Shapes) -> Iterator[Edit]:
-    """The changes that put those objects onto their support which hang less than `RESTING` above one
-    of known height: where MuJoCo lets them fall to, straight down."""
+def let_down(bodies: Mapping[str, BodyDescription], shapes: Shapes) -> Iterator[tuple[str, Edit]]:
+    """The changes, by name, that put those objects onto their support which hang less than `RESTING`
+    above one of known height: where MuJoCo lets them fall to, straight down."""
     hanging = [body for body in bodies.values() if _hangs(body)]
     if not hanging:
         return
@@ -49,17 +49,35 @@ def let_down(bodies: Mapping[str, BodyDescription], shapes: Shapes) -> Iterator[
         aside = float(np.linalg.norm((before.position - after.position)[:2]))
         turned = float(np.abs(before.rotation.T @ after.rotation).diagonal().min())
         if 0.0 < drop < 2 * RESTING and aside < ASIDE and turned > UPRIGHT:
-            z = float(tokens(body.elements.element.get("pos") or "0 0 0")[2]) - drop
-            yield Edit(body.elements.element, "pos", {2: repr(z)}, "0 0 0")
+            z = _stated_z(body) - drop
+            yield body.name, Edit(body.elements.element, "pos", {2: repr(z)}, "0 0 0")
+
+
+def _stated_z(body: BodyDescription) -> float:
+    """World z of an object's frame by its poses, else by its file, m."""
+    if body.given is not None:
+        return float(body.given.position[2])
+    return float(tokens(body.elements.element.get("pos") or "0 0 0")[2])
 
 
 def _hangs(body: BodyDescription) -> bool:
-    """Whether an object is placed by its file alone, in the world's axes, and just above a surface."""
-    is_placed = body.elements.moved_by() is None and body.given is None
-    if body.role != "object" or not is_placed or has_unknown(body.elements.element, "pos"):
+    """Whether an object is placed in the world's axes, by its poses or its file, and just above a
+    surface."""
+    if body.role != "object" or body.elements.moved_by() is not None:
         return False
-    below = body.surfaces_below()
-    if not below or any(surface.top_is_open for surface in below):
+    if has_unknown(body.elements.element, "pos"):
         return False
-    gaps = [body.bottom_z - surface.top_z for surface in below]
-    return HANGING < min(gaps, key=abs) < RESTING
+    if any(surface.top_is_open for surface in body.surfaces_below()):
+        return False
+    gaps = list(_gaps(body))
+    return bool(gaps) and HANGING < min(gaps, key=abs) < RESTING
+
+
+def _gaps(body: BodyDescription) -> Iterator[float]:
+    """How far its bottom is above each thing that reaches under its middle, m."""
+    for surface in body.surfaces_below():
+        yield body.bottom_z - surface.top_z
+    foot = body.footing()
+    for other in body.objects():
+        if other is not body and other.bottom_z < body.bottom_z and other.reaches_over(foot):
+            yield body.bottom_z - other.top_z

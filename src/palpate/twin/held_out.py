@@ -24,6 +24,7 @@ from palpate.estimation.holds import pose_in_hand
 from palpate.estimation.load.segments import weighing
 from palpate.estimation.windows import load_of, mean_pose
 from palpate.geometry.pose import Array, Pose
+from palpate.mjcf.whole import whole
 from palpate.parameter import Parameter
 from palpate.quantities.com import BELIEVED, accuracy
 from palpate.quantities.estimators import estimate_all
@@ -291,7 +292,7 @@ def _hanging(
         place += accuracy(body) ** 2 + trace.hand.tip_offset_std**2
     if centre is None:
         spread = tuning.COM_PRIOR * np.maximum(body.size, 1e-3)
-        inferred = np.array(scene.spec().compile().body(name).ipos, dtype=np.float64)
+        inferred = whole(scene.spec().compile(), name).com
         centre = _Known(inferred, spread, np.zeros((3, signals)))
     offset = (pose_world_body.position - pose_world_tcp.position)[:2] + across @ centre.value
     covariance = across @ np.diag(centre.own**2) @ across.T + place * np.eye(2)

@@ -11,6 +11,7 @@ from palpate.errors import InputError, PlanRejected
 from palpate.planning.check.check import check
 from palpate.planning.plan import Plan
 from palpate.planning.symbolic.planner import SymbolicPlanner
+from palpate.scene.load import parse_scene
 from palpate.scene.scene import Scene
 
 
@@ -202,3 +203,12 @@ def test_what_only_real_shapes_show_is_gone_around_or_said() -> None:
     wall = '<geom name="wall" type="box" pos="0.28 0 0.25" size=".01 .2 .25"/>'
     with pytest.raises(PlanRejected, match="'wall'"):
         SymbolicPlanner().plan("the mass of the bottle", bench(BOTTLE, wall))
+
+
+FLAT = '<body name="tin" pos="0.45 0 0.42"><freejoint/><geom type="box" size=".03 .03 .02" friction=".5"/></body>'
+
+
+def test_a_flat_thing_is_put_back_onto_a_table_of_unknown_height() -> None:
+    table = '<body name="table" pos="0.5 0 0.2"><geom type="box" size=".3 .3 ?"/></body>'
+    scene = parse_scene(f"<mujoco><worldbody>{table}{FLAT}</worldbody></mujoco>")
+    assert actions(planned(scene, "How heavy is the tin?").tree) == weigh("tin")

@@ -27,16 +27,21 @@ from palpate.planning.symbolic.steps import ASIDE, SLIDE, TEMPORARY, Step, is_aw
 from palpate.quantities.precision.effort import Effort
 from palpate.scene.scene import Scene
 from palpate.vocabulary.admissible.clearance import blockers
+from palpate.vocabulary.admissible.support import clear_of_support
 from palpate.vocabulary.base import Primitive, Surroundings
 from palpate.vocabulary.motion import HOME_CONFIG
 from palpate.vocabulary.registry import Vocabulary, vocabulary
 from palpate.vocabulary.state import RESTORED_POSITION, SymbolicState, during
+from palpate.vocabulary.violation import PRECONDITION
 
 SPOT = 1.5
 """Offsets between the spots of a surface that are touched: 75 mm, of which three make a plane."""
 
 MAX_STATES = 5000
 """States that one search looks at before it gives up."""
+
+FEW_STATES = 60
+"""That it looks at again, to say why."""
 
 SIDEWAYS = ("y_offset", "x_offset")
 """Offsets along which things are slid."""
@@ -138,6 +143,12 @@ class Backchainer:
         )
 
     def _search(self, name: str, parameters: Sequence[Parameter]) -> None:
+        if name in self.scene.objects and clear_of_support(
+            self.state, name, self.state.pose_of(name)
+        ):
+            raise PlanRejected(
+                f"'{name}' hangs in the air; say where it lies, in its pos or by --poses"
+            )
         first = len(self.steps)
         away = self._clear(name, (name,)) if name in self.scene.bodies else []
         for parameter in parameters:
@@ -363,6 +374,7 @@ class Backchainer:
             PlanRejected: there are none, and `failure` says what that means.
         """
         refused: set[Refusal] = set()
+        hindrance = ""
         for _ in range(MAX_DETOURS):
             found = _shortest(self.state, operators, tail, refused)
             if found is None:
@@ -374,10 +386,27 @@ class Backchainer:
                 self.state = after
                 return True
             refused.add(refusal[0])
-            self._hindrance = f": {refusal[1]}"
+            self._hindrance = hindrance = f": {refusal[1]}"
         if failure:
-            raise PlanRejected(failure)
+            raise PlanRejected(failure + (hindrance or _obstacle(self.state, operators)))
         return False
+
+
+def _obstacle(state: SymbolicState, operators: Sequence[Primitive]) -> str:
+    """What of the things themselves speaks against an action on the way, where none leads on: that one
+    would tip, fall or turn in the grip; not the order of actions."""
+    queue, seen = deque([state]), {_key(state)}
+    while queue and len(seen) < FEW_STATES:
+        here = queue.popleft()
+        for operator in operators:
+            for violation in operator.requires(here):
+                if violation.rule not in (PRECONDITION, "gripper-state", "unknown-start"):
+                    return f": {violation}"
+            after = Step((operator,)).applied(here)
+            if after is not None and _key(after) not in seen:
+                seen.add(_key(after))
+                queue.append(after)
+    return ""
 
 
 def _first_refused(state: SymbolicState, steps: Iterable[Step]) -> tuple[Refusal, str] | None:

@@ -55,7 +55,8 @@ class Passing:
 
     Attributes:
         between: objects between the open fingers at its start or its end.
-        carriers: what the load stands on at its end.
+        carriers: what the load stands on at its end. As high as that is, so high are the fingers that
+            hold it: as high above it as where they took it.
         touched: what a probe touches.
     """
 
@@ -175,7 +176,7 @@ def _margin(
         return ENTERED
     if name in state.scene.objects:
         return BESIDE
-    if part.kind == LOAD or passing.between or passing.touched:
+    if part.kind == LOAD or passing.between or passing.touched or name in passing.carriers:
         return FIXED
     return max(FIXED, heights.get(name, 0.0))
 

@@ -20,6 +20,7 @@ from palpate.geometry.outline import Convex
 from palpate.geometry.pose import Array, Pose
 from palpate.mjcf.compile import compile_model, refused
 from palpate.mjcf.shapes import hull_edges, hull_points
+from palpate.mjcf.whole import whole
 from palpate.robots.description import RobotDescription
 from palpate.robots.kinematics import inverse_kinematics
 from palpate.robots.model import PREFIX
@@ -115,7 +116,7 @@ class Solids:
 
     def centre_of_mass(self, name: str) -> Array:
         """(3,) m, an object's, believed, in its frame."""
-        return self.model.body(name).ipos.copy()
+        return whole(self.model, name).com
 
     def mass(self, name: str) -> float:
         """kg, an object's, believed."""
