@@ -14,6 +14,7 @@ arguments as they are written in Python, `scene=D.xml`; the command line makes f
 from __future__ import annotations
 
 from collections.abc import Iterable
+from difflib import get_close_matches
 
 
 class PalpateError(Exception):
@@ -41,7 +42,17 @@ class Stopped(Unavailable):
 
 
 def unknown_name(kind: str, name: str, valid: Iterable[str], hint: str = "") -> InputError:
-    """An `InputError` that names what is unknown and lists the valid choices."""
-    choices = ", ".join(sorted(valid)) or "none"
+    """An `InputError` that names what is unknown, the choice that was perhaps meant, and the valid
+    ones."""
+    names = sorted(valid)
+    choices = ", ".join(names) or "none"
     tail = f" {hint}" if hint else ""
-    return InputError(f"unknown {kind} '{name[:80]}'; valid: {choices}.{tail}")
+    unknown = f"unknown {kind} '{name[:80]}';{perhaps(name, names)}"
+    return InputError(f"{unknown} valid: {choices}.{tail}")
+
+
+def perhaps(name: str, names: Iterable[str]) -> str:
+    """` did you mean 'bottle'?` where one of `names` is nearly `name`; else nothing."""
+    by_letters = {known.lower(): known for known in names}
+    near = get_close_matches(name[:80].lower(), by_letters, n=1, cutoff=0.6)
+    return f" did you mean '{by_letters[near[0]]}'?" if near else ""

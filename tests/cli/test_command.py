@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import json
+import logging
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Annotated
 
 import pytest
 import typer
 
+from palpate.cli import console
 from palpate.cli.command import command
 from palpate.cli.options import DEFAULT_ARM
 from palpate.errors import InputError, Unavailable
@@ -78,3 +81,44 @@ def test_an_error_is_json_only_where_the_command_was_asked_for_it(
 
 def test_the_arm_that_the_help_names_is_the_librarys() -> None:
     assert DEFAULT_ARM == DEFAULT
+
+
+def spoken(*options: str) -> None:
+    app = typer.Typer()
+    app.callback()(lambda: None)
+
+    @command(app)
+    def think(*, as_json: AsJson = False) -> None:
+        """Think."""
+        logging.getLogger("palpate.thoughts").debug("a thought")
+        logging.getLogger("palpate.thoughts").warning("a doubt")
+        console.err.print("progress")
+
+    app(["think", *options], standalone_mode=False)
+
+
+def test_quiet_shows_no_progress_and_verbose_what_goes_on_inside(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    spoken()
+    assert "progress" in capsys.readouterr().err
+    spoken("-q")
+    assert "progress" not in capsys.readouterr().err
+    spoken("-v")
+    assert "a thought" in capsys.readouterr().err
+    spoken()
+    assert "a thought" not in capsys.readouterr().err
+
+
+def test_a_log_has_it_all_without_keys(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("OPENAI_API_KEY", "a thought")
+    spoken("--log", str(tmp_path / "log"))
+    said = (tmp_path / "log").read_text("utf-8")
+    assert "a doubt" in said
+    assert "DEBUG palpate.thoughts: " in said
+    assert "a thought" not in said
+    assert "a doubt" in capsys.readouterr().err
+    spoken("--log", str(tmp_path))
+    assert "cannot write --log" in capsys.readouterr().err

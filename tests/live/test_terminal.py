@@ -8,7 +8,9 @@ from rich.console import Console
 
 from palpate.execution.build import build
 from palpate.execution.runner import Snapshot, run
-from palpate.live.terminal import LiveTree, render
+from palpate.live.console import TOLD
+from palpate.live.remaining import Remaining
+from palpate.live.terminal import LiveTree, bar, render
 from palpate.planning.plan import Plan
 
 
@@ -48,10 +50,11 @@ def watched(plan, node, scene, robot, words):
 
 
 def test_the_tree_with_statuses_time_and_force(watched, node, robot):
-    robot.force[0] = 3.0
+    robot.force[2] = 6.0
     pictures = watched(node("Go", z=0.28), node("Wait", seconds=0.5), node("Go", z=0.3))
     middle = pictures[25].splitlines()
-    assert middle[0].startswith("    0.5 s robot time   |F|   3.0 N   Wait(0.5)")
+    assert middle[0].startswith("    0.5 s robot time   step 2/3   Fz")
+    assert middle[0].endswith("│██      +6.0 N   Wait(0.5)")
     assert middle[1] == "▶ Sequence"
     assert middle[2].startswith("  ✓ Go(0.28, 0.1)  0.2 s  at 0.28")
     assert middle[3].startswith("  ▶ Wait(0.5)  0.")
@@ -104,6 +107,45 @@ def test_elsewhere_every_leaf_gives_one_line(plan, node, scene, robot, words):
         ["FAILED", "Refuse():"],
     ]
     assert "\x1b" not in out.file.getvalue()
+
+
+@pytest.mark.parametrize(
+    ("force", "shown"),
+    [(0.0, "     │     "), (9.0, "     │██   "), (-9.0, "   ██│     "), (90.0, "     │█████")],
+)
+def test_a_force_is_a_bar_to_its_side(force, shown):
+    assert bar(force) == shown
+
+
+def test_the_time_left_is_that_of_the_steps_to_come_by_what_their_like_took(
+    plan, node, scene, robot, words
+):
+    found = []
+
+    class Watcher:
+        def __init__(self):
+            self.remaining = Remaining()
+
+        def on_tick(self, snapshot):
+            time.sleep(0.0005)
+            found.append((snapshot.elapsed, self.remaining.seconds(snapshot)))
+
+    steps = [node("Wait", seconds=0.5) for _ in range(6)]
+    run(plan(*steps), scene, robot, words=words, observer=Watcher())
+    assert found[10][1] is None, "nobody knows yet"
+    # Where half is done as much is left, whatever a second of robot time takes.
+    half = next(left for elapsed, left in found if elapsed > 1.6)
+    later = next(left for elapsed, left in found if elapsed > 2.6)
+    assert half > later > 0.0
+    assert found[-1][1] == 0.0
+
+
+def test_what_it_shows_is_in_the_log_too(plan, node, scene, robot, words, caplog):
+    caplog.set_level("INFO", logger=TOLD)
+    with LiveTree(console(True)) as live:
+        live.progress("touching")
+        run(plan(node("Go", z=0.28)), scene, robot, words=words, observer=live)
+    assert [record.message.split()[-1] for record in caplog.records] == ["touching", "(1/1)"]
 
 
 def test_on_a_terminal_it_is_redrawn_seldom_and_the_end_stays(plan, node, scene, robot, words):

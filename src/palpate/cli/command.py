@@ -12,18 +12,21 @@ from typing import Annotated, Any, TypeVar, get_origin, get_type_hints
 import typer
 
 from palpate.cli.console import print_error
+from palpate.cli.voice import Voice
 from palpate.errors import ExecutionAborted, PalpateError
 from palpate.interrupt import interrupts
 
+VOICE = [field.name for field in fields(Voice)]
 Function = TypeVar("Function", bound=Callable[..., None])
 
 
 def command(app: typer.Typer, name: str | None = None) -> Callable[[Function], Function]:
     """Make a function a command of `app`, by its own name unless another is given.
 
-    A parameter whose type is a dataclass is an option group: the command has its fields as options,
-    and the function gets the dataclass. A `PalpateError`, or a signal, becomes a message and its
-    exit status; a command with a parameter `as_json` that is set prints it as JSON too.
+    Every command takes the options of `Voice`. A parameter whose type is a dataclass is an option
+    group: the command has its fields as options, and the function gets the dataclass. A
+    `PalpateError`, or a signal, becomes a message and its exit status; a command with a parameter
+    `as_json` that is set prints it as JSON too.
     """
 
     def register(function: Function) -> Function:
@@ -33,9 +36,10 @@ def command(app: typer.Typer, name: str | None = None) -> Callable[[Function], F
         @wraps(function)
         def called(**given: Any) -> None:
             as_json = given.get("as_json", False)
+            voice = Voice(**{name: given.pop(name) for name in VOICE})
             with interrupts() as signals:
                 try:
-                    with signals.raised():
+                    with signals.raised(), voice.heard():
                         function(**_gathered(given, groups))
                 except PalpateError as error:
                     raise typer.Exit(print_error(error, as_json)) from None
@@ -43,7 +47,7 @@ def command(app: typer.Typer, name: str | None = None) -> Callable[[Function], F
                     aborted = ExecutionAborted(signals.reason)
                     raise typer.Exit(print_error(aborted, as_json)) from None
 
-        _set_options(called, _options(function, hints, groups))
+        _set_options(called, [*_options(function, hints, groups), *_fields(Voice)])
         app.command(name)(called)
         return function
 

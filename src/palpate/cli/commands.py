@@ -42,6 +42,7 @@ from palpate.cli.options import (
     Without,
     World,
     Yes,
+    scenario_names,
     widths,
 )
 from palpate.interrupt import interrupts
@@ -53,7 +54,6 @@ if TYPE_CHECKING:
 app = typer.Typer(
     name="palpate",
     no_args_is_help=True,
-    add_completion=False,
     rich_markup_mode="rich",
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
@@ -86,7 +86,9 @@ def root(
 
 @command(app)
 def demo(
-    name: Annotated[str, typer.Argument(metavar="[SCENARIO]")] = "bottle_and_table",
+    name: Annotated[
+        str, typer.Argument(metavar="[SCENARIO]", autocompletion=scenario_names)
+    ] = "bottle_and_table",
     *,
     noise: NoiseLevel = "lab",
     seed: Seed = 0,

@@ -34,11 +34,16 @@ def print_error(error: PalpateError, as_json: bool) -> int:
     """One line on stderr, and an object on stdout where JSON is wanted; the exit status."""
     status, message = exit_status(error), redact(in_flags(str(error)))
     if as_json:
-        ended = {3: "rejected", 4: "aborted"}.get(status, "failed")
         with printing():
-            print_json({"status": ended, "error": {"message": message, "exit_status": status}})
+            print_failure(message, status)
     say(message)
     return status
+
+
+def print_failure(message: str, status: int) -> None:
+    """What went wrong, as an object on stdout."""
+    ended = {3: "rejected", 4: "aborted"}.get(status, "failed")
+    print_json({"status": ended, "error": {"message": message, "exit_status": status}})
 
 
 def say(line: str) -> None:

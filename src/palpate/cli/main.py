@@ -6,7 +6,8 @@ from __future__ import annotations
 import atexit
 import os
 import sys
-from typing import Any, NoReturn
+from importlib import import_module
+from typing import Any
 
 from palpate.interrupt import ending_signals, ignore_signals, interrupts
 
@@ -20,6 +21,7 @@ def main() -> None:
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     with interrupts(ending_signals()) as signals, signals.noted():
         try:
+            _without_broken_opengl()
             from palpate.cli.commands import app
 
             status = app(standalone_mode=False)
@@ -37,6 +39,21 @@ def main() -> None:
             status = status or 1
         atexit.register(ignore_signals)
         sys.exit(4 if signals.count else status)
+
+
+def _without_broken_opengl() -> None:
+    """Go on without pictures where `MUJOCO_GL` names an OpenGL with which MuJoCo cannot even be
+    imported."""
+    chosen = os.environ.get("MUJOCO_GL", "").strip()
+    if not chosen:
+        return
+    try:
+        import_module("mujoco")
+    except Exception:
+        from palpate.cli.console import say
+
+        os.environ["MUJOCO_GL"] = "disable"
+        say(f"no pictures: MuJoCo cannot use MUJOCO_GL={chosen}; unset it, or try egl or osmesa")
 
 
 def _flushed() -> bool:
@@ -65,7 +82,7 @@ def _told(error: Exception) -> int:
     if type(error).__name__ == "Abort":
         return INTERRUPTED
     if type(error).__module__.split(".")[0] in ("click", "typer"):
-        usage(error)
+        return usage(error, "--json" in sys.argv)
     if sys.flags.dev_mode:
         raise error
     from palpate.cli.console import print_error, say
@@ -80,17 +97,25 @@ def _told(error: Exception) -> int:
     return print_error(found, "--json" in sys.argv)
 
 
-def usage(error: Any) -> NoReturn:
-    """A wrong option or argument: the command line library's own message."""
+def usage(error: Any, as_json: bool = False) -> int:
+    """Tell a wrong option or argument in the command line library's own words, and as an object where
+    JSON is wanted; the exit status."""
+    from palpate.cli.console import print_failure, printing
     from palpate.display import visible
 
+    status: int = getattr(error, "exit_code", 2)
     show = getattr(error, "show", None)
     if show:
         error.message = visible(error.message)
+        if not error.message:  # no arguments at all: its help
+            as_json = False
         show()
     else:
         print(f"palpate: {visible(str(error))}", file=sys.stderr)
-    sys.exit(getattr(error, "exit_code", 2))
+    if as_json:
+        with printing():
+            print_failure(error.format_message() if show else str(error), status)
+    return status
 
 
 if __name__ == "__main__":

@@ -21,6 +21,13 @@ if TYPE_CHECKING:
     from palpate.settings import Settings
 
 
+def scenario_names(begun: str) -> list[str]:
+    """Names of bundled scenarios that begin so, for a shell to complete."""
+    from palpate.scenarios.catalogue import scenarios
+
+    return [name for name in scenarios() if name.startswith(begun)]
+
+
 Request = Annotated[
     str | None, typer.Option("-r", "--request", help="What you want to simulate, in your words.")
 ]
@@ -78,6 +85,7 @@ NoiseLevel = Annotated[
     typer.Option(
         "--noise",
         metavar="NAME|FILE.yaml",
+        autocompletion=lambda: ["none", "lab", "datasheet", "hardware"],
         help="How the robot differs from its model: none | lab | datasheet | hardware | FILE.yaml",
     ),
 ]
@@ -172,6 +180,9 @@ Dollars = Annotated[
 class SceneOptions:
     """What is asked, of which scene, for which arm."""
 
+    given: Annotated[
+        Path | None, typer.Argument(metavar="[SCENE]", help="Your MJCF, as --scene.")
+    ] = None
     request: Request = None
     scene: SceneFile = None
     image: Images = None
@@ -181,12 +192,18 @@ class SceneOptions:
     arm: Arm = DEFAULT_ARM
 
     def settings(self) -> Settings:
-        """Settings with these, and defaults for everything else."""
+        """Settings with these, and defaults for everything else.
+
+        Raises:
+            InputError: two scenes.
+        """
         from palpate.settings import Settings
 
+        if self.given is not None and self.scene is not None:
+            raise InputError(f"two scenes, '{self.given}' and '{self.scene}': give one")
         return Settings(
             request=self.request,
-            scene=self.scene,
+            scene=self.given or self.scene,
             images=tuple(self.image or ()),
             poses=self.poses,
             root=self.root,

@@ -9,6 +9,9 @@ from rich.segment import Segment
 
 from palpate.display import visible
 
+TOLD = "palpate.told"
+"""The logger of what the live view shows."""
+
 
 class SafeConsole(Console):
     """Rich's console, on which no text is a command: names and explanations may come from a model.

@@ -7,6 +7,7 @@ they come, escape sequences included.
 
 from __future__ import annotations
 
+import logging
 import time
 from collections.abc import Iterator
 from types import TracebackType
@@ -22,8 +23,11 @@ from rich.text import Text
 from palpate.display import visible
 from palpate.execution.leaf import PrimitiveLeaf
 from palpate.execution.runner import STOP_NODE, Snapshot
-from palpate.live.console import SafeConsole
+from palpate.live.console import TOLD, SafeConsole
+from palpate.live.remaining import Remaining
 from palpate.trace.recording import LeafRun
+
+log = logging.getLogger(TOLD)
 
 REFRESH_PERIOD = 0.125
 """s of wall time: more often, nobody can read it."""
@@ -36,6 +40,9 @@ ICONS = {
 }
 STOPPED = ("–", "magenta")
 WORDS = {"SUCCESS": "ok", "FAILURE": "FAILED", "INVALID": "stopped"}
+BAR, BAR_FORCE = 5, 20.0
+"""Characters to either side of a bar's middle, and the vertical force, N, that fills them: a kilogram
+and a contact are both seen."""
 
 
 class LiveTree:
@@ -51,6 +58,7 @@ class LiveTree:
         self._latest: Snapshot | None = None
         self._drawn = -np.inf
         self._printed = 0
+        self._remaining = Remaining()
 
     def __enter__(self) -> LiveTree:
         return self
@@ -66,14 +74,14 @@ class LiveTree:
     def progress(self, stage: str) -> None:
         """Name the present stage of the work."""
         self.finish()
+        log.info("%s", _clean(stage))
         self._console.print(Text(f"{_clean(stage)} …", "dim"))
 
     def on_tick(self, snapshot: Snapshot) -> None:
         """Take note of a tick; draws at most every 125 ms."""
         self._latest = snapshot
-        if not self._in_place:
-            self._print_ended(snapshot)
-        elif time.monotonic() - self._drawn >= REFRESH_PERIOD:
+        self._tell_ended(snapshot)
+        if self._in_place and time.monotonic() - self._drawn >= REFRESH_PERIOD:
             self._draw()
 
     def finish(self) -> None:
@@ -82,6 +90,7 @@ class LiveTree:
             self._draw()
             self._live.stop()
         self._live, self._latest, self._printed = None, None, 0
+        self._remaining = Remaining()
 
     def _draw(self) -> None:
         assert self._latest is not None
@@ -89,21 +98,33 @@ class LiveTree:
             self._live = Live(console=self._console, auto_refresh=False, redirect_stdout=False)
             self._live.start()
         room = max(3, self._console.height - 6)
-        self._live.update(render(self._latest, room), refresh=True)
+        left = self._remaining.seconds(self._latest)
+        self._live.update(render(self._latest, room, left), refresh=True)
         self._drawn = time.monotonic()
 
-    def _print_ended(self, snapshot: Snapshot) -> None:
-        for leaf in snapshot.leaves[self._printed :]:
+    def _tell_ended(self, snapshot: Snapshot) -> None:
+        ended = snapshot.leaves[self._printed :]
+        steps = len(steps_of(snapshot)) if ended else 0
+        for step, leaf in enumerate(ended, self._printed + 1):
             line = f"{leaf.end:8.2f} s  {WORDS[leaf.status]:7} {leaf.label}"
             if leaf.message:
                 line += f": {leaf.message}"
-            self._console.print(Text(_clean(line)), soft_wrap=True)
+            if step <= steps and leaf.node != STOP_NODE:
+                line += f"  ({step}/{steps})"
+            log.info("%s", _clean(line))
+            if not self._in_place:
+                self._console.print(Text(_clean(line)), soft_wrap=True)
         self._printed = len(snapshot.leaves)
 
 
-def render(snapshot: Snapshot, room: int) -> Group:
+def steps_of(snapshot: Snapshot) -> list[PrimitiveLeaf]:
+    """The plan's leaves."""
+    return [node for node, _ in _walk(snapshot.root) if isinstance(node, PrimitiveLeaf)]
+
+
+def render(snapshot: Snapshot, room: int, left: float | None = None) -> Group:
     """The snapshot in at most `room` lines of tree: those around the active leaf, when there are
-    more."""
+    more. `left`: s that it will still take, where that is known."""
     ended = {leaf.node: leaf for leaf in snapshot.leaves}
     lines: list[Text] = []
     active = 0
@@ -112,15 +133,31 @@ def render(snapshot: Snapshot, room: int) -> Group:
         if node.status is not Status.INVALID:
             active = row
     first = min(max(0, active - room // 2), max(0, len(lines) - room))
-    return Group(_header(snapshot), *lines[first : first + room], *_stop(snapshot))
+    return Group(_header(snapshot, left), *lines[first : first + room], *_stop(snapshot))
 
 
-def _header(snapshot: Snapshot) -> Text:
-    force = float(np.linalg.norm(snapshot.robot.wrench[:3]))
-    figures = f"{snapshot.elapsed:7.1f} s robot time   |F| {force:5.1f} N"
-    running = [node.name for node, _ in _walk(snapshot.root) if _is_running(node)]
+def _header(snapshot: Snapshot, left: float | None) -> Text:
+    steps = steps_of(snapshot)
+    step = min(len(snapshot.leaves) + 1, len(steps))
+    figures = f"{snapshot.elapsed:7.1f} s robot time   step {step}/{len(steps)}"
+    if left is not None:
+        figures += f"   about {left:.0f} s left"
+    force = float(snapshot.robot.wrench[2])
     header = Text(figures, "bold", no_wrap=True, overflow="ellipsis")
+    header.append(f"   Fz {bar(force)} {force:+6.1f} N", "cyan")
+    running = [node.name for node in steps if _is_running(node)]
     return header.append(f"   {_clean(', '.join(running))}", "yellow")
+
+
+def bar(force: float) -> str:
+    """A vertical force, N, as a bar to the right of its middle, or to the left where it is
+    negative."""
+    filled = 0
+    if np.isfinite(force):
+        filled = min(BAR, round(BAR * abs(force) / BAR_FORCE))
+    right = "█" * filled if force > 0 else ""
+    left = "█" * filled if force < 0 else ""
+    return f"{left:>{BAR}}│{right:<{BAR}}"
 
 
 def _is_running(node: Behaviour) -> TypeGuard[PrimitiveLeaf]:

@@ -13,6 +13,7 @@ from palpate.cli.exits import EXIT
 from palpate.cli.show.estimates import show_estimates
 from palpate.cli.show.plan import print_plan, show_notes
 from palpate.display import visible
+from palpate.live.console import SafeConsole
 
 if TYPE_CHECKING:
     from palpate.estimation.estimate import Estimate
@@ -63,8 +64,9 @@ def play_again(page: LivePage, run: Run, signals: Interrupts) -> None:
 
 
 def confirm_plan(run: Run) -> bool:
-    """Show the plan and ask whether the robot may move; no answer is a no."""
-    print_plan(run.plan, err)
+    """Show the plan, however quiet it is otherwise, and ask whether the robot may move; no answer is a
+    no."""
+    print_plan(run.plan, SafeConsole(stderr=True, highlight=False))
     question = f"Let {visible(str(run.settings.robot))} move? (--yes skips this question)"
     return _confirmed(question)
 

@@ -1,0 +1,84 @@
+"""How much a command says on stderr, and what it writes into a log: options of every command."""
+
+from __future__ import annotations
+
+import logging
+import sys
+from collections.abc import Generator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from palpate.cli import console
+from palpate.display import visible
+from palpate.errors import InputError
+from palpate.live.console import TOLD
+from palpate.redaction import redact
+
+Verbose = Annotated[
+    bool, typer.Option("--verbose", "-v", help="Say on stderr what goes on inside, too.")
+]
+Quiet = Annotated[
+    bool, typer.Option("--quiet", "-q", help="Show no progress; errors and results alone.")
+]
+Log = Annotated[
+    Path | None,
+    typer.Option("--log", metavar="FILE", help="Write progress and what goes on inside there."),
+]
+
+
+@dataclass(frozen=True)
+class Voice:
+    """The options."""
+
+    verbose: Verbose = False
+    quiet: Quiet = False
+    log: Log = None
+
+    @contextmanager
+    def heard(self) -> Generator[None]:
+        """It speaks like this inside the block.
+
+        Raises:
+            InputError: the log cannot be written.
+        """
+        logger = logging.getLogger("palpate")
+        level, quiet = logger.level, console.err.quiet
+        handlers = list(self._handlers())
+        console.err.quiet = self.quiet
+        if self.verbose or self.log is not None:
+            logger.setLevel(logging.DEBUG)
+        for handler in handlers:
+            handler.setFormatter(_Redacting("%(asctime)s %(levelname)s %(name)s: %(message)s"))
+            logger.addHandler(handler)
+        try:
+            yield
+        finally:
+            console.err.quiet = quiet
+            logger.setLevel(level)
+            for handler in handlers:
+                logger.removeHandler(handler)
+                handler.close()
+
+    def _handlers(self) -> Generator[logging.Handler]:
+        if self.verbose or self.log is not None:
+            spoken = logging.StreamHandler(sys.stderr)
+            spoken.setLevel(logging.DEBUG if self.verbose else logging.WARNING)
+            # What the live view shows already is for the log alone.
+            spoken.addFilter(lambda record: record.name != TOLD)
+            yield spoken
+        if self.log is not None:
+            try:
+                yield logging.FileHandler(self.log, encoding="utf-8")
+            except OSError as error:
+                raise InputError(f"cannot write --log '{self.log}': {error.strerror}") from error
+
+
+class _Redacting(logging.Formatter):
+    """Without keys of the environment, and with nothing that a terminal would take for a command."""
+
+    def format(self, record: logging.LogRecord) -> str:
+        return "\n".join(map(visible, redact(super().format(record)).splitlines()))
