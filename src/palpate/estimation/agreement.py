@@ -9,8 +9,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from scipy.special import fdtri
-
 from palpate.estimation import tuning
 
 KNOWN = 1_000_000_000
@@ -47,5 +45,7 @@ def chi_squared(
     That variance was itself estimated, with `noise_freedom` degrees of freedom: the sum over
     `freedom` then is of an F distribution.
     """
+    from scipy.special import fdtri
+
     limit = freedom * float(fdtri(freedom, noise_freedom, 1.0 - tuning.FALSE_ALARM))
     return FitTest(name, statistic, limit, finding)

@@ -22,6 +22,13 @@ Z95 = 1.96
 """Half width of the central 95 % interval of a normal distribution, in standard deviations."""
 
 
+def half95(freedom: float) -> float:
+    """The same of Student's t distribution with `freedom` degrees of freedom, which may be infinite."""
+    from scipy.special import stdtrit  # takes longer to load than most plans to make
+
+    return Z95 if math.isinf(freedom) else float(stdtrit(freedom, 0.975))
+
+
 @dataclass(frozen=True, slots=True)
 class Part:
     """A further value that came with an estimate, e.g. the static beside the dynamic friction.

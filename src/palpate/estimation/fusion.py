@@ -19,10 +19,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.special import stdtrit
 
 from palpate.estimation.agreement import KNOWN, FitTest, chi_squared
-from palpate.estimation.estimate import Z95, Estimate, Shared, rounded
+from palpate.estimation.estimate import Estimate, Shared, half95, rounded
 from palpate.geometry.pose import Array
 
 TINY = 1e-12
@@ -70,7 +69,7 @@ def fuse(sources: Sequence[Source]) -> Estimate:
     value = (weights * values).sum(axis=0)
     std = np.sqrt([w @ c @ w for w, c in zip(weights.T, covariances, strict=True)])
     freedom = _freedom(sources, weights, std)
-    half = std * (Z95 if math.isinf(freedom) else float(stdtrit(freedom, 0.975)))
+    half = std * half95(freedom)
     return Estimate(
         first.parameter,
         first.unit,

@@ -6,13 +6,14 @@ from __future__ import annotations
 from contextlib import suppress
 
 import numpy as np
-from scipy.spatial import ConvexHull, QhullError
 
 from palpate.geometry.pose import Array
 
 
 def hull(points: Array) -> Array:
     """(m, 2) corners of the convex hull of (k, 2) points; the two ends where all lie in a line."""
+    from scipy.spatial import ConvexHull, QhullError
+
     if len(points) > 2:
         with suppress(QhullError):  # it finds no area
             return points[ConvexHull(points).vertices]

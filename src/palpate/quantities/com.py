@@ -7,12 +7,11 @@ from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
-from scipy.special import stdtrit
 
 from palpate.estimation import tuning
 from palpate.estimation.agreement import FitTest, chi_squared
 from palpate.estimation.droop import SPREAD
-from palpate.estimation.estimate import Estimate, Part, Shared, not_identified
+from palpate.estimation.estimate import Estimate, Part, Shared, half95, not_identified
 from palpate.estimation.holds import Held, held
 from palpate.estimation.load.fit import Load
 from palpate.estimation.load.weighing import shared_gains
@@ -354,7 +353,7 @@ def _estimate(
     centre, std = found
     blind = std > tuning.BLIND * tuning.COM_PRIOR * body.size
     value = np.where(blind, body.centre, centre)
-    half = std * float(stdtrit(grasps.freedom, 0.975))
+    half = std * half95(grasps.freedom)
     return Estimate(
         parameter,
         UNIT,

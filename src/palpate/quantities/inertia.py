@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
-from scipy.optimize import least_squares
 
 from palpate.estimation import tuning
 from palpate.estimation.agreement import FitTest, chi_squared
@@ -202,6 +201,8 @@ def _fit(found: _Evidence, body: Body) -> tuple[Array, Array, FitTest]:
     """The ten numbers of the object in its own frame (and how it gives way about three axes), their
     covariance, inflated where the swings disagree, and whether they do: Gauss-Newton from the box's
     (e.g. Nocedal and Wright, Numerical Optimization, section 10.3)."""
+    from scipy.optimize import least_squares  # takes longer to load than most plans to make
+
     mass = found.held.load.force / found.gravity
     start = np.concatenate([of_box(max(mass, 1e-3), body.centre, body.size), np.zeros(5)])
     spread = _spread(body)

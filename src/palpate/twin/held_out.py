@@ -15,7 +15,6 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
-from scipy.special import fdtrc
 
 from palpate.estimation import tuning
 from palpate.estimation.agreement import FitTest, chi_squared
@@ -311,6 +310,8 @@ def _wrench(mass: _Known, hanging: _Hanging, gravity: float) -> Wrench:
 
 
 def _motion(name: str, cut: _Cut, found: Predicted, guess: Predicted, trace: Trace) -> Motion:
+    from scipy.special import fdtrc
+
     more, spread = found.beyond()
     dof, misfit = len(found.left), found.misfit
     return Motion(

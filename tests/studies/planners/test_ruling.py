@@ -112,6 +112,13 @@ def test_a_run_that_has_to_be_stopped_is_right_when_it_was() -> None:
     assert "another" in rule(run(plan=other, execution=stopped), mishap, True).reason
 
 
+def test_who_cannot_see_what_stands_in_the_way_is_right_to_be_stopped_by_it() -> None:
+    hidden = replace(TASK, expects=(), status="rejected", only_seen=True)
+    stopped = Ending("stopped", "unexpected contact", 6, 9.0, 1.0)
+    assert rule(run(execution=stopped, estimates=()), hidden, looks=False).success
+    assert not rule(run(execution=stopped, estimates=()), hidden, looks=True).success
+
+
 def test_who_does_not_look_cannot_plan_without_a_scene(tmp_path: Path) -> None:
     record = attempt(Trial("from_picture", "symbolic", "full", 0), frozenset(), Conditions())
     assert (record.outcome, record.success) == ("refused rightly", True)

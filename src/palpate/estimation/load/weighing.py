@@ -7,10 +7,9 @@ from dataclasses import dataclass
 from statistics import NormalDist
 
 import numpy as np
-from scipy.special import stdtrit
 
 from palpate.estimation.agreement import FitTest
-from palpate.estimation.estimate import Part, Shared, Verdict
+from palpate.estimation.estimate import Part, Shared, Verdict, half95
 from palpate.estimation.load.equations import FORCE_Z
 from palpate.estimation.load.fit import fit_load, untested
 from palpate.estimation.load.segments import Segment, Weighing, referenced, weighings
@@ -61,7 +60,7 @@ def weigh(trace: Trace, recording: Recording) -> Weight:
     found = weighings(trace, recording)
     load = fit_load(found, trace.gravity, trace.hand)
     mass, std = load.force / trace.gravity, load.force_std / trace.gravity
-    half = std * float(stdtrit(load.freedom, 0.975))
+    half = std * half95(load.freedom)
     low, high = mass - half, mass + half
     common = shared_gains(load.gains[:1] / trace.gravity), load.freedom
     if low > 0.0:

@@ -46,10 +46,11 @@ def rule(run: Run, task: Scenario, looks: bool) -> Ruling:
     true. `looks`: the planner sees pictures, and so has no excuse where only they tell."""
     if not run.ready:
         return _unmoved(run, task, looks)
-    if task.status == "rejected":
+    blind = task.only_seen and not looks
+    if task.status == "rejected" and not blind:
         return Ruling("failed", "the arm moved where nothing can be measured")
-    if task.status == "aborted":
-        return _stopped(run, task)
+    if task.status != "complete":
+        return _stopped(run, task, blind)
     assert run.trace is not None
     judgement = judge(run.trace, task.expects, task.may_touch)
     if not judgement.success:
@@ -80,9 +81,11 @@ def _unmoved(run: Run, task: Scenario, looks: bool) -> Ruling:
     return Ruling("refused", f"no tree: {run.plan.explanation[:300]}")
 
 
-def _stopped(run: Run, task: Scenario) -> Ruling:
-    """The right plan in a world where it must not be carried through."""
-    if needless := set(run.plan.parameters) ^ set(task.expects):
+def _stopped(run: Run, task: Scenario, blind: bool) -> Ruling:
+    """The right plan in a world where it must not be carried through; of who is `blind` to what
+    stands there, any plan."""
+    needless = set(run.plan.parameters) ^ set(task.expects)
+    if needless and not blind:
         return Ruling("failed", f"what to measure is another: {_listed(needless)}")
     if run.status != "aborted":
         return Ruling("failed", f"ended {run.status} where the arm had to stop")

@@ -206,11 +206,11 @@ def _results(records: Sequence[Record]) -> Table:
             continue
         spread = f" ± {stdev(values):.2g}" if len(values) > 1 else ""
         cells = [Cell(line.estimated), Cell(line.truth)]
-        cells.append(Cell(f"{fmean(values):.5g}{spread} {unit}", f"{len(values)} trials"))
+        cells.append(Cell(f"{fmean(values):.5g}{spread} {unit}", f"of {len(values)}"))
         cells.append(Cell(f"{fmean(stds):.2g} {unit}"))
         cells.append(Cell(f"{fmean(truths):.5g} {unit}"))
         lines.append((line.name, cells))
-    heads = ["paper", "paper: truth", "ours, mean ± SD", "stated SD", "truth"]
+    heads = ["paper", "paper: truth", "ours, mean ± SD of trials", "stated SD", "truth"]
     lead = (
         "Table IV: what was measured, of all successful trials. The paper's are real objects; ours "
         "stand in a simulated world that neither planner nor estimator can see."
