@@ -17,6 +17,7 @@ from palpate.files.plain_yaml import yaml_text
 from palpate.files.read import read_text
 from palpate.planning.check.check import check
 from palpate.planning.model.prompt.compose import Prompt, checked_modules, checked_style, compose
+from palpate.planning.model.provider import find_provider
 from palpate.planning.model.session import Budget, ModelSettings
 from palpate.planning.recorded import load_proposal, plan_file
 from palpate.quantities.catalogue import catalogue
@@ -177,6 +178,7 @@ def model_settings(
     without: Iterable[str] = (),
     rounds: int = 3,
     prompt: str = "full",
+    critic: str | None = None,
     **budget: Any,
 ) -> ModelSettings:
     """How a model is asked.
@@ -184,18 +186,21 @@ def model_settings(
     Args:
         base_url: address of its server. native: by the provider's structured output.
         without: modules of the prompt to leave out. rounds: of feedback.
-        prompt: `full` or `lean`.
+        prompt: `full` or `lean`. critic: `PROVIDER:MODEL` of a second model that may object.
         budget: `seconds`, `tokens` and `dollars` that a plan may take.
 
     Raises:
-        InputError: no such module, or no such prompt.
+        InputError: no such module, prompt or provider.
     """
+    if critic is not None:
+        find_provider(critic)
     return ModelSettings(
         base_url=base_url,
         native=native,
         without=checked_modules(without),
         prompt=checked_style(prompt),
         rounds=rounds,
+        critic=critic,
         budget=Budget(**budget),
     )
 

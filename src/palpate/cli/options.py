@@ -161,6 +161,14 @@ PromptStyle = Annotated[
         help="Tell a model how quantities are measured, too, or only what there is and what is safe.",
     ),
 ]
+CriticModel = Annotated[
+    str | None,
+    typer.Option(
+        "--critic",
+        metavar="PROVIDER:MODEL",
+        help="A second model that reads the plan and may object to it once.",
+    ),
+]
 Feedback = Annotated[
     int, typer.Option("--feedback", min=0, max=10, help="How often findings go back to the model.")
 ]
@@ -275,6 +283,7 @@ class ModelOptions:
     base_url: BaseUrl = None
     native: Native = False
     prompt: PromptStyle = "full"
+    critic: CriticModel = None
     feedback: Feedback = 3
     budget_seconds: Seconds = 300
     budget_tokens: Tokens = 200_000
@@ -284,7 +293,7 @@ class ModelOptions:
         """As the planner takes them; `without` names modules of the prompt that are left out.
 
         Raises:
-            InputError: no such module, or no such prompt.
+            InputError: no such module, prompt or provider.
         """
         from palpate.tools import model_settings
 
@@ -294,6 +303,7 @@ class ModelOptions:
             without or (),
             self.feedback,
             self.prompt,
+            self.critic,
             seconds=self.budget_seconds,
             tokens=self.budget_tokens,
             dollars=self.budget_dollars,

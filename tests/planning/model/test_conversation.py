@@ -1,9 +1,11 @@
 import json
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import pytest
 
 from palpate.errors import InputError, PlanRejected
+from palpate.parameter import Parameter
 from palpate.planning.model.conversation import (
     MAX_FINDINGS,
     Answer,
@@ -14,7 +16,7 @@ from palpate.planning.model.conversation import (
     recorded,
     replayed,
 )
-from palpate.planning.plan import Plan
+from palpate.planning.plan import Node, Plan
 
 GOOD = Plan((), None, "nothing to do")
 
@@ -131,3 +133,52 @@ def test_an_empty_record_has_no_plan(tmp_path) -> None:
 def test_recorded_answers_end() -> None:
     with pytest.raises(InputError, match="ends before"):
         recorded(Conversation("p:m", "S"))("more")
+
+
+OTHER = replace(GOOD, explanation="another")
+
+
+def test_an_objection_goes_back_once_and_what_comes_of_it_is_the_plan() -> None:
+    talk, heard = Conversation("p:m", "S"), list[str]()
+    plans = {"first": GOOD, "second": OTHER}
+    plan = converse(
+        talk,
+        "please",
+        scripted("first", "second", heard=heard),
+        lambda text: (plans[text], []),
+        rounds=0,
+        critic=lambda plan: "the wrong cup",
+    )
+    assert plan is OTHER
+    assert "the wrong cup" in heard[1]
+    assert [round.objection for round in talk.rounds] == ["the wrong cup", ""]
+    again = Conversation("p:m", "S")
+    kept = Conversation.load(talk.dump())
+    assert replayed(kept, again, lambda text: (plans[text], [])) is OTHER
+
+
+def test_a_plan_stands_where_an_objection_leads_to_no_other_that_passes() -> None:
+    talk = Conversation("p:m", "S")
+    plan = converse(
+        talk, "please", scripted("good", "bad", "bad"), judge, rounds=1, critic=lambda plan: "no"
+    )
+    assert plan is GOOD
+    assert len(talk.rounds) == 3
+
+
+def test_the_figures_tell_each_rounds_parameters_and_what_changed() -> None:
+    trees = [Node("Sequence", (), (Node("OpenGripper"), Node(name))) for name in ("A", "B")]
+    plans = [
+        Plan((Parameter("cup", "mass"),), trees[0], "e"),
+        Plan((Parameter("cup", "com"),), trees[1], "e"),
+    ]
+    talk = Conversation("p:m", "S")
+    converse(
+        talk,
+        "please",
+        scripted("0", "1"),
+        lambda text: (plans[int(text)], ["no"] if text == "0" else []),
+    )
+    figures = talk.summary()["model"]
+    assert figures["parameters"] == [["cup.mass"], ["cup.com"]]
+    assert figures["changed"] == [[], ["- cup.mass", "+ cup.com", "- A", "+ B"]]

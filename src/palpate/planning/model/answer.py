@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, cast
 
@@ -86,6 +86,19 @@ def nested(document: Mapping[str, Any]) -> dict[str, Any]:
     if used != len(nodes):
         raise InputError("nodes: some are not below the root; every node must be")
     return {**plan, "tree": tree}
+
+
+def json_objects(text: str) -> Iterator[dict[str, Any]]:
+    """The JSON objects in a text, those inside others left out."""
+    position = 0
+    for _ in range(MAX_ATTEMPTS):
+        opening = _OPENING.search(text, position)
+        if opening is None:
+            return
+        value, end, _ = _decoded(text, opening.start())
+        if isinstance(value, dict):
+            yield cast("dict[str, Any]", value)
+        position = opening.start() + 1 if value is None else end
 
 
 def _plan_object(text: str) -> tuple[str, dict[str, Any]]:

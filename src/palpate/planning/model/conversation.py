@@ -8,13 +8,14 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
+from difflib import unified_diff
 from pathlib import Path
 from typing import Any
 
 from pydantic import TypeAdapter, ValidationError
 
-from palpate.errors import InputError, PlanRejected
+from palpate.errors import InputError, PlanRejected, Unavailable
 from palpate.files.read import read_text
 from palpate.planning.plan import MAX_BYTES, Plan
 
@@ -25,6 +26,10 @@ MAX_CONVERSATION = 20 * MAX_BYTES
 MAX_FINDINGS = 20
 MAX_FINDING = 500
 """Findings in one message, and characters of each."""
+MAX_CHANGES = 40
+"""Lines that tell how one plan differs from the one before."""
+MAX_COMPARED = 500
+"""Nodes of a plan that are compared."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,11 +57,39 @@ class Answer:
 
 @dataclass(frozen=True, slots=True)
 class Round:
-    """One message to the model, its answer, and what the check found wrong with it."""
+    """One message to the model, its answer, and what came of it.
+
+    Attributes:
+        findings: what the check found wrong with it.
+        parameters: what its plan promises, `object.quantity` each.
+        changed: how its plan differs from the one before, a line each: `-` gone, `+` new.
+        objection: what a critic said against it.
+    """
 
     message: str
     answer: Answer
     findings: tuple[str, ...] = ()
+    parameters: tuple[str, ...] = ()
+    changed: tuple[str, ...] = ()
+    objection: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Critique:
+    """What a second model said of a plan that passed the check.
+
+    Attributes:
+        planner: as asked for. system, message: what it was sent.
+        answer: what came back; None where nothing did, and `error` says why.
+        objection: what it objects to; empty for nothing.
+    """
+
+    planner: str
+    system: str
+    message: str
+    answer: Answer | None = None
+    objection: str = ""
+    error: str = ""
 
 
 @dataclass(slots=True)
@@ -66,42 +99,51 @@ class Conversation:
     Attributes:
         planner: as asked for, e.g. `openai:gpt-4o`. system: the system prompt as sent.
         images: width and height in pixels and SHA-256 of every picture as sent.
+        critique: what a second model said of the plan, if one was asked.
     """
 
     planner: str
     system: str
     images: tuple[dict[str, Any], ...] = ()
     rounds: list[Round] = field(default_factory=list[Round])
+    critique: Critique | None = None
+
+    @property
+    def answers(self) -> list[Answer]:
+        """Everything that was answered, a critic's words too."""
+        found = [r.answer for r in self.rounds]
+        if self.critique is not None and self.critique.answer is not None:
+            found.append(self.critique.answer)
+        return found
 
     @property
     def tokens(self) -> int:
         """Input and output tokens so far."""
-        return sum(r.answer.input_tokens + r.answer.output_tokens for r in self.rounds)
+        return sum(answer.input_tokens + answer.output_tokens for answer in self.answers)
 
     @property
     def cost(self) -> float | None:
         """US dollars so far; None when an answer has no known price."""
         total: float = 0
-        for r in self.rounds:
-            if r.answer.cost is None:
+        for answer in self.answers:
+            if answer.cost is None:
                 return None
-            total += r.answer.cost
+            total += answer.cost
         return total
 
     def summary(self) -> dict[str, Any]:
         """The figures that go into `plan.json`."""
         sent = received = cached = 0
         seconds: float = 0
-        reported = ""
-        findings: list[list[str]] = []
-        for r in self.rounds:
-            sent += r.answer.input_tokens
-            cached += r.answer.cached_tokens
-            received += r.answer.output_tokens
-            seconds += r.answer.seconds
-            reported = r.answer.model
-            findings.append(list(r.findings))
+        for answer in self.answers:
+            sent += answer.input_tokens
+            cached += answer.cached_tokens
+            received += answer.output_tokens
+            seconds += answer.seconds
+        reported = self.rounds[-1].answer.model if self.rounds else ""
+        findings = [list(r.findings) for r in self.rounds]
         cost = self.cost
+        critic = {} if self.critique is None else {"critic": self._criticism(self.critique)}
         return {
             "model": {
                 "asked": self.planner,
@@ -115,7 +157,21 @@ class Conversation:
                 "cost_usd": None if cost is None else round(cost, 6),
                 "seconds": round(seconds, 3),
                 "findings": findings,
+                "parameters": [list(r.parameters) for r in self.rounds],
+                "changed": [list(r.changed) for r in self.rounds],
+                **critic,
             }
+        }
+
+    def _criticism(self, critique: Critique) -> dict[str, Any]:
+        """What `plan.json` says of a critic."""
+        at = next((i for i, r in enumerate(self.rounds) if r.objection), len(self.rounds))
+        return {
+            "asked": critique.planner,
+            "reported": critique.answer.model if critique.answer is not None else "",
+            "objection": critique.objection or None,
+            "heeded": any(r.changed for r in self.rounds[at + 1 :]),
+            "error": critique.error or None,
         }
 
     def dump(self) -> str:
@@ -147,6 +203,9 @@ Ask = Callable[[str], Answer]
 Judge = Callable[[str], tuple[Plan | None, Sequence[str]]]
 """Reads an answer: the plan in it, if any, and what is wrong with it."""
 
+Object = Callable[[Plan], str | None]
+"""What a second reader objects to in a plan that passed the check; None for nothing."""
+
 MayGoOn = Callable[[Conversation], str | None]
 """Asked before another round: the reason why there is no budget left, or None."""
 
@@ -158,24 +217,100 @@ def converse(
     judge: Judge,
     rounds: int = FEEDBACK_ROUNDS,
     may_go_on: MayGoOn = lambda _: None,
+    critic: Object = lambda _: None,
 ) -> Plan:
     """The first plan that nothing is wrong with; every round is appended to `conversation`.
+
+    The first of them is shown to the `critic`, and goes back to the model once more if that objects.
+    If no other plan comes of it that passes, it stands.
 
     Raises:
         PlanRejected: none after `rounds` rounds of feedback, or the budget is used up. Whatever
             `ask` raises.
     """
-    for _ in range(rounds + 1):
-        answer = ask(message)
-        plan, findings = judge(answer.text)
-        kept = tuple(finding[:MAX_FINDING] for finding in findings)
-        conversation.rounds.append(Round(message, answer, kept))
-        if plan is not None and not findings:
-            return plan
+    plan, findings = _asked(conversation, message, ask, judge, None)
+    left = rounds
+    while plan is None or findings:
+        why = may_go_on(conversation)
+        if left == 0:
+            why = f"{rounds} round(s) of feedback were not enough"
+        if why:
+            raise PlanRejected(_rejection(conversation, why))
+        left -= 1
+        plan, findings = _asked(conversation, feedback(findings), ask, judge, plan)
+    objection = critic(plan)
+    if objection is None:
+        return plan
+    conversation.rounds[-1] = replace(conversation.rounds[-1], objection=objection)
+    return _reconsidered(conversation, objected(objection), ask, judge, left, may_go_on, plan)
+
+
+def _reconsidered(
+    conversation: Conversation,
+    message: str,
+    ask: Ask,
+    judge: Judge,
+    left: int,
+    may_go_on: MayGoOn,
+    plan: Plan,
+) -> Plan:
+    """The plan that passes after an objection to `plan`, within what is `left` of the rounds; `plan`
+    itself where there is none."""
+    latest: Plan | None = plan
+    for _ in range(left + 1):
+        if may_go_on(conversation):
+            break
+        try:
+            latest, findings = _asked(conversation, message, ask, judge, latest)
+        except Unavailable:
+            break
+        if latest is not None and not findings:
+            return latest
         message = feedback(findings)
-        if stop := may_go_on(conversation):
-            raise PlanRejected(_rejection(conversation, stop))
-    raise PlanRejected(_rejection(conversation, f"{rounds} round(s) of feedback were not enough"))
+    return plan
+
+
+def _asked(
+    conversation: Conversation, message: str, ask: Ask, judge: Judge, before: Plan | None
+) -> tuple[Plan | None, Sequence[str]]:
+    """One round: the plan that came, if any, and what is wrong with it."""
+    answer = ask(message)
+    plan, findings = judge(answer.text)
+    kept = tuple(finding[:MAX_FINDING] for finding in findings)
+    promised = tuple(str(parameter) for parameter in plan.parameters) if plan is not None else ()
+    changed = differences(before, plan) if before is not None and plan is not None else ()
+    conversation.rounds.append(Round(message, answer, kept, promised, changed))
+    return plan, findings
+
+
+def differences(before: Plan, after: Plan) -> tuple[str, ...]:
+    """How one plan differs from another, a line each, at most `MAX_CHANGES`."""
+    texts: list[list[str]] = []
+    for plan in (before, after):
+        promised = [str(parameter) for parameter in plan.parameters]
+        tree = str(plan.tree or plan.outcome).splitlines()
+        texts.append([*promised, *tree[:MAX_COMPARED]])
+    old, new = texts
+    compared = unified_diff(old, new, n=0, lineterm="")
+    lines = [f"{line[0]} {line[1:].strip()}" for line in compared if _is_change(line)]
+    if len(lines) > MAX_CHANGES:
+        lines[MAX_CHANGES:] = [f"and {len(lines) - MAX_CHANGES} more"]
+    return tuple(lines)
+
+
+def _is_change(line: str) -> bool:
+    """Whether a line of a unified diff is one that came or went."""
+    return line[:1] in ("-", "+") and line not in ("--- ", "+++ ")
+
+
+def objected(objection: str) -> str:
+    """A critic's objection as the next message to the model."""
+    return (
+        "The plan passes the check. A second reader, who sees what you see, objects:\n"
+        f"- {objection}\n\n"
+        "If the reader is right, correct the plan; if not, return it as it is. Return the whole JSON "
+        "object again."
+    )
 
 
 def feedback(findings: Sequence[str]) -> str:
@@ -236,8 +371,17 @@ def replayed(kept: Conversation, again: Conversation, judge: Judge) -> Plan:
     Raises:
         PlanRejected: its answers do not pass.
     """
+
+    def objection(plan: Plan) -> str | None:
+        return kept.rounds[len(again.rounds) - 1].objection or None
+
     return converse(
-        again, kept.rounds[0].message, recorded(kept), judge, rounds=len(kept.rounds) - 1
+        again,
+        kept.rounds[0].message,
+        recorded(kept),
+        judge,
+        rounds=len(kept.rounds) - 1,
+        critic=objection,
     )
 
 

@@ -16,6 +16,7 @@ from palpate.parameter import Parameter
 from palpate.planning.model import flat
 from palpate.planning.model.answer import Proposal, read_answer
 from palpate.planning.model.conversation import Conversation, converse
+from palpate.planning.model.critic import Critic
 from palpate.planning.model.picture import picture
 from palpate.planning.model.prompt.compose import Prompt, compose
 from palpate.planning.model.provider import find_provider
@@ -80,6 +81,7 @@ class VlmPlanner:
         session = Session(
             provider, model, address, prompt.system, pictures, schema, settings.budget
         )
+        critic = Critic.of(settings, provider, prompt.user, pictures, self.conversation)
         plan = converse(
             self.conversation,
             prompt.user,
@@ -87,8 +89,18 @@ class VlmPlanner:
             lambda text: self.judge(text, scene, request),
             settings.rounds,
             settings.budget.exhausted,
+            critic or (lambda _: None),
         )
-        return replace(plan, planner=self.conversation.planner)
+        return replace(
+            plan, planner=self.conversation.planner, notes=(*plan.notes, *self._remarks())
+        )
+
+    def _remarks(self) -> list[str]:
+        """What a person is told of a critic that could not be asked."""
+        critique = self.conversation.critique if self.conversation is not None else None
+        if critique is None or not critique.error:
+            return []
+        return [f"No critic read the plan: {critique.error}"]
 
     def judge(
         self, text: str, scene: Scene | None, request: str | None = ""

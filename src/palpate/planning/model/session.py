@@ -46,14 +46,21 @@ class Budget:
     """What one plan may cost.
 
     Attributes:
-        seconds: wall time of the whole dialogue. attempt_seconds: of one request.
+        seconds: wall time of the whole dialogue.
+        attempt_seconds: of one request; None for all that is left. A model on one's own computer may
+            think for minutes.
         tokens: input and output together. dollars: by list prices, where the model has one.
     """
 
     seconds: float = 300.0
-    attempt_seconds: float = 120.0
+    attempt_seconds: float | None = None
     tokens: int = 200_000
     dollars: float = 2.0
+
+    def patience(self, left: float) -> float:
+        """Seconds that one request may take when `left` are left of all."""
+        patience = left if self.attempt_seconds is None else min(left, self.attempt_seconds)
+        return max(0.1, patience)
 
     def exhausted(self, conversation: Conversation) -> str | None:
         """Why no further message may be sent, or None."""
@@ -78,6 +85,7 @@ class ModelSettings:
         comments: whether comments in the scene's file are sent. Studies leave them out, as what
             somebody wrote beside a body ("was never weighed") gives the answer away.
         rounds: how often findings are fed back.
+        critic: `PROVIDER:MODEL` of a second model that may object to the plan once.
     """
 
     base_url: str | None = None
@@ -86,6 +94,7 @@ class ModelSettings:
     prompt: Style = "full"
     comments: bool = True
     rounds: int = FEEDBACK_ROUNDS
+    critic: str | None = None
     budget: Budget = field(default_factory=Budget)
 
 
@@ -148,7 +157,7 @@ class Session:
         from pydantic_ai.direct import model_request
         from pydantic_ai.exceptions import ModelAPIError
 
-        async with bounded_client(self.budget.attempt_seconds) as client:
+        async with bounded_client(self._patience()) as client:
             try:
                 return await model_request(
                     sdk_model(self.provider, self.model, self.address, client),
@@ -174,13 +183,16 @@ class Session:
         return ModelRequest([UserPromptPart(content)], instructions=self.system or None)
 
     def _settings(self) -> RequestSettings:
-        left = max(0.1, self.deadline - time.monotonic())
         return {
             "max_tokens": max(1, min(LONGEST_ANSWER, self.budget.tokens - self.tokens)),
-            "request_timeout": min(left, self.budget.attempt_seconds),
+            "request_timeout": self._patience(),
             "max_retries": 0,
             "cache": True,
         }
+
+    def _patience(self) -> float:
+        """s that the next request may take."""
+        return self.budget.patience(self.deadline - time.monotonic())
 
     def _parameters(self) -> ModelRequestParameters:
         from pydantic_ai.models import ModelRequestParameters

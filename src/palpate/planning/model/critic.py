@@ -1,0 +1,99 @@
+"""A second model that reads a plan which passed the check, and may object to it once.
+
+It sees what the planner saw, and the plan. What it says goes to the planner as one round of feedback;
+the planner may heed it or stay with its plan. A critic that fails costs nothing but its opinion.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from importlib import resources
+
+from palpate.errors import Unavailable
+from palpate.planning.model.answer import json_objects
+from palpate.planning.model.conversation import Conversation, Critique
+from palpate.planning.model.picture import Picture
+from palpate.planning.model.prompt.compose import fenced
+from palpate.planning.model.provider import Provider, find_provider
+from palpate.planning.model.session import Budget, ModelSettings, Session
+from palpate.planning.plan import Plan, plan_json
+
+LONGEST_OBJECTION = 1000
+"""Characters that go to the planner."""
+
+
+@dataclass(slots=True)
+class Critic:
+    """Who is asked, with what the planner was shown; one call is one question."""
+
+    provider: Provider
+    model: str
+    address: str | None
+    budget: Budget
+    message: str
+    pictures: Sequence[Picture]
+    conversation: Conversation
+
+    @classmethod
+    def of(
+        cls,
+        settings: ModelSettings,
+        planner: Provider,
+        message: str,
+        pictures: Sequence[Picture],
+        conversation: Conversation,
+    ) -> Critic | None:
+        """The critic that the settings name, if any. The planner's address is its own, too, where both
+        have one provider.
+
+        Raises:
+            InputError: no such provider. Unavailable: its key is not there.
+        """
+        if settings.critic is None:
+            return None
+        provider, model = find_provider(settings.critic)
+        provider.require_key()
+        address = provider.address(settings.base_url if provider == planner else None)
+        return cls(provider, model, address, settings.budget, message, pictures, conversation)
+
+    def __call__(self, plan: Plan) -> str | None:
+        """What it objects to; None for nothing. The conversation keeps what it said."""
+        asked = f"{self.provider.name}:{self.model}"
+        folder = resources.files("palpate.planning.model.prompt")
+        system = folder.joinpath("critic.md").read_text(encoding="utf-8")
+        shown = fenced(json.dumps(plan_json(plan), ensure_ascii=False), "json")
+        message = f"{self.message}\n\n# The plan\n{shown}\n\nIs there an objection?"
+        session = Session(
+            self.provider, self.model, self.address, system, self.pictures, None, self._left()
+        )
+        try:
+            if spent := self.budget.exhausted(self.conversation):
+                raise Unavailable(spent)
+            answer = session.ask(message)
+        except Unavailable as error:
+            self.conversation.critique = Critique(asked, system, message, error=str(error))
+            return None
+        objection = read_objection(answer.text)
+        self.conversation.critique = Critique(asked, system, message, answer, objection)
+        return objection or None
+
+    def _left(self) -> Budget:
+        """What the dialogue has not used up of its budget."""
+        spent = sum(round.answer.seconds for round in self.conversation.rounds)
+        return replace(
+            self.budget,
+            seconds=max(0.1, self.budget.seconds - spent),
+            tokens=max(1, self.budget.tokens - self.conversation.tokens),
+        )
+
+
+def read_objection(text: str) -> str:
+    """What a critic's answer objects to; empty for nothing, or where it is not in the form asked for."""
+    said = ""
+    for found in json_objects(text):
+        objection = found.get("objection")
+        if isinstance(objection, str):
+            said = objection
+    return " ".join(said.split())[:LONGEST_OBJECTION]
