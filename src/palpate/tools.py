@@ -16,10 +16,12 @@ from palpate.errors import InputError, Unavailable
 from palpate.files.plain_yaml import yaml_text
 from palpate.files.read import read_text
 from palpate.planning.check.check import check
+from palpate.planning.model.examine import examine as model_examined
 from palpate.planning.model.prompt.compose import Prompt, checked_modules, checked_style, compose
-from palpate.planning.model.provider import find_provider
+from palpate.planning.model.provider import PROVIDERS, find_provider
 from palpate.planning.model.session import Budget, ModelSettings
 from palpate.planning.recorded import load_proposal, plan_file
+from palpate.planning.registry import planners
 from palpate.quantities.catalogue import catalogue
 from palpate.quantities.precision.within import Within
 from palpate.robots.owner.registered import own_arm
@@ -40,6 +42,7 @@ if TYPE_CHECKING:
 __all__ = [
     "check_file",
     "examined",
+    "examined_planner",
     "guided_hand",
     "lesson",
     "model_settings",
@@ -70,6 +73,21 @@ def examined(
     if driver.examine is None:
         raise Unavailable(f"the driver for '{url}' has nothing to say of its robot")
     return driver.examine(url, own_arm(arm, False, robot_config, real=True), may_hold)
+
+
+def examined_planner(
+    planner: str, base_url: str | None, seconds: float
+) -> Iterator[tuple[bool, str, str]]:
+    """What there is to say of a planner, as `examined` of a robot: a model's server is asked for its
+    models, and the model for a word and for the colour of a picture, `seconds` each at most.
+
+    Raises:
+        InputError: no such planner or address.
+    """
+    if planner.partition(":")[0] in PROVIDERS:
+        return model_examined(planner, base_url, seconds)
+    planners().make(planner)
+    return iter([(True, planner, "needs no server")])
 
 
 def lesson(scene: Path, poses: Path | None, arm: str, root: Path | None) -> Lesson:

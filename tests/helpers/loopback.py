@@ -113,7 +113,13 @@ class Loopback:
     """A server in a thread of its own. `replies` come in order, the last one for ever; or `answer`
     makes them."""
 
-    def __init__(self, *replies: Reply, answer: Callable[[Request], Reply] | None = None) -> None:
+    def __init__(
+        self,
+        *replies: Reply,
+        answer: Callable[[Request], Reply] | None = None,
+        models: tuple[str, ...] = (MODEL,),
+    ) -> None:
+        self.models = models
         self._replies = list(replies)
         self._answer = answer
         self._lock = threading.Lock()
@@ -179,6 +185,19 @@ def _handler(server: Loopback) -> type[BaseHTTPRequestHandler]:
                 self.close_connection = True
             finally:
                 server.count(-1)
+
+        def do_GET(self) -> None:
+            """The list of models, for those with a key."""
+            held = {"authorization", "x-api-key", "x-goog-api-key"} & {
+                name.lower() for name in self.headers
+            }
+            known = self.path.partition("?")[0] in ("/v1/models", "/v1beta/models")
+            if not (held and known):
+                self._write(401 if known else 404, b"{}", {})
+                return
+            names = [{"id": name, "name": f"models/{name}"} for name in server.models]
+            key = "models" if "v1beta" in self.path else "data"
+            self._write(200, json.dumps({key: names}).encode(), {})
 
         def _send(self, reply: Reply) -> None:
             match reply:

@@ -16,6 +16,7 @@ from palpate.cli.options import (
     Arm,
     ArmOptions,
     AsJson,
+    BaseUrl,
     Cautious,
     EstimatorNames,
     Fast,
@@ -37,6 +38,7 @@ from palpate.cli.options import (
     Root,
     RunFolder,
     SceneOptions,
+    Seconds,
     Seed,
     Widths,
     Without,
@@ -467,10 +469,17 @@ def doctor(
     arm: Arm = DEFAULT_ARM,
     robot_config: RobotConfig = None,
     yes: Yes = False,
+    planner: Annotated[
+        str | None, typer.Option("--planner", help="A model's server to ask: PROVIDER[:MODEL].")
+    ] = None,
+    base_url: BaseUrl = None,
+    budget_seconds: Seconds = 60,
 ) -> None:
-    """Explain what is and what is not available on this machine, or at a real robot."""
-    from palpate.cli.doctor import examine, examine_robot
+    """Explain what is and what is not available on this machine, at a real robot, or at a model's server."""
+    from palpate.cli.doctor import examine, examine_planner, examine_robot
 
+    if planner is not None:
+        raise typer.Exit(examine_planner(planner, base_url, budget_seconds))
     if robot is None:
         raise typer.Exit(examine())
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import platform
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import NamedTuple
@@ -62,8 +62,21 @@ def examine_robot(
     else 5."""
     from palpate.tools import examined
 
+    return _told(examined(url, arm, robot_config, may_hold))
+
+
+def examine_planner(planner: str, base_url: str | None, seconds: float) -> int:
+    """Likewise for each thing that a planner needs: a model's server is asked for its models, and the
+    model for a word."""
+    from palpate.tools import examined_planner
+
+    return _told(examined_planner(planner, base_url, seconds))
+
+
+def _told(lines: Iterable[tuple[bool, str, str]]) -> int:
+    """Print the lines as they come; 0 when all is well, else 5."""
     well = True
-    for good, what, detail in examined(url, arm, robot_config, may_hold):
+    for good, what, detail in lines:
         mark = "[green]✓[/]" if good else "[red]✗[/]"
         out.print(f"{mark} {escape(what):18} [dim]{escape(detail)}[/]")
         well = well and good

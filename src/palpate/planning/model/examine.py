@@ -1,0 +1,189 @@
+"""What `palpate doctor --planner` looks at: whether a model can be asked here, line by line, with the
+remedies."""
+
+from __future__ import annotations
+
+import asyncio
+import io
+from collections.abc import Iterator
+from typing import Any, cast
+
+from palpate.errors import Unavailable
+from palpate.planning.model.conversation import Answer
+from palpate.planning.model.picture import Picture
+from palpate.planning.model.prompt.compose import fenced, system_prompt
+from palpate.planning.model.provider import PROVIDERS, Provider
+from palpate.planning.model.session import Budget, Session
+from palpate.planning.model.wire import ReplyTooLarge, bounded_client
+from palpate.redaction import redact
+from palpate.vocabulary.registry import vocabulary
+
+Line = tuple[bool, str, str]
+"""Whether a thing is well, what it is, and what is so, or what to do about it."""
+
+LISTED = 12
+"""Models that are named."""
+ADDRESSES = {
+    "openai": "https://api.openai.com/v1",
+    "google": "https://generativelanguage.googleapis.com",
+    "anthropic": "https://api.anthropic.com",
+}
+"""Where the providers' own clients go."""
+LISTS = {"google": "/v1beta/models?pageSize=1000", "anthropic": "/v1/models?limit=1000"}
+"""Where a list of models is, below the address; elsewhere at `/models`."""
+PING = "Answer with the one word: ready"
+WORD = "marmalade"
+"""What has to be remembered over a whole system prompt."""
+COLOUR = "Which colour is this picture? Answer with one word, in English."
+SIDE = 64
+"""Pixels of the picture that is sent."""
+
+
+def examine(planner: str, base_url: str | None, seconds: float) -> Iterator[Line]:
+    """What there is to say of `PROVIDER[:MODEL]`; each request may take `seconds`.
+
+    Raises:
+        InputError: the address is none.
+    """
+    name, _, model = planner.partition(":")
+    provider = PROVIDERS[name]
+    model = model or provider.model
+    address = provider.address(base_url)
+    yield True, "address", address or f"{ADDRESSES[name]} (the provider's own)"
+    if provider.key_required and not provider.key():
+        yield False, "key", f"set {provider.key_variables[0]} in the environment"
+        return
+    yield True, "key", "set" if provider.key() else "none, and none is needed"
+    try:
+        models = _models(provider, address or ADDRESSES[name], seconds)
+    except Unavailable as error:
+        yield False, "models", str(error)
+        models = ()
+    else:
+        yield _listed(provider, model, models)
+    if model:
+        yield from _pinged(provider, model, address, seconds)
+
+
+def _listed(provider: Provider, model: str, models: tuple[str, ...]) -> Line:
+    """The models that the server has, and whether the one that is wanted is among them."""
+    more = f" and {len(models) - LISTED} more" if len(models) > LISTED else ""
+    there = f"{', '.join(models[:LISTED])}{more}" or "none"
+    if not model:
+        return bool(models), "models", f"{there}; choose one: --planner {provider.name}:MODEL"
+    if model in models or f"{model}:latest" in models:
+        return True, "models", f"'{model}' and {len(models) - 1} others"
+    get = f"; ollama pull {model}" if provider.name == "ollama" else ""
+    return False, "models", f"there is no '{model}'; there are: {there}{get}"
+
+
+def _pinged(provider: Provider, model: str, address: str | None, seconds: float) -> Iterator[Line]:
+    """Whether it answers a line, reads as much as a prompt is long, and sees what a picture shows."""
+
+    def asked(question: str, *pictures: Picture) -> tuple[str, Answer]:
+        session = Session(provider, model, address, "", pictures, None, Budget(seconds=seconds))
+        answer = session.ask(question)
+        return " ".join(answer.text.split())[:60], answer
+
+    try:
+        said, answer = asked(PING)
+    except Unavailable as error:
+        yield False, "answer", str(error)
+        return
+    of = answer.model or model
+    yield bool(said), "answer", f"'{said}' in {answer.seconds:.1f} s from {of}"
+    try:
+        said, answer = asked(_long())
+    except Unavailable as error:
+        yield False, "context", f"{error}; give the model a longer one"
+    else:
+        yield WORD in said.lower(), "context", _remembered(said, answer)
+    try:
+        said, _ = asked(COLOUR, _red())
+    except Unavailable as error:
+        yield False, "pictures", f"{error}; take a model that sees, or --without image"
+    else:
+        yield "red" in said.lower(), "pictures", f"a red one is called '{said}'"
+
+
+def _long() -> str:
+    """A word, a text as long as the system prompt, and the question which word it was."""
+    text = system_prompt(vocabulary())
+    return f"Remember the word {WORD}.\n\n{fenced(text)}\n\nWhich word was to be remembered? Answer with it alone."
+
+
+def _remembered(said: str, answer: Answer) -> str:
+    if WORD in said.lower():
+        return f"a prompt of {answer.input_tokens} tokens is read from its beginning"
+    return (
+        "the beginning of a prompt as long as ours is not read any more; a longer context is needed, with "
+        "Ollama OLLAMA_CONTEXT_LENGTH=16384"
+    )
+
+
+def _red() -> Picture:
+    """A small red picture."""
+    from PIL import Image
+
+    buffer = io.BytesIO()
+    Image.new("RGB", (SIDE, SIDE), (220, 20, 20)).save(buffer, "JPEG")
+    return Picture(buffer.getvalue(), SIDE, SIDE)
+
+
+def _models(provider: Provider, address: str, seconds: float) -> tuple[str, ...]:
+    """Names of the models that the server has.
+
+    Raises:
+        Unavailable: it cannot be reached, refuses, or sends no such list.
+    """
+    url = address.rstrip("/") + LISTS.get(provider.name, "/models")
+    try:
+        document = asyncio.run(_fetched(url, _headers(provider), seconds))
+    except ImportError:
+        raise Unavailable(f"pip install 'palpate[{provider.extra}]'") from None
+    entries: object = document.get("data") or document.get("models") or []
+    if not isinstance(entries, list):
+        raise Unavailable(f"{url} sends no list of models; check the base URL")
+    names: list[str] = []
+    for entry in cast("list[Any]", entries):
+        if isinstance(entry, dict):
+            named = cast("dict[str, Any]", entry)
+            name = str(named.get("id") or named.get("name") or "")
+            names.append(redact(name.removeprefix("models/"))[:100])
+    return tuple(name for name in names if name)
+
+
+def _headers(provider: Provider) -> dict[str, str]:
+    key = provider.key() or ""
+    if provider.name == "google":
+        return {"x-goog-api-key": key}
+    if provider.name == "anthropic":
+        return {"x-api-key": key, "anthropic-version": "2023-06-01"}
+    return {"authorization": f"Bearer {key}"} if key else {}
+
+
+async def _fetched(url: str, headers: dict[str, str], seconds: float) -> dict[str, Any]:
+    """The JSON object at a URL.
+
+    Raises:
+        Unavailable: none comes.
+    """
+    import httpx2
+
+    shown = url.partition("?")[0]
+    try:
+        async with bounded_client(seconds) as client:
+            response = await client.get(url, headers=headers)
+            document: object = response.json() if response.is_success else None
+    except (
+        httpx2.HTTPError,
+        httpx2.InvalidURL,
+        ReplyTooLarge,
+        ValueError,
+        RecursionError,
+        OSError,
+    ):
+        raise Unavailable(f"{shown} cannot be read; is the server running there?") from None
+    if not isinstance(document, dict):
+        raise Unavailable(f"{shown} answers HTTP {response.status_code} and no list of models")
+    return cast("dict[str, Any]", document)
