@@ -22,6 +22,7 @@ _PRECISION = word_set("within accurate accuracy precision precise tolerance erro
 _QUESTIONS = word_set("how what which whether if")
 _ASKING = word_set("is are was were do does did has have can could will would")
 """Words that ask, where a clause begins with them."""
+_ORDERS = word_set("weigh measure determine find")
 _MENTIONS = ("quantity", "unmeasurable", "object", "unknown", "pronoun", "everything")
 """Kinds of items that make up groups; the others only tie them together."""
 _BETWEEN_LISTED = DETERMINERS | EVERY | {"of", "for", "also", "how", "then", "finally", "next"}
@@ -116,7 +117,7 @@ def clauses(items: Sequence[Item]) -> Iterator[Clause]:
     current: list[Item] = []
     mode: Mode = "want"
     for i, item in enumerate(items):
-        turned = _turn(item, items[i + 1 :], mode)
+        turned = _turn(item, items[i + 1 :], mode, bool(current))
         if turned is None:
             current.append(item)
             continue
@@ -127,8 +128,8 @@ def clauses(items: Sequence[Item]) -> Iterator[Clause]:
     yield _clause(current, mode)
 
 
-def _turn(item: Item, following: Sequence[Item], mode: Mode) -> Mode | None:
-    """The mode that begins at `item`, None when the present one goes on."""
+def _turn(item: Item, following: Sequence[Item], mode: Mode, begun: bool) -> Mode | None:
+    """The mode that begins at `item`, None when the present one goes on; `begun`: it has words."""
     if item.kind == "mark":
         return _marked(item, mode)
     if item.kind == "break" and item.text != ":":
@@ -139,6 +140,9 @@ def _turn(item: Item, following: Sequence[Item], mode: Mode) -> Mode | None:
         return None if negated else "want"
     if mode == "skip" and item.text == "but":
         return "want"
+    if mode == "skip" and item.text == "and" and begun:
+        # "Skip the ball and weigh the rest", but not "do not lift and weigh the ball".
+        return "want" if following and following[0].text in _ORDERS else None
     if mode == "skip" and item.text == ",":
         # "Not the bottle, the mug: how heavy is it?"
         introduced = any(later.text == ":" for later in following)

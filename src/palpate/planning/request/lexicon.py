@@ -117,6 +117,12 @@ UNITS = (
 # Each pattern is replaced in the order given, before the words are told apart.
 
 MARKS: tuple[tuple[str, str], ...] = (
+    (r"[&+]", " and "),
+    (r"\b(?:put|place|set) ([^,.;:?!]{1,40}?) on (?:the|your|some|a) weight\b", r" weigh \1 "),
+    (
+        r"\bhow much (?:is|are) ([^,.;:?!]{1,40}?) in (?:kilos|kilograms|grams|kg|g|pounds|ounces)\b",
+        r" weigh \1 ",
+    ),
     (r"\b(what|who|where|there|here)'s\b", r"\1 is"),
     (r"\bnothing (?:but|except|other than)\b", " only "),
     (
@@ -155,6 +161,10 @@ MARKS: tuple[tuple[str, str], ...] = (
         r" balance point of \1 ",
     ),
     (r"\b(\d+(?:[.,]\d+)?) *(?:" + UNITS + r")(?!\w)", " §amount "),
+    (
+        r"\b(?:half )?(?:a|an) (?:kilo|kilogram|gram|pound|ounce|newton|met(?:re|er)|inch)\b",
+        " §amount ",
+    ),
     (r"\b(?:do|does|did) not (?:need|want|wish)(?: to)?(?: know| measure)?", " §neg "),
     (
         r"\b(?:with no|without) know\w*|\bnot (?:yet )?kn(?:ow\w*|ew)|\b(?:can|could)\s?not\b",

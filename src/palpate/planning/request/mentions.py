@@ -178,8 +178,13 @@ class Words:
         return Item(kind, run, names, plural, fitting or names, remark=remark)
 
     def _is_noun(self, tokens: Sequence[str], at: int, before: Sequence[Item]) -> bool:
-        """Whether a small word names a thing: "the can", "tool and can", but not "can you"."""
-        return _is_determined(before) or self._owns(tokens, at) or _is_listed(before, tokens, at)
+        """Whether a small word names a thing: "the can", "tool and can", "which can is", but not "can
+        you"."""
+        told_apart = bool(before) and before[-1].kind == "selector"
+        asked = at > 0 and tokens[at - 1] in ("which", "what")
+        if told_apart or _is_determined(before) or (asked and (*tokens, "")[at + 1] in _SAID_OF):
+            return True
+        return self._owns(tokens, at) or _is_listed(before, tokens, at)
 
     def _is_every(self, before: Sequence[Item]) -> bool:
         """Whether the words just before say "all of them": "every tool", "every tool and can"."""
@@ -220,7 +225,7 @@ class Words:
         deed = next((form for form in _infinitives(word) if form in _DEEDS), None)
         if word in said.tying:
             return Item("stop", (word,))
-        if deed is not None and _is_noun_here(before, (*tokens, "")[at + 1]):
+        if deed is not None and _is_noun_here(word, deed, before, (*tokens, ".")[at + 1]):
             return Item("word", (word,))
         if deed is not None:
             return Item("deed", (word,), (deed,))
@@ -269,15 +274,22 @@ _MEANT = (
 )
 _DEEDS = english().deeds | english().handling
 _READ = _MEANT | _FILLERS
+_SAID_OF = word_set("is are was were weighs weigh has")
+"""Words after a thing that something is asked of."""
 _SAYING = lexicon.PASSIVE | word_set("how if whether has have had")
 """Words before an adjective that says something of a thing."""
 
 
-def _is_noun_here(before: Sequence[Item], following: str) -> bool:
-    """Whether a word stands where a thing is named: "the mug's handle", "the nails", but not "a
-    throw of the hammer"."""
-    owned = bool(before) and before[-1].text == "'s"
-    return owned or (_is_determined(before) and following != "of")
+def _is_noun_here(word: str, deed: str, before: Sequence[Item], following: str) -> bool:
+    """Whether a word that may be a deed stands where a thing is named: "the mug's handle", "the
+    nails", "the wrench set", but not "a throw of the hammer", "simulate the mug fall"."""
+    if not before:
+        return False
+    if before[-1].text == "'s" or (_is_determined(before) and following != "of"):
+        return True
+    simulated = any(item.text.startswith("simulat") for item in before)
+    is_head = word == deed and before[-1].kind == "object" and following in ".?!"
+    return is_head and not simulated
 
 
 def _infinitives(word: str) -> tuple[str, ...]:
@@ -311,13 +323,19 @@ def _counts(synonym: str, tokens: Sequence[str], at: int) -> bool:
     verb ("place it")."""
     following = tokens[at + 1 : at + 2]
     if not following or following[0] in ".;:?!":
-        return True  # nothing is left that it could describe or act on
+        # Nothing is left that it could describe or act on; but "is the bench level?" asks how it is.
+        return synonym not in lexicon.WEAK or not _asks_how_it_is(tokens[:at])
     if synonym in lexicon.ADJECTIVES:
         degree = at > 0 and tokens[at - 1] in english().degrees
         return degree or _after_how(tokens, at)
     if synonym == "where":
         return True
     return synonym not in lexicon.WEAK or following[0] == "of"
+
+
+def _asks_how_it_is(before: Sequence[str]) -> bool:
+    start = max((i + 1 for i, word in enumerate(before) if word in ".;:?!"), default=0)
+    return before[start : start + 1] in (["is"], ["are"], ["was"], ["were"])
 
 
 def _is_list_of_things(before: Sequence[Item]) -> bool:

@@ -175,9 +175,10 @@ def _placed(item: Item, landmark: Landmark, scene: Scene) -> Item:
         PlanRejected: nothing does, or it cannot be told which does.
     """
     anything = item.kind != "object"
-    if len(item.names) == 1 and landmark.relation in _STANDING:
-        return item
     marks = landmark.bodies(scene)
+    in_itself = len(item.names) == 1 and any(mark.name in item.names for mark in marks)
+    if len(item.names) == 1 and landmark.relation in _STANDING and not in_itself:
+        return item
     rest = _bodies(scene, scene.objects if anything else item.names)
     rest = [body for body in rest if all(body is not mark for mark in marks)]
     found, remark = rest, ""
