@@ -104,6 +104,9 @@ class Blackboard:
     owner: dict[Resource, object] = field(default_factory=dict[Resource, object])
     load: Load = NOTHING
     """What the fingers were felt to bear."""
+    unrepeated: float = 0.0
+    """N m by which a moment about the closing direction differed, with the hand empty, from before it was
+    turned where it is and back: joints rub."""
     failed: bool = False
     """A leaf has failed: nothing else may move."""
 

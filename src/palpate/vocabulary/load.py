@@ -68,13 +68,17 @@ class Load:
         """With what is felt now, at rest, with the object hanging from the hand at pose `tool`."""
         return replace(self, hanging=wrench, moment=_moment(wrench, tool), doubt=doubt)
 
-    def turned(self, wrench: Array, tool: Pose, doubt: Doubt = SURELY) -> str | None:
+    def turned(
+        self, wrench: Array, tool: Pose, doubt: Doubt = SURELY, unrepeated: float = 0.0
+    ) -> str | None:
         """Why the object hangs otherwise than it did, None while it does not: one that turns
-        between the pads brings its centre of mass below them, and its moment goes."""
+        between the pads brings its centre of mass below them, and its moment goes. `unrepeated`, N m,
+        is what the joints leave otherwise as they come back from such a motion."""
         if self.moment is None:
             return None
         change = abs(_moment(wrench, tool) - self.moment)
-        if change <= TURNED + SURE * doubt.of_change(self.doubt):
+        # Which way joints rub as they come to rest is left to chance.
+        if change <= TURNED + SURE * doubt.of_change(self.doubt) + 2.0 * unrepeated:
             return None
         return f"it turns in the fingers: its moment about them changed by {change:.2f} N m"
 

@@ -42,7 +42,7 @@ HOLD = 1.0
 """s that a tilt is held: as long as a weight is measured."""
 STRAIGHT = {"x": np.array([1.0, 0.0, 0.0]), "y": np.array([0.0, 1.0, 0.0])}
 """Axes of the tool."""
-SWINGS = ((2.0, 4), (4.0, 6))
+SWINGS = ((2.0, 8), (4.0, 12))
 """Hz and periods at full amplitude: two frequencies, as what gives way between pads and object grows
 with the square of the frequency; below half of what the springs at the TCP let through, and in some
 seconds the white noise of a joint's torque falls to some mN m."""
@@ -140,16 +140,20 @@ class _Turning(Primitive):
         held = blackboard.state.holding
         blackboard.robot.set_reflex(reflexes.carrying if held else reflexes.free)
 
-    def _unturned(self, blackboard: Blackboard) -> Steps:
-        """That what is held hangs as it did: it neither slid nor turned in the fingers.
+    def _unturned(self, blackboard: Blackboard, before: Array) -> Steps:
+        """That what is held hangs as it did `before` (6,): it neither slid nor turned in the fingers. What
+        joints that rub make of the same turn with the empty hand is no turn in them.
 
         Raises:
             LeafFailure: it does not.
         """
-        load = blackboard.load
-        if blackboard.state.holding and load.moment is not None:
-            wrench = yield from feel(blackboard)
-            change = load.turned(wrench, blackboard.robot.state.pose_world_tcp, load.doubt)
+        load, tool = blackboard.load, blackboard.robot.state.pose_world_tcp
+        wrench = yield from feel(blackboard)
+        if not blackboard.state.holding:
+            changed = abs(float((wrench - before)[3:] @ tool.rotation[:, 1]))
+            blackboard.unrepeated = max(blackboard.unrepeated, changed)
+        elif load.moment is not None:
+            change = load.turned(wrench, tool, load.doubt, blackboard.unrepeated)
             if change:
                 raise LeafFailure(f"'{blackboard.state.holding}' moved in the fingers: {change}")
         return "as before"
@@ -186,6 +190,7 @@ class Tilt(_Turning):
     def run(self, blackboard: Blackboard) -> Steps:
         robot, state = blackboard.robot, blackboard.state
         self._start(blackboard)
+        before = yield from feel(blackboard)
         here = state.pose_world_tcp
         assert here is not None
         speed = blackboard.scene.arm.pace.speed
@@ -193,7 +198,7 @@ class Tilt(_Turning):
             robot.move_pose(pose, speed)
             yield from finish(blackboard)
             yield from settle(blackboard, DWELL if pose is here else DWELL + HOLD)
-        yield from self._unturned(blackboard)
+        yield from self._unturned(blackboard, before)
         return f"tilted by {self.degrees:g}° both ways"
 
 
@@ -261,13 +266,14 @@ class Swing(_Turning):
     def run(self, blackboard: Blackboard) -> Steps:
         robot, pace = blackboard.robot, blackboard.scene.arm.pace
         self._start(blackboard)
+        before = yield from feel(blackboard)
         for axis in np.eye(3):
             for frequency, cycles in SWINGS:
                 robot.swing(axis, swing_angle(pace, frequency), frequency, cycles)
                 yield from finish(blackboard)
                 yield from settle(blackboard, BRIEF)
         yield from settle(blackboard, DWELL)
-        yield from self._unturned(blackboard)
+        yield from self._unturned(blackboard, before)
         return "swung about three axes"
 
 
