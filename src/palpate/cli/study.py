@@ -16,6 +16,7 @@ from palpate.cli.console import Ticker, err
 from palpate.cli.options import (
     AsJson,
     BaseUrl,
+    CriticModel,
     NoiseLevel,
     Request,
     RobotConfig,
@@ -58,6 +59,10 @@ Results = Annotated[
 ]
 Images = Annotated[
     list[Path] | None, typer.Option("--image", help="Picture (default: rendered from the world).")
+]
+Prompts = Annotated[
+    list[str] | None,
+    typer.Option("--prompt", metavar="full|lean", help="Which prompt [full]; may be repeated."),
 ]
 Feedback = Annotated[
     int, typer.Option("--feedback", min=0, max=10, help="Rounds of feedback; the paper has none.")
@@ -144,13 +149,17 @@ class TrialOptions:
     base_url: BaseUrl = None
     feedback: Feedback = 0
     budget_dollars: Dollars = 2
+    prompt: Prompts = None
+    critic: CriticModel = None
 
     def conditions(self) -> Conditions:
         """As the studies take them."""
         from palpate.studies.planners.attempt import Conditions
         from palpate.tools import model_settings
 
-        asking = model_settings(self.base_url, rounds=self.feedback, dollars=self.budget_dollars)
+        asking = model_settings(
+            self.base_url, rounds=self.feedback, critic=self.critic, dollars=self.budget_dollars
+        )
         return Conditions(tuple(self.image or ()), self.noise, asking)
 
 
@@ -278,7 +287,15 @@ def ablation(
     conditions = shared.conditions()
     try:
         found = ablation.ablation(
-            names or FIRST, planner, out, conditions, trials, configurations, workers, _say
+            names or FIRST,
+            planner,
+            out,
+            conditions,
+            trials,
+            configurations,
+            workers,
+            _say,
+            shared.prompt or ["full"],
         )
     finally:
         _page(out)
@@ -306,7 +323,14 @@ def repeatability(
     conditions = shared.conditions()
     try:
         found = repeatability.repeatability(
-            names or FIRST, planner, out, conditions, trials, workers, _say
+            names or FIRST,
+            planner,
+            out,
+            conditions,
+            trials,
+            workers,
+            _say,
+            shared.prompt or ["full"],
         )
     finally:
         _page(out)

@@ -140,12 +140,9 @@ def _row_cells(row: Row) -> list[str | Text]:
     cost = "–"
     if row.cost is not None:
         cost = f"{row.cost:.3f}"
-    configuration = row.configuration
-    if row.prompt != "full":
-        configuration += f", {row.prompt} prompt"
     return [
-        configuration,
-        Text(row.planner),
+        row.configuration,
+        Text(row.asked),
         str(row.syntax),
         str(row.valid),
         str(row.success or "–"),

@@ -124,16 +124,27 @@ def test_scenarios_of_several_kinds_are_studied_together(tmp_path: Path) -> None
     names, left_out = [NAME, "water_temperature"], ["full", "no rules"]
     file = tmp_path / "r.jsonl"
     with Loopback(answer=several) as server:
-        records = ablation(names, ["openai:gpt-x"], file, settings(server), 1, left_out)
-    found = [(row.scenario, row.configuration, row.success) for row in by_scenario(records)]
-    assert found == [
-        (NAME, "full", Rate(1, 1)),
-        (NAME, "no rules", Rate(1, 1)),
-        ("water_temperature", "full", Rate(1, 1)),
-        ("water_temperature", "no rules", Rate(0, 1)),
+        asked = ["openai:gpt-x"]
+        styles = ["full", "lean"]
+        records = ablation(names, asked, file, settings(server), 1, left_out, 1, prompts=styles)
+        prompts = [len(request.system) for request in server.requests]
+    found = [
+        (row.scenario, row.asked, row.configuration, row.success) for row in by_scenario(records)
     ]
-    assert [row.scenario for row in table(records)] == ["", ""]
-    assert records[2].outcome == "refused rightly"
+    lean = "openai:gpt-x, lean prompt"
+    assert found == [
+        (NAME, "openai:gpt-x", "full", Rate(1, 1)),
+        (NAME, "openai:gpt-x", "no rules", Rate(1, 1)),
+        (NAME, lean, "full", Rate(1, 1)),
+        (NAME, lean, "no rules", Rate(1, 1)),
+        ("water_temperature", "openai:gpt-x", "full", Rate(1, 1)),
+        ("water_temperature", "openai:gpt-x", "no rules", Rate(0, 1)),
+        ("water_temperature", lean, "full", Rate(1, 1)),
+        ("water_temperature", lean, "no rules", Rate(0, 1)),
+    ]
+    assert prompts[2] < prompts[0], "the lean prompt is the shorter one"
+    assert [row.scenario for row in table(records)] == [""] * 4
+    assert records[4].outcome == "refused rightly"
 
 
 def test_scenarios_are_named_one_by_one_or_all_together() -> None:

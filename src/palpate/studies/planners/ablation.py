@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from palpate.errors import unknown_name
+from palpate.planning.model.prompt.compose import checked_style
 from palpate.scenarios.catalogue import scenario, scenarios
 from palpate.studies.planners.attempt import Conditions, attempt
 from palpate.studies.planners.trials import Record, Trial, every_trial, run_trials
@@ -39,9 +40,16 @@ PAPER: dict[str, tuple[int, int | None]] = {
 
 TRIALS = 10
 
-KINDS = ("bottle_and_table", "occlusion", "friction", "hammer", "water_temperature")
+KINDS = (
+    "bottle_and_table",
+    "occlusion",
+    "friction",
+    "hammer",
+    "vision/labels",
+    "water_temperature",
+)
 """Scenarios of several kinds: what a part of the prompt is worth for one of them (something in the
-way, a slide beside a log, three grasps, a refusal) it may not be for another."""
+way, a slide beside a log, three grasps, a label, a refusal) it may not be for another."""
 EVERY = "all"
 SEVERAL = "kinds"
 
@@ -79,11 +87,13 @@ def ablation(
     each; results are appended to `file`.
 
     Raises:
-        InputError: unknown scenario, planner or configuration.
+        InputError: unknown scenario, planner, prompt or configuration.
         Unavailable: the provider could not be reached; what is done is kept.
     """
     conditions = replace(conditions, beside=file)
-    wanted = every_trial(chosen(names), planners, configurations, trials, prompts)
+    critic = conditions.model_settings.critic or ""
+    styles = [checked_style(prompt) for prompt in prompts]
+    wanted = every_trial(chosen(names), planners, configurations, trials, styles, critic)
 
     def attempted(trial: Trial) -> Record:
         return attempt(trial, without(trial.configuration), conditions)

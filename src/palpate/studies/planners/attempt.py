@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import threading
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -10,15 +9,14 @@ from typing import Any, cast
 
 from palpate import pipeline, stages
 from palpate.errors import InputError
-from palpate.mjcf.document import Texts
 from palpate.planning.model.answer import read_answer
+from palpate.planning.model.prompt.compose import checked_style
 from palpate.planning.model.session import ModelSettings
 from palpate.planning.plan import Plan
 from palpate.planning.planner import Observant, PlannerSettings
 from palpate.planning.registry import planners
 from palpate.runs.run import Run
 from palpate.scenarios.catalogue import Scenario, scenario
-from palpate.scene.load import scene_from_text
 from palpate.scene.poses import Poses, read_poses
 from palpate.scene.scene import Scene
 from palpate.settings import Settings
@@ -50,7 +48,6 @@ class Conditions:
 
 _executing = threading.Lock()
 """Requests overlap, simulations do not: they would only slow each other down."""
-_COMMENT = re.compile(r"[ \t]*<!--.*?-->[ \t]*\n?", re.DOTALL)
 
 
 def attempt(trial: Trial, without: frozenset[str], conditions: Conditions) -> Record:
@@ -68,7 +65,7 @@ def attempt(trial: Trial, without: frozenset[str], conditions: Conditions) -> Re
     if looks:
         settings = replace(settings, images=_images(task, conditions))
     try:
-        run = pipeline.plan(settings, _uncommented(pipeline.load(settings)))
+        run = pipeline.plan(settings, pipeline.load(settings))
     except InputError as error:
         # What the scene does not know by that name nobody can ask for who does not look.
         if looks or not task.only_seen:
@@ -105,11 +102,15 @@ def _looks(planner: str) -> bool:
 def _settings(
     task: Scenario, trial: Trial, without: frozenset[str], conditions: Conditions
 ) -> Settings:
+    # What an author noted beside a body gives the answer away.
+    asking = replace(
+        conditions.model_settings,
+        without=without,
+        prompt=checked_style(trial.prompt),
+        comments=False,
+    )
     return task.settings(
-        noise=conditions.noise,
-        seed=trial.number,
-        planner=trial.planner,
-        model_settings=replace(conditions.model_settings, without=without),
+        noise=conditions.noise, seed=trial.number, planner=trial.planner, model_settings=asking
     ).checked()
 
 
@@ -133,17 +134,6 @@ def _pictures(task: Scenario) -> tuple[bytes, ...]:
     settings = task.settings()
     poses = read_poses(settings.poses) if settings.poses else Poses()
     return stages.pictures_of(settings, pipeline.load(settings), poses)
-
-
-def _uncommented(scene: Scene | None) -> Scene | None:
-    """The scene as its elements tell it: what its author noted beside them gives answers away."""
-    if scene is None:
-        return None
-    document = scene.resolved.document
-    if not any(_COMMENT.search(text) for text in (document.text, *document.texts.values())):
-        return scene
-    parts = {path: _COMMENT.sub("", text) for path, text in document.texts.items()}
-    return scene_from_text(Texts(_COMMENT.sub("", document.text), parts), scene)
 
 
 def _judged(run: Run, task: Scenario, looks: bool) -> tuple[Run, Ruling]:

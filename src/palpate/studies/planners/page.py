@@ -13,7 +13,7 @@ from palpate.redaction import redact
 from palpate.report.assets import template
 from palpate.studies.efficiency import PAPER as EFFORT
 from palpate.studies.planners import ablation, repeatability
-from palpate.studies.planners.table import Row, table
+from palpate.studies.planners.table import table
 from palpate.studies.planners.trials import Record, read_records
 from palpate.studies.rate import Rate
 
@@ -94,18 +94,12 @@ def render(records: Sequence[Record]) -> str:
     return template("palpate.studies.planners", "page.html").render(
         version=__version__,
         count=len(records),
-        planners=len(set(map(_asker, records))),
+        planners=len({record.trial.planner for record in records}),
         scenarios=len({record.trial.scenario for record in records}),
         outcomes=Counter(record.outcome for record in records).most_common(),
         tables=[each for each in found if each is not None and each.lines],
         reasons=_reasons(records),
     )
-
-
-def _asker(each: Record | Row) -> str:
-    """Whom a figure is of: a planner, with its prompt where that is not the usual one."""
-    of = each.trial if isinstance(each, Record) else each
-    return of.planner if of.prompt == "full" else f"{of.planner}, {of.prompt} prompt"
 
 
 def _scenarios(records: Sequence[Record]) -> Table:
@@ -130,7 +124,7 @@ def _grouped(
     """Those that are wanted, by scenario and by who was asked."""
     found: dict[tuple[str, str], list[Record]] = {}
     for record in filter(wanted, records):
-        found.setdefault((record.trial.scenario, _asker(record)), []).append(record)
+        found.setdefault((record.trial.scenario, record.trial.asked), []).append(record)
     return found
 
 
@@ -159,7 +153,7 @@ def _rate(rate: Rate | None, below: str = "") -> Cell:
 
 def _ablation(records: Sequence[Record]) -> Table | None:
     """The paper's table II, where anything was left out of a prompt."""
-    rows = {(row.configuration, _asker(row)): row for row in table(records)}
+    rows = {(row.configuration, row.asked): row for row in table(records)}
     askers = list(dict.fromkeys(asker for _, asker in rows))
     done = [name for name in ablation.CONFIGURATIONS if any((name, one) in rows for one in askers)]
     if len(done) < 2:
@@ -192,7 +186,7 @@ def _repeated(records: Sequence[Record]) -> Table:
         cells = [_rate(row.syntax), _rate(row.valid), _rate(row.success)]
         cells.append(Cell(f"{row.tokens:.0f}" if row.tokens else "–"))
         cells.append(Cell("–" if row.cost is None else f"${row.cost:.2f}"))
-        lines.append((_asker(row), cells))
+        lines.append((row.asked, cells))
     heads = ["syntax of the first answer", "passes the check", "success", "tokens a plan", "cost"]
     return Table("Over and over", "Table III: the whole prompt, again and again.", heads, lines)
 
@@ -267,5 +261,5 @@ def _reasons(records: Iterable[Record]) -> Sequence[tuple[str, int]]:
 def _why(records: Iterable[Record]) -> Iterator[str]:
     for record in records:
         if record.success is False:
-            asked = f"{record.trial.scenario}, {record.trial.configuration}, {_asker(record)}"
+            asked = f"{record.trial.scenario}, {record.trial.configuration}, {record.trial.asked}"
             yield f"{asked}: {record.outcome}: {record.reason[:REASON]}"

@@ -17,6 +17,7 @@ class Row:
 
     Attributes:
         scenario: the only one of all trials; empty where they are of several.
+        asked: who plans, and how, in words.
         success: None where nothing was judged.
         tokens: of one trial, on average.
         cost: US dollars of all trials together; None where an answer has no known price.
@@ -29,18 +30,18 @@ class Row:
     success: Rate | None
     tokens: float
     cost: float | None
-    prompt: str = "full"
+    asked: str = ""
     scenario: str = ""
 
 
 def table(records: Iterable[Record]) -> list[Row]:
     """One row for each configuration, prompt and planner, in order of first appearance."""
-    return _rows(records, lambda t: (t.configuration, t.prompt, t.planner))
+    return _rows(records, lambda t: (t.configuration, t.asked))
 
 
 def by_scenario(records: Iterable[Record]) -> list[Row]:
     """The same, scenario by scenario."""
-    return _rows(records, lambda t: (t.scenario, t.configuration, t.prompt, t.planner))
+    return _rows(records, lambda t: (t.scenario, t.configuration, t.asked))
 
 
 def _rows(records: Iterable[Record], key: Callable[[Trial], tuple[str, ...]]) -> list[Row]:
@@ -62,7 +63,7 @@ def _row(records: Sequence[Record]) -> Row:
         Rate.of(judged) if judged else None,
         fmean(record.tokens for record in records),
         _cost(records),
-        trial.prompt,
+        trial.asked,
         trial.scenario if len(scenarios) == 1 else "",
     )
 

@@ -37,7 +37,8 @@ class Trial:
         scenario: its name. planner: planner string.
         configuration: what was left out of the prompt, `full` if nothing.
         number: from 0; also the seed of the simulated world's sensors.
-        prompt: which system prompt, `full` or `lean`.
+        prompt: which system prompt, `full` or `lean`. critic: the second model that may object;
+            empty if none.
     """
 
     scenario: str
@@ -45,6 +46,17 @@ class Trial:
     configuration: str
     number: int
     prompt: str = "full"
+    critic: str = ""
+
+    @property
+    def asked(self) -> str:
+        """Who plans, and how, where that is not the usual way."""
+        words = [self.planner]
+        if self.prompt != "full":
+            words.append(f"{self.prompt} prompt")
+        if self.critic:
+            words.append(f"critic {self.critic}")
+        return ", ".join(words)
 
 
 def every_trial(
@@ -53,13 +65,14 @@ def every_trial(
     configurations: Iterable[str],
     number: int,
     prompts: Iterable[str] = ("full",),
+    critic: str = "",
 ) -> list[Trial]:
     """`number` trials of every configuration of every prompt with every planner, scenario by
     scenario and planner by planner."""
     trials: list[Trial] = []
     each = product(scenarios, planners, prompts, configurations, range(number))
     for scenario, planner, prompt, configuration, i in each:
-        trials.append(Trial(scenario, planner, configuration, i, prompt))
+        trials.append(Trial(scenario, planner, configuration, i, prompt, critic))
     return trials
 
 
@@ -180,10 +193,8 @@ def _told(record: Record) -> str:
     """A record in one line."""
     trial = record.trial
     syntax = "syntax valid" if record.syntax else "syntax not valid"
-    asked = f"{trial.scenario}, {trial.configuration}"
-    if trial.prompt != "full":
-        asked += f", {trial.prompt} prompt"
-    return f"{asked}, {trial.planner}, trial {trial.number}: {syntax}, {_ended(record)}"
+    asked = f"{trial.scenario}, {trial.configuration}, {trial.asked}"
+    return f"{asked}, trial {trial.number}: {syntax}, {_ended(record)}"
 
 
 def _ended(record: Record) -> str:
