@@ -138,16 +138,19 @@ def carry_out(
 
 
 def finish(folder: Path, progress: Progress = quiet) -> Run:
-    """Do what a run that was cut off has left to do, with what its folder holds, and write its
-    report anew.
+    """Do what a run that was cut off, or was in a hurry, has left to do, with what its folder holds,
+    and write its report anew. A film is not made later: what the camera saw is kept nowhere.
 
     Raises:
         InputError: there is no such folder, or it is not a run's.
     """
     made = reopen(folder)
+    hurried, unhurried = made.settings.fast, replace(made.settings, fast=False)
     with interrupts() as signals:
         keeper = Keeper(folder, signals)
-        made = replace(made, interrupted=None, shortfalls=())
+        made = replace(made, settings=unhurried, interrupted=None, shortfalls=())
+        if hurried and made.stage is None and made.twin is not None:
+            made = replace(made, stage="building the twin")
         if made.stage == "executing":
             if made.execution is None:
                 made = stages.cut_off(made)

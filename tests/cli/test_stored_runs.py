@@ -58,6 +58,23 @@ def test_estimates_are_made_anew(palpate: Palpate, stored: Path) -> None:
     assert json.loads(other.out)["parameters"][0]["method"].startswith("Mean vertical force")
 
 
+def test_what_a_run_in_a_hurry_left_out_is_made_later(
+    palpate: Palpate, stored: Path, tmp_path: Path
+) -> None:
+    copy = tmp_path / "copy"
+    shutil.copytree(stored, copy)
+    before = json.loads((copy / "result.json").read_text("utf-8"))
+    assert before["twin"]["validation"]["residual_twin"]["note"] == "not replayed"
+    answer = palpate("report", copy, "--json")
+    assert answer.status == 0, answer.err
+    after = json.loads((copy / "result.json").read_text("utf-8"))
+    assert after == json.loads(answer.out)
+    marks = after["twin"]["validation"]
+    assert marks["residual_twin"]["force_N"] < marks["residual_template"]["force_N"]
+    assert after["parameters"] == before["parameters"]
+    assert after["stage"] is None
+
+
 def test_an_estimator_that_nobody_knows_is_bad_input(palpate: Palpate, stored: Path) -> None:
     unknown = palpate("estimate", stored, "--estimator", "mass=guess")
     assert (unknown.status, unknown.out) == (2, "")

@@ -296,7 +296,7 @@ def report(
     *,
     as_json: AsJson = False,
 ) -> None:
-    """Finish a run that was cut off, and write its report anew."""
+    """Finish a run that was cut off, or was in a hurry (--fast), and write its report anew."""
     from palpate.api import finish
     from palpate.cli.show.run import live_view, show_ended
 

@@ -119,6 +119,7 @@ class ValuesFirst:
             return
         with printing():
             _show_values(run)
+            _explain_live(run)
         self.shown = True
 
 
@@ -164,6 +165,16 @@ def _show_rejection(run: Run) -> None:
     out.print("[bold yellow]no plan[/]", escape(run.plan.explanation))
     for finding in run.findings:
         out.print(f"  [yellow]{finding.rule}[/] {escape(finding.path)}: {escape(finding.message)}")
+
+
+def _explain_live(run: Run) -> None:
+    """Why a value that was shown while the arm moved is another one than in the table."""
+    if run.trace is not None and run.trace.conversions:
+        out.print(
+            "[dim]final: made of all that was recorded; what was said while the arm moved knew only what "
+            "was recorded until then[/]",
+            soft_wrap=True,
+        )
 
 
 def _show_measured(run: Run) -> None:
@@ -227,7 +238,7 @@ def _show_files(run: Run) -> None:
     from palpate.tools import pictures
 
     out.print(f"[dim]run folder[/]  {run.folder}", soft_wrap=True)
-    if run.folder:
+    if run.folder and (run.folder / "report.html").exists():
         out.print(f"[dim]report[/]      {run.folder / 'report.html'}", soft_wrap=True)
     possible, remedy = pictures()
     if not possible:
