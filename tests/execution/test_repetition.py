@@ -11,6 +11,7 @@ from performing import CELL, CUP, cell
 
 import palpate as pp
 from palpate.estimation.estimate import Estimate
+from palpate.execution import repetition
 from palpate.execution.repetition import repeat
 from palpate.execution.runner import Execution, run
 from palpate.parameter import Parameter
@@ -153,3 +154,23 @@ def test_a_round_that_fails_leaves_what_the_first_one_measured(weighed) -> None:
     assert whole.stopped_by == "the torques are frozen"
     assert mass.identified
     assert mass.value == weighed.mass(weighed.execution).value
+
+
+@pytest.mark.parametrize(("seconds", "rounds"), [(30.0, 5), (100.0, 2), (200.0, 1)])
+def test_rounds_end_however_much_more_would_narrow_it(
+    weighed, monkeypatch, seconds, rounds
+) -> None:
+    """Of rounds, and of robot time."""
+    monkeypatch.setattr(repetition, "FUTILE", 2.0)
+    gone: list[Plan] = []
+
+    def idle(plan: Plan, scene: Scene, robot: object) -> Execution:
+        gone.append(plan)
+        trace = weighed.execution.trace
+        nothing = trace.samples.where(slice(0, 0))
+        empty = replace(trace, samples=nothing, leaves=(), recordings=(), conversions=())
+        return replace(weighed.execution, trace=empty, robot_seconds=seconds)
+
+    _, mass = weighed.again(idle, weighed.execution, "2g")
+    assert len(gone) == rounds
+    assert "more work would narrow it" in mass.method

@@ -37,6 +37,11 @@ MOST_TIMES = 4
 """How often it is measured in one round, at most: what the first round showed of the noise is not
 sure."""
 
+LONGEST = 180.0
+"""s of robot time after whose further rounds no other one begins: in half of a drift's time constant
+(300 s, `robots/simulated/noise/lab.yaml`) what is repeated is no longer compared with the same arm; and
+what an estimate takes to be computed grows with the cube of what it rests on."""
+
 FUTILE = 0.98
 """Part of an interval that a round must leave at most, for another one to be worth it."""
 
@@ -59,7 +64,7 @@ def repeat(
     asked = [parameter for parameter in plan.parameters if within.of(parameter) is not None]
     so_far = Counter(asked)
     for count in range(1, MAX_ROUNDS + 1):
-        if not asked or done.status != "complete":
+        if not asked or done.status != "complete" or _took(done, first) > LONGEST:
             break
         lacking = dict(_lacking(asked, done, scene, within))
         asked = [parameter for parameter in lacking if _is_worth_it(parameter, lacking, before)]
@@ -73,6 +78,11 @@ def repeat(
         say(f"measuring again, {_in_words(lacking, scene)}")
         done = joined(done, run(*again, robot), f"repeat[{count}].")
     return done
+
+
+def _took(done: Execution, first: Execution) -> float:
+    """s of robot time that further rounds took."""
+    return done.robot_seconds - first.robot_seconds
 
 
 def _lacking(
