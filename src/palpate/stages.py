@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 from palpate.cells.cell import Cell, Close
 from palpate.cells.registry import drivers
-from palpate.cells.simulated import SEEN_TOLERANCE, SIZE_TOLERANCE, simulated_cell
+from palpate.cells.simulated import simulated_cell
 from palpate.cells.view import image_files
 from palpate.errors import InputError, PalpateError, PlanRejected, Stopped, Unavailable
 from palpate.estimation.estimate import Estimate
@@ -32,8 +32,8 @@ from palpate.robots.owner.registered import require_same
 from palpate.robots.robot import Recoverable, Robot
 from palpate.runs.read import require_own_version
 from palpate.runs.run import Ending, Run
-from palpate.scene.from_picture import DetectedScene, SceneBuilder
 from palpate.scene.load import parse_scene
+from palpate.scene.pictured.detected import DetectedScene, SceneBuilder
 from palpate.scene.poses import Poses, read_poses, seen_by
 from palpate.scene.scene import Scene
 from palpate.settings import Settings, noise_told
@@ -99,13 +99,12 @@ def cell_for(settings: Settings, scene: Scene | None, seen: bool = False) -> Cel
     require_same(settings.described_arm().config, simulated)
     if settings.robot is not None:
         return connected(settings, scene)
-    tolerance = SEEN_TOLERANCE if seen else SIZE_TOLERANCE
     return simulated_cell(
         scene,
         settings.world,
         noise=settings.noise,
         seed=settings.seed,
-        tolerance=tolerance,
+        seen=seen,
         arm=settings.described_arm(),
         root=settings.root,
         robot_body=settings.robot_body,

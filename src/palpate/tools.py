@@ -27,8 +27,8 @@ from palpate.quantities.precision.within import Within
 from palpate.robots.owner.registered import own_arm
 from palpate.robots.registry import DEFAULT, load_description
 from palpate.scaffold.folder import POSES, SCENE, Scaffold, new_scene, written
-from palpate.scene.from_picture import DetectedScene, SceneBuilder
 from palpate.scene.load import load_scene
+from palpate.scene.pictured.detected import DetectedScene, SceneBuilder
 from palpate.scene.poses import MAX_BYTES as MAX_POSES
 from palpate.scene.poses import Poses, parse_poses, read_poses
 from palpate.settings import Settings

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from palpate.cells.simulated import SEEN_TOLERANCE, SimulatedCell, simulated_cell
+from palpate.cells.simulated import SimulatedCell, simulated_cell
 from palpate.errors import InputError
 from palpate.geometry.pose import Array
 from palpate.parameter import Parameter
@@ -96,12 +96,21 @@ def test_a_world_that_is_not_the_scenes_is_refused(
         simulated_cell(parse_scene(text()), world)
 
 
-def test_what_was_seen_in_a_picture_may_be_less_exact(tmp_path: Path) -> None:
-    world = world_file(tmp_path, size=".03 .04 .06")
-    cell = simulated_cell(parse_scene(text()), world, tolerance=SEEN_TOLERANCE)
-    assert cell.world.objects.keys() == {"cup"}
+def test_what_was_seen_in_a_picture_has_names_and_shapes_of_its_own(tmp_path: Path) -> None:
+    world = world_file(tmp_path, size=".03 .04 .08")
+    seen = parse_scene(text().replace('"cup"', '"beaker"'))
+    cell = simulated_cell(seen, world, seen=True)
+    named = simulated_cell(parse_scene(text()), world, seen=True)
+    assert cell.truth(Parameter("beaker", "mass")) == named.truth(Parameter("cup", "mass"))
+    assert cell.truth(Parameter("beaker", "mass")) is not None
     with pytest.raises(InputError, match="do not match"):
         simulated_cell(parse_scene(text()), world)
+
+
+def test_what_was_seen_and_is_not_there_has_no_truth(tmp_path: Path) -> None:
+    seen = parse_scene(text().replace("0.5 0.1 0.05", "0.2 -0.3 0.05"))
+    cell = simulated_cell(seen, world_file(tmp_path), seen=True)
+    assert cell.truth(Parameter("cup", "mass")) is None
 
 
 @pytest.mark.parametrize(

@@ -29,8 +29,8 @@ from palpate.planning.model.prompt.compose import (
 from palpate.quantities.catalogue import catalogue
 from palpate.robots.registry import load_description
 from palpate.scenarios.catalogue import scenario, scenarios
-from palpate.scene.from_picture import SceneBuilder
 from palpate.scene.load import load_scene, parse_scene
+from palpate.scene.pictured.detected import SceneBuilder
 from palpate.scene.poses import read_poses
 from palpate.scene.scene import Scene
 from palpate.vocabulary import contact, state, violation

@@ -42,9 +42,8 @@ TURNED = float(np.cos(np.radians(2.5)))
 DRAWN = "simulated from the scene, its unknowns drawn from priors"
 """Description of a cell whose truth nobody knows, for there is none."""
 
-SEEN_TOLERANCE = 0.06
-"""m: the same for a scene made of what was seen in a picture, where a block is taken for a square
-one."""
+NEAR = 0.10
+"""m: how far from where it was seen a thing may stand and still be the one that was seen."""
 
 
 @dataclass(slots=True, eq=False)
@@ -58,6 +57,7 @@ class SimulatedCell:
         noise: noise model of the robot, by name or file. seed: of everything random in it.
         scene: D, all that the robot's owner knows of the workplace; None: the world itself.
         visit: the same robot on another day, see `MujocoRobot`.
+        names: what the world calls the scene's bodies, where that is not what the scene does.
     """
 
     world: Scene
@@ -69,6 +69,7 @@ class SimulatedCell:
     seed: int = 0
     scene: Scene | None = None
     visit: int = 0
+    names: Mapping[str, str] = field(default_factory=dict[str, str])
     _robot: MujocoRobot | None = field(default=None, init=False, repr=False)
     _spec: MjSpec | None = field(default=None, init=False, repr=False)
 
@@ -122,7 +123,7 @@ class SimulatedCell:
         """What is true in the world, or None where it is not defined. Ask after estimating."""
         if parameter in self.drawn:
             return self.drawn[parameter]
-        body = self.world.bodies.get(parameter.object)
+        body = self.world.bodies.get(self.names.get(parameter.object, parameter.object))
         if body is None:
             return None
         quantity = self.world.catalogue.get(parameter.quantity)
@@ -139,6 +140,7 @@ def simulated_cell(
     noise: str = "lab",
     seed: int = 0,
     tolerance: float = SIZE_TOLERANCE,
+    seen: bool = False,
     arm: RobotDescription | None = None,
     root: Path | None = None,
     robot_body: Sequence[str] = (),
@@ -146,7 +148,9 @@ def simulated_cell(
     """The hidden world for a scene: an MJCF file, or a scene made of one, or, without either, the
     scene itself with its unknowns drawn from priors.
 
-    Without a scene the world is taken as it is, with `arm` in it, to be looked at. `root` is the
+    Without a scene the world is taken as it is, with `arm` in it, to be looked at. A scene that was
+    `seen` in a picture has names and shapes of its own: its things are those that stand nearest in
+    the world, and what is not there the arm will not find. `root` is the
     folder outside of which none of the world's files is read, `robot_body` as `load_scene` takes it.
 
     Raises:
@@ -157,9 +161,14 @@ def simulated_cell(
         arm, named = scene.arm if scene is not None else arm, world.name
         if isinstance(world, Path):
             world = load_scene(world, arm=arm, root=root, robot_body=robot_body)
-        if scene is not None:
+        names: dict[str, str] = {}
+        if scene is not None and seen:
+            _match_bases(scene, world)
+            names = _names_by_place(scene, world)
+        elif scene is not None:
             _match(scene, world, tolerance)
-        return SimulatedCell(world, {}, f"simulated world {named}", noise, seed, scene)
+        made_of = f"simulated world {named}"
+        return SimulatedCell(world, {}, made_of, noise, seed, scene, names=names)
     if scene is None:
         raise InputError("a simulated cell needs a scene or a world to be made of")
     drawn = draw_truth(scene, seed)
@@ -177,6 +186,38 @@ def _match(scene: Scene, world: Scene, tolerance: float) -> None:
     _match_bases(scene, world)
     for name, body in scene.objects.items():
         _match_body(body, world.bodies[name], tolerance)
+
+
+def _names_by_place(scene: Scene, world: Scene) -> dict[str, str]:
+    """What the world calls that which the scene has: objects by where they stand, each once and the
+    nearest first, surfaces by what is below the middle of the scene's. "" for what is not there."""
+    pairs = [
+        (_apart(mine, theirs), mine.name, theirs.name)
+        for mine in scene.objects.values()
+        for theirs in world.objects.values()
+    ]
+    names = dict.fromkeys(scene.bodies, "")
+    for distance, mine, theirs in sorted(pairs):
+        if distance < NEAR and not names[mine] and theirs not in names.values():
+            names[mine] = theirs
+    for name, body in scene.bodies.items():
+        below = [each for each in world.bodies.values() if _is_under(each, body)]
+        if body.role == "surface" and below:
+            names[name] = max(below, key=lambda each: each.top_z()).name
+    return names
+
+
+def _apart(one: Body, other: Body) -> float:
+    """m between the middles of two bodies, seen from above."""
+    middles = [body.pose_world.apply(body.centre)[:2] for body in (one, other)]
+    return float(np.linalg.norm(middles[0] - middles[1]))
+
+
+def _is_under(surface: Body, seen: Body) -> bool:
+    """Whether the middle of what was seen as a surface lies on a surface of the world."""
+    middle = seen.pose_world.apply(seen.centre)[:2]
+    mine = surface.pose_world.apply(surface.centre)[:2]
+    return surface.role == "surface" and bool((abs(middle - mine) < surface.size[:2] / 2).all())
 
 
 def _match_bases(scene: Scene, world: Scene) -> None:

@@ -144,6 +144,7 @@ class Body:
             nobody said.
         tipped: the motion in the world by which it comes to rest on what carries it, where it could
             not stay as the scene has it.
+        seen: its shape was read off a picture, and is as uncertain as its place.
     """
 
     name: str
@@ -158,6 +159,7 @@ class Body:
     carries: tuple[str, ...] = ()
     accuracy: float | None = None
     tipped: Pose = field(default_factory=lambda: Pose.of([0.0, 0.0, 0.0]))
+    seen: bool = False
 
     reach: float = field(init=False)
     """No point of its box is farther than this from its frame's origin, m."""

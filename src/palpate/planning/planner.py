@@ -20,7 +20,7 @@ from palpate.quantities.precision.within import Within
 if TYPE_CHECKING:
     from palpate.planning.model.conversation import Conversation
     from palpate.planning.model.session import ModelSettings
-    from palpate.scene.from_picture import DetectedScene, SceneBuilder
+    from palpate.scene.pictured.detected import DetectedScene, SceneBuilder
     from palpate.scene.scene import Scene
 
 MAX_REQUEST = 4_000

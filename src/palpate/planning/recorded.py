@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, ClassVar
 from palpate.errors import InputError
 from palpate.files.read import read_bytes
 from palpate.planning.plan import Plan, parse_plan
-from palpate.scene.from_picture import DetectedScene, SceneBuilder
+from palpate.scene.pictured.detected import DetectedScene, SceneBuilder
 
 if TYPE_CHECKING:
     from palpate.planning.model.answer import Proposal
@@ -43,7 +43,7 @@ class ReplayPlanner:
         return f"replay:{self.path}"
 
     def plan(self, request: str | None, scene: Scene | None, images: Sequence[Path] = ()) -> Plan:
-        """The plan in the file; the images are not looked at.
+        """The plan in the file; the images sharpen what a model saw, where there is no scene.
 
         Raises:
             InputError: no such file, or not a plan. PlanRejected: no answer of the conversation
@@ -51,19 +51,22 @@ class ReplayPlanner:
         """
         text = _read(plan_file(self.path))
         if _is_conversation(text):
-            return replace(self._from_conversation(request, scene), planner=self.name)
+            return replace(self._from_conversation(request, scene, images), planner=self.name)
         proposal = read_proposal(text)
         if scene is None and proposal.scene and self.builder:
-            self.seen = DetectedScene(self.builder, proposal.scene)
+            self.seen = self.builder.detected(proposal.scene, images)
         if proposal.plan.planner:
             return proposal.plan
         return replace(proposal.plan, planner="replay")
 
-    def _from_conversation(self, request: str | None, scene: Scene | None) -> Plan:
+    def _from_conversation(
+        self, request: str | None, scene: Scene | None, images: Sequence[Path]
+    ) -> Plan:
         from palpate.planning.model.conversation import load, replayed
         from palpate.planning.model.planner import VlmPlanner
 
         judge = VlmPlanner("replay", remeasure=self.remeasure, builder=self.builder)
+        judge.images = tuple(images)
         kept = load(plan_file(self.path))
         self.conversation = replace(kept, rounds=[])
         try:

@@ -24,8 +24,9 @@ from palpate.robots.registry import load_description
 from palpate.runs.folder import read_json
 from palpate.runs.held_out import fit_test, held_out_from
 from palpate.runs.run import Ending, Run
-from palpate.scene.from_picture import DetectedScene, SceneBuilder, SceneObject
 from palpate.scene.load import load_scene, parse_scene, scene_from_text
+from palpate.scene.pictured.detected import DetectedScene, SceneBuilder
+from palpate.scene.pictured.objects import SceneObject
 from palpate.scene.poses import Poses, read_poses
 from palpate.scene.scene import Scene
 from palpate.trace.recording import Context, Recording

@@ -137,7 +137,8 @@ class CloseGripper(Primitive):
         robot.set_reflex(robot.limits.reflexes.contact)
         met = yield from self._close(blackboard, GENTLE)
         believed = _believed_width(blackboard.state)
-        if met < believed - NARROWER or met > believed + WIDER:
+        doubt = _doubt(blackboard.state)
+        if met < believed - NARROWER - doubt or met > believed + WIDER + doubt:
             yield from self._let_go(blackboard)
             raise LeafFailure(
                 f"the fingers met something at {1e3 * met:.1f} mm where {1e3 * believed:.1f} mm was "
@@ -207,6 +208,16 @@ class FoldFingers(Primitive):
         if blackboard.robot.state.gripping:
             raise LeafFailure("the fingers met something: what is between them is not believed")
         return f"folded to {1e3 * blackboard.robot.state.width:.0f} mm"
+
+
+def _doubt(state: SymbolicState) -> float:
+    """m by which the width of what is between the fingers may be believed wrong besides, two standard
+    deviations: a shape that was read off a picture is as uncertain as its place."""
+    pose = state.pose_world_tcp
+    body = None if pose is None else state.object_at(pose)
+    if body is None or not body.seen:
+        return 0.0
+    return 2.0 * (body.accuracy or 0.0)
 
 
 def _believed_width(state: SymbolicState) -> float:

@@ -19,8 +19,8 @@ from palpate.planning.model.prompt.compose import system_prompt
 from palpate.planning.model.session import Budget, ModelSettings
 from palpate.planning.plan import Plan, dump_plan, parse_plan
 from palpate.planning.recorded import ReplayPlanner
-from palpate.scene.from_picture import SceneBuilder
 from palpate.scene.load import parse_scene
+from palpate.scene.pictured.detected import SceneBuilder
 from palpate.scene.poses import parse_poses
 from palpate.scene.scene import Scene
 from palpate.vocabulary.registry import vocabulary

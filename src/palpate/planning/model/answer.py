@@ -17,7 +17,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 from palpate.errors import InputError
 from palpate.planning.plan import MAX_BYTES, MAX_NESTING, Plan, parse_plan
 from palpate.redaction import redacted
-from palpate.scene.from_picture import SceneObject, Shape
+from palpate.scene.pictured.objects import SceneObject, Shape
 
 MAX_ATTEMPTS = 200
 """Opening braces from which JSON is tried to be read."""
@@ -204,6 +204,7 @@ class _SceneObject(BaseModel):
     shape: Shape
     bbox: tuple[float, float, float, float]
     height: float | None = Field(default=None, ge=-5.0, le=5.0)
+    outline: tuple[tuple[float, float], ...] | None = Field(default=None, max_length=64)
 
     @model_validator(mode="after")
     def _is_a_box(self) -> _SceneObject:
@@ -229,4 +230,4 @@ def _scene_object(item: object, index: int) -> SceneObject:
         first = error.errors()[0]
         place = ".".join(str(part) for part in first["loc"]) or "object"
         raise InputError(f"scene[{index}]: {place}: {first['msg'][:200]}") from None
-    return SceneObject(read.name, read.shape, read.bbox, read.height)
+    return SceneObject(read.name, read.shape, read.bbox, read.height, read.outline)

@@ -23,7 +23,8 @@ from palpate.planning.model.provider import find_provider
 from palpate.planning.model.session import ModelSettings, Session
 from palpate.planning.plan import Plan
 from palpate.planning.symbolic.planner import requested
-from palpate.scene.from_picture import DetectedScene, SceneBuilder, SceneObject
+from palpate.scene.pictured.detected import DetectedScene, SceneBuilder
+from palpate.scene.pictured.objects import SceneObject
 from palpate.vocabulary.registry import vocabulary
 
 if TYPE_CHECKING:
@@ -41,6 +42,7 @@ class VlmPlanner:
         builder: makes a scene of what the model saw, for a request without a scene.
         conversation: the latest dialogue, also when `plan` raised.
         seen: what the model saw, when there was no scene.
+        images: what it looked at, which sharpens what it saw.
     """
 
     looks: ClassVar[bool] = True
@@ -51,6 +53,7 @@ class VlmPlanner:
     builder: SceneBuilder | None = None
     conversation: Conversation | None = field(default=None, init=False)
     seen: DetectedScene | None = field(default=None, init=False)
+    images: tuple[Path, ...] = field(default=(), init=False)
     _challenged: bool = field(default=False, init=False)
 
     @property
@@ -67,6 +70,7 @@ class VlmPlanner:
             PlanRejected: the model gave no valid plan.
         """
         self._challenged = False
+        self.images = tuple(images)
         provider, model = find_provider(self.model)
         provider.require_key()
         settings = self.model_settings
@@ -189,5 +193,5 @@ class VlmPlanner:
             raise InputError(
                 "'scene' is missing: there is no D, so list the objects that the image shows"
             )
-        seen = DetectedScene(self.builder, objects)
+        seen = self.builder.detected(objects, self.images)
         return seen, seen.scene()

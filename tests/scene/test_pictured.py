@@ -13,17 +13,12 @@ from hypothesis import strategies as st
 from palpate.errors import InputError
 from palpate.geometry.pose import Array
 from palpate.parameter import Parameter
-from palpate.scene import from_picture
 from palpate.scene.camera import Camera
-from palpate.scene.from_picture import (
-    DetectedScene,
-    SceneBuilder,
-    SceneObject,
-    Shape,
-    fit,
-    projected,
-)
 from palpate.scene.load import load_scene
+from palpate.scene.pictured import fit as fitting
+from palpate.scene.pictured.detected import DetectedScene, SceneBuilder
+from palpate.scene.pictured.fit import fit, projected
+from palpate.scene.pictured.objects import SceneObject, Shape
 from palpate.scene.poses import Poses, parse_poses
 
 POSES = """
@@ -206,6 +201,17 @@ def test_a_known_place_and_direction_are_kept() -> None:
     assert np.arctan2(block.rotation[1, 0], block.rotation[0, 0]) == pytest.approx(0.5, abs=1e-3)
 
 
+def test_what_the_arm_stands_on_is_no_thing() -> None:
+    pedestal = SceneObject("pedestal", "box", box_of(corners(0.0, 0.0, (0.1, 0.1, 0.05), 0.0)))
+    plate = box_of(np.array([[x, y, 0.0] for x in (-0.15, 0.15) for y in (-0.15, 0.15)]))
+    seen = (*things(), pedestal, SceneObject("plate", "plane", plate, 0.0))
+    assert set(DetectedScene(SceneBuilder(poses()), seen).scene().bodies) == {
+        "table",
+        "can",
+        "block",
+    }
+
+
 def test_of_two_planes_the_one_below_the_thing_carries_it() -> None:
     shelf = SceneObject(
         "shelf",
@@ -280,4 +286,4 @@ def test_any_box_is_a_shape_or_an_error(
         return
     assert 0 < found.width < 10
     assert 0 < found.height < 10
-    assert np.hypot(found.x - 1.15, found.y) <= from_picture.FAR
+    assert np.hypot(found.x - 1.15, found.y) <= fitting.FAR
