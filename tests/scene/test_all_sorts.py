@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from palpate.errors import InputError
 from palpate.scene.load import load_scene, parse_scene
 from palpate.scene.remarks import remarks
 from palpate.scene.scene import Scene
@@ -85,3 +86,24 @@ def test_a_body_is_where_the_file_puts_its_frame(compiler: str, joint: str) -> N
 def test_room_for_many_constraints_is_not_made_beforehand() -> None:
     found = scene(before='<size njmax="5000" nconmax="5000"/>')
     assert found.spec().compile().narena < 100e6
+
+
+def test_a_height_field_is_as_high_as_its_highest_point() -> None:
+    levels = " ".join(["0"] * 8 + ["1"] * 8)
+    text = """<mujoco><asset><hfield name="h" nrow="4" ncol="4" size=".4 .4 .1 .1" elevation="{}"/></asset>
+    <worldbody><body name="ground" pos=".5 0 .4"><geom type="hfield" hfield="h"/></body></worldbody></mujoco>"""
+    assert parse_scene(text.format(levels)).body("ground").known["height"][0] == pytest.approx(0.5)
+    flat = parse_scene(text.format(" ".join(["0"] * 16)))
+    assert flat.body("ground").known["height"][0] == pytest.approx(0.4)
+
+
+@pytest.mark.parametrize(
+    ("body", "advice"),
+    [
+        ('<body name="b"><joint type="hinge"/><geom size=".02" mass="?"/></body>', "<freejoint/>"),
+        ('<body name="b" mocap="true"><geom size=".02" mass="?"/></body>', "take mocap away"),
+    ],
+)
+def test_an_unknown_of_what_is_no_object_says_why(body: str, advice: str) -> None:
+    with pytest.raises(InputError, match=f"'b'.*{advice}"):
+        parse_scene(f"<mujoco><worldbody>{body}</worldbody></mujoco>")

@@ -218,6 +218,26 @@ def test_a_blocker_has_a_free_place_to_go() -> None:
     assert found.symbols.subject("red_temporary") == "red"
 
 
+def test_what_is_stacked_is_put_down_beside_one_another() -> None:
+    levels = [thing(f"s{i}", box(0.04 - 0.01 * i, 0.03, 0.02), half=0.02) for i in range(3)]
+    stacked = [text.replace("0.42", f"{0.42 + 0.04 * i:g}") for i, text in enumerate(levels)]
+    found = scene("".join(stacked))
+    places = [found.symbols.resolve(f"s{i}_temporary").position[:2] for i in range(3)]
+    for i, one in enumerate(places):
+        assert all(np.linalg.norm(one - other) > 0.05 for other in places[i + 1 :])
+
+
+@pytest.mark.parametrize("yaw", range(0, 180, 30))
+def test_beside_the_arm_the_tool_turns_from_home_as_base_and_wrist_do(yaw: float) -> None:
+    found = scene(thing("a", box(0.05, 0.02, 0.02), x=0.1, y=0.45, half=0.02, yaw=yaw))
+    pose = found.symbols.pose("a_pose")
+    turned = float(np.arctan2(pose.rotation[1, 0], pose.rotation[0, 0]))
+    base = float(np.arctan2(pose.position[1], pose.position[0]))
+    wrist = ARM.home[6] - (turned - base)
+    assert ARM.limits.q_min[6] < wrist < ARM.limits.q_max[6]
+    assert abs(turned) < np.radians(166)
+
+
 def test_no_room_is_said() -> None:
     text = (
         '<mujoco><worldbody><geom name="stand" type="box" size="0.05 0.05 0.2" pos="0.5 0 0.2"/>'

@@ -17,6 +17,7 @@ from palpate.estimation.estimate import Estimate, Part
 from palpate.parameter import Parameter
 from palpate.quantities.catalogue import catalogue
 from palpate.scene.load import load_scene, parse_scene
+from palpate.scene.remarks import remarks
 from palpate.twin.inject import complete, inject, unfilled
 
 SCENE = """<?xml version="1.0" encoding="utf-8"?>
@@ -189,6 +190,11 @@ def test_com_makes_an_inertial_that_moves_the_balance() -> None:
             '<inertial pos="?" mass="?" diaginertia="?"/><geom size=".02" friction="1"/>',
             {"mass": (0.3,), "com": (0, 0, 0), "inertia": (4e-5, 4e-5, 4e-5, 0, 0, 0)},
             'pos="0 0 0" mass="0.3" diaginertia="4e-05 4e-05 4e-05"',
+        ),
+        (
+            '<inertial pos="0 0 0" quat="1 0 0 1" mass="1" diaginertia="?"/><geom size=".02" friction="1"/>',
+            {"inertia": (4e-5, 3e-5, 2e-5, 0, 0, 0)},
+            'diaginertia="3e-05 4e-05 2e-05"',
         ),
         (
             '<geom size=".02" mass="?" friction="0.4 ? 0.001"/>',
@@ -610,6 +616,38 @@ def test_what_is_tied_to_something_was_not_weighed_alone(tie: str) -> None:
     assert "it is tied to 'lid' (<equality>), with which it was lifted" in made.notes[0]
     loose = text.replace("body1", 'active="false" body1')
     assert complete(parse_scene(loose), [estimate("cup", "mass", 0.3)]).unwritten == ()
+
+
+@pytest.mark.parametrize(
+    ("joint", "body", "before"),
+    [
+        ("<freejoint/>", 'gravcomp="1"', ""),
+        ('<joint type="free" frictionloss="1"/>', "", ""),
+        ('<joint type="free" damping="5"/>', "", ""),
+        ("<freejoint/>", "", '<option density="1000"/>'),
+        ("<freejoint/>", "", '<option gravity="0 -9.81 0"/>'),
+        ("<freejoint/>", "", '<option><flag gravity="disable"/></option>'),
+        ("<freejoint/>", "", '<option gravity="0 0 0"/>'),
+    ],
+)
+def test_what_more_than_its_weight_acts_on_was_not_weighed(
+    joint: str, body: str, before: str
+) -> None:
+    text = ODD.format(before=before, mug=f"{WALL}/>").replace("<freejoint/>", joint)
+    scene = parse_scene(text.replace('name="mug"', f'name="mug" {body}'))
+    made = complete(scene, [estimate("mug", "mass", 0.18)])
+    assert made.unwritten == (Parameter("mug.mass"),)
+    assert (
+        "of 'mug' in the hand would not be its own" in " ".join(remarks(scene))
+        or "density" in before
+    )
+
+
+def test_what_hardly_acts_on_a_thing_does_not_keep_it_from_being_weighed() -> None:
+    joint = '<joint type="free" damping="0.0005" armature="0.001"/>'
+    text = ODD.format(before='<option density="1.2"/>', mug=f"{WALL}/>")
+    scene = parse_scene(text.replace("<freejoint/>", joint))
+    assert complete(scene, [estimate("mug", "mass", 0.18)]).unwritten == ()
 
 
 def test_keyframes_keep_their_places_and_a_note_says_so() -> None:

@@ -245,6 +245,7 @@ class MjModel:
     geom_size: _Doubles
     geom_aabb: _Doubles
     geom_friction: _Doubles
+    dof_frictionloss: _Doubles
     mesh_pos: _Doubles
     mesh_quat: _Doubles
     mesh_vertadr: _Ints
@@ -254,6 +255,10 @@ class MjModel:
     mesh_vert: _Floats
     mesh_face: _Ints
     hfield_size: _Doubles
+    hfield_adr: _Ints
+    hfield_nrow: _Ints
+    hfield_ncol: _Ints
+    hfield_data: _Doubles
     light_pos: _Doubles
     actuator_ctrladr: _Ints
     actuator_gainprm: _Doubles
@@ -322,6 +327,7 @@ class MjData:
     qfrc_actuator: _Doubles
     xfrc_applied: _Doubles
     qfrc_bias: _Doubles
+    qfrc_passive: _Doubles
     qfrc_gravcomp: _Doubles
     qfrc_constraint: _Doubles
     qacc: _Doubles

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from palpate.errors import InputError
-from palpate.geometry.inertia import components, tensor_of
+from palpate.geometry.inertia import components, rotation, tensor_of
 from palpate.geometry.pose import Array
 from palpate.mjcf.body import BodyDescription
 from palpate.mjcf.document import UNKNOWN, Element, compiler_settings, has_unknown, tokens
@@ -24,6 +24,10 @@ from palpate.mjcf.whole import away, whole
 
 GROUPS = "0 5"
 """MuJoCo's `inertiagrouprange`: geoms of all groups make an object's inertia."""
+
+
+ORIENTATIONS = frozenset({"quat", "axisangle", "xyaxes", "zaxis", "euler"})
+"""What gives an `<inertial>` axes of its own, in which `diaginertia` is."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -275,7 +279,7 @@ def _inertial(body: BodyDescription, mine: _Together, known: _Together) -> Itera
     if mine.mass is not None:
         yield Edit(inertial, "mass", {0: mass_text})
     if inertia_is_open(inertial) or mine.inertia is not None:
-        yield _inertia_stated(inertial, tensor)
+        yield _inertia_stated(body, inertial, tensor)
 
 
 def _numbered(values: Sequence[float], std: float | None = None) -> dict[int, str]:
@@ -309,10 +313,12 @@ def _inertia_attributes(tensor: Array) -> dict[str, str]:
     return {"fullinertia": " ".join(texts)}
 
 
-def _inertia_stated(inertial: Element, tensor: Array) -> Edit:
-    parts = components(tensor)
+def _inertia_stated(body: BodyDescription, inertial: Element, tensor: Array) -> Edit:
     if inertial.get("fullinertia") is not None:
-        texts = unknown_only(inertial, "fullinertia", _numbered(parts))
+        texts = unknown_only(inertial, "fullinertia", _numbered(components(tensor)))
         return Edit(inertial, "fullinertia", texts)
-    texts = unknown_only(inertial, "diaginertia", _numbered(parts[:3]))
+    if ORIENTATIONS & set(inertial.keys()):
+        axes = rotation(np.asarray(body.shapes.model.body(body.name).iquat))
+        tensor = axes.T @ tensor @ axes
+    texts = unknown_only(inertial, "diaginertia", _numbered(np.diag(tensor).tolist()))
     return Edit(inertial, "diaginertia", texts, "? ? ?")

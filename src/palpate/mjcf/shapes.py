@@ -204,10 +204,18 @@ def hull_points(model: mujoco.MjModel, geom: int) -> Array:
         return _extremes(mesh_vertices(model, int(model.geom_dataid[geom])))
     if kind == mujoco.mjtGeom.mjGEOM_HFIELD:
         x, y, top, below = model.hfield_size[model.geom_dataid[geom]]
+        top *= max(elevations(model, int(model.geom_dataid[geom])), default=0.0)
         return _corners(np.array([x, y, (top + below) / 2])) + np.array([0, 0, (top - below) / 2])
     if kind not in _OUTLINES:
         return np.zeros((1, 3))
     return _OUTLINES[kind](size)
+
+
+def elevations(model: mujoco.MjModel, hfield: int) -> Array:
+    """(n,) of a height field, as shares of its height."""
+    first = int(model.hfield_adr[hfield])
+    count = int(model.hfield_nrow[hfield] * model.hfield_ncol[hfield])
+    return np.asarray(model.hfield_data[first : first + count], dtype=float)
 
 
 @cache

@@ -12,6 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.mjcf.body import BodyDescription
+from palpate.mjcf.inertial import mass_of
+
+NEGLIGIBLE = 0.01
+"""Of an object's weight: about what a mass is measured to."""
+
+LIFTING = 0.1
+"""m/s at which things are carried."""
 
 FRICTIONAL = 3
 """The least `condim` of a contact with friction."""
@@ -45,8 +52,8 @@ def what_decides(body: BodyDescription) -> str:
 
 
 def tied_to(body: BodyDescription) -> str:
-    """That an object does not move alone, in words; empty where it does. What is tied to it is lifted
-    and turned with it."""
+    """That an object does not move alone, or is moved by more than its weight, in words; empty where it
+    is. What is tied to it is lifted and turned with it."""
     model = body.shapes.model
     own = {int(model.body(body.name).id)}
     for geom in body.elements.geoms:
@@ -57,6 +64,34 @@ def tied_to(body: BodyDescription) -> str:
             (other,) = set(ends) - own
             name = model.body(other).name or "something without a name"
             return f"it is tied to '{name}' (<equality>), with which it was lifted"
+    return carried(body)
+
+
+def carried(body: BodyDescription) -> str:
+    """What else acts on an object that hangs in a hand than its weight, in words; empty where less than
+    `NEGLIGIBLE` of that does."""
+    model = body.shapes.model
+    joint = int(model.body(body.name).jntadr[0])
+    if joint < 0 or model.jnt_type[joint] != mujoco.mjtJoint.mjJNT_FREE:
+        return ""
+    moved = slice(model.jnt_dofadr[joint], model.jnt_dofadr[joint] + 3)
+    weight = mass_of(body) * float(np.linalg.norm(model.opt.gravity))
+    if weight == 0.0:
+        return "there is no gravity (<option gravity>)"
+    data = mujoco.MjData(model)
+    for speed in (0.0, LIFTING):
+        data.qvel[moved] = (0.0, 0.0, speed)
+        mujoco.mj_forward(model, data)
+        others = data.qfrc_passive[moved] + data.qfrc_actuator[moved]
+        rubbing = float(model.dof_frictionloss[moved].max())
+        if np.linalg.norm(others) + rubbing > NEGLIGIBLE * weight:
+            return (
+                "more than its weight acts on it while it is carried: gravcomp, a tendon, an actuator, "
+                "its own joint's damping or friction, or a fluid"
+            )
+    pull = -data.qfrc_bias[moved] - (0.0, 0.0, -weight)
+    if np.linalg.norm(pull) > NEGLIGIBLE * weight:
+        return "gravity does not pull it straight down (<option gravity>, or its flag)"
     return ""
 
 

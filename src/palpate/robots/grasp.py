@@ -40,6 +40,13 @@ SHALLOW = 0.02
 SLANT = 0.3
 """How far from parallel to the pads a grasped side may be (tangent); a steeper one slides out."""
 
+MOST_TURN = np.radians(165.0)
+"""rad by which the tool may be turned against home: it takes the shorter way there, which beyond half a
+turn is not the one that the arm's base and wrist add up to."""
+
+WRIST_SPARE = 0.2
+"""rad that the last joint keeps from its end where the other way round is taken."""
+
 STATION = 0.005
 """m between places along an object where a grasp is tried."""
 
@@ -82,7 +89,7 @@ def derive_grasp(
         best = min(found if best is None else [*found, best], key=_badness, default=None)
         if best is not None and not best.problem:
             return best
-    return best or _nothing(cloud, yaw, base)
+    return best or _nothing(arm, cloud, yaw, base)
 
 
 def turned_grasp(
@@ -100,7 +107,7 @@ def turned_grasp(
     cloud = np.concatenate([g.points for g in geoms])
     obstacles = _around(arm, cloud, obstacles)
     if not outlines:
-        return _nothing(cloud, 0.0, base)
+        return _nothing(arm, cloud, 0.0, base)
     angle = float(np.arctan2(closing[1], closing[0])) + np.pi / 2
     nearby, tall = above(obstacles, lowest), above(obstacles, height + arm.hand.palm)
     return _along(arm, outlines, angle, height, nearby, tall, base)
@@ -179,7 +186,7 @@ def _along(
     )
     if not problem and _hand_blocked(arm, centre, across, nearby, tall):
         problem = "its neighbours leave no room for the hand"
-    return Grasp(_tool_pose(centre, height, angle, base), wide, slack, problem)
+    return Grasp(_tool_pose(arm, centre, height, angle, base), wide, slack, problem)
 
 
 def _spread(values: Array, window: int, pick: np.ufunc) -> Array:
@@ -221,13 +228,21 @@ def _hand_blocked(
     )
 
 
-def _tool_pose(centre: Array, height: float, closing: float, base: Pose) -> Pose:
+def _tool_pose(
+    arm: RobotDescription, centre: Array, height: float, closing: float, base: Pose
+) -> Pose:
     """Top-down with tool y along `closing`; of the two ways round, the one that turns the wrist
-    less."""
+    less, unless the tool comes there from home the other way about."""
     away = centre - base.position[:2]
     azimuth = float(np.arctan2(away[1], away[0]))
     yaw = closing + np.pi / 2
     turned = (yaw - azimuth + np.pi / 2) % np.pi - np.pi / 2
+    ahead = float(np.arctan2(*base.local((*centre, height))[1::-1]))
+    if abs(ahead + turned) > MOST_TURN:
+        other = turned - np.copysign(np.pi, turned)
+        wrist = arm.home[6] - other
+        if arm.limits.q_min[6] + WRIST_SPARE < wrist < arm.limits.q_max[6] - WRIST_SPARE:
+            turned = other
     return Pose.top_down((*centre, height), azimuth + turned)
 
 
@@ -236,10 +251,10 @@ def _badness(grasp: Grasp) -> tuple[bool, int]:
     return bool(grasp.problem), round(grasp.width / 0.003)
 
 
-def _nothing(cloud: Array, yaw: float, base: Pose) -> Grasp:
+def _nothing(arm: RobotDescription, cloud: Array, yaw: float, base: Pose) -> Grasp:
     centre = (cloud.max(axis=0) + cloud.min(axis=0))[:2] / 2
     return Grasp(
-        _tool_pose(centre, float(cloud[:, 2].max()), yaw, base),
+        _tool_pose(arm, centre, float(cloud[:, 2].max()), yaw, base),
         0.0,
         0.0,
         "it is too flat for the fingers",

@@ -121,11 +121,28 @@ def _refuse_other_unknowns(document: Document, roles: Roles, slots: Iterable[Slo
             inherited = attribute in INHERITED and _in_default(element)
             if attribute != "name" and not inherited and _is_uncovered(str(value), here):
                 raise InputError(
-                    f'{label(element)}: {attribute}="{str(value)[:60]}" cannot be measured; `?` may '
-                    "stand for an object's mass, density, friction, <inertial>, pos, and size where "
-                    "it is one shape whose z is known; of a surface only the height can be measured: z "
-                    "in pos, or half height in size"
+                    f'{label(element)}: {attribute}="{str(value)[:60]}" cannot be measured; '
+                    f"{_no_object(element, roles)}`?` may stand for an object's mass, density, "
+                    "friction, <inertial>, pos, and size where it is one shape whose z is known; of a "
+                    "surface only the height can be measured: z in pos, or half height in size"
                 )
+
+
+def _no_object(element: Element, roles: Roles) -> str:
+    """Why what an element belongs to is no object, with what makes it one; empty where that is not
+    why."""
+    for body in (element, *element.iterancestors("body")):
+        called = body.get("name") or "its body"
+        if body in roles.ignored:
+            return (
+                f"'{called}' has joints that are not free: with a <freejoint/> in their place it "
+                "would be an object; "
+            )
+        if body in roles.replicated:
+            return f"'{called}' has parts that one line makes several of: write each of them; "
+        if body.get("mocap") == "true":
+            return f"'{called}' is a mocap body, which nothing moves: take mocap away; "
+    return ""
 
 
 def _all_elements(document: Document, roles: Roles) -> Iterator[Element]:

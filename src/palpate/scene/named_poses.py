@@ -15,7 +15,7 @@ spot of the surface that object and hand together fit on, an approach a spot for
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -178,7 +178,7 @@ def _later(geometry: Geometry, poses: Mapping[str, Pose]) -> dict[str, Callable[
     later: dict[str, Callable[[], Pose | None]] = {}
     for name in geometry.objects:
         pose = poses[f"{name}_pose"]
-        later[f"{name}_temporary"] = partial(free_place, geometry, name, pose)
+        later[f"{name}_temporary"] = partial(free_place, geometry, name, poses)
         later[f"{name}_top"] = partial(above_top, geometry, name, pose)
         later[f"{name}_across"] = partial(grasp_across, geometry, name, pose)
     return {name: find for name, find in later.items() if name not in poses}
@@ -228,17 +228,17 @@ def _ungraspable(geometry: Geometry, grasps: Mapping[str, Grasp], entries: Poses
     return reasons
 
 
-def free_place(geometry: Geometry, name: str, pose_world_tcp: Pose) -> Pose | None:
-    """TCP pose at which the object, held as at `pose_world_tcp`, stands on a free spot of its
+def free_place(geometry: Geometry, name: str, poses: Mapping[str, Pose]) -> Pose | None:
+    """TCP pose at which the object, held as at its pose of `poses`, stands on a free spot of its
     surface.
 
-    What is stacked on another object is put down on the surface.
+    What is stacked on another object is put down on the surface, and before that one is.
 
     Two outlines are moved about together: the object with the hand around it must be clear of all
     that stands higher than its bottom, its own present place included, and the object's box, on
     which it comes to stand, must lie on the surface.
     """
-    support = geometry.support(name)
+    support, pose_world_tcp = geometry.support(name), poses[f"{name}_pose"]
     if support is None:
         return None
     cloud = geometry.clouds[name]
@@ -252,7 +252,8 @@ def free_place(geometry: Geometry, name: str, pose_world_tcp: Pose) -> Pose | No
     if stacked > RESTING:
         drop = stacked
     bottom = float(cloud[:, 2].min()) - drop
-    obstacles = above([*geometry.others(name, support), Obstacle.of(cloud)], bottom + 0.002)
+    others = [*geometry.others(name, support), *_put_down_before(geometry, name, poses)]
+    obstacles = above([*others, Obstacle.of(cloud)], bottom + 0.002)
     found = free_spot(
         geometry.arm.reach,
         shape,
@@ -267,6 +268,21 @@ def free_place(geometry: Geometry, name: str, pose_world_tcp: Pose) -> Pose | No
         return None
     spot, _ = found
     return pose_world_tcp.translated((*(spot - here), -drop))
+
+
+def _put_down_before(
+    geometry: Geometry, name: str, poses: Mapping[str, Pose]
+) -> Iterator[Obstacle]:
+    """What stands on an object, at the places where it is put before the object is carried away."""
+    low, high = geometry.clouds[name].min(axis=0), geometry.clouds[name].max(axis=0)
+    for other, cloud in geometry.clouds.items():
+        middle = np.array(_middle(cloud))
+        is_inside = bool(((middle > low[:2]) & (middle < high[:2])).all())
+        if other == name or not is_inside or cloud[:, 2].min() < high[2] - RESTING:
+            continue
+        place = free_place(geometry, other, poses)
+        if place is not None:
+            yield Obstacle.of(cloud + place.position - poses[f"{other}_pose"].position)
 
 
 def _grasp(geometry: Geometry, name: str) -> Grasp:

@@ -85,6 +85,9 @@ def _others(scene: Scene) -> Iterator[str]:
             "Of what is attached more than once, the first stands for all, as one file states it: not "
             f"{_names(copies)}. Where one of them differs, give it a file of its own."
         )
+    for name in scene.objects:
+        if reason := scene.catalogue["mass"].overruled(description.bodies[name]):
+            yield f"What is measured of '{name}' in the hand would not be its own: {reason}."
     if description.lowered:
         yield (
             "Placed a little above what they stand on, and let down onto it: "

@@ -399,7 +399,8 @@ def _obstacle(state: SymbolicState, operators: Sequence[Primitive]) -> str:
     while queue and len(seen) < FEW_STATES:
         here = queue.popleft()
         for operator in operators:
-            for violation in operator.requires(here):
+            taking = "gripper" in operator.claims
+            for violation in operator.requires(here) if taking else ():
                 if violation.rule not in (PRECONDITION, "gripper-state", "unknown-start"):
                     return f": {violation}"
             after = Step((operator,)).applied(here)
