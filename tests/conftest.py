@@ -15,6 +15,7 @@ import pytest
 LONG = (
     "tests/robots/franky/test_over_the_wire.py::*",
     "tests/robots/franky/test_faults.py::*",
+    "tests/robots/franky/test_command_line.py::*",
     "tests/scenarios/test_catalogue.py::test_a_scenario_ends_as_it_should[[]fifteen_objects]",
     "tests/scenarios/test_catalogue.py::test_a_scenario_ends_as_it_should[[]clutter]",
     "tests/scenarios/test_catalogue.py::test_a_scenario_ends_as_it_should[[]from_picture]",

@@ -30,28 +30,34 @@ class Wired:
         return float(self.run[name].value[0] - self.bench.ask("truth", name=name)[0])
 
 
+class Looked:
+    """A cell, and the robots that it handed out."""
+
+    def __init__(self, cell: Any) -> None:
+        self.cell, self.robots = cell, list[Any]()
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.cell, name)
+
+    def robot(self) -> Any:
+        self.robots.append(self.cell.robot())
+        return self.robots[-1]
+
+
+def ran(name: str, bench: Served) -> Wired:
+    """A bundled scenario on a served arm."""
+    asked = scenario(name).settings()
+    assert asked.scene is not None
+    scene = pp.load(asked.scene, poses=asked.poses)
+    cell: Any = Looked(drivers().connect(f"franky://{bench.address}", scene))
+    run = scene.plan(asked.request).run(cell, rehearse=False)
+    return Wired(run, bench, cell.robots[-1])
+
+
 @pytest.fixture(scope="module")
 def wired() -> Iterator[Wired]:
-    asked = scenario("bottle_and_table").settings(noise="lab")
     with served(**files("bottle_and_table"), seed=3, fastest=1.0) as bench:
-        assert asked.scene is not None
-        scene = pp.load(asked.scene)
-        cell = drivers().connect(f"franky://{bench.address}", scene)
-        robots: list[Any] = []
-
-        class Looked:
-            """The cell, and the robot that it hands out."""
-
-            def __getattr__(self, name: str) -> Any:
-                return getattr(cell, name)
-
-            def robot(self) -> Any:
-                robots.append(cell.robot())
-                return robots[-1]
-
-        looked: Any = Looked()
-        run = scene.plan(asked.request).run(looked, rehearse=False)
-        yield Wired(run, bench, robots[-1])
+        yield ran("bottle_and_table", bench)
 
 
 def test_the_paper_s_first_scenario_is_complete(wired: Wired) -> None:
@@ -96,3 +102,18 @@ def test_every_cycle_is_in_the_log(wired: Wired) -> None:
     stamps = np.array([row.state.time.to_msec() for row in wired.robot.cycles])
     assert len(stamps) == 5000
     assert (np.diff(stamps) == 1).all()
+
+
+def test_what_is_in_the_way_is_carried_aside_and_back() -> None:
+    with served(**files("occlusion"), seed=1, fastest=1.0) as bench:
+        boxes = ("red_box", "light_blue_box")
+        before = [bench.ask("pose", body=name) for name in boxes]
+        wired = ran("occlusion", bench)
+        assert wired.run.status == "complete"
+        low, high = wired.run["light_blue_box.mass"].ci95[0]
+        assert low < bench.ask("truth", name="light_blue_box.mass")[0] < high
+        after = [bench.ask("pose", body=name) for name in boxes]
+        assert [pose[:3] for pose in after] == [
+            pytest.approx(pose[:3], abs=5e-3) for pose in before
+        ]
+        assert bench.ask("counts")["lost"] == 0

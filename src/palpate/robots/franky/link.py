@@ -18,7 +18,7 @@ from palpate.trace.samples import Samples
 
 SHORTEST, SLICE = 0.001, 0.005
 """s of wall time that are waited for the next cycles at a time."""
-OWN_STALL = 0.4
+OWN_STALL = 0.7
 """s of silence that do not count on a computer without a realtime kernel, or on loopback."""
 SILENT = 0.08
 """s of silence beyond that after which the control box is taken for gone: sooner than what it said
