@@ -50,6 +50,19 @@ def test_laboratory_noise_and_bias_are_removed(weighing, noises):
     assert std.max() < 5e-3
 
 
+@pytest.mark.parametrize("told", [-0.45, 0.45])
+def test_an_end_effector_that_is_told_wrong_is_in_both_and_goes(weighing, noises, told):
+    """kg that Desk has too much or too little: far more than a datasheet's bias."""
+    for seed in range(3):
+        trace = weighing(MASS, noises["lab"], seed)
+        wrench = trace.samples.wrench.copy()
+        wrench[:, 2] += 9.81 * told
+        biased = replace(trace, samples=replace(trace.samples, wrench=wrench))
+        right, found = weighed(trace), weighed(biased)
+        assert found.value[0] == pytest.approx(right.value[0], abs=1e-3)
+        assert found.std[0] == pytest.approx(right.std[0], rel=0.1)
+
+
 def test_residual_of_every_approach_does_not_reach_the_estimate(weighing, noises):
     error, std, covers, single = errors(weighing, noises["datasheet"])
     assert error.std() < 5e-3

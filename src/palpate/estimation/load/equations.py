@@ -267,10 +267,18 @@ def _covariance(weighing: Weighing, maps: Array) -> Array:
     out = np.zeros((signals * bins, signals * bins))
     for i, scale in enumerate(weighing.scale.tolist()):
         block = scale**2 * (bias + _drift(apart)) + weighing.noise.flicker[i] * flicker(apart)
+        block += _empty(found, i) ** 2
         block += moved[i]
         block += np.diag(variance[:, i] + (tuning.FLOOR * scale) ** 2)
         out[i * bins : (i + 1) * bins, i * bins : (i + 1) * bins] = block
     return out
+
+
+def _empty(found: Sequence[Segment], signal: int) -> float:
+    """What a signal shows of the empty hand: its bias is as large where an end effector is told wrong, and
+    nothing that is compared with it depends on how large that is."""
+    shown = [float(segment.felt[:, signal].mean()) for segment in found if not segment.loaded]
+    return float(np.mean(shown)) if shown else 0.0
 
 
 def _bias(found: Sequence[Segment]) -> Array:
