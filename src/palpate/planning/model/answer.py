@@ -10,23 +10,36 @@ import json
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import islice
 from typing import Any, cast
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from palpate.errors import InputError
+from palpate.planning.model.mending import mended, normal
 from palpate.planning.plan import MAX_BYTES, MAX_NESTING, Plan, parse_plan
 from palpate.redaction import redacted
 from palpate.scene.pictured.objects import SceneObject, Shape
 
 MAX_ATTEMPTS = 200
 """Opening braces from which JSON is tried to be read."""
+MAX_MENDED = 8
+"""Opening braces from which text is tried to be mended."""
+LARGEST_MENDED = 100_000
+"""Characters of a text that is; a plan of fifteen objects has some 20 000."""
 MAX_OBJECTS = 100
 """Objects of a scene that a model may list."""
 
 NO_JSON = "there is no JSON object in the answer; return one with parameters, explanation and tree"
 NO_TREE = "the JSON object has no field 'tree'; return one with parameters, explanation and tree"
 
+TOO_DEEP = f"the JSON is nested deeper than {MAX_NESTING} brackets; flatten the tree"
+QUOTES = "JSON takes double quotes around names and texts; return the whole object again"
+
+_BRACE = re.compile(r"\{")
+_BRACKET = re.compile(r"[\[\]{}]")
+_STRING = re.compile(r'"(?:[^"\\]|\\.)*"', re.DOTALL)
+_QUOTED = re.compile(r"\{\s*['‘“]")
 _OPENING = re.compile(r"\{\s*[\"}]")
 _DECODER = json.JSONDecoder()
 
@@ -55,9 +68,14 @@ def read_answer(text: str) -> Proposal:
         raise InputError(
             f"the answer has {len(text)} characters, more than {MAX_BYTES}; return the JSON object only"
         )
-    source, document = _plan_object(text)
+    source, written = _plan_object(text)
+    if _depth(source) > MAX_NESTING:
+        raise InputError(TOO_DEEP)
+    document = normal(written)
     if "nodes" in document:
         source = json.dumps(nested(document))
+    elif document != written:
+        source = json.dumps(document)
     return Proposal(parse_plan(source), _scene_objects(document.get("scene") or []))
 
 
@@ -102,9 +120,10 @@ def json_objects(text: str) -> Iterator[dict[str, Any]]:
 
 
 def _plan_object(text: str) -> tuple[str, dict[str, Any]]:
-    """The source and content of the last JSON object that is a plan."""
+    """The source and content of the last JSON object that is a plan, else of the first that is one
+    once it is mended."""
     found: tuple[str, dict[str, Any]] | None = None
-    problem = NO_JSON
+    problem = QUOTES if _QUOTED.search(text) else NO_JSON
     position = furthest = 0
     for _ in range(MAX_ATTEMPTS):
         opening = _OPENING.search(text, position)
@@ -112,14 +131,43 @@ def _plan_object(text: str) -> tuple[str, dict[str, Any]]:
             break
         start = opening.start()
         value, end, complaint = _decoded(text, start)
-        if isinstance(value, dict) and ("tree" in value or "nodes" in value):
+        if _is_plan(value):
             found = (text[start:end], cast("dict[str, Any]", value))
         elif end - start > furthest:
             furthest, problem = end - start, complaint
         position = start + 1 if value is None else end
+    found = found or _mended_object(text)
     if found is None:
         raise InputError(problem)
     return found
+
+
+def _mended_object(text: str) -> tuple[str, dict[str, Any]] | None:
+    if len(text) > LARGEST_MENDED:
+        return None
+    for opening in islice(_BRACE.finditer(text), MAX_MENDED):
+        source = mended(text[opening.start() :])
+        value, end, _ = _decoded(source, 0)
+        if _is_plan(value):
+            return source[:end], cast("dict[str, Any]", value)
+    return None
+
+
+def _is_plan(value: object) -> bool:
+    """Whether it is an object with a tree, in any case."""
+    if not isinstance(value, dict):
+        return False
+    fields = cast("dict[str, Any]", value)
+    return any(key.strip().lower() in ("tree", "nodes") for key in fields)
+
+
+def _depth(source: str) -> int:
+    """How deep the brackets of JSON text are nested."""
+    depth = deepest = 0
+    for bracket in _BRACKET.findall(_STRING.sub("", source)):
+        depth += 1 if bracket in "[{" else -1
+        deepest = max(deepest, depth)
+    return deepest
 
 
 def _decoded(text: str, start: int) -> tuple[object, int, str]:
@@ -130,8 +178,7 @@ def _decoded(text: str, start: int) -> tuple[object, int, str]:
     except json.JSONDecodeError as error:
         return None, error.pos, _complaint(error, text, start)
     except RecursionError:
-        complaint = f"the JSON is nested deeper than {MAX_NESTING} brackets; flatten the tree"
-        return None, len(text), complaint
+        return None, len(text), TOO_DEEP
     except ValueError as error:
         return None, start + 1, f"the JSON is not usable: {error}"
     return value, end, NO_TREE
