@@ -204,6 +204,8 @@ def _told(hit: Hit, after: SymbolicState, passing: Passing) -> Violation:
         )
     if name in after.scene.objects:
         return Violation("blocked", f"{met}; go around it, or {carry_away(name)}")
+    if hit.part.kind == LOAD:
+        return Violation("collision", f"{met}; choose a higher pose, or go around it")
     return Violation("collision", f"{met}; {_instead(after, name)}")
 
 

@@ -77,9 +77,12 @@ def violations(
         if after.at != HOME_CONFIG:
             yield unknown_start()
         return
-    yield from _sideways(Passage.of(before, after), strict=False)
+    aside = list(_sideways(Passage.of(before, after), strict=False))
+    yield from aside
     yield from _carried(before, after, may_tilt)
-    yield from collisions(before, after)
+    # Who leaves an object sideways runs into it, too: one finding, and one remedy.
+    if not aside:
+        yield from collisions(before, after)
 
 
 def qualms(before: SymbolicState, after: SymbolicState) -> Iterator[Violation]:
@@ -158,7 +161,8 @@ def _carried(before: SymbolicState, after: SymbolicState, may_tilt: bool) -> Ite
     if lost:
         yield Violation(
             "unsupported",
-            f"'{held}' would be dragged off what it stands on: {lost}; lift it first",
+            f"'{held}' would be dragged off what it stands on: {lost}; lift it to carry it, or "
+            "slide it level",
         )
     for name in riders(before, held):
         yield Violation(

@@ -63,7 +63,7 @@ def untouchable(state: SymbolicState, direction: Array, travel: float) -> Iterat
     if first is None:
         yield Violation(
             PRECONDITION,
-            f"there is nothing to touch within {1e3 * travel:.0f} mm from '{state.at}'; start nearer: "
+            f"there is nothing to touch within {travel:.2f} m from '{state.at}'; start nearer: "
             f"{_starts(state)}",
         )
         return
