@@ -20,7 +20,14 @@ from palpate.calibration.stated import LENGTH, MASS, Known
 from palpate.errors import InputError
 from palpate.estimation.gains import gain_root
 from palpate.pipeline import Confirm, Progress, quiet, unasked
-from palpate.robots.owner.config import Gains, RobotConfig, Simulated, read_config, write_config
+from palpate.robots.owner.config import (
+    JOINTS,
+    Gains,
+    RobotConfig,
+    Simulated,
+    read_config,
+    write_config,
+)
 from palpate.robots.owner.registered import require_same
 from palpate.settings import Settings, noise_told
 
@@ -28,7 +35,6 @@ if TYPE_CHECKING:
     from palpate.execution.runner import Observer
     from palpate.robots.description import RobotDescription
 
-JOINTS = 7
 MEASURED = ("torque_gain", "tip_offset", "base_lean", "tip_compliance")
 """What a calibration writes; all other keys of a file stay."""
 

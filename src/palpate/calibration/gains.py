@@ -22,10 +22,9 @@ from palpate.estimation.load.fit import fit_load, load_model
 from palpate.estimation.load.segments import Weighing, weighings
 from palpate.geometry.pose import Array
 from palpate.parameter import Parameter
+from palpate.robots.owner.config import JOINTS
 from palpate.trace.recording import Hand
 from palpate.trace.samples import Trace
-
-JOINTS = 7
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -26,11 +26,11 @@ from palpate.geometry.pose import Array, Pose
 from palpate.planning.plan import Node
 from palpate.robots.description import RobotDescription
 from palpate.robots.nominal import NominalArm
+from palpate.robots.owner.config import JOINTS
 from palpate.trace.recording import Hand
 from palpate.trace.samples import Trace
 from palpate.vocabulary.state import HOME_CONFIG
 
-JOINTS = 7
 CONFIGURATIONS = 30
 """How many: friction is about as large as what is looked for, and averages out."""
 SPREAD = np.array([0.8, 0.6, 0.6, 0.7, 1.0, 0.8, 1.2])

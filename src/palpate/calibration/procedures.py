@@ -18,7 +18,7 @@ from palpate.geometry.pose import Array
 from palpate.parameter import Parameter
 from palpate.planning.plan import Node, Plan
 from palpate.planning.symbolic.planner import assemble
-from palpate.robots.owner.config import Gains, Lean, Value
+from palpate.robots.owner.config import JOINTS, Gains, Lean, Value
 from palpate.scene.load import load_scene, parse_scene
 from palpate.scene.scene import Scene
 from palpate.trace.samples import STANDARD_GRAVITY
@@ -122,7 +122,7 @@ def _weigh_once(
 def _take_gains(session: Session, found: GainBelief, by: str) -> None:
     """Correct what was found from now on."""
     before = session.config.torque_gain
-    whole = found.after(np.zeros(own_weight.JOINTS) if before is None else before.value)
+    whole = found.after(np.zeros(JOINTS) if before is None else before.value)
     ways = [] if before is None or before.by is None else before.by.split("; ")
     gains = Gains(
         date=datetime.date.today(),

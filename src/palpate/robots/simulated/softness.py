@@ -7,6 +7,8 @@ explicit pairs with the fingers, in which it keeps that; the friction stays the 
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import mujoco
 import numpy as np
 
@@ -21,13 +23,23 @@ HARDNESS = ((0.02, 1.0), (0.9, 0.95, 0.001, 0.5, 2.0))
 def keep_softness(world: mujoco.MjSpec, arm: RobotDescription) -> None:
     """Add a pair for each shape of the scene that says how hard it is and each of the fingers' that
     would override it. The arm is in `world` already."""
-    fingers = [world.joint(PREFIX + name).parent for name in arm.hand.fingers]
-    soft = [geom for geom in world.geoms if not is_robots(geom) and _says(geom)]
-    for i, geom in enumerate(soft):
+    pads = list(_pads(world, arm))
+    for i, geom in enumerate(_soft(world)):
         geom.name = geom.name or f"{PREFIX}soft{i}"
-        for pad in [geom for finger in fingers for geom in finger.geoms]:
+        for pad in pads:
             if pad.priority > geom.priority and _meet(pad, geom):
                 _pair(world, pad, geom)
+
+
+def _pads(world: mujoco.MjSpec, arm: RobotDescription) -> Iterator[mujoco.MjsGeom]:
+    """All shapes of the fingers."""
+    for name in arm.hand.fingers:
+        yield from world.joint(PREFIX + name).parent.geoms
+
+
+def _soft(world: mujoco.MjSpec) -> list[mujoco.MjsGeom]:
+    """The shapes of the scene that say how hard they are."""
+    return [geom for geom in world.geoms if not is_robots(geom) and _says(geom)]
 
 
 def _says(geom: mujoco.MjsGeom) -> bool:
