@@ -38,7 +38,7 @@ from palpate.twin.twin import build_twin as build
 
 if TYPE_CHECKING:
     from palpate.execution.runner import Keep, Observer
-    from palpate.pictures.filming import Filming
+    from palpate.report.writing import Darkroom
     from palpate.runs.fuse import Fusion
     from palpate.twin.export.export import Export
 
@@ -133,8 +133,8 @@ def carry_out(
         made = keeper.executed(
             partial(_executed, cell, observer, progress, keeper, may_resume), made
         )
-        with _filming(made) as film:
-            return _finished(made, keeper, progress, cell, film, _unfailing(measured))
+        with _pictures_of(made) as darkroom:
+            return _finished(made, keeper, progress, cell, darkroom, _unfailing(measured))
 
 
 def finish(folder: Path, progress: Progress = quiet) -> Run:
@@ -164,14 +164,14 @@ def _finished(
     keeper: Keeper,
     progress: Progress,
     cell: Cell | None = None,
-    film: Filming | None = None,
+    darkroom: Darkroom | None = None,
     measured: Measured = unheard,
 ) -> Run:
     """All stages after the execution, from the one that is due; a signal ends them."""
     steps: dict[Stage, Step] = {
         "estimating": partial(_measured, cell, progress, measured),
-        "building the twin": partial(_twinned, keeper, progress),
-        "writing the report": partial(_reported, keeper, progress, film),
+        "building the twin": partial(_twinned, keeper, progress, darkroom),
+        "writing the report": partial(_reported, keeper, progress, darkroom),
     }
     if made.interrupted is not None:
         return made
@@ -439,36 +439,42 @@ def _measured(
     measured(made)
 
 
-def _twinned(keeper: Keeper, progress: Progress, made: Run) -> Iterator[Run]:
+def _twinned(
+    keeper: Keeper, progress: Progress, darkroom: Darkroom | None, made: Run
+) -> Iterator[Run]:
     planned_in = made.scene
     made = build_twin(made, progress)
     keeper.twin(made)
     yield made
+    if darkroom is not None:
+        darkroom.begin_stills(made)
     if not made.settings.fast:
         yield touch_twin(made, planned_in, progress)
 
 
-def _reported(keeper: Keeper, progress: Progress, film: Filming | None, made: Run) -> Iterator[Run]:
+def _reported(
+    keeper: Keeper, progress: Progress, darkroom: Darkroom | None, made: Run
+) -> Iterator[Run]:
     if keeper.folder is None:
         return
     from palpate.report.writing import write_all
 
     progress("writing the report")
-    shortfalls = write_all(replace(made, stage=None), keeper.folder, film)
+    shortfalls = write_all(replace(made, stage=None), keeper.folder, darkroom)
     yield replace(made, shortfalls=(*made.shortfalls, *shortfalls))
 
 
 @contextmanager
-def _filming(made: Run) -> Generator[Filming | None]:
-    """The film of the execution in the making, where there is to be one, while estimates and twin are
-    made."""
+def _pictures_of(made: Run) -> Generator[Darkroom | None]:
+    """The film of the execution in the making, where there is to be one, and later the pictures, while
+    estimates and twin are made."""
     if made.folder is None or made.footage is None or made.settings.fast:
         yield None
         return
-    from palpate.pictures.filming import Filming
+    from palpate.report.writing import Darkroom
 
-    with Filming(made.footage, made.trace) as film:
-        yield film
+    with Darkroom(made.footage, made.trace) as darkroom:
+        yield darkroom
 
 
 @contextmanager

@@ -34,6 +34,28 @@ def test_it_is_made_on_another_thread(monkeypatch: pytest.MonkeyPatch) -> None:
     assert found.mp4.startswith(b"film")
 
 
+def test_other_work_follows_the_film_and_is_given_up_with_it(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    done: list[str] = []
+
+    def film(*_: Any, given_up: Any, **__: Any) -> None:
+        while not given_up() and len(done) < 1:
+            pass
+
+    monkeypatch.setattr(filming, "film", film)
+    with Filming(FOOTAGE, None) as made:
+        after = made.next(lambda: done.append("pictures"))
+        done.append("film")
+        after.result()
+    assert done == ["film", "pictures"]
+    done.clear()
+    with Filming(FOOTAGE, None) as made:
+        never = made.next(lambda: done.append("pictures"))
+    assert never.cancelled()
+    assert done == []
+
+
 def test_what_goes_wrong_is_raised_where_it_is_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
     def broken(*_: Any, **__: Any) -> None:
         raise OSError("no encoder")

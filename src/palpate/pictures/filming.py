@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import threading
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor
 from types import TracebackType
+from typing import TypeVar
 
 from palpate.pictures.footage import Footage
 from palpate.pictures.moments import Film, film, frames_of
 from palpate.pictures.renderer import gl_available
 from palpate.trace.samples import Trace
+
+T = TypeVar("T")
 
 
 class Filming:
@@ -29,6 +33,10 @@ class Filming:
         """
         return self._film.result()
 
+    def next(self, work: Callable[[], T]) -> Future[T]:
+        """Do `work` on the same thread, when the film is done."""
+        return self._thread.submit(work)
+
     def _made(self, footage: Footage, trace: Trace | None) -> Film | None:
         if not gl_available()[0]:
             return None
@@ -46,4 +54,4 @@ class Filming:
         trace: TracebackType | None,
     ) -> None:
         self._given_up.set()
-        self._thread.shutdown()
+        self._thread.shutdown(cancel_futures=True)
