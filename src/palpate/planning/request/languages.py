@@ -17,6 +17,7 @@ from palpate.planning.request.wording import (
     english,
     language,
     longest,
+    tells,
 )
 from palpate.quantities.catalogue import catalogue
 
@@ -35,19 +36,20 @@ def in_english(request: str, names: Names) -> str:
 
 
 def _spoken(text: str) -> str | None:
-    """The language with the most words in it that tell it; None is English."""
+    """The language with the most words in it that tell it; None is English.
+
+    Where there are English words, only languages that something tells are looked into.
+    """
     words = _words(text)
-    counts = {code: _count(words, code) for code in LANGUAGES}
-    best = max(LANGUAGES, key=lambda code: counts[code])
     of_english = 2 * sum(word in STOP or word in DETERMINERS for word in words)
-    return best if counts[best] > of_english else None
-
-
-def _count(words: Sequence[str], code: str) -> int:
-    """How much speaks for a language: words that tell it, and any that it has."""
-    spoken = language(code)
-    told = sum(word in spoken.tells for word in words)
-    return told + sum((word,) in spoken.turned for word in words)
+    best, most = None, of_english
+    for code in LANGUAGES:
+        told = sum(word in tells()[code] for word in words)
+        if told or not of_english:
+            spoken = told + sum((word,) in language(code).turned for word in words)
+            if spoken > most:
+                best, most = code, spoken
+    return best
 
 
 def _words(text: str) -> list[str]:

@@ -22,13 +22,11 @@ class Language:
     """A language that requests may be written in.
 
     Attributes:
-        tells: frequent small words by which it is told from others.
         turned: its phrases in English.
         endings: of inflected words, which may be left away.
         compounds: whether it writes several nouns in one word.
     """
 
-    tells: frozenset[str]
     turned: Mapping[Phrase, Phrase]
     endings: tuple[str, ...]
     compounds: bool
@@ -90,7 +88,13 @@ def language(code: str) -> Language:
     said = _read(code)
     endings = tuple(said["endings"].split())
     compounds = bool(said.get("compounds", False))
-    return Language(word_set(said["tells"]), _phrases(said["turned"]), endings, compounds)
+    return Language(_phrases(said["turned"]), endings, compounds)
+
+
+@cache
+def tells() -> Mapping[str, frozenset[str]]:
+    """Frequent small words by which each of `LANGUAGES` is told from others."""
+    return {code: word_set(words) for code, words in _read("tells").items()}
 
 
 def _read(code: str) -> dict[str, Any]:

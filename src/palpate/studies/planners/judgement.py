@@ -69,11 +69,17 @@ def is_valid(run: Run) -> bool:
     return not run.conversation.rounds[-1].findings
 
 
+def _findings(run: Run) -> Sequence[str]:
+    """What the check says against the plan, or against a model's last answer."""
+    if run.findings or run.conversation is None:
+        return [finding.message for finding in run.findings]
+    return run.conversation.rounds[-1].findings
+
+
 def _unmoved(run: Run, task: Scenario, looks: bool) -> Ruling:
     """Nothing was measured: rightly so where nobody could."""
     if not is_valid(run):
-        findings = [finding.message for finding in run.findings[:3]]
-        return Ruling("failed", ("; ".join(findings) or run.plan.explanation)[:500])
+        return Ruling("failed", "; ".join(_findings(run)[:3])[:500])
     if run.plan.satisfied:
         return Ruling("failed", "it says that nothing is missing")
     if not task.expects or (task.only_seen and not looks):
