@@ -16,7 +16,9 @@ from PIL import Image
 from palpate.cells.registry import drivers
 from palpate.planning.model import session as session_module
 from palpate.planning.model.prompt.compose import system_prompt
+from palpate.planning.model.session import Budget, ModelSettings
 from palpate.scenarios.catalogue import scenario
+from palpate.settings import Settings, request_json, settings_from
 from palpate.vocabulary.registry import vocabulary
 
 from .conftest import Answer, cube
@@ -164,6 +166,38 @@ def test_a_plan_by_a_model_is_written_with_its_figures(palpate: Palpate, tmp_pat
     assert answer.status == 0
     assert json.loads(answer.out)["model"]["valid_first"] is True
     assert json.loads((tmp_path / "plan.json").read_text())["model"]["rounds"] == 1
+
+
+def test_a_lean_prompt_and_a_critic_are_asked_for_on_the_command_line(
+    palpate: Palpate, tmp_path: Path
+) -> None:
+    objection = json.dumps({"objection": "The table stands on a carpet."})
+    with Loopback(Says(PAPER), Says(objection), Says(PAPER)) as server:
+        answer = palpate(
+            "plan",
+            *bottle(*model_settings(server), "--prompt", "lean", "--critic", "openai:reader"),
+            "--out",
+            "plan.json",
+        )
+        writer, reader, again = server.requests
+    assert answer.status == 0, answer.err
+    assert writer.system == again.system == system_prompt(vocabulary(), (), "lean")
+    assert reader.body["model"] == "reader"
+    assert "on a carpet" in again.user
+    critic = json.loads((tmp_path / "plan.json").read_text())["model"]["critic"]
+    assert (critic["objection"], critic["heeded"]) == ("The table stands on a carpet.", False)
+    assert (
+        system_prompt(vocabulary(), (), "lean")
+        in palpate("prompt", *bottle("--prompt", "lean")).out
+    )
+    assert palpate("plan", *bottle("--prompt", "fat")).status == 2
+    assert palpate("plan", *bottle("--critic", "nobody:x")).status == 2
+
+
+def test_how_a_model_was_asked_is_kept_and_read_back() -> None:
+    asked = ModelSettings(prompt="lean", critic="openai:x", comments=False, budget=Budget(900.0))
+    kept = json.loads(json.dumps(request_json(Settings(request="r", model_settings=asked))))
+    assert settings_from(kept).model_settings == asked
 
 
 def test_from_a_sentence_a_picture_and_a_camera_to_complete_mjcf(

@@ -114,7 +114,7 @@ def _long() -> str:
 
 def _remembered(said: str, answer: Answer) -> str:
     if WORD in said.lower():
-        return f"a prompt of {answer.input_tokens} tokens is read from its beginning"
+        return f"a prompt of {answer.input_tokens} tokens is read from its beginning, in {answer.seconds:.1f} s"
     return (
         "the beginning of a prompt as long as ours is not read any more; a longer context is needed, with "
         "Ollama OLLAMA_CONTEXT_LENGTH=16384"
