@@ -383,7 +383,7 @@ def save(made: Run, folder: Path | None = None) -> Run:
         with new_folder(folder) as scratch:
             write_json(scratch / "request.json", request_json(made.settings))
             write_files(made, scratch, folder)
-            shortfalls = write_all(made, scratch)
+            shortfalls = write_all(made, scratch, place=folder)
     except OSError as error:
         raise InputError(f"cannot write '{folder}': {error.strerror}") from error
     return replace(made, folder=folder, shortfalls=(*made.shortfalls, *shortfalls))

@@ -62,13 +62,20 @@ class Page(HTMLParser):
         return [attributes for name, attributes in self.elements if name == tag]
 
 
+def ids(page: Page) -> set[str]:
+    return {attributes["id"] for _, attributes in page.elements if "id" in attributes}
+
+
 def page_of(data: ReportData, folder: Path) -> Page:
     write_report(folder / "report.html", data)
     return Page((folder / "report.html").read_text(encoding="utf-8"))
 
 
-def picture() -> bytes:
-    return png(np.zeros((8, 12, 3), np.uint8))
+def picture(changed: bool = False) -> bytes:
+    """Black, and where it is `changed` with a white corner."""
+    pixels = np.zeros((8, 12, 3), np.uint8)
+    pixels[:2, :3] = 255 if changed else 0
+    return png(pixels)
 
 
 def complete(data: ReportData) -> ReportData:
@@ -76,7 +83,7 @@ def complete(data: ReportData) -> ReportData:
         data,
         workspace=picture(),
         before=picture(),
-        after=picture(),
+        after=picture(changed=True),
         video=b"\0\0\0\x18ftypmp42",
         video_speed=2.5,
         warnings=("a warning",),
@@ -105,7 +112,7 @@ def test_all_sections_are_there(data: ReportData, tmp_path: Path) -> None:
         data.plan.explanation,
     ):
         assert str(words) in page.text, words
-    assert len(page.all("img")) == 3
+    assert len(page.all("img")) == 4
     assert page.all("video")[0]["src"].startswith("data:video/mp4;base64,")
 
 
@@ -113,7 +120,7 @@ def test_nothing_is_fetched(data: ReportData, tmp_path: Path) -> None:
     page = page_of(complete(data), tmp_path)
     for _, attributes in page.elements:
         for name in ("src", "href", "poster", "action", "data", "srcset"):
-            assert re.match(r"data:|[\w./-]+$|$", attributes.get(name, "")), attributes
+            assert re.match(r"data:|#?[\w./-]+$|$", attributes.get(name, "")), attributes
     policy = page.all("meta")[1]
     assert policy["http-equiv"] == "Content-Security-Policy"
     assert policy["content"].startswith("default-src 'none';")
@@ -178,7 +185,9 @@ def test_hostile_names_are_text(data: ReportData, tmp_path: Path) -> None:
     assert len(page.all("script")) == 3
     assert page.all("img") == []
     assert not any(name.startswith("on") for _, attributes in page.elements for name in attributes)
-    assert [a["href"] for a in page.all("a")] == ["good.xml"]
+    linked = [a["href"] for a in page.all("a")]
+    assert [link for link in linked if not link.startswith("#")] == ["good.xml"]
+    assert {link[1:] for link in linked if link.startswith("#")} <= ids(page)
     assert HOSTILE in page.text
     figure = json.loads(page.scripts[-3])
     shown = [a["text"] for a in figure["layout"]["annotations"]] + figure["data"][-1]["text"]
@@ -224,9 +233,12 @@ def test_an_aborted_run_says_why_and_shows_the_stop(data: ReportData, tmp_path: 
         "not identified",
     ):
         assert words in page.text, words
+    assert "#failed" in [a["href"] for a in page.all("a")]
+    (leaf,) = [a for a in page.all("span") if a.get("id") == "failed"]
+    assert "unexpected contact of 21 N" in leaf["title"]
     fates = [
         attributes["class"].split()[-1]
-        for attributes in page.all("div")
+        for attributes in page.all("span")
         if "node" in attributes.get("class", "")
     ]
     assert fates[:6] == ["failure", "success", "success", "success", "failure", "waiting"]
@@ -298,3 +310,38 @@ def test_the_same_run_gives_the_same_page(data: ReportData, tmp_path: Path) -> N
     write_report(tmp_path / "a.html", data)
     write_report(tmp_path / "b.html", data)
     assert (tmp_path / "a.html").read_bytes() == (tmp_path / "b.html").read_bytes()
+
+
+def test_pictures_that_look_alike_are_said_to(data: ReportData, tmp_path: Path) -> None:
+    alike = replace(data, before=picture(), after=picture())
+    page = page_of(alike, tmp_path)
+    assert "Nothing that can be seen has changed" in page.text
+    assert len(page.all("img")) == 1
+    apart = page_of(replace(alike, after=picture(changed=True)), tmp_path)
+    assert "Nothing that can be seen has changed" not in apart.text
+    assert "(6.2 % of the picture)" in apart.text
+
+
+def test_many_estimates_stand_sorted_above_their_cards(data: ReportData, tmp_path: Path) -> None:
+    mass = data.measured[1]
+    several: list[Measured] = []
+    for i, value in enumerate((0.2, 0.5, 0.1, 0.4)):
+        found = Estimate.normal(Parameter(f"can{i}", "mass"), "kg", value, 0.001, "Weighed.")
+        several.append(Measured(found, (value + 0.001,)))
+    assert "on one scale" not in page_of(replace(data, measured=tuple(several)), tmp_path).text
+    lost = Measured(not_identified(Parameter("lost", "mass"), "kg", "It was never lifted."))
+    page = page_of(replace(data, measured=(*several, lost, mass)), tmp_path)
+    assert "on one scale" in page.text
+    first = [text for text in page.texts if re.fullmatch(r"can\d|lost", text)][:5]
+    assert first == ["can1", "can3", "can0", "can2", "lost"]
+    assert {a["href"][1:] for a in page.all("a") if a["href"].startswith("#")} <= ids(page)
+
+
+def test_a_simulated_run_says_so_and_how_to_do_it_again(data: ReportData, tmp_path: Path) -> None:
+    command = "palpate demo bottle_and_table --noise lab --seed 0"
+    page = page_of(replace(data, simulated=True, command=command), tmp_path)
+    assert command in page.text
+    assert "Simulated" in page.texts
+    made_up = page_of(replace(data, simulated=True, drawn=True), tmp_path)
+    assert "Simulated, and made up" in made_up.texts
+    assert "Simulated" not in page_of(data, tmp_path).texts

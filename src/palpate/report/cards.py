@@ -5,15 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from palpate.estimation.estimate import rounded
 from palpate.report.data import Measured
-from palpate.report.evidence import Evidence, evidence, quantity_label
+from palpate.report.evidence.chart import Chart
+from palpate.report.evidence.charts import charts
+from palpate.report.evidence.windows import Evidence, evidence, quantity_label
 from palpate.report.numbers import error_text, with_spread, with_unit
+from palpate.runs.figures import Figure, figures
 from palpate.trace.samples import Trace
-
-AXES = {2: ("x", "y"), 3: ("x", "y", "z"), 6: ("xx", "yy", "zz", "xy", "xz", "yz")}
-"""Names of the components of a vector, and of a symmetric tensor in MuJoCo's `fullinertia`
-order."""
 
 MARGIN = 1.35
 """Half widths of the interval from the middle of a bar to its end."""
@@ -31,6 +29,7 @@ class Truth:
     at: float
     error: str
     covered: bool
+    number: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,6 +45,14 @@ class Interval:
     left: float
     width: float
     truth: Truth | None
+    verdict: str
+    number: float
+    bounds: tuple[float, float]
+
+    @property
+    def reach(self) -> tuple[float, ...]:
+        """Its bounds, and the truth where that is known."""
+        return self.bounds if self.truth is None else (*self.bounds, self.truth.number)
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,6 +68,8 @@ class Card:
     intervals: tuple[Interval, ...]
     further: tuple[tuple[str, str], ...]
     evidence: tuple[Evidence, ...]
+    anchor: str
+    charts: tuple[Chart, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,10 +87,10 @@ class _Bar:
 
 def cards(measured: Sequence[Measured], trace: Trace | None) -> list[Card]:
     """One per estimate."""
-    return [_card(m, trace) for m in measured]
+    return [_card(m, trace, f"estimate-{i + 1}") for i, m in enumerate(measured)]
 
 
-def _card(measured: Measured, trace: Trace | None) -> Card:
+def _card(measured: Measured, trace: Trace | None, anchor: str) -> Card:
     estimate = measured.estimate
     unit = estimate.unit
     further: list[tuple[str, str]] = []
@@ -100,41 +109,47 @@ def _card(measured: Measured, trace: Trace | None) -> Card:
         _intervals(measured),
         tuple(further),
         tuple(windows),
+        anchor,
+        charts(measured, trace) if trace is not None else (),
     )
 
 
 def _intervals(measured: Measured) -> tuple[Interval, ...]:
     estimate = measured.estimate
     count = len(estimate.value)
-    axes = AXES.get(count, ("",) * count)
     truths: Sequence[float | None] = measured.truth or ()
     if len(truths) != count:
         truths = (None,) * count
-    rows = zip(
-        axes,
-        estimate.value.tolist(),
-        estimate.std.tolist(),
-        estimate.ci95.tolist(),
-        truths,
-        strict=True,
-    )
-    return tuple(_interval(*row, estimate.unit) for row in rows)
+    found: list[Interval] = []
+    for i, figure in enumerate(figures(estimate)):
+        value, ci = float(estimate.value[i]), estimate.ci95[i].tolist()
+        found.append(_interval(figure, value, (ci[0], ci[1]), truths[i], estimate.unit))
+    return tuple(found)
 
 
 def _interval(
-    axis: str, value: float, std: float, ci: tuple[float, float], truth: float | None, unit: str
+    figure: Figure, value: float, ci: tuple[float, float], truth: float | None, unit: str
 ) -> Interval:
-    shown, spread = rounded(value, std)
-    low, _ = rounded(ci[0], std)
-    high, _ = rounded(ci[1], std)
     bar = _bar(value, ci, truth)
     left, right = bar.place(ci[0]), bar.place(ci[1])
     revealed = None
     if truth is not None:
-        error = error_text(value, truth, unit, relative=not axis)
+        error = error_text(value, truth, unit, relative=not figure.axis)
         covered = ci[0] <= truth <= ci[1]
-        revealed = Truth(f"{truth:.6g}", bar.place(truth), error, covered)
-    return Interval(axis, shown, spread, low, high, left, round(right - left, 2), revealed)
+        revealed = Truth(f"{truth:.6g}", bar.place(truth), error, covered, truth)
+    return Interval(
+        figure.axis,
+        figure.value,
+        figure.std,
+        figure.low,
+        figure.high,
+        left,
+        round(right - left, 2),
+        revealed,
+        figure.verdict,
+        value,
+        ci,
+    )
 
 
 def _bar(value: float, ci: tuple[float, float], truth: float | None) -> _Bar:

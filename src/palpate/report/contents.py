@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from importlib.metadata import version
@@ -24,6 +25,7 @@ from palpate.pictures.renderer import gl_available, png
 from palpate.report.data import Measured, ParameterRow, ReportData
 from palpate.robots.simulated.noise.models import noise_models
 from palpate.runs.folder import replacing
+from palpate.runs.reproduce import reproducing
 from palpate.scene.camera import load_image
 
 if TYPE_CHECKING:
@@ -106,8 +108,8 @@ def write_images(pictures: Pictures, folder: Path) -> None:
                 part.write_bytes(content)
 
 
-def report_data(run: Run, pictures: Pictures, scratch: Path) -> ReportData:
-    """What the page shows."""
+def report_data(run: Run, pictures: Pictures, scratch: Path, place: Path) -> ReportData:
+    """What the page shows, with what lies in `scratch`, which is or will be at `place`."""
     settings = run.settings
     data = ReportData(
         request=settings.request,
@@ -126,6 +128,9 @@ def report_data(run: Run, pictures: Pictures, scratch: Path) -> ReportData:
         seed=settings.seed,
         noise=noise_models().title(settings.noise),
         files=tuple(_files(scratch)),
+        simulated=run.simulated,
+        drawn=run.drawn,
+        command=shlex.join(reproducing(settings, place.absolute())),
     )
     if run.execution is not None:
         data = _with_execution(data, run.execution)

@@ -58,6 +58,8 @@ class ReportData:
         versions: name to version. seed, noise: of a simulated world.
         files: paths in the run folder, relative to the page.
         warnings: one line each, e.g. how to get pictures.
+        simulated: whether no real thing moved. drawn: whether what was measured was made up, drawn
+            from priors. command: what carries the run out again, from the page's folder.
     """
 
     request: str | None
@@ -85,3 +87,6 @@ class ReportData:
     noise: str | None = None
     files: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
+    simulated: bool = False
+    drawn: bool = False
+    command: str = ""

@@ -11,12 +11,14 @@ from palpate.redaction import redact
 from palpate.report.assets import picture_uri, plotly, policy, script, template, video_uri
 from palpate.report.cards import cards, in_words
 from palpate.report.data import ReportData
-from palpate.report.diff import diff_lines
-from palpate.report.evidence import windows
-from palpate.report.held_out import predictions
+from palpate.report.evidence.windows import windows
+from palpate.report.forest import forest
 from palpate.report.plots import FAILED, GROUPS, Figure, timeline
 from palpate.report.tables import parameter_groups
-from palpate.report.tree import aftermath, branches, primitive_groups
+from palpate.report.tree import aftermath, branches, first_failure, primitive_groups
+from palpate.report.twin.changes import change
+from palpate.report.twin.diff import diff_lines
+from palpate.report.twin.held_out import predictions
 
 VERDICTS = {
     "running": "Under way",
@@ -37,15 +39,20 @@ def write_report(path: Path, data: ReportData) -> None:
 
 def render_report(data: ReportData) -> str:
     """The page's HTML."""
+    made = cards(data.measured, data.trace)
+    tree = branches(data.plan, data.trace)
     return template("palpate.report", "template.html").render(
         data=data,
         verdict=VERDICTS[data.status],
         verdict_line=_verdict_line(data),
         actions=_actions(data),
-        cards=cards(data.measured, data.trace),
+        cards=made,
+        forest=forest(made),
+        retraced=any(card.evidence or card.charts for card in made),
         captions=in_words(data.measured),
         parameters=parameter_groups(data.parameters, data.measured),
-        tree=branches(data.plan, data.trace),
+        tree=tree,
+        failure=first_failure(tree),
         aftermath=aftermath(data.plan, data.trace),
         predictions=predictions(data.held_out),
         diff=diff_lines(data.twin_diff),
@@ -81,10 +88,13 @@ def _actions(data: ReportData) -> int:
 
 
 def _pictures(data: ReportData) -> dict[str, Any]:
+    changed = change(data.before, data.after)
     return {
         "workspace": picture_uri(data.workspace),
         "before": picture_uri(data.before),
         "after": picture_uri(data.after),
+        "changed": changed,
+        "marked": picture_uri(changed.marked) if changed else None,
         "video": video_uri(data.video),
     }
 

@@ -9,7 +9,7 @@ from palpate.estimation.estimate import rounded
 from palpate.parameter import Parameter
 from palpate.quantities.catalogue import catalogue
 from palpate.report.data import Measured, ParameterRow
-from palpate.report.evidence import quantity_label
+from palpate.report.evidence.windows import quantity_label
 from palpate.report.numbers import plain, with_unit
 
 UNSTATED = {"known": "–", "missing": "?", "assumed": "as of uniform density"}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from palpate.planning.plan import Node, Plan
@@ -62,6 +62,23 @@ def aftermath(plan: Plan, trace: Trace | None) -> list[Branch]:
         if run.node not in planned:
             beside.append(_leaf(run.primitive, run.label, run, _end(trace)))
     return beside
+
+
+def first_failure(tree: Branch | None) -> Branch | None:
+    """The leaf that failed, or else was stopped, first."""
+    leaves = list(_leaves(tree)) if tree is not None else []
+    for fate in ("failure", "stopped"):
+        for leaf in leaves:
+            if leaf.fate == fate:
+                return leaf
+    return None
+
+
+def _leaves(branch: Branch) -> Iterator[Branch]:
+    if not branch.children:
+        yield branch
+    for child in branch.children:
+        yield from _leaves(child)
 
 
 def _end(trace: Trace | None) -> float:

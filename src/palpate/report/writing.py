@@ -55,9 +55,11 @@ class Darkroom:
         self.filming.__exit__(*raised)
 
 
-def write_all(run: Run, folder: Path, darkroom: Darkroom | None = None) -> tuple[str, ...]:
+def write_all(
+    run: Run, folder: Path, darkroom: Darkroom | None = None, place: Path | None = None
+) -> tuple[str, ...]:
     """Write pictures, film and page of `run` into `folder`; what could not be made is told, a line
-    each. `darkroom`: where pictures and film are in the making."""
+    each. `darkroom`: where pictures and film are in the making. `place`: where the folder will be."""
     missing: list[str] = []
     pictures = Pictures()
     with _forgiven("the pictures were not read again", missing):
@@ -72,7 +74,7 @@ def write_all(run: Run, folder: Path, darkroom: Darkroom | None = None) -> tuple
         _forgiven("report.html was not written", missing),
         replacing(folder / "report.html") as part,
     ):
-        write_report(part, report_data(run, pictures, folder))
+        write_report(part, report_data(run, pictures, folder, place or folder))
     return tuple(missing)
 
 

@@ -1,0 +1,33 @@
+"""From what was felt to the number, for each quantity that there is a picture of."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from palpate.report.data import Measured
+from palpate.report.evidence.chart import Chart
+from palpate.report.evidence.holding import held_charts
+from palpate.report.evidence.sliding import slid_charts
+from palpate.report.evidence.touching import touched_charts
+from palpate.report.evidence.weighing import weighed_charts
+from palpate.trace.samples import Trace
+
+CHARTS: dict[str, Callable[[Measured, Trace], tuple[Chart, ...]]] = {
+    "mass": weighed_charts,
+    "com": held_charts,
+    "friction": slid_charts,
+    "height": touched_charts,
+}
+"""By quantity. A quantity without an entry shows its windows alone."""
+
+
+def charts(measured: Measured, trace: Trace) -> tuple[Chart, ...]:
+    """None where there is nothing to draw, or what was recorded does not show it."""
+    draw = CHARTS.get(measured.estimate.parameter.quantity)
+    if draw is None or not measured.estimate.has_value or not len(trace.samples):
+        return ()
+    try:
+        return draw(measured, trace)
+    except (ValueError, IndexError, StopIteration):
+        # A recording that was cut short; the page still says what was estimated, and of what.
+        return ()

@@ -1,0 +1,56 @@
+"""The command that carries a run out again."""
+
+from __future__ import annotations
+
+import shlex
+from pathlib import Path
+
+from palpate.planning.model.session import ModelSettings
+from palpate.quantities.precision.within import Within
+from palpate.runs.reproduce import executing, reproducing, running
+from palpate.scenarios.catalogue import scenario
+from palpate.settings import Settings
+
+
+def test_only_what_is_not_the_default_is_said() -> None:
+    plain = Settings(scene=Path("desk.xml"))
+    assert running(plain) == ["palpate", "run", "--scene", "desk.xml"]
+    told = Settings(
+        request="how heavy is the mug?",
+        scene=Path("desk.xml"),
+        images=(Path("a.png"), Path("b.png")),
+        robot_body=("base", "tool"),
+        planner="openai:gpt",
+        cautious=True,
+        rehearse=False,
+        on_failure="skip",
+        within=Within((("mass", 0.001),)),
+        model_settings=ModelSettings(native=True),
+    )
+    assert shlex.join(running(told)) == (
+        "palpate run --scene desk.xml -r 'how heavy is the mug?' --image a.png --image b.png "
+        "--planner openai:gpt --native --robot-body base --robot-body tool --cautious "
+        "--on-failure skip --no-rehearse --within mass=0.001"
+    )
+
+
+def test_a_plan_is_executed_in_its_scene() -> None:
+    settings = Settings(scene=Path("desk.xml"), poses=Path("poses.yaml"), seed=3)
+    said = " ".join(executing(settings, Path("plan.json")))
+    assert said == "palpate execute plan.json --scene desk.xml --poses poses.yaml --seed 3"
+
+
+def test_a_finished_run_says_noise_and_seed_and_where_its_files_are_from_there(
+    tmp_path: Path,
+) -> None:
+    settings = Settings(scene=tmp_path / "desk.xml", planner=f"replay:{tmp_path / 'plan.json'}")
+    said = " ".join(reproducing(settings, tmp_path / "runs" / "desk"))
+    assert said == (
+        "palpate run --scene ../../desk.xml --planner replay:../../plan.json --noise lab --seed 0"
+    )
+
+
+def test_a_scenario_goes_by_its_name() -> None:
+    settings = scenario("mishaps/slip").settings(seed=7)
+    said = " ".join(reproducing(settings))
+    assert said == "palpate demo mishaps/slip --planner symbolic --seed 7 --noise lab"
