@@ -55,7 +55,8 @@ def _force(felt: Array, variance: Array, maps: Array) -> tuple[Array, Array]:
     for signals, noise, turned in zip(felt, variance, maps[:, :, HANGING], strict=True):
         weights = 1.0 / np.sqrt(noise)
         design = turned * weights[:, None]
-        covariance: Array = np.linalg.pinv(design.T @ design)
+        normal: Array = design.T @ design
+        covariance = np.asarray(np.linalg.pinv(normal), dtype=np.float64)
         forces.append(float((covariance @ design.T @ (signals * weights))[0]))
         stds.append(float(np.sqrt(covariance[0, 0])))
     return np.array(forces), np.array(stds)
