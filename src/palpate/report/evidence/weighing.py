@@ -53,7 +53,8 @@ def _force(felt: Array, variance: Array, maps: Array) -> tuple[Array, Array]:
     forces: list[float] = []
     stds: list[float] = []
     for signals, noise, turned in zip(felt, variance, maps[:, :, HANGING], strict=True):
-        weights = 1.0 / np.sqrt(noise)
+        # Signals without noise weigh alike.
+        weights = 1.0 / np.sqrt(noise) if noise.all() else np.ones(len(noise))
         design = turned * weights[:, None]
         normal: Array = design.T @ design
         covariance = np.asarray(np.linalg.pinv(normal), dtype=np.float64)
@@ -134,7 +135,8 @@ def _by_place(places: Sequence[Place], measured: Measured) -> Chart:
     value, std = float(estimate.value[0]), float(estimate.std[0])
     low, high = estimate.ci95[0].tolist()
     masses = np.array([place.mass for place in places])
-    weights = np.array([place.std for place in places]) ** -2
+    stds = np.array([place.std for place in places])
+    weights = stds**-2.0
     mean = float(weights @ masses / weights.sum())
     ends = np.array([*(masses - value), low - value, high - value])
     off = 1e3 * ends
