@@ -13,7 +13,9 @@ MODEL = "openai:<model>"
 def record(
     scenario: str, configuration: str, outcome: Outcome, number: int = 0, prompt: str = "full"
 ) -> Record:
-    found = {"bottle.mass": Found((0.2551,), (0.0008,), (0.254,), "kg", "identified")}
+    found = {
+        "bottle.mass": Found((0.2551 + 0.001 * number,), (0.0008,), (0.254,), "kg", "identified")
+    }
     success = outcome in ("acquired", "refused rightly")
     reason = "" if success else "bottle.mass is off by <7> of its standard deviations"
     trial = Trial(scenario, MODEL, configuration, number, prompt)
@@ -40,7 +42,7 @@ def test_the_papers_tables_stand_beside_ours(tmp_path: Path) -> None:
     for title in ("Scenario by scenario", "each part of the prompt", "Over and over"):
         assert title in html
     assert "0.257 ± 0.022 kg" in html
-    assert "0.2551 ± 0 kg" in html
+    assert "0.2561 ± 0.001 kg" in html
     assert "GPT-4 (paper)" in html
     assert "everything (paper)" in html
     assert "lean prompt" in html

@@ -204,7 +204,7 @@ def _results(records: Sequence[Record]) -> Table:
         cells.append(Cell(f"{fmean(stds):.2g} {unit}"))
         cells.append(Cell(f"{fmean(truths):.5g} {unit}"))
         lines.append((line.name, cells))
-    heads = ["paper", "paper: truth", "ours, mean ± SD of trials", "stated SD", "truth"]
+    heads = ["paper", "paper: truth", "ours, mean ± SD of runs", "stated SD", "truth"]
     lead = (
         "Table IV: what was measured, of all successful trials. The paper's are real objects; ours "
         "stand in a simulated world that neither planner nor estimator can see."
@@ -215,7 +215,9 @@ def _results(records: Sequence[Record]) -> Table:
 def _values(
     records: Iterable[Record], line: Published
 ) -> tuple[list[float], list[float], list[float], str]:
-    """Values, stated standard deviations and truths of a parameter, and their unit."""
+    """Values, stated standard deviations and truths of a parameter in different runs, and their
+    unit."""
+    known: set[tuple[float, float]] = set()
     values: list[float] = []
     stds: list[float] = []
     truths: list[float] = []
@@ -224,6 +226,9 @@ def _values(
         found = record.found.get(line.parameter)
         if record.trial.scenario != line.scenario or not record.success or found is None:
             continue
+        if (found.value[0], found.std[0]) in known:
+            continue  # the same plan with the same seed is the same run
+        known.add((found.value[0], found.std[0]))
         values.append(found.value[0])
         stds.append(found.std[0])
         truths.append(found.truth[0])
