@@ -115,7 +115,7 @@ class ValuesFirst:
         """Show the values of `run`; where an object is printed in the end, on stderr, a line each."""
         if self._as_json:
             for estimate in run.estimates:
-                say(f"final: {repr(estimate).strip('<>')}")
+                err.print(escape(f"final: {repr(estimate).strip('<>')}"), soft_wrap=True)
             return
         with printing():
             _show_values(run)
