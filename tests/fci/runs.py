@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 import palpate as pp
+from palpate.robots.registry import load_description
 from palpate.scenarios.catalogue import scenario
 
 from .served import ROOT, Served, files, served
@@ -22,6 +23,8 @@ from .served import ROOT, Served, files, served
 SCENARIOS = ("bottle_and_table", "friction", "hammer", "occlusion", "one_missing_mass")
 PATIENCE = 900.0
 """s of wall time after which a run is given up."""
+GAUGED = 2e-4
+"""m (1 sigma) to which somebody has gauged the fingertips of these arms, as their worlds draw them."""
 MASTER = [sys.executable, "-m", "palpate", "run"]
 
 
@@ -43,8 +46,10 @@ class Ended:
 def command(name: str, bench: Served, folder: Path) -> list[str]:
     """The command line that runs a bundled scenario on a served arm."""
     settings = scenario(name).settings()
+    known = folder.with_name(f"{folder.name}.robot.yaml")
+    known.write_text(f"tip_offset: {{value: {load_description().tip}, std: {GAUGED}}}\n")
     words = [*MASTER, "--robot", f"franky://{bench.address}", "--out", str(folder), "--yes"]
-    words += ["--scene", str(settings.scene)]
+    words += ["--scene", str(settings.scene), "--robot-config", str(known)]
     if settings.poses is not None:
         words += ["--poses", str(settings.poses)]
     if settings.request is not None:

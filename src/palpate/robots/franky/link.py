@@ -81,7 +81,7 @@ class Link:
     def taken_up(self) -> None:
         """A person saw to it: the arm goes on."""
         self._drive.ended()
-        self.fault = self.reflex = None
+        self.fault = self.reflex = self._hand.problem = None
         self._silence = 0.0
 
     def _pass_until(self, t: float) -> None:
