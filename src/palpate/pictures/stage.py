@@ -16,7 +16,7 @@ TABLE = "table"
 def staged(spec: mujoco.MjSpec, looks: Looks | None = None, *, soft: bool = True) -> mujoco.MjModel:
     """`spec`, which stays as it is, as a model for pictures: `looks` of its bodies (what the scene
     itself says of them, unless given), around it the room, where the scene wants it or has neither
-    floor nor light; with `soft` shadows or, in a third of the time, hard ones.
+    floor nor light; in its own room with `soft` shadows or, in half the time, hard ones.
 
     Raises:
         InputError: there is no such look.
@@ -25,8 +25,10 @@ def staged(spec: mujoco.MjSpec, looks: Looks | None = None, *, soft: bool = True
     worn = looks_in(spec) if looks is None else looks
     things = loose_things(spec)
     dress(drawn, worn)
-    if worn.get(ROOM) == LAB or _is_bare(drawn):
+    if worn.get(ROOM) == LAB:
         furnish(drawn, things, soft)
+    elif _is_bare(drawn):
+        furnish(drawn, things, soft=False)
     else:
         _light(drawn)
     return drawn.compile()
