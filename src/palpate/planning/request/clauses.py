@@ -86,7 +86,7 @@ class Clause:
         if at + 1 >= len(self.groups) or self.groups[at + 1].of_quantities:
             return False
         between = self.between(at)
-        if any(item.links for item in between):
+        if any(item.links or item.text == ":" for item in between):
             return True
         # "weigh the mug", but not "the mug mass the bottle …": there the mass is the mug's.
         return _only(between, _ARTICLES) and not self.said_of_previous(at)

@@ -118,6 +118,10 @@ UNITS = (
 
 MARKS: tuple[tuple[str, str], ...] = (
     (r"[&+]", " and "),
+    (
+        r"\bhow many (?:kilos|kilograms|grams|pounds|ounces) (?:is|are|has|have)\b",
+        " how heavy is ",
+    ),
     (r"\b(?:put|place|set) ([^,.;:?!]{1,40}?) on (?:the|your|some|a) weight\b", r" weigh \1 "),
     (
         r"\bhow much (?:is|are) ([^,.;:?!]{1,40}?) in (?:kilos|kilograms|grams|kg|g|pounds|ounces)\b",
