@@ -100,16 +100,8 @@ def escape(text: str) -> str:
     return rich_escape(text)
 
 
-def plain_table(*headings: str, no_wrap: bool = False) -> Table:
-    """A table without lines, its headings dim."""
-    table = Table(box=None, header_style="dim", pad_edge=False)
-    for heading in headings:
-        table.add_column(heading, no_wrap=no_wrap)
-    return table
-
-
 def figure_table(*headings: str, title: str | None = None, no_wrap: bool = False) -> Table:
-    """A plain table of figures: the first column names, the others are numbers to the right."""
+    """A table without lines, of figures: the first column names, the others are numbers to the right."""
     table = Table(title=title, title_justify="left", box=None, header_style="dim", pad_edge=False)
     names, *figures = headings
     table.add_column(names, no_wrap=no_wrap)

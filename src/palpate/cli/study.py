@@ -217,7 +217,7 @@ def accuracy(
 
     With --out every run is kept as soon as it is done, and what is there is not run again.
     """
-    from palpate.cli.tables import show_seed_runs
+    from palpate.cli.show.studies import show_seed_runs
     from palpate.studies.accuracy import Question
     from palpate.studies.efficiency import comparable
 
@@ -236,7 +236,7 @@ def variety(
     *, noise: NoiseLevel = "lab", seed: Seed = 0, workers: Workers = CORES, as_json: AsJson = False
 ) -> None:
     """Ten scenes of other objects, heights and gaps, one run each."""
-    from palpate.cli.tables import show_seed_runs
+    from palpate.cli.show.studies import show_seed_runs
     from palpate.studies.variety import run_all
 
     runs = {name: [run] for name, run in run_all(noise, seed, workers).items()}
@@ -253,7 +253,7 @@ def efficiency(
     as_json: AsJson = False,
 ) -> None:
     """Actions and robot time of the symbolic planner against the exhaustive one."""
-    from palpate.cli.tables import show_comparisons
+    from palpate.cli.show.studies import show_comparisons
     from palpate.studies import efficiency
 
     found = efficiency.efficiency(names or efficiency.comparable(), noise, seed)
@@ -280,7 +280,7 @@ def ablation(
 
     A page beside the results shows the paper's tables and these.
     """
-    from palpate.cli.tables import show_trials
+    from palpate.cli.show.studies import show_trials
     from palpate.studies.planners import ablation
 
     configurations = configuration or ablation.CONFIGURATIONS
@@ -317,7 +317,7 @@ def repeatability(
 
     A page beside the results shows the paper's tables and these.
     """
-    from palpate.cli.tables import show_trials
+    from palpate.cli.show.studies import show_trials
     from palpate.studies.planners import repeatability
 
     conditions = shared.conditions()
@@ -353,7 +353,7 @@ def faults(
     folder --out, where a page shows them; run again to go on. Forces come from MuJoCo's own state
     at every physics step.
     """
-    from palpate.cli.tables import show_campaign, show_case, show_endings
+    from palpate.cli.show.studies import show_campaign, show_case, show_endings
     from palpate.studies import faults
     from palpate.studies.campaign.campaign import conduct, repeat
 
@@ -396,7 +396,7 @@ def deceptions(
     contradicted or not identified just as well, an innocent one may not. Rows are appended to the
     folder --out, where a page shows them; run again to go on.
     """
-    from palpate.cli.tables import show_deceptions
+    from palpate.cli.show.studies import show_deceptions
     from palpate.studies.deceptions import study, world
 
     chosen = study.cases(names or world.deceptions(), noise, range(seed, seed + seeds))

@@ -30,7 +30,7 @@ def plotly() -> tuple[Markup, str]:
     from markupsafe import Markup
 
     source = (files("plotly") / "package_data" / "plotly.min.js").read_bytes()
-    packed = base64.b64encode(gzip.compress(source, 9, mtime=0)).decode()
+    packed = base64.b64encode(gzip.compress(source, 6, mtime=0)).decode()
     return Markup(packed), _sha256(source)
 
 

@@ -12,7 +12,8 @@ from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
 
-from palpate.cli.console import figure_table, out, plain_table, print_json
+from palpate.cli.console import figure_table, out, print_json
+from palpate.cli.show.layout import Cell, Column, print_rows
 from palpate.live.console import SafeConsole
 from palpate.studies import faults
 from palpate.studies.accuracy import SeedRun
@@ -27,10 +28,6 @@ from palpate.studies.planners.table import Row
 from palpate.studies.planners.trials import Record
 from palpate.studies.rate import Rate
 from palpate.studies.scores.summary import Summary, summarise
-
-WIDTH = 130
-"""Characters of the widest tables, whatever the terminal has: rates with intervals are not
-broken."""
 
 
 def show_seed_runs(runs: Mapping[str, Sequence[SeedRun]], title: str, as_json: bool) -> None:
@@ -111,6 +108,18 @@ def _robot_seconds(runs: Sequence[SeedRun]) -> float:
     return fmean(run.robot_seconds for run in runs)
 
 
+TRIALS = (
+    Column("configuration", words=True),
+    Column("planner", words=True),
+    Column("syntax"),
+    Column("valid"),
+    Column("success"),
+    Column("tokens", right=True),
+    Column("US $", right=True),
+)
+PAPER = Column("paper: syntax, success")
+
+
 def show_trials(records: Sequence[Record], published: Mapping[str, str], as_json: bool) -> None:
     """Rates with their 95 % Wilson intervals, beside the published syntax and success; where there
     are several scenarios, each of them below."""
@@ -121,22 +130,21 @@ def show_trials(records: Sequence[Record], published: Mapping[str, str], as_json
         print_json(content | {"scenarios": [_row_json(row) for row in single]})
         return
     paper = [published.get(row.configuration, "–") for row in rows]
-    _show_rows(rows, "paper: syntax, success", paper)
+    _show_rows(rows, PAPER, paper)
     if len(single) > len(rows):
         out.print()
-        _show_rows(single, "scenario", [row.scenario for row in single])
+        _show_rows(single, Column("scenario", words=True), [row.scenario for row in single])
 
 
-def _show_rows(rows: Sequence[Row], last: str, cells: Sequence[str]) -> None:
+def _show_rows(rows: Sequence[Row], last: Column, cells: Sequence[str]) -> None:
     """Rows of trials, with one more column."""
-    heads = ("configuration", "planner", "syntax", "valid", "success", "tokens", "US $")
-    table = plain_table(*heads, last)
+    shown: list[list[Cell]] = []
     for row, cell in zip(rows, cells, strict=True):
-        table.add_row(*_row_cells(row), Text(cell))
-    SafeConsole(highlight=False, width=max(out.width, WIDTH)).print(table)
+        shown.append([*_row_cells(row), Text(cell)])
+    print_rows([*TRIALS, last], shown)
 
 
-def _row_cells(row: Row) -> list[str | Text]:
+def _row_cells(row: Row) -> list[Cell]:
     cost = "–"
     if row.cost is not None:
         cost = f"{row.cost:.3f}"
@@ -159,19 +167,39 @@ def _row_json(row: Row) -> dict[str, Any]:
     return asdict(row) | {"intervals": intervals}
 
 
+MISHAPS = (
+    Column("mishap"),
+    Column("ended", words=True),
+    Column("as it should", right=True),
+    Column("dropped", right=True),
+    Column("still held", right=True),
+)
+
+
 def show_endings(endings: Sequence[Ending], as_json: bool) -> None:
     """How the mishaps ended, and why."""
     if as_json:
         print_json({"runs": [asdict(ending) for ending in endings]})
         return
-    table = plain_table("mishap", "ended", "as it should", "dropped", "still held")
+    rows: list[list[str]] = []
     reasons: list[Text] = []
     for row in faults.table(endings):
         ended = ", ".join(f"{status} {count}" for status, count in row.endings.items())
         as_expected = f"{row.as_expected}/{row.runs}"
-        table.add_row(row.scenario, ended, as_expected, str(row.dropped), str(row.holding))
+        counts = [as_expected, str(row.dropped), str(row.holding)]
+        rows.append([escape(row.scenario), ended, *counts])
         reasons.append(Text(f"{row.scenario}: {row.reason[:200]}", "dim"))
-    out.print(table, *reasons, sep="\n")
+    print_rows(MISHAPS, rows)
+    out.print(*reasons, sep="\n")
+
+
+CAMPAIGN = (
+    Column("kind"),
+    Column("cases", right=True),
+    Column("crashes", right=True),
+    Column("beyond", right=True),
+    Column("ended", words=True),
+)
 
 
 def show_campaign(rows: Mapping[str, Sequence[ledger.Row]], as_json: bool) -> None:
@@ -179,14 +207,27 @@ def show_campaign(rows: Mapping[str, Sequence[ledger.Row]], as_json: bool) -> No
     if as_json:
         print_json({kind: [asdict(row) for row in found] for kind, found in rows.items()})
         return
-    table = plain_table("kind", "cases", "crashes", "beyond", "ended")
-    for kind, found in rows.items():
-        table.add_row(kind, *_counts(found), _outcomes(found))
-    out.print(table)
+    print_rows(CAMPAIGN, [[kind, *_counts(of), _outcomes(of)] for kind, of in rows.items()])
     for found in rows.values():
         for row in found:
             if row.beyond or row.crash:
                 out.print(Text(_beyond(row), "dim"))
+
+
+WORLDS = (
+    Column("world", words=True),
+    Column("kind"),
+    Column("answers", words=True),
+    Column("worst std", right=True),
+)
+COVERAGE = (
+    Column("identified"),
+    Column("values", right=True),
+    Column("in 95 %", right=True),
+    Column("in 50 %", right=True),
+    Column("stated / actual", right=True),
+    Column("worst", right=True),
+)
 
 
 def show_deceptions(rows: Sequence[ledger.Row], as_json: bool) -> None:
@@ -195,22 +236,22 @@ def show_deceptions(rows: Sequence[ledger.Row], as_json: bool) -> None:
     if as_json:
         print_json({"coverage": [asdict(row) for row in found], "rows": [asdict(r) for r in rows]})
         return
-    worlds = plain_table("world", "kind", "answers", "worst std")
+    worlds: list[list[str]] = []
     for name, group in by_world(rows).items():
         off = worst(group)
         shown = "–" if off is None else f"{off:.1f}"
-        worlds.add_row(name, str(group[0].figures["kind"]), _outcomes(group), shown)
-    bad = [Text(_beyond(row), "dim") for row in rows if row.beyond or row.crash]
-    shown_wide = SafeConsole(highlight=False, width=max(out.width, WIDTH))
-    shown_wide.print(worlds, _coverage_table(found), *bad, sep="\n")
+        kind = str(group[0].figures["kind"])
+        worlds.append([escape(name), kind, _outcomes(group), shown])
+    print_rows(WORLDS, worlds)
+    print_rows(COVERAGE, [_coverage_cells(row) for row in found])
+    for row in rows:
+        if row.beyond or row.crash:
+            out.print(Text(_beyond(row), "dim"), soft_wrap=True)
 
 
-def _coverage_table(found: Sequence[Coverage]) -> Table:
-    table = figure_table("identified", "values", "in 95 %", "in 50 %", "stated / actual", "worst")
-    for row in found:
-        parts = f"{row.covered95:.1%}", f"{row.covered50:.1%}", f"{row.stated:.2f}"
-        table.add_row(row.quantity, str(row.values), *parts, f"{row.worst:.1f}")
-    return table
+def _coverage_cells(row: Coverage) -> list[str]:
+    parts = f"{row.covered95:.1%}", f"{row.covered50:.1%}", f"{row.stated:.2f}"
+    return [row.quantity, str(row.values), *parts, f"{row.worst:.1f}"]
 
 
 def _counts(rows: Sequence[ledger.Row]) -> list[str]:
@@ -237,40 +278,38 @@ def _beyond(row: ledger.Row) -> str:
     return f"{row.command}: {reason}"
 
 
+EFFORT = (
+    Column("scenario"),
+    Column("exhaustive: actions", right=True),
+    Column("robot s", right=True),
+    Column("intent: actions", right=True),
+    Column("robot s", right=True),
+    Column("time saved", right=True),
+)
+
+
 def show_comparisons(rows: Sequence[Comparison], paper: PublishedEffort, as_json: bool) -> None:
     """Both planners' effort, and what intent saves."""
     if as_json:
         print_json({"scenarios": [_comparison_json(row) for row in rows]})
         return
-    table = figure_table(
-        "scenario",
-        "exhaustive actions",
-        "robot s",
-        "intent-driven actions",
-        "robot s",
-        "time saved",
-    )
+    cells: list[list[str]] = []
     for row in rows:
-        saved = "not completed"
-        if row.time_saved is not None:
-            saved = f"{row.time_saved:.0%}"
-        table.add_row(
-            row.scenario,
-            str(row.exhaustive.actions),
-            f"{row.exhaustive.robot_seconds:.1f}",
-            str(row.intent.actions),
-            f"{row.intent.robot_seconds:.1f}",
-            saved,
-        )
-    table.add_row(
-        "[dim]the paper's pair[/]",
+        saved = "not completed" if row.time_saved is None else f"{row.time_saved:.0%}"
+        effort = (*_effort_cells(row.exhaustive), *_effort_cells(row.intent))
+        cells.append([escape(row.scenario), *effort, saved])
+    pair = (
         str(paper.exhaustive_actions),
         f"{paper.exhaustive_seconds:.0f}",
         str(paper.intent_actions),
         f"{paper.intent_seconds:.0f}",
-        f"{paper.time_saved:.0%}",
     )
-    out.print(table)
+    cells.append(["[dim]the paper's pair[/]", *pair, f"{paper.time_saved:.0%}"])
+    print_rows(EFFORT, cells)
+
+
+def _effort_cells(run: SeedRun) -> tuple[str, str]:
+    return str(run.actions), f"{run.robot_seconds:.1f}"
 
 
 def _comparison_json(row: Comparison) -> dict[str, Any]:
