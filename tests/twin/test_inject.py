@@ -624,7 +624,7 @@ def test_what_is_tied_to_something_was_not_weighed_alone(tie: str) -> None:
         ("<freejoint/>", 'gravcomp="1"', ""),
         ('<joint type="free" frictionloss="1"/>', "", ""),
         ('<joint type="free" damping="5"/>', "", ""),
-        ("<freejoint/>", "", '<option density="1000"/>'),
+        ("<freejoint/>", "", '<option density="10000"/>'),
         ("<freejoint/>", "", '<option gravity="0 -9.81 0"/>'),
         ("<freejoint/>", "", '<option><flag gravity="disable"/></option>'),
         ("<freejoint/>", "", '<option gravity="0 0 0"/>'),
@@ -637,9 +637,13 @@ def test_what_more_than_its_weight_acts_on_was_not_weighed(
     scene = parse_scene(text.replace('name="mug"', f'name="mug" {body}'))
     made = complete(scene, [estimate("mug", "mass", 0.18)])
     assert made.unwritten == (Parameter("mug.mass"),)
+
+
+def test_what_would_not_be_weighed_alone_is_said_beforehand() -> None:
+    text = ODD.format(before="", mug=f"{WALL}/>").replace('"mug"', '"mug" gravcomp="1"')
+    told = " ".join(remarks(parse_scene(text)))
     assert (
-        "of 'mug' in the hand would not be its own" in " ".join(remarks(scene))
-        or "density" in before
+        "What is measured of 'mug' in the hand would not be its own: more than its weight" in told
     )
 
 

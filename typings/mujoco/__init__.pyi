@@ -217,6 +217,7 @@ class MjModel:
     jnt_limited: _Ints
     jnt_pos: _Doubles
     dof_armature: _Doubles
+    dof_frictionloss: _Doubles
     geom_type: _Ints
     geom_contype: _Ints
     geom_conaffinity: _Ints
@@ -245,7 +246,6 @@ class MjModel:
     geom_size: _Doubles
     geom_aabb: _Doubles
     geom_friction: _Doubles
-    dof_frictionloss: _Doubles
     mesh_pos: _Doubles
     mesh_quat: _Doubles
     mesh_vertadr: _Ints

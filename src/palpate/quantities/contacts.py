@@ -17,6 +17,9 @@ from palpate.mjcf.inertial import mass_of
 NEGLIGIBLE = 0.01
 """Of an object's weight: about what a mass is measured to."""
 
+CANCELLING = 0.05
+"""Of its weight, for what resists its motion: passes up and down have it with opposite signs."""
+
 LIFTING = 0.1
 """m/s at which things are carried."""
 
@@ -79,12 +82,12 @@ def carried(body: BodyDescription) -> str:
     if weight == 0.0:
         return "there is no gravity (<option gravity>)"
     data = mujoco.MjData(model)
-    for speed in (0.0, LIFTING):
+    rubbing = float(model.dof_frictionloss[moved].max())
+    for speed, resists, bound in ((0.0, 0.0, NEGLIGIBLE), (LIFTING, rubbing, CANCELLING)):
         data.qvel[moved] = (0.0, 0.0, speed)
         mujoco.mj_forward(model, data)
         others = data.qfrc_passive[moved] + data.qfrc_actuator[moved]
-        rubbing = float(model.dof_frictionloss[moved].max())
-        if np.linalg.norm(others) + rubbing > NEGLIGIBLE * weight:
+        if np.linalg.norm(others) + resists > bound * weight:
             return (
                 "more than its weight acts on it while it is carried: gravcomp, a tendon, an actuator, "
                 "its own joint's damping or friction, or a fluid"

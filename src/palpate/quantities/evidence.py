@@ -31,6 +31,7 @@ class Evidence:
         count: how many different ones it takes.
         better: how many different ones are worth having where they come easily.
         place: X, of evidence that is recorded at `<object>_X`; anywhere when empty.
+        as_grasped: of what is held, it is recorded where that was grasped, or right above.
         optional: it is recorded where the scene has room for it, and told without it.
     """
 
@@ -43,6 +44,7 @@ class Evidence:
     better: int = 1
     empty: bool = False
     place: str = ""
+    as_grasped: bool = False
     optional: bool = False
 
     def about(self, context: Context) -> str | None:
@@ -52,6 +54,8 @@ class Evidence:
             return None
         if self.empty:
             return context.place_of if context.holding is None else None
+        if self.as_grasped and context.is_elsewhere:
+            return None
         if self.holding:
             subject = context.holding
         elif context.activity == "contact":

@@ -9,7 +9,7 @@ import numpy as np
 
 from palpate.errors import InputError
 from palpate.estimation import tuning
-from palpate.estimation.estimate import Estimate, not_measured
+from palpate.estimation.estimate import Estimate, not_identified, not_measured
 from palpate.estimation.windows import mean_pose
 from palpate.geometry.pose import Pose
 from palpate.mjcf.body import Body, BodyDescription
@@ -29,6 +29,8 @@ PRIOR_POSITION = (0.5, 0.0)
 UNPLACED, PLACED = 0.25, 0.01
 """m (1 sigma): of a place nobody gave, and of one that came with the poses."""
 
+ELSEWHERE = "It was measured where the object had been dragged or carried to, which does not say where it stood."
+
 TRUE_SHIFT = 0.003
 """m: how far a hidden position is from the believed one, per axis."""
 
@@ -47,7 +49,11 @@ class Position(Quantity):
         "it": ("posizione",),
     }
     size = 2
-    evidence = (Evidence(POSE, "MeasureGripperPose while holding the object", holding=True),)
+    evidence = (
+        Evidence(
+            POSE, "MeasureGripperPose while holding the object", holding=True, as_grasped=True
+        ),
+    )
     estimators: ClassVar = {"fingers": "palpate.quantities.position:estimate_position"}
 
     def status(self, body: BodyDescription) -> Status:
@@ -146,6 +152,8 @@ def estimate_position(trace: Trace, parameter: Parameter, body: Body | None) -> 
     recording = trace.converted(parameter)
     if recording is None:
         return not_measured(parameter, UNIT)
+    if recording.context.is_elsewhere:
+        return not_identified(parameter, UNIT, ELSEWHERE, (recording,))
     samples = trace.of(recording)
     position = mean_pose(samples).position[:2]
     spread = samples.pose_world_tcp[:, :2].std(axis=0) / np.sqrt(len(samples))

@@ -8,6 +8,10 @@ from typing import Literal
 Activity = Literal["still", "moving", "sliding", "contact", "tilting", "swinging"]
 
 
+ABOVE = " + z_offset"
+"""What a pose expression above another adds to it."""
+
+
 @dataclass(frozen=True, slots=True)
 class Context:
     """What was so while a recording was made: the plan's symbolic state, not the world's truth.
@@ -28,6 +32,13 @@ class Context:
     holding: str | None = None
     grasp: str | None = None
     support: str | None = None
+
+    @property
+    def is_elsewhere(self) -> bool:
+        """Whether what is held is neither where it was grasped nor right above that, having been
+        dragged or carried."""
+        here, grasp = self.at or "", self.grasp or ""
+        return here.replace(ABOVE, "") != grasp.replace(ABOVE, "")
 
     @property
     def place_of(self) -> str | None:
