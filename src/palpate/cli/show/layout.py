@@ -48,6 +48,8 @@ def print_rows(columns: Sequence[Column], rows: Sequence[Sequence[Cell]], title:
     table = _table(columns, rows, title)
     natural = _natural(table)
     if natural > room and not _fits(columns, rows, room):
+        if title:
+            out.print(Text(title, "italic"))
         for row in rows:
             _print_item(columns, row, room)
         return

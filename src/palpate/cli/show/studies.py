@@ -280,9 +280,9 @@ def _beyond(row: ledger.Row) -> str:
 
 EFFORT = (
     Column("scenario"),
-    Column("exhaustive: actions", right=True),
+    Column("exhaustive", right=True),
     Column("robot s", right=True),
-    Column("intent: actions", right=True),
+    Column("intent-driven", right=True),
     Column("robot s", right=True),
     Column("time saved", right=True),
 )
@@ -305,7 +305,7 @@ def show_comparisons(rows: Sequence[Comparison], paper: PublishedEffort, as_json
         f"{paper.intent_seconds:.0f}",
     )
     cells.append(["[dim]the paper's pair[/]", *pair, f"{paper.time_saved:.0%}"])
-    print_rows(EFFORT, cells)
+    print_rows(EFFORT, cells, "Actions and robot time of both planners")
 
 
 def _effort_cells(run: SeedRun) -> tuple[str, str]:
