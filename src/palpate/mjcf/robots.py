@@ -56,8 +56,11 @@ class Robots:
         return Robots(tuple(named), _driven(root), self.defaults)
 
     def _is_robot(self, body: Element) -> bool:
+        """Whether a body with joints is one: an actuator drives a part of it, or it ends in a hand and
+        is held by something. A thing that is driven as a whole, by its site, is none."""
         parts = [part for part in elements(body) if part.tag in _PARTS]
-        if any(part.get("name") in self.driven for part in parts):
+        is_driven = any(part.get("name") in self.driven for part in parts)
+        if is_driven:
             return any(part.tag == "joint" for part in parts)
         has_hand = any(part.tag == "body" and _is_hand(part) for part in parts)
         return has_hand and not is_free(body, self.defaults)

@@ -1,18 +1,15 @@
 """The compiled geometry of a scene: convex outlines of geoms, boxes of bodies, volumes.
 
-Every geom is handed on as a cloud of points whose convex hull it is: corners of a box, two rings of
-a cylinder, rings between the poles of a ball, and of a mesh the vertices that stand out.
+Every geom is handed on as a cloud of points whose convex hull it is (`mjcf.hulls`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cache
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
 from palpate.errors import InputError
 from palpate.geometry.outline import Convex
@@ -20,21 +17,12 @@ from palpate.geometry.pose import Array, Pose
 from palpate.mjcf.compile import BASE_SITE, ModelTree, compile_model, compile_spec, model_tree
 from palpate.mjcf.document import Document, Element, elements
 from palpate.mjcf.edits import Edit, Insert
+from palpate.mjcf.hulls import geom_volume, hull_edges, hull_points
 from palpate.mjcf.limits.trial import require_compiles
 from palpate.mjcf.roles import Roles
 
 USUAL_DENSITY = 1000.0
 """kg/m³, of a geom that states none, by MuJoCo."""
-
-INFINITE_PLANE = 10.0
-"""m: half extent given to a plane without one."""
-
-_CIRCLE = 48
-"""Corners of a circle; a multiple of four, so that boxes around round things are exact."""
-
-_LATITUDES, _LONGITUDES = 11, 24
-"""Rings of a ball between its poles, and points on each; odd and a multiple of four for the same
-reason."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -193,159 +181,6 @@ def _pose(position: Array, matrix: Array) -> Pose:
     quaternion = np.empty(4)
     mujoco.mju_mat2Quat(quaternion, matrix)
     return Pose.of(position, quaternion)
-
-
-def hull_points(model: mujoco.MjModel, geom: int) -> Array:
-    """(k, 3) points in the geom's frame whose convex hull is the geom (round ones as fine
-    polygons)."""
-    kind = int(model.geom_type[geom])
-    size = np.array(model.geom_size[geom])
-    if kind in (mujoco.mjtGeom.mjGEOM_MESH, mujoco.mjtGeom.mjGEOM_SDF):
-        return _extremes(mesh_vertices(model, int(model.geom_dataid[geom])))
-    if kind == mujoco.mjtGeom.mjGEOM_HFIELD:
-        x, y, top, below = model.hfield_size[model.geom_dataid[geom]]
-        top *= max(elevations(model, int(model.geom_dataid[geom])), default=0.0)
-        return _corners(np.array([x, y, (top + below) / 2])) + np.array([0, 0, (top - below) / 2])
-    if kind not in _OUTLINES:
-        return np.zeros((1, 3))
-    return _OUTLINES[kind](size)
-
-
-def elevations(model: mujoco.MjModel, hfield: int) -> Array:
-    """(n,) of a height field, as shares of its height."""
-    first = int(model.hfield_adr[hfield])
-    count = int(model.hfield_nrow[hfield] * model.hfield_ncol[hfield])
-    return np.asarray(model.hfield_data[first : first + count], dtype=float)
-
-
-@cache
-def hull_edges(kind: int, count: int) -> NDArray[np.intp]:
-    """(m, 2) pairs of the `count` points that `hull_points` gives for a kind of geom, the hull's
-    edges among them."""
-    if kind == mujoco.mjtGeom.mjGEOM_CYLINDER:
-        return _ring_edges(2, _CIRCLE)
-    if kind in (mujoco.mjtGeom.mjGEOM_SPHERE, mujoco.mjtGeom.mjGEOM_ELLIPSOID):
-        return _ball_edges()
-    if kind == mujoco.mjtGeom.mjGEOM_CAPSULE:
-        half = count // 2
-        across = np.column_stack([np.arange(half), np.arange(half) + half])
-        return np.concatenate([_ball_edges(), _ball_edges() + half, across])
-    return np.column_stack(np.triu_indices(count, 1))
-
-
-def _ring_edges(rings: int, corners: int) -> NDArray[np.intp]:
-    """Edges along and between `rings` polygons whose points follow one another."""
-    index = np.arange(rings * corners).reshape(rings, corners)
-    along = np.column_stack([index.ravel(), np.roll(index, -1, axis=1).ravel()])
-    return np.concatenate([along, np.column_stack([index[:-1].ravel(), index[1:].ravel()])])
-
-
-def _ball_edges() -> NDArray[np.intp]:
-    """Edges of the points of `_directions`: rings from south to north, then the two poles."""
-    north = _LATITUDES * _LONGITUDES
-    south = north + 1
-    lowest, highest = np.arange(_LONGITUDES), np.arange(north - _LONGITUDES, north)
-    return np.concatenate(
-        [
-            _ring_edges(_LATITUDES, _LONGITUDES),
-            np.column_stack([lowest, np.full(_LONGITUDES, south)]),
-            np.column_stack([highest, np.full(_LONGITUDES, north)]),
-        ]
-    )
-
-
-def geom_volume(model: mujoco.MjModel, geom: int) -> float:
-    """Volume of a geom, m³."""
-    r, h, z = model.geom_size[geom].tolist()
-    kind = int(model.geom_type[geom])
-    if kind == mujoco.mjtGeom.mjGEOM_MESH:
-        return _mesh_volume(model, int(model.geom_dataid[geom]))
-    return {
-        int(mujoco.mjtGeom.mjGEOM_BOX): 8 * r * h * z,
-        int(mujoco.mjtGeom.mjGEOM_SPHERE): 4 / 3 * np.pi * r**3,
-        int(mujoco.mjtGeom.mjGEOM_CYLINDER): 2 * np.pi * r**2 * h,
-        int(mujoco.mjtGeom.mjGEOM_CAPSULE): 2 * np.pi * r**2 * h + 4 / 3 * np.pi * r**3,
-        int(mujoco.mjtGeom.mjGEOM_ELLIPSOID): 4 / 3 * np.pi * r * h * z,
-    }.get(kind, 0.0)
-
-
-def mesh_vertices(model: mujoco.MjModel, mesh: int) -> Array:
-    """(n, 3) m, in the frame of the geoms that have it."""
-    first, count = int(model.mesh_vertadr[mesh]), int(model.mesh_vertnum[mesh])
-    return np.asarray(model.mesh_vert[first : first + count], dtype=float)
-
-
-def mesh_corners(model: mujoco.MjModel, mesh: int) -> Array:
-    """(m, 3, 3) m, the corners of its triangles, as `mesh_vertices`."""
-    first, count = int(model.mesh_faceadr[mesh]), int(model.mesh_facenum[mesh])
-    return mesh_vertices(model, mesh)[model.mesh_face[first : first + count]]
-
-
-def _mesh_volume(model: mujoco.MjModel, mesh: int) -> float:
-    """m³ within the triangles: signed tetrahedra from the origin to each of them."""
-    a, b, c = np.moveaxis(mesh_corners(model, mesh), 1, 0)
-    return abs(float(np.einsum("ij,ij->", a, np.cross(b, c)))) / 6
-
-
-def _corners(half: Array) -> Array:
-    signs = np.array(np.meshgrid([-1, 1], [-1, 1], [-1, 1])).T.reshape(-1, 3)
-    return signs * half
-
-
-def _plane(size: Array) -> Array:
-    return _corners(np.where(size > 0, size, INFINITE_PLANE) * np.array([1, 1, 0]))
-
-
-def _circle() -> Array:
-    angle = np.arange(_CIRCLE) * 2 * np.pi / _CIRCLE
-    return np.column_stack([np.cos(angle), np.sin(angle)])
-
-
-def _cylinder(size: Array) -> Array:
-    ring = _circle() * size[0]
-    bottom = np.column_stack([ring, np.full(_CIRCLE, -size[1])])
-    top = np.column_stack([ring, np.full(_CIRCLE, size[1])])
-    return np.concatenate([bottom, top])
-
-
-@cache
-def _directions() -> Array:
-    """(m, 3) unit vectors over the sphere, symmetric about every axis plane."""
-    latitude = (np.arange(_LATITUDES) + 1)[:, None] * np.pi / (_LATITUDES + 1) - np.pi / 2
-    longitude = np.arange(_LONGITUDES) * 2 * np.pi / _LONGITUDES
-    grid = np.stack(
-        np.broadcast_arrays(
-            np.cos(latitude) * np.cos(longitude),
-            np.cos(latitude) * np.sin(longitude),
-            np.sin(latitude),
-        ),
-        axis=-1,
-    )
-    return np.concatenate([grid.reshape(-1, 3), [[0, 0, 1], [0, 0, -1]]])
-
-
-def _capsule(size: Array) -> Array:
-    ball = _directions() * size[0]
-    up = np.array([0, 0, size[1]])
-    return np.concatenate([ball + up, ball - up])
-
-
-def _extremes(points: Array) -> Array:
-    """The points farthest out in each of many directions: a small set with nearly the same convex
-    hull."""
-    if len(points) <= len(_directions()):
-        return points
-    return points[np.unique(np.argmax(_directions() @ points.T, axis=1))]
-
-
-_OUTLINES: dict[int, Callable[[Array], Array]] = {
-    int(mujoco.mjtGeom.mjGEOM_PLANE): _plane,
-    int(mujoco.mjtGeom.mjGEOM_BOX): _corners,
-    int(mujoco.mjtGeom.mjGEOM_SPHERE): lambda size: _directions() * size[0],
-    int(mujoco.mjtGeom.mjGEOM_ELLIPSOID): lambda size: _directions() * size,
-    int(mujoco.mjtGeom.mjGEOM_CYLINDER): _cylinder,
-    int(mujoco.mjtGeom.mjGEOM_CAPSULE): _capsule,
-}
 
 
 RESTING = 0.02

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from palpate.geometry.outline import Convex
 from palpate.geometry.pose import Array, Pose
 from palpate.mjcf.compile import compile_model, refused
-from palpate.mjcf.shapes import hull_edges, hull_points
+from palpate.mjcf.hulls import hull_edges, hull_points
 from palpate.mjcf.whole import whole
 from palpate.robots.description import RobotDescription
 from palpate.robots.kinematics import inverse_kinematics
