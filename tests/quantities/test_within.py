@@ -106,3 +106,14 @@ def test_noise_says_how_often_to_measure_again(std, so_far, more) -> None:
     precision = Within.read({"mass": "1g"}).precision(estimate(std))
     assert precision is not None
     assert precision.further(so_far) == more
+
+
+def test_a_component_that_nothing_shows_is_no_matter_of_width() -> None:
+    std = [0.5e-3, 0.8e-3, 9e-3]
+    com = Estimate.normal(
+        Parameter("hammer", "com"), "m", [0.06, 0.0, 0.0], std, "three grasps", unseen=(2,)
+    )
+    precision = Within.read({"com": "2mm"}).precision(com)
+    assert precision is not None
+    assert precision.outcome == "reached"
+    assert precision.reached == pytest.approx(1.96 * 0.8e-3, rel=1e-3)

@@ -13,6 +13,8 @@ from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Literal
 
+import numpy as np
+
 from palpate.errors import InputError, unknown_name
 from palpate.estimation.estimate import Z95, Estimate
 from palpate.parameter import Parameter
@@ -147,14 +149,19 @@ class Within:
                 raise unknown_name("object in within=", object, names)
 
     def precision(self, estimate: Estimate) -> Precision | None:
-        """What came of it; None where nothing was asked."""
+        """What came of it, by its widest component; None where nothing was asked.
+
+        A component that no recording says anything of is no matter of width: nobody can narrow it.
+        """
         asked = self.of(estimate.parameter)
         if asked is None:
             return None
         if not estimate.has_value:
             return Precision(asked, math.inf, 0.0)
         half = (estimate.ci95[:, 1] - estimate.ci95[:, 0]) / 2.0
-        widest = int(half.argmax())
+        narrowable = np.delete(np.arange(len(half)), estimate.unseen)
+        candidates = narrowable if len(narrowable) else np.arange(len(half))
+        widest = int(candidates[half[candidates].argmax()])
         floor = Z95 * float(estimate.shared_std[widest])
         return Precision(asked, float(half[widest]), floor, *_cause(estimate, widest))
 
