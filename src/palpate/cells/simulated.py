@@ -19,6 +19,7 @@ from palpate.errors import InputError
 from palpate.mjcf.body import Body
 from palpate.parameter import Parameter
 from palpate.pictures.footage import Footage
+from palpate.pictures.renderer import gl_available
 from palpate.scene.load import load_scene
 from palpate.scene.scene import Scene
 
@@ -80,10 +81,14 @@ class SimulatedCell:
 
     def picture(self, camera: CameraEntry | None = None) -> bytes | None:
         """See `Cell`. None without a usable OpenGL."""
+        if not gl_available()[0]:
+            return None
         return workspace_png(self.world.spec(self.drawn), camera)
 
     def closer(self) -> bytes | None:
         """See `Close`. None without a usable OpenGL."""
+        if not gl_available()[0]:
+            return None
         known = self.scene or self.world
         names: dict[str, Array] = {}
         for name, body in known.bodies.items():

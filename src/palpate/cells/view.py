@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from palpate.pictures.annotate import Ground, annotated, camera_of, ruled
-from palpate.pictures.renderer import Painter, gl_available, png
+from palpate.pictures.renderer import Painter, png
 from palpate.pictures.stage import ground_level, loose_things, staged
 
 if TYPE_CHECKING:
@@ -36,17 +36,35 @@ EDGE = 1.16
 """Room for the grid's figures at the edges."""
 
 
-def workspace_png(world: MjSpec, camera: CameraEntry | None = None) -> bytes | None:
+def workspace_png(world: MjSpec, camera: CameraEntry | None = None) -> bytes:
     """A simulated workspace before anything moves, as PNG, seen by `camera`, else by the world's
-    own camera, else by one that frames what stands there. None without a usable OpenGL."""
-    return _painted(world, camera) if gl_available()[0] else None
+    own camera, else by one that frames what stands there.
+
+    Raises:
+        RuntimeError: no usable OpenGL.
+    """
+    import mujoco
+
+    spec, width, height = world.copy(), WIDTH, HEIGHT
+    name = CAMERA
+    if camera is not None:
+        spec.worldbody.add_camera(name=TAKEN, pos=camera.pos, quat=camera.quat, fovy=camera.fovy)
+        height, name = round(width * camera.size[1] / camera.size[0]), TAKEN
+    model = staged(spec)
+    with Painter(model, width, height) as painter:
+        named = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_CAMERA, name) >= 0
+        around = _room_around(loose_things(world))
+        view = name if named else painter.around(around, elevation=FROM_ABOVE)
+        return png(painter.paint(_forwarded(model), view))
 
 
-def closer_png(world: MjSpec, names: Mapping[str, Array]) -> bytes | None:
+def closer_png(world: MjSpec, names: Mapping[str, Array]) -> bytes:
     """The things from nearer and more from above, with `names` where they are thought to be (3,) m,
-    axes and a grid. None without a usable OpenGL."""
-    if not gl_available()[0]:
-        return None
+    axes and a grid.
+
+    Raises:
+        RuntimeError: no usable OpenGL.
+    """
     things = loose_things(world)
     ground = Ground.under(things, ground_level(world, things))
     spec = world.copy()
@@ -74,25 +92,6 @@ def image_files(given: tuple[Path, ...], taken: Sequence[bytes]) -> Generator[tu
             paths.append(Path(folder) / name)
             paths[-1].write_bytes(content)
         yield tuple(paths)
-
-
-def _painted(world: MjSpec, camera: CameraEntry | None) -> bytes:
-    import mujoco
-
-    spec, width, height = world.copy(), WIDTH, HEIGHT
-    name = CAMERA
-    if camera is not None:
-        spec.worldbody.add_camera(name=TAKEN, pos=camera.pos, quat=camera.quat, fovy=camera.fovy)
-        height, name = round(width * camera.size[1] / camera.size[0]), TAKEN
-    model = staged(spec)
-    with Painter(model, width, height) as painter:
-        named = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_CAMERA, name) >= 0
-        view = (
-            name
-            if named
-            else painter.around(_room_around(loose_things(world)), elevation=FROM_ABOVE)
-        )
-        return png(painter.paint(_forwarded(model), view))
 
 
 def _room_around(things: Array) -> Array:
