@@ -245,7 +245,7 @@ def test_the_user_decides_where_a_robot_begins() -> None:
     assert robots("part_3", "part_1") == ["part_1", "part_3"]
     assert robots("none") == []
     assert parse_scene(text, robot_body=["none"]).spec().compile().nu == 1
-    with pytest.raises(InputError, match=r"'link9'; valid: .*link0.*part_7"):
+    with pytest.raises(InputError, match=r"'link9'.*valid: .*link0.*part_7"):
         robots("link9")
 
 
