@@ -229,7 +229,8 @@ def _show_setbacks(run: Run) -> None:
 def _show_world(run: Run) -> None:
     """Values that nothing real stands behind look no different: it is said."""
     if run.simulated and run.world is not None:
-        out.print(f"[bold yellow]simulated[/] {escape(run.world)}", soft_wrap=True)
+        where = escape(run.world.removeprefix("simulated").strip())
+        out.print(f"[bold yellow]simulated[/] {where}", soft_wrap=True)
     if run.drawn:
         out.print("[bold yellow]made up[/] no value above is one of a real thing", soft_wrap=True)
 
