@@ -17,13 +17,12 @@ from typing import TYPE_CHECKING, Any, TypedDict, Unpack
 
 from palpate import pipeline
 from palpate.cells.cell import Cell
-from palpate.cells.simulated import simulated_cell
 from palpate.display import table
 from palpate.estimation.estimate import Estimate
 from palpate.execution.recovery import OnFailure, Resume, nobody
 from palpate.pipeline import Confirm, Measured, Progress, quiet, unasked, unheard
 from palpate.planning.check.check import Finding
-from palpate.planning.model.session import ModelSettings
+from palpate.planning.model.settings import ModelSettings
 from palpate.planning.plan import Plan as InnerPlan
 from palpate.planning.planner import Planner
 from palpate.quantities.precision.within import Within
@@ -196,6 +195,8 @@ class Plan(InnerPlan):
             settings = self.made.settings
             world = load(str(world), arm=settings.arm, cautious=settings.cautious)
         if isinstance(world, InnerScene):
+            from palpate.cells.simulated import simulated_cell
+
             cell = simulated_cell(self.made.scene, world, noise=noise, seed=seed)
             world = world.path
         settings = replace(

@@ -11,7 +11,7 @@ from urllib.parse import urlsplit, urlunsplit
 from palpate import __version__
 from palpate.errors import InputError, unknown_name
 from palpate.execution.recovery import OnFailure
-from palpate.planning.model.session import Budget, ModelSettings
+from palpate.planning.model.settings import Budget, ModelSettings
 from palpate.planning.planner import MAX_REQUEST
 from palpate.quantities.precision.within import Within
 from palpate.robots.registry import DEFAULT, load_description

@@ -12,8 +12,6 @@ from typing import TYPE_CHECKING
 
 from palpate.cells.cell import Cell, Close
 from palpate.cells.registry import drivers
-from palpate.cells.simulated import simulated_cell
-from palpate.cells.view import image_files
 from palpate.errors import InputError, PalpateError, PlanRejected, Stopped, Unavailable
 from palpate.estimation.estimate import Estimate
 from palpate.execution.part import part_of
@@ -30,7 +28,6 @@ from palpate.quantities.estimators import estimate_all, failed
 from palpate.quantities.precision.within import Within
 from palpate.robots.owner.registered import require_same
 from palpate.robots.robot import Recoverable, Robot
-from palpate.runs.read import require_own_version
 from palpate.runs.run import Ending, Run
 from palpate.scene.load import parse_scene
 from palpate.scene.pictured.detected import DetectedScene, SceneBuilder
@@ -95,6 +92,8 @@ def cell_for(settings: Settings, scene: Scene | None, seen: bool = False) -> Cel
         InputError: world and scene do not match, or what was measured is another arm's. Unavailable:
             no driver for the robot.
     """
+    from palpate.cells.simulated import simulated_cell
+
     simulated = (noise_told(settings.noise), settings.seed) if settings.robot is None else None
     require_same(settings.described_arm().config, simulated)
     if settings.robot is not None:
@@ -233,6 +232,8 @@ def estimates_anew(made: Run, choice: Mapping[str, str]) -> Run:
         InputError: it has no trace, another version recorded it, or there is no such estimator.
     """
     if made.folder is not None:
+        from palpate.runs.read import require_own_version
+
         require_own_version(made.folder)
     trace = made.trace
     if trace is None:
@@ -335,6 +336,8 @@ def _answer(
     planner: Planner, settings: Settings, scene: Scene | None, pictures: tuple[bytes, ...]
 ) -> Plan:
     """The planner's answer; a rejection is a plan without a tree that says why."""
+    from palpate.cells.view import image_files
+
     with image_files(settings.images, pictures) as images:
         try:
             return planner.plan(settings.request, scene, images)

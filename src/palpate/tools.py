@@ -19,7 +19,7 @@ from palpate.planning.check.check import check
 from palpate.planning.model.examine import examine as model_examined
 from palpate.planning.model.prompt.compose import Prompt, checked_modules, checked_style, compose
 from palpate.planning.model.provider import PROVIDERS, find_provider
-from palpate.planning.model.session import Budget, ModelSettings
+from palpate.planning.model.settings import Budget, ModelSettings
 from palpate.planning.recorded import load_proposal, plan_file
 from palpate.planning.registry import planners
 from palpate.quantities.catalogue import catalogue

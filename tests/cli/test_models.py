@@ -16,7 +16,7 @@ from PIL import Image
 from palpate.cells.registry import drivers
 from palpate.planning.model import session as session_module
 from palpate.planning.model.prompt.compose import system_prompt
-from palpate.planning.model.session import Budget, ModelSettings
+from palpate.planning.model.settings import Budget, ModelSettings
 from palpate.scenarios.catalogue import scenario
 from palpate.settings import Settings, request_json, settings_from
 from palpate.vocabulary.registry import vocabulary

@@ -5,7 +5,7 @@ from __future__ import annotations
 import shlex
 from pathlib import Path
 
-from palpate.planning.model.session import ModelSettings
+from palpate.planning.model.settings import ModelSettings
 from palpate.quantities.precision.within import Within
 from palpate.runs.reproduce import executing, reproducing, running
 from palpate.scenarios.catalogue import scenario

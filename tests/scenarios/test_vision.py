@@ -19,7 +19,7 @@ from PIL import Image
 from palpate import pipeline
 from palpate.errors import InputError
 from palpate.planning.model import session as session_module
-from palpate.planning.model.session import Budget, ModelSettings
+from palpate.planning.model.settings import Budget, ModelSettings
 from palpate.runs.run import Run
 from palpate.scenarios.catalogue import Scenario, scenario, scenarios
 

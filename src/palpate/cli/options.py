@@ -16,7 +16,7 @@ import typer
 from palpate.errors import InputError
 
 if TYPE_CHECKING:
-    from palpate.planning.model.session import ModelSettings
+    from palpate.planning.model.settings import ModelSettings
     from palpate.quantities.precision.within import Within
     from palpate.settings import Settings
 

@@ -22,7 +22,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
 
 from palpate.estimation import tuning
 from palpate.estimation.load.feeling import Feeling, feeling
@@ -169,6 +168,8 @@ class _Changes:
     @classmethod
     def of(cls, samples: Samples) -> _Changes:
         """By splines through the speeds, which lag and flatten nothing at a swing's frequencies."""
+        from scipy.interpolate import CubicSpline
+
         speeds = np.hstack([samples.dq, samples.twist])
         changes = CubicSpline(samples.t, speeds)(samples.t, 1)
         return cls(*np.split(changes, [samples.dq.shape[1]], axis=1))

@@ -9,7 +9,6 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from xml.parsers import expat
-from xml.sax.saxutils import quoteattr
 
 from palpate.errors import InputError
 from palpate.mjcf.document import parse_xml, read_text
@@ -99,6 +98,8 @@ def _start_tag(data: bytes, name: str, depth: int, start: int) -> Tag:
 
 def set_attribute(tag: Tag, name: str, value: str) -> Change:
     """Give an attribute another value, in its own quotes, or add it after the others."""
+    from xml.sax.saxutils import quoteattr
+
     if name not in tag.attributes:
         return Change(tag.attributes_end, tag.attributes_end, f" {name}={quoteattr(value)}")
     start, end = tag.attributes[name]

@@ -102,7 +102,7 @@ def _replay(argument: str, settings: PlannerSettings) -> Planner:
 
 def _model(provider: str, argument: str, settings: PlannerSettings) -> Planner:
     from palpate.planning.model.planner import VlmPlanner
-    from palpate.planning.model.session import ModelSettings
+    from palpate.planning.model.settings import ModelSettings
 
     spec = f"{provider}:{argument}" if argument else provider
     model_settings = settings.model_settings or ModelSettings()

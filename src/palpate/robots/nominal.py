@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import mujoco
 import numpy as np
-from scipy.linalg.lapack import dposv
 
 from palpate.geometry.pose import Array, Pose
 from palpate.robots.description import RobotDescription
@@ -40,11 +39,15 @@ class Kinematics:
 
 def wrench(jacobian: Array, torque: Array) -> Array:
     """(J^T)^+ tau: the wrench (6,) at the TCP of joint torques (7,). `jacobian` is (6, 7)."""
+    from scipy.linalg.lapack import dposv
+
     return dposv(jacobian @ jacobian.T + RIDGE, jacobian @ torque)[1]
 
 
 def wrenches(jacobian: Array, torque: Array) -> Array:
     """`wrench` (n, 6, k) of n Jacobians (n, 6, 7) and k torques each (n, 7, k)."""
+    from scipy.linalg.lapack import dposv
+
     square = np.matmul(jacobian, jacobian.transpose(0, 2, 1))
     square += RIDGE
     right, out = np.matmul(jacobian, torque), np.empty((len(torque), 6, torque.shape[2]))

@@ -14,7 +14,7 @@ from palpate.errors import InputError, Unavailable
 from palpate.planning.model import session as session_module
 from palpate.planning.model.critic import LONGEST_OBJECTION, read_objection
 from palpate.planning.model.planner import VlmPlanner
-from palpate.planning.model.session import Budget, ModelSettings
+from palpate.planning.model.settings import Budget, ModelSettings
 from palpate.planning.plan import Plan, dump_plan
 from palpate.planning.recorded import ReplayPlanner
 from palpate.scene.load import parse_scene

@@ -16,7 +16,7 @@ from palpate.planning.model import session as session_module
 from palpate.planning.model.conversation import Conversation
 from palpate.planning.model.planner import VlmPlanner
 from palpate.planning.model.prompt.compose import system_prompt
-from palpate.planning.model.session import Budget, ModelSettings
+from palpate.planning.model.settings import Budget, ModelSettings
 from palpate.planning.plan import Plan, dump_plan, parse_plan
 from palpate.planning.recorded import ReplayPlanner
 from palpate.scene.load import parse_scene

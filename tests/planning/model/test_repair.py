@@ -13,7 +13,7 @@ from plans import answer, move, sequence
 
 from palpate.planning.check.check import check
 from palpate.planning.model.planner import VlmPlanner
-from palpate.planning.model.session import ModelSettings
+from palpate.planning.model.settings import ModelSettings
 from palpate.scene.load import parse_scene
 from palpate.scene.scene import Scene
 

@@ -14,7 +14,8 @@ from palpate.planning.model.conversation import Conversation
 from palpate.planning.model.flat import flat_schema
 from palpate.planning.model.picture import Picture
 from palpate.planning.model.provider import PROVIDERS, find_provider
-from palpate.planning.model.session import Budget, Session
+from palpate.planning.model.session import Session
+from palpate.planning.model.settings import Budget
 from palpate.vocabulary.registry import vocabulary
 
 pytest.importorskip("pydantic_ai")

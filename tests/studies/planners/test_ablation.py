@@ -8,7 +8,7 @@ from loopback import Fails, Loopback, Reply, Request, Says
 from palpate import pipeline
 from palpate.errors import InputError, Unavailable
 from palpate.planning.model import session as session_module
-from palpate.planning.model.session import Budget, ModelSettings
+from palpate.planning.model.settings import Budget, ModelSettings
 from palpate.runs.run import Run
 from palpate.scenarios.catalogue import scenario
 from palpate.studies.planners.ablation import (

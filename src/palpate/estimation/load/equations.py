@@ -10,7 +10,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg.lapack import dpotrf, dpotrs
 
 from palpate.estimation import tuning
 from palpate.estimation.load.segments import Segment, Weighing
@@ -93,6 +92,8 @@ class _Solved(NamedTuple):
 
     def covariance(self) -> Array:
         """(p, p)."""
+        from scipy.linalg.lapack import dpotrs
+
         inverse = dpotrs(self.root, np.diag(self.prior), lower=True)[0]
         return self.prior[:, None] * inverse
 
@@ -142,6 +143,8 @@ class Model:
         """Where the deviations are off by the chosen factors. The evidence is the logarithm of the
         probability of that and of `y`, but for what is the same for every choice (Bishop, Pattern
         Recognition and Machine Learning, section 3.5.1)."""
+        from scipy.linalg.lapack import dpotrf, dpotrs
+
         prior, chance = self.prior.copy(), 0.0
         for each, i in zip(self.unsure, choice, strict=True):
             prior[each.columns] *= each.factors[i]

@@ -17,7 +17,8 @@ from palpate.planning.model.conversation import Conversation, Critique
 from palpate.planning.model.picture import Picture
 from palpate.planning.model.prompt.compose import fenced
 from palpate.planning.model.provider import Provider, find_provider
-from palpate.planning.model.session import Budget, ModelSettings, Session
+from palpate.planning.model.session import Session
+from palpate.planning.model.settings import Budget, ModelSettings
 from palpate.planning.plan import Plan, plan_json
 
 LONGEST_OBJECTION = 1000

@@ -13,7 +13,8 @@ from palpate.planning.model.conversation import Answer
 from palpate.planning.model.picture import Picture
 from palpate.planning.model.prompt.compose import fenced, system_prompt
 from palpate.planning.model.provider import PROVIDERS, Provider
-from palpate.planning.model.session import Budget, Session
+from palpate.planning.model.session import Session
+from palpate.planning.model.settings import Budget
 from palpate.planning.model.wire import ReplyTooLarge, bounded_client
 from palpate.redaction import redact
 from palpate.vocabulary.registry import vocabulary

@@ -20,7 +20,8 @@ from palpate.planning.model.critic import Critic
 from palpate.planning.model.picture import picture
 from palpate.planning.model.prompt.compose import Prompt, compose
 from palpate.planning.model.provider import find_provider
-from palpate.planning.model.session import ModelSettings, Session
+from palpate.planning.model.session import Session
+from palpate.planning.model.settings import ModelSettings
 from palpate.planning.plan import Plan
 from palpate.planning.symbolic.planner import requested
 from palpate.scene.pictured.detected import DetectedScene, SceneBuilder

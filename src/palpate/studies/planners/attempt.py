@@ -11,7 +11,7 @@ from palpate import pipeline, stages
 from palpate.errors import InputError
 from palpate.planning.model.answer import read_answer
 from palpate.planning.model.prompt.compose import checked_style
-from palpate.planning.model.session import ModelSettings
+from palpate.planning.model.settings import ModelSettings
 from palpate.planning.plan import Plan
 from palpate.planning.planner import Observant, PlannerSettings
 from palpate.planning.registry import planners
