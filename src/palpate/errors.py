@@ -41,13 +41,16 @@ class Stopped(Unavailable):
     """A robot that something, or somebody, stopped: a person has to see to it, and let it go on."""
 
 
-def unknown_name(kind: str, name: str, valid: Iterable[str], hint: str = "") -> InputError:
-    """An `InputError` that names what is unknown, the choice that was perhaps meant, and the valid
-    ones."""
+def unknown_name(
+    kind: str, name: str, valid: Iterable[str], hint: str = "", meant: str | None = None
+) -> InputError:
+    """An `InputError` that names what is unknown, the choice that was perhaps meant (`meant`, else one
+    that is spelt alike), and the valid ones."""
     names = sorted(valid)
     choices = ", ".join(names) or "none"
     tail = f" {hint}" if hint else ""
-    unknown = f"unknown {kind} '{name[:80]}';{perhaps(name, names)}"
+    guess = f" did you mean '{meant}'?" if meant else perhaps(name, names)
+    unknown = f"unknown {kind} '{name[:80]}';{guess}"
     return InputError(f"{unknown} valid: {choices}.{tail}")
 
 

@@ -25,7 +25,7 @@ def test_a_fault_of_the_sensors_stops_the_run_and_nothing_is_let_go_of(
     assert "still hold 'cup'" in done.stopped_by
     assert [call for call, _ in robot.calls].count("open_gripper") == 0
     assert done.fault is not None
-    assert not resumable(done)
+    assert not resumable(done, robot)
     last = done.trace.leaves[-1]
     assert (last.node, last.label, last.status) == (STOP_NODE, "sensors", "FAILURE")
     assert 1.85 < last.start < 1.95

@@ -45,7 +45,8 @@ def test_all_of_them_can_be_measured() -> None:
 def test_an_unknown_quantity_lists_the_valid_ones() -> None:
     assert catalogue().named("mass").unit == "kg"
     with pytest.raises(
-        InputError, match=r"unknown quantity 'weight'; valid: com, com_3d, friction, height"
+        InputError,
+        match=r"unknown quantity 'weight'; did you mean 'mass'\? valid: com, com_3d, friction, height",
     ):
         catalogue().named("weight")
 

@@ -33,7 +33,11 @@ def test_a_width_is_a_number_in_a_unit_of_its_quantity(name, value, width) -> No
 @pytest.mark.parametrize(
     ("name", "value", "says"),
     [
-        ("weight", "1g", "unknown quantity in within= 'weight'; valid: com, .*mass"),
+        (
+            "weight",
+            "1g",
+            r"unknown quantity in within= 'weight'; did you mean 'mass'\? valid: com, .*mass",
+        ),
         ("mass", "1mm", "unknown unit of mass 'mm'; valid: g, kg, mg"),
         ("height", "1g", "unknown unit of height 'g'; valid: cm, m, mm, um"),
         ("mass", "-1g", "give a positive number, with a unit of kg, g, mg"),

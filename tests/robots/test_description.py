@@ -66,7 +66,7 @@ def test_an_arm_of_ones_own_is_a_folder(tmp_path: Path) -> None:
             "unknown key 'hand.colour'; valid: body, boxes",
         ),
         (("velocity: [2, 2,", "velocity: [2,"), "'velocity': give a list of 7 numbers"),
-        (("like: fr3", "like: fr4"), "unknown arm 'fr4'; valid: fr3, iiwa14"),
+        (("like: fr3", "like: fr4"), "unknown arm 'fr4'; did you mean 'fr3'\\? valid: fr3, iiwa14"),
         (("j6, j7]", "j6, wrist]"), "unknown joint 'wrist'; valid: j1, j2"),
         (("body: gripper", "body: claw"), "unknown body 'claw'"),
         (("tcp: [0, 0, 0.1]", "tcp: tcp"), "unknown site 'tcp'"),

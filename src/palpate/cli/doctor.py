@@ -78,7 +78,7 @@ def _told(lines: Iterable[tuple[bool, str, str]]) -> int:
     well = True
     for good, what, detail in lines:
         mark = "[green]✓[/]" if good else "[red]✗[/]"
-        out.print(f"{mark} {escape(what):18} [dim]{escape(detail)}[/]")
+        out.print(f"{mark} {escape(what):18} [dim]{escape(detail)}[/]", soft_wrap=True)
         well = well and good
     return 0 if well else 5
 

@@ -71,8 +71,16 @@ class Catalogue(Mapping[str, Quantity]):
             InputError: there is none; the message lists those there are.
         """
         if id not in self._by_id:
-            raise unknown_name("quantity", id, self)
+            raise unknown_name("quantity", id, self, meant=self.meant(id))
         return self._by_id[id]
+
+    def meant(self, word: str) -> str | None:
+        """The id of the quantity that a word stands for in some language; None where it stands for
+        none."""
+        for quantity in self.values():
+            if any(word.lower() in words for words in quantity.words.values()):
+                return quantity.id
+        return None
 
     def of(self, subject: str) -> list[Quantity]:
         """The quantities that a kind of subject carries."""

@@ -201,9 +201,11 @@ def shown(width: float, unit: str) -> str:
 
 def _width(name: str, value: str | float) -> float:
     """SI, of what is asked of `name`, a quantity or a parameter."""
-    quantity = catalogue().get(name.rpartition(".")[2])
+    id = name.rpartition(".")[2]
+    quantity = catalogue().get(id)
     if quantity is None:
-        raise unknown_name("quantity in within=", name, catalogue(), "Give within=mass=1g")
+        hint, meant = "Give within=mass=1g", catalogue().meant(id)
+        raise unknown_name("quantity in within=", name, catalogue(), hint, meant)
     units = UNITS.get(quantity.unit, {quantity.unit: 1.0})
     found = NUMBER.fullmatch(str(value).strip())
     try:
