@@ -10,11 +10,11 @@ demo: $(VENV)/.run
 
 # The workers' matrices are small: threads of several of them would only wait for each other.
 test: $(VENV)/.dev
-	OPENBLAS_NUM_THREADS=1 $(BIN)/pytest -n auto -m "not long"
+	OPENBLAS_NUM_THREADS=1 $(BIN)/pytest -n auto --dist loadfile -m "not long"
 
 # Those, and what takes long: large scenarios, a libfranka server on loopback, studies.
 test-all: test
-	OPENBLAS_NUM_THREADS=1 $(BIN)/pytest -n auto -m long
+	OPENBLAS_NUM_THREADS=1 $(BIN)/pytest -n auto --dist loadfile -m long
 
 bench: $(VENV)/.dev
 	$(BIN)/python -m palpate.studies.bench

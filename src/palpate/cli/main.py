@@ -6,13 +6,16 @@ from __future__ import annotations
 import atexit
 import os
 import sys
+import threading
 from importlib import import_module
-from typing import Any
+from typing import Any, NoReturn
 
 from palpate.interrupt import ending_signals, ignore_signals, interrupts
 
 INTERRUPTED = 130
 """What typer makes of a signal that comes outside of a command."""
+GRACE = 0.1
+"""s that a thread of ours is waited for at the end."""
 
 
 def main() -> None:
@@ -38,7 +41,24 @@ def main() -> None:
         if not _flushed():
             status = status or 1
         atexit.register(ignore_signals)
-        sys.exit(4 if signals.count else status)
+        _leave(4 if signals.count else status)
+
+
+def _leave(status: int) -> NoReturn:
+    """End the process. A thread of ours that is still inside a robot's library then would be torn out of
+    it while Python shuts down, which C++ answers by aborting the process."""
+    if not any(_inside_a_library(thread) for thread in threading.enumerate()):
+        sys.exit(status)
+    atexit._run_exitfuncs()  # pyright: ignore[reportPrivateUsage]
+    sys.stderr.flush()
+    os._exit(status)
+
+
+def _inside_a_library(thread: threading.Thread) -> bool:
+    if not (thread.daemon and thread.name.startswith("palpate ")):
+        return False
+    thread.join(GRACE)
+    return thread.is_alive()
 
 
 def _without_broken_opengl() -> None:
