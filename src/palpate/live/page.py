@@ -17,26 +17,21 @@ from html import escape
 from io import StringIO
 
 import numpy as np
-from py_trees.behaviour import Behaviour
+import viser
+from viser import uplot
 
 from palpate.display import visible
 from palpate.errors import Unavailable
 from palpate.estimation.estimate import Estimate
 from palpate.execution.leaf import PrimitiveLeaf
 from palpate.execution.runner import Snapshot
+from palpate.live.nodes import step_of, steps_of, walk
 from palpate.live.outline import Line, outline
 from palpate.live.player import Player
 from palpate.live.posed import PosedCell
+from palpate.live.shapes import Drawn
 from palpate.runs.run import Run
 from palpate.scene.scene import Scene
-
-try:
-    import viser
-    from viser import uplot
-
-    from palpate.live.shapes import Drawn
-except ImportError:  # pragma: no cover
-    raise Unavailable("the live page needs viser: pip install 'palpate[live]'") from None
 
 HOST = "127.0.0.1"
 REFRESH_PERIOD = 1 / 15
@@ -54,7 +49,7 @@ class LivePage:
         port: where it is served; another one is taken where it is not free.
 
     Raises:
-        Unavailable: viser is not installed, or no port is free.
+        Unavailable: no port is free.
     """
 
     def __init__(self, port: int = 8080) -> None:
@@ -153,7 +148,7 @@ class LivePage:
 
     def _paint(self, snapshot: Snapshot) -> None:
         state = snapshot.robot
-        leaf = next(_leaves(snapshot.root))
+        leaf = steps_of(snapshot)[0]
         with self._server.atomic():
             self._show_scene(leaf.blackboard.scene)
             assert self._cell is not None
@@ -195,32 +190,19 @@ def _force_plot(gui: viser.GuiApi) -> viser.GuiUplotHandle:
     )
 
 
-def _leaves(node: Behaviour) -> Iterator[PrimitiveLeaf]:
-    if isinstance(node, PrimitiveLeaf):
-        yield node
-    for child in node.children:
-        yield from _leaves(child)
-
-
 def _value(estimate: Estimate) -> str:
     return visible(repr(estimate).strip("<>"))
 
 
 def _headline(snapshot: Snapshot) -> str:
-    steps = len(list(_leaves(snapshot.root)))
-    done = min(len(snapshot.leaves) + 1, steps)
+    step, steps = step_of(snapshot)
     force = float(snapshot.robot.wrench[2])
     stopping = f" · **stopping**: {visible(snapshot.stopping)}" if snapshot.stopping else ""
-    return f"**step {done} of {steps}** · {snapshot.elapsed:.1f} s · F_z {force:.1f} N{stopping}"
+    return f"**step {step} of {steps}** · {snapshot.elapsed:.1f} s · F_z {force:.1f} N{stopping}"
 
 
 def _lines(snapshot: Snapshot) -> Iterator[Line]:
     said = {leaf.node: leaf.message for leaf in snapshot.leaves}
-    yield from _below(snapshot.root, 0, said)
-
-
-def _below(node: Behaviour, depth: int, said: dict[str, str]) -> Iterator[Line]:
-    message = said.get(node.node, "") if isinstance(node, PrimitiveLeaf) else ""
-    yield Line(node.name, depth, node.status.value, message)
-    for child in node.children:
-        yield from _below(child, depth + 1, said)
+    for node, depth in walk(snapshot.root):
+        message = said.get(node.node, "") if isinstance(node, PrimitiveLeaf) else ""
+        yield Line(node.name, depth, node.status.value, message)

@@ -8,8 +8,8 @@ from __future__ import annotations
 import mujoco
 
 from palpate.geometry.pose import Array, Pose
-from palpate.mjcf.compile import compile_model
 from palpate.robots.model import PREFIX
+from palpate.scene.armed import compiled_with
 from palpate.scene.scene import Scene
 
 
@@ -21,7 +21,7 @@ class PosedCell:
     """
 
     def __init__(self, scene: Scene) -> None:
-        self.model = _with_arm(scene)
+        self.model = compiled_with(scene, scene.arm.spec())
         self.data = mujoco.MjData(self.model)
         self._arm = [self._address(name) for name in scene.arm.joints]
         self._fingers = [self._address(name) for name in scene.arm.hand.fingers]
@@ -71,17 +71,3 @@ class PosedCell:
             if joint >= 0 and self.model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_FREE:
                 found[name] = int(self.model.jnt_qposadr[joint])
         return found
-
-
-def _with_arm(scene: Scene) -> mujoco.MjModel:
-    spec = scene.spec()
-    for key in list(spec.keys):
-        spec.delete(key)
-    robot = scene.arm.spec()
-    # Nothing is simulated; where the two differ MuJoCo would warn.
-    for name in ("timestep", "integrator", "cone", "impratio", "gravity"):
-        setattr(robot.option, name, getattr(spec.option, name))
-    base = scene.pose_world_base
-    frame = spec.worldbody.add_frame(pos=base.position, quat=base.quaternion)
-    spec.attach(robot, frame=frame, prefix=PREFIX)
-    return compile_model(spec)

@@ -24,6 +24,7 @@ from palpate.display import visible
 from palpate.execution.leaf import PrimitiveLeaf
 from palpate.execution.runner import STOP_NODE, Snapshot
 from palpate.live.console import TOLD, SafeConsole
+from palpate.live.nodes import step_of, steps_of, walk
 from palpate.live.remaining import Remaining
 from palpate.trace.recording import LeafRun
 
@@ -117,18 +118,13 @@ class LiveTree:
         self._printed = len(snapshot.leaves)
 
 
-def steps_of(snapshot: Snapshot) -> list[PrimitiveLeaf]:
-    """The plan's leaves."""
-    return [node for node, _ in _walk(snapshot.root) if isinstance(node, PrimitiveLeaf)]
-
-
 def render(snapshot: Snapshot, room: int, left: float | None = None) -> Group:
     """The snapshot in at most `room` lines of tree: those around the active leaf, when there are
     more. `left`: s that it will still take, where that is known."""
     ended = {leaf.node: leaf for leaf in snapshot.leaves}
     lines: list[Text] = []
     active = 0
-    for row, (node, depth) in enumerate(_walk(snapshot.root)):
+    for row, (node, depth) in enumerate(walk(snapshot.root)):
         lines.append(_line(node, depth, snapshot, ended))
         if node.status is not Status.INVALID:
             active = row
@@ -137,15 +133,14 @@ def render(snapshot: Snapshot, room: int, left: float | None = None) -> Group:
 
 
 def _header(snapshot: Snapshot, left: float | None) -> Text:
-    steps = steps_of(snapshot)
-    step = min(len(snapshot.leaves) + 1, len(steps))
-    figures = f"{snapshot.elapsed:7.1f} s robot time   step {step}/{len(steps)}"
+    step, steps = step_of(snapshot)
+    figures = f"{snapshot.elapsed:7.1f} s robot time   step {step}/{steps}"
     if left is not None:
         figures += f"   about {left:.0f} s left"
     force = float(snapshot.robot.wrench[2])
     header = Text(figures, "bold", no_wrap=True, overflow="ellipsis")
     header.append(f"   Fz {bar(force)} {force:+6.1f} N", "cyan")
-    running = [node.name for node in steps if _is_running(node)]
+    running = [node.name for node in steps_of(snapshot) if _is_running(node)]
     return header.append(f"   {_clean(', '.join(running))}", "yellow")
 
 
@@ -191,12 +186,6 @@ def _line(node: Behaviour, depth: int, snapshot: Snapshot, ended: dict[str, Leaf
     elif _is_running(node):
         line.append(f"  {snapshot.robot.t - node.started:.1f} s", "dim")
     return line
-
-
-def _walk(node: Behaviour, depth: int = 0) -> Iterator[tuple[Behaviour, int]]:
-    yield node, depth
-    for child in node.children:
-        yield from _walk(child, depth + 1)
 
 
 def _clean(text: str) -> str:

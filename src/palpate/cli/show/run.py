@@ -13,6 +13,7 @@ from palpate.cli.exits import EXIT
 from palpate.cli.show.estimates import show_estimates
 from palpate.cli.show.plan import print_plan, show_notes
 from palpate.display import visible
+from palpate.errors import Unavailable
 from palpate.live.console import SafeConsole
 
 if TYPE_CHECKING:
@@ -47,7 +48,11 @@ def live_page(wanted: bool) -> Generator[LivePage | None]:
     if not wanted:
         yield None
         return
-    from palpate.live.page import LivePage
+    try:
+        from palpate.live.page import LivePage
+    except ImportError as error:
+        why = f"the live page needs viser: pip install 'palpate[live]' ({error})"
+        raise Unavailable(why) from None
 
     with LivePage() as page:
         err.print(f"[dim]live[/] {page.url}", soft_wrap=True)

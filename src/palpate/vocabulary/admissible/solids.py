@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 
 from palpate.geometry.outline import Convex
 from palpate.geometry.pose import Array, Pose
-from palpate.mjcf.compile import compile_model, refused
 from palpate.mjcf.hulls import hull_edges, hull_points
 from palpate.mjcf.whole import whole
 from palpate.robots.description import RobotDescription
@@ -26,6 +25,7 @@ from palpate.robots.kinematics import inverse_kinematics
 from palpate.robots.model import PREFIX
 from palpate.robots.nominal import NominalArm
 from palpate.robots.sheet import Box
+from palpate.scene.armed import compiled_with
 from palpate.scene.scene import Scene
 from palpate.vocabulary.admissible.frames import Cluster, Frames, Shape
 
@@ -202,7 +202,7 @@ def solids(scene: Scene) -> Solids:
     Raises:
         InputError: the scene does not compile with the arm in it.
     """
-    model = _compiled(scene)
+    model = compiled_with(scene, _solid_arm(scene.arm))
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     reader = _Reader(scene, model, data)
@@ -217,23 +217,6 @@ def solids(scene: Scene) -> Solids:
         reader.links(),
         data,
     )
-
-
-def _compiled(scene: Scene) -> mujoco.MjModel:
-    spec = scene.spec()
-    for key in list(spec.keys):
-        spec.delete(key)
-    base = scene.pose_world_base
-    frame = spec.worldbody.add_frame(pos=base.position, quat=base.quaternion)
-    robot = _solid_arm(scene.arm)
-    # Options are of no use here; where the two differ MuJoCo would warn.
-    for name in ("timestep", "integrator", "cone", "impratio", "gravity"):
-        setattr(robot.option, name, getattr(spec.option, name))
-    try:
-        spec.attach(robot, frame=frame, prefix=PREFIX)
-    except ValueError as error:
-        raise refused(error) from None
-    return compile_model(spec)
 
 
 def _solid_arm(arm: RobotDescription) -> mujoco.MjSpec:
