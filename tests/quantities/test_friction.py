@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from palpate.parameter import Parameter
-from palpate.quantities.friction import estimate_friction
+from palpate.quantities.friction import PRIOR_SPREAD, estimate_friction
 
 STATIC, DYNAMIC = 0.41, 0.34
 PARAMETER = Parameter("bottle", "friction")
@@ -121,6 +121,15 @@ def test_a_friction_that_cannot_be_told_from_none_has_no_value(bench, noises):
     assert not found.parts
     assert "cannot be told from none" in found.method
     assert len(found.evidence) == 4
+
+
+def test_what_is_as_wide_as_what_was_believed_before_is_not_measured(bench, noises):
+    """Sensors whose gains may be off by 40 %, and a pressure that tells nothing of it."""
+    trace = drag(bench, noises["none"], press=CONSTANT, static=1.1, dynamic=1.0)
+    unsure = replace(trace, hand=replace(trace.hand, torque_gain=0.4))
+    found = estimate_friction(unsure, PARAMETER, None)
+    assert found.value[0] > 2.0 * found.std[0] > 2.0 * PRIOR_SPREAD
+    assert found.verdict == "prior-dominated"
 
 
 def leash(stiffness):

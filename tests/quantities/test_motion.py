@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 
+from palpate.geometry.pose import Pose
+from palpate.mjcf.body import Body
 from palpate.parameter import Parameter
 from palpate.quantities.momentum import estimate_momentum
 from palpate.quantities.position import estimate_position
@@ -48,15 +50,47 @@ def test_momentum_is_the_objects_alone(bench, noises):
     assert found.ci95[2][0] <= 0.3 * velocity.value[2] <= found.ci95[2][1]
 
 
-def test_position_is_where_the_fingers_hold(bench, noises):
-    b = bench(noises["none"])
+def placed(bench, noise, body):
+    b = bench(noise)
     b.go("g", (0.5, 0.1, 0.2))
     b.close("can", 0.2)
     recording = b.measure(0.3, "contact", buffer=POSE)
     b.convert("Pose2Plan", "can", "position", recording)
-    found = estimate_position(b.trace(), Parameter("can", "position"), None)
+    return estimate_position(b.trace(), Parameter("can", "position"), body)
+
+
+def can(position, yaw=0.0, centre=(0.0, 0.0, 0.0), accuracy=None):
+    pose = Pose.of(position, (np.cos(yaw / 2), 0.0, 0.0, np.sin(yaw / 2)))
+    words, size = frozenset({"can"}), np.array([0.06, 0.06, 0.1])
+    return Body(
+        "can", "object", words, pose, np.array(centre), size, {}, frozenset(), accuracy=accuracy
+    )
+
+
+def test_position_is_where_the_fingers_hold(bench, noises):
+    found = placed(bench, noises["none"], None)
     assert found.value == pytest.approx((0.5, 0.1), abs=1e-4)
     assert min(found.std) >= 1e-4
+
+
+@pytest.mark.parametrize("yaw", [0.0, 2.0])
+def test_position_is_of_the_frame_beside_the_middle_of_the_shapes(bench, noises, yaw):
+    """The fingers hold the middle of the shapes, 20 mm and 10 mm from the frame's origin."""
+    centre = np.array([0.02, -0.01, 0.05])
+    frame = np.array([0.5, 0.1, 0.2]) - can((0.0, 0.0, 0.0), yaw).pose_world.apply(centre)
+    found = placed(bench, noises["none"], can(frame, yaw, centre))
+    assert found.value == pytest.approx(frame[:2], abs=2e-4)
+
+
+def test_across_the_closing_direction_a_position_is_only_believed(bench, noises):
+    """Believed off in x and y: the fingers tell of the direction along which they close alone."""
+    believed = np.array([0.504, 0.101])
+    found = placed(bench, noises["none"], can((*believed, 0.2)))
+    truly_off, still_off = believed - (0.5, 0.1), found.value - (0.5, 0.1)
+    closing = (truly_off - still_off) / np.linalg.norm(truly_off - still_off)
+    assert closing @ still_off == pytest.approx(0.0, abs=2e-4)
+    assert found.std.max() > 0.005  # m, what is believed of a place that poses give
+    assert found.unseen
 
 
 def test_velocity_of_nothing_is_an_error(bench, noises):

@@ -153,8 +153,10 @@ def estimate_friction(trace: Trace, parameter: Parameter, body: Body | None) -> 
     static = static_friction(drags, found)
     if static is not None:
         parts["static"] = Part(*static)
+    # What is no narrower than what was believed before any slide says no more than that.
+    verdict = "identified" if std < PRIOR_SPREAD else "prior-dominated"
     made = Estimate.normal(
-        parameter, UNIT, value, std, method, evidence, parts=parts, least=0.0, tests=tests
+        parameter, UNIT, value, std, method, evidence, verdict, parts, least=0.0, tests=tests
     )
     return replace(made, shared=found.shared)
 

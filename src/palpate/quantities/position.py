@@ -11,7 +11,7 @@ from palpate.errors import InputError
 from palpate.estimation import tuning
 from palpate.estimation.estimate import Estimate, not_identified, not_measured
 from palpate.estimation.windows import mean_pose
-from palpate.geometry.pose import Pose
+from palpate.geometry.pose import Array, Pose
 from palpate.mjcf.body import Body, BodyDescription
 from palpate.mjcf.document import UNKNOWN, has_unknown, label, tokens
 from palpate.mjcf.edits import Edit, Slot, number, unknown_only
@@ -28,6 +28,11 @@ PRIOR_POSITION = (0.5, 0.0)
 
 UNPLACED, PLACED = 0.25, 0.01
 """m (1 sigma): of a place nobody gave, and of one that came with the poses."""
+
+METHOD = (
+    "The fingers centre the object between them as they close: along that direction the middle of its "
+    "shapes is where the hand is. Across it, nothing is felt: there it is where the scene has it."
+)
 
 ELSEWHERE = "It was measured where the object had been dragged or carried to, which does not say where it stood."
 
@@ -141,10 +146,11 @@ def _refuse_moved(body: BodyDescription) -> None:
 
 
 def estimate_position(trace: Trace, parameter: Parameter, body: Body | None) -> Estimate:
-    """World x-y of the midpoint between the fingers while they hold the object.
+    """World x-y of the object's frame, from where the fingers hold it.
 
-    Along the closing direction that is where the object is centred; across it, where it was
-    grasped.
+    The fingers centre its shapes between them: along the closing direction, the middle of the box
+    around them is where the hand is. Across it they leave it where it was believed to stand; a
+    component of which that says more than the fingers is as it was believed.
 
     Raises:
         ValueError: the recording holds no samples.
@@ -155,11 +161,30 @@ def estimate_position(trace: Trace, parameter: Parameter, body: Body | None) -> 
     if recording.context.is_elsewhere:
         return not_identified(parameter, UNIT, ELSEWHERE, (recording,))
     samples = trace.of(recording)
-    position = mean_pose(samples).position[:2]
-    spread = samples.pose_world_tcp[:, :2].std(axis=0) / np.sqrt(len(samples))
-    std = np.hypot(np.hypot(spread, trace.hand.pose_repeatability), tuning.CENTRING)
-    method = (
-        "Mean position of the midpoint between the fingers while they hold the object, which they centre on "
-        "themselves as they close."
+    hand = mean_pose(samples)
+    closing = hand.rotation[:2, 1] / np.linalg.norm(hand.rotation[:2, 1])
+    spread = (samples.pose_world_tcp[:, :2] @ closing).std() / np.sqrt(len(samples))
+    felt = closing * np.linalg.norm([spread, trace.hand.pose_repeatability, tuning.CENTRING])
+    across = np.array([-closing[1], closing[0]])
+    accuracy = None if body is None else body.accuracy
+    believed = across * (accuracy or PLACED)
+    unseen = np.abs(believed) > np.abs(felt)
+    return Estimate.normal(
+        parameter,
+        UNIT,
+        _frame(hand.position[:2], closing, body),
+        np.hypot(felt, believed),
+        METHOD,
+        (recording,),
+        "prior-dominated" if unseen.all() else "identified",
+        unseen=tuple(np.flatnonzero(unseen).tolist()),
     )
-    return Estimate.normal(parameter, UNIT, position, std, method, (recording,))
+
+
+def _frame(hand: Array, closing: Array, body: Body | None) -> Array:
+    """(2,) x-y of the frame of an object between fingers at `hand` (2,) that close along `closing`
+    (2,): as believed, but for how far its middle is from theirs along that."""
+    if body is None:
+        return hand
+    middle = body.pose_world.apply(body.centre)[:2]
+    return body.pose_world.position[:2] + closing * float(closing @ (hand - middle))
