@@ -1,4 +1,4 @@
-"""`--live` where its library is not installed."""
+"""`--live` and `--groot` where their libraries are not installed."""
 
 import sys
 
@@ -15,3 +15,10 @@ def test_without_viser_it_is_said_what_to_install(monkeypatch: pytest.MonkeyPatc
     done = CliRunner().invoke(app, ["demo", "one_missing_mass", "--live"])
     assert done.exit_code == 5
     assert "pip install 'palpate[live]'" in done.stderr
+
+
+def test_without_pyzmq_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "zmq", None)
+    done = CliRunner().invoke(app, ["demo", "one_missing_mass", "--groot"])
+    assert done.exit_code == 5
+    assert "pip install 'palpate[groot]'" in done.stderr

@@ -22,7 +22,6 @@ from palpate.cli.options import (
     Fast,
     GivenScene,
     Images,
-    Live,
     ModelOptions,
     MotionOptions,
     NoiseLevel,
@@ -40,6 +39,7 @@ from palpate.cli.options import (
     SceneOptions,
     Seconds,
     Seed,
+    WatchOptions,
     Widths,
     Without,
     World,
@@ -101,7 +101,7 @@ def demo(
     within: Widths = None,
     out: Out = None,
     fast: Fast = False,
-    live: Live = False,
+    watch: WatchOptions,
     as_json: AsJson = False,
     model: ModelOptions,
 ) -> None:
@@ -121,7 +121,7 @@ def demo(
         fast=fast,
         model_settings=model.settings(),
     )
-    carry_out(settings, as_json, live=live)
+    carry_out(settings, as_json, watch)
 
 
 @command(app)
@@ -140,7 +140,7 @@ def run(
     remeasure: Remeasure = False,
     within: Widths = None,
     motion: MotionOptions,
-    live: Live = False,
+    watch: WatchOptions,
     as_json: AsJson = False,
     yes: Yes = False,
     without: Without = None,
@@ -154,7 +154,7 @@ def run(
         within=widths(within),
         model_settings=model.settings(without),
     )
-    carry_out(settings, as_json, yes, live)
+    carry_out(settings, as_json, watch, yes)
 
 
 @command(app)
@@ -271,7 +271,7 @@ def execute(
     *,
     given: GivenScene,
     motion: MotionOptions,
-    live: Live = False,
+    watch: WatchOptions,
     as_json: AsJson = False,
     yes: Yes = False,
 ) -> None:
@@ -287,7 +287,7 @@ def execute(
         arm=given.arm,
         planner=replayed(plan),
     )
-    carry_out(motion.added_to(settings), as_json, yes, live)
+    carry_out(motion.added_to(settings), as_json, watch, yes)
 
 
 @command(app)
@@ -489,13 +489,14 @@ def doctor(
     raise typer.Exit(examine_robot(robot, arm, robot_config, may_hold))
 
 
-def carry_out(settings: Settings, as_json: bool, yes: bool = False, live: bool = False) -> None:
+def carry_out(settings: Settings, as_json: bool, watch: WatchOptions, yes: bool = False) -> None:
     """Run with a live view on stderr, print the result, leave with its exit status."""
     from palpate.api import run_settings
     from palpate.cli.show.run import (
         ValuesFirst,
         confirm_plan,
         confirm_resuming,
+        groot,
         live_page,
         live_view,
         play_again,
@@ -503,14 +504,19 @@ def carry_out(settings: Settings, as_json: bool, yes: bool = False, live: bool =
         warn_of_invented,
     )
 
-    with interrupts() as signals, signals.noted(), live_page(live) as page:
+    with (
+        interrupts() as signals,
+        signals.noted(),
+        live_page(watch.live) as page,
+        groot(watch, settings) as publisher,
+    ):
         ask = page.confirm if page else confirm_plan
 
         def confirm(run: Run) -> bool:
             return yes or ask(run)
 
         warn_of_invented(settings)
-        with live_view(page) as (observer, say):
+        with live_view(page, publisher) as (observer, say):
 
             def may_resume(why: str) -> bool:
                 say("the robot was stopped")

@@ -106,6 +106,16 @@ Live = Annotated[
     bool,
     typer.Option("--live", help="Show the run in the browser, and play it again when it is done."),
 ]
+Groot = Annotated[
+    bool,
+    typer.Option(
+        "--groot", help="Publish the tree for Groot2; a simulated arm then takes its time."
+    ),
+]
+GrootPort = Annotated[
+    int,
+    typer.Option("--groot-port", metavar="PORT", min=1, max=65535, help="Where Groot2 connects."),
+]
 Yes = Annotated[bool, typer.Option("--yes", help="Do not ask before a real robot moves.")]
 Rehearse = Annotated[
     bool | None,
@@ -250,6 +260,15 @@ class MotionOptions:
     def added_to(self, settings: Settings) -> Settings:
         """Settings with these, and everything else as it was."""
         return replace(settings, **asdict(self))
+
+
+@dataclass(frozen=True)
+class WatchOptions:
+    """Who watches a run, beside the terminal."""
+
+    live: Live = False
+    groot: Groot = False
+    groot_port: GrootPort = 1667
 
 
 @dataclass(frozen=True)

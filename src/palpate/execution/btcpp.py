@@ -1,15 +1,21 @@
-"""Plans and the vocabulary as BehaviorTree.CPP 4 XML, which Groot2 opens."""
+"""Plans, trees that are being run, and the vocabulary as BehaviorTree.CPP 4 XML, which Groot2 opens."""
 
 from __future__ import annotations
 
 import types
+from collections.abc import Mapping
 from typing import Any, Literal, Union, get_args, get_origin
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
 
+from py_trees.behaviour import Behaviour
+
 from palpate.errors import InputError
+from palpate.execution.build import leaves
+from palpate.execution.leaf import PrimitiveLeaf
 from palpate.planning.plan import Node, Plan
 from palpate.vocabulary.base import Primitive
+from palpate.vocabulary.composites import COMPOSITES
 from palpate.vocabulary.registry import Vocabulary
 
 TREE_ID = "Plan"
@@ -36,6 +42,17 @@ def tree_xml(plan: Plan, words: Vocabulary) -> str:
     return _text(root)
 
 
+def running_xml(root: Behaviour, numbers: Mapping[Behaviour, int]) -> str:
+    """A tree that is being run, as Groot2 is told of it: every node under its type, with the number
+    that its statuses go by (source: BehaviorTree.CPP 4.8, `WriteTreeToXML` with metadata)."""
+    document = Element("root", BTCPP_format="4")
+    tree = SubElement(document, "BehaviorTree", ID=TREE_ID, _fullpath="")
+    _add_running(tree, root, numbers)
+    used = {type(leaf.primitive).__name__: type(leaf.primitive) for leaf in leaves(root)}
+    document.append(_model(Vocabulary(used)))
+    return _text(document)
+
+
 def tree_nodes_model(words: Vocabulary) -> str:
     """The TreeNodesModel of a vocabulary: every primitive with its ports, their types and
     descriptions."""
@@ -53,11 +70,29 @@ def _add(parent: Element, node: Node, words: Vocabulary) -> None:
         for child in node.children:
             _add(element, child, words)
         return
-    primitive = words.primitive(node.type)
     element = SubElement(parent, "Action", ID=node.type)
     if node.name:
         element.set("name", _value(node.name))
-    for name, value in words.arguments(node.type, dict(node.args)).items():
+    _set_ports(element, words.primitive(node.type), words.arguments(node.type, dict(node.args)))
+
+
+def _add_running(parent: Element, node: Behaviour, numbers: Mapping[Behaviour, int]) -> None:
+    if isinstance(node, PrimitiveLeaf):
+        kind = type(node.primitive)
+        element = SubElement(parent, kind.__name__)
+        _set_ports(element, kind, dict(node.primitive))
+    else:
+        fixed = dict(COMPOSITES[type(node).__name__].btcpp)
+        element = SubElement(parent, fixed.pop("tag"), fixed)
+    element.set("name", _value(node.name))
+    element.set("_uid", str(numbers[node]))
+    for child in node.children:
+        _add_running(element, child, numbers)
+
+
+def _set_ports(element: Element, primitive: type[Primitive], args: Mapping[str, Any]) -> None:
+    """A primitive's arguments and buffers."""
+    for name, value in args.items():
         if value is not None:
             element.set(name, _value(value))
     for buffer in (primitive.reads, primitive.writes):

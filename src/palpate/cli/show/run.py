@@ -17,24 +17,27 @@ from palpate.errors import Unavailable
 from palpate.live.console import SafeConsole
 
 if TYPE_CHECKING:
+    from palpate.cli.options import WatchOptions
     from palpate.estimation.estimate import Estimate
     from palpate.execution.runner import Observer
     from palpate.interrupt import Interrupts
+    from palpate.live.groot.publisher import GrootPublisher
     from palpate.live.page import LivePage
+    from palpate.live.together import View
     from palpate.runs.run import Run
     from palpate.settings import Settings
     from palpate.twin.held_out import Motion
 
 
 @contextmanager
-def live_view(page: LivePage | None = None) -> Generator[tuple[Observer, Callable[[str], None]]]:
-    """The live view on stderr, and on a page where there is one, and a way to name the present
+def live_view(*others: View | None) -> Generator[tuple[Observer, Callable[[str], None]]]:
+    """The live view on stderr, and on the others that there are, and a way to name the present
     stage."""
     from palpate.live.terminal import LiveTree
     from palpate.live.together import Together
 
     with LiveTree(err) as live:
-        views = Together(live, page) if page else live
+        views = Together(live, *(view for view in others if view is not None))
         yield views, views.progress
 
 
@@ -57,6 +60,23 @@ def live_page(wanted: bool) -> Generator[LivePage | None]:
     with LivePage() as page:
         err.print(f"[dim]live[/] {page.url}", soft_wrap=True)
         yield page
+
+
+@contextmanager
+def groot(wanted: WatchOptions, settings: Settings) -> Generator[GrootPublisher | None]:
+    """The publisher that Groot2 connects to, where it is wanted.
+
+    Raises:
+        Unavailable: pyzmq is not installed, or the port is taken.
+    """
+    if not wanted.groot:
+        yield None
+        return
+    from palpate.live.groot.publisher import GrootPublisher
+
+    with GrootPublisher(wanted.groot_port, paced=settings.robot is None) as publisher:
+        err.print(f"[dim]Groot2[/] {publisher.url}", soft_wrap=True)
+        yield publisher
 
 
 def play_again(page: LivePage, run: Run, signals: Interrupts) -> None:
