@@ -113,6 +113,7 @@ def test_imports_point_down(name: str) -> None:
 
 
 FRONT = {
+    "audience",
     "api",
     "tools",
     "settings",

@@ -19,7 +19,8 @@ from failing import Failing
 from standin import StandIn
 
 import palpate as pp
-from palpate import api, pipeline
+from palpate import api
+from palpate.stages import building
 from palpate.trace.mcap import read_mcap
 
 
@@ -35,7 +36,7 @@ def quick(monkeypatch: pytest.MonkeyPatch) -> None:
     def broken(*_: object) -> None:
         raise RuntimeError("no twin today")
 
-    monkeypatch.setattr(pipeline, "build", broken)
+    monkeypatch.setattr(building, "build", broken)
     monkeypatch.setenv("MUJOCO_GL", "disable")
 
 
@@ -208,13 +209,13 @@ def test_every_estimate_is_on_disk_when_it_is_made(
         seen.append((found["status"], found["stage"], len(found["parameters"])))
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(pipeline, "build", look)
+    monkeypatch.setattr(building, "build", look)
     run = plan.run(Bench(), rehearse=False, out=tmp_path / "run")
     assert seen == [("running", "building the twin", 1)]
     assert run.status == "aborted"
     assert run.interrupted == "interrupted while building the twin"
 
-    monkeypatch.setattr(pipeline, "build", lambda *_: None)
+    monkeypatch.setattr(building, "build", lambda *_: None)
     again = api.finish(tmp_path / "run")
     assert (again.status, again.interrupted) == ("complete", None)
     assert again["mug.mass"].value == run["mug.mass"].value

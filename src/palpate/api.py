@@ -16,11 +16,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypedDict, Unpack
 
 from palpate import pipeline
+from palpate.audience import SILENT, Audience, Confirm, Progress, quiet, unasked
 from palpate.cells.cell import Cell
 from palpate.display import table
 from palpate.estimation.estimate import Estimate
-from palpate.execution.recovery import OnFailure, Resume, nobody
-from palpate.pipeline import Confirm, Measured, Progress, quiet, unasked, unheard
+from palpate.execution.recovery import OnFailure
 from palpate.planning.check.check import Finding
 from palpate.planning.model.settings import ModelSettings
 from palpate.planning.plan import Plan as InnerPlan
@@ -29,7 +29,7 @@ from palpate.quantities.precision.within import Within
 from palpate.robots.owner.registered import own_arm
 from palpate.robots.registry import DEFAULT
 from palpate.runs.fuse import Fusion as InnerFusion
-from palpate.runs.fuse import write_fusion
+from palpate.runs.fuse import fuse_runs, write_fusion
 from palpate.runs.run import Run as InnerRun
 from palpate.scene.load import load_scene, parse_scene
 from palpate.scene.poses import read_poses
@@ -37,6 +37,7 @@ from palpate.scene.remarks import remarks
 from palpate.scene.scene import Scene as InnerScene
 from palpate.scene.scene import with_real_arm
 from palpate.settings import Settings
+from palpate.stages.estimating import reestimate
 
 if TYPE_CHECKING:
     from palpate.execution.runner import Observer
@@ -215,7 +216,8 @@ class Plan(InnerPlan):
         made = replace(self.made, settings=settings)
         if robot is not None:
             made = replace(made, scene=with_real_arm(made.scene))
-        return _run_of(pipeline.carry_out(made, observer, progress, confirm, cell, settings.out))
+        audience = Audience(observer, progress, confirm)
+        return _run_of(pipeline.carry_out(made, audience, cell, settings.out))
 
     def _repr_html_(self) -> str:
         rows = [(line,) for line in str(self).splitlines()[1:]]
@@ -247,7 +249,7 @@ class Run(InnerRun):
         Raises:
             InputError: it has no trace, another version recorded it, or there is no such estimator.
         """
-        return _run_of(pipeline.reestimate(self, estimators))
+        return _run_of(reestimate(self, estimators))
 
     def export(self, to: str, folder: str | Path | None = None) -> Export:
         """Write the twin for another simulator into a new folder, and read it back.
@@ -261,7 +263,9 @@ class Run(InnerRun):
                 made. Unavailable: what writes the format is not installed. PalpateError: what was
                 written does not say what the twin says.
         """
-        return pipeline.export(self, to, _path(folder))
+        from palpate.runs.export import export_run
+
+        return export_run(self, to, _path(folder))
 
     def _repr_html_(self) -> str:
         rows: list[tuple[str, ...]] = []
@@ -440,7 +444,7 @@ def fuse(runs: Sequence[str | Path | InnerRun]) -> Fusion:
         InputError: fewer than two runs, runs that are not of one scene, or the same recordings twice.
     """
     opened = [one if isinstance(one, InnerRun) else open(one) for one in runs]
-    return Fusion(**_contents(pipeline.fuse(opened)))
+    return Fusion(**_contents(fuse_runs(opened)))
 
 
 def plan_settings(settings: Settings) -> Plan:
@@ -453,22 +457,15 @@ def plan_settings(settings: Settings) -> Plan:
     return _plan_of(settings, pipeline.load(settings), settings.planner)
 
 
-def run_settings(
-    settings: Settings,
-    observer: Observer | None = None,
-    progress: Progress = quiet,
-    confirm: Confirm = unasked,
-    measured: Measured = unheard,
-    may_resume: Resume = nobody,
-) -> Run:
-    """The run that settings describe, as the command line has them, into a run folder. `measured` is
-    shown the run as soon as its values are final.
+def run_settings(settings: Settings, audience: Audience = SILENT) -> Run:
+    """The run that settings describe, as the command line has them, into a run folder.
 
     Raises:
-        InputError: bad input; nothing is planned then. Unavailable: planner or robot out of reach.
+        InputError: bad input; nothing is planned then.
+        Unavailable: planner or robot out of reach.
         ExecutionAborted: a real robot was not allowed to move.
     """
-    return _run_of(pipeline.run(settings, observer, progress, confirm, measured, may_resume))
+    return _run_of(pipeline.run(settings, audience))
 
 
 def finish(folder: str | Path, progress: Progress = quiet) -> Run:
@@ -478,7 +475,7 @@ def finish(folder: str | Path, progress: Progress = quiet) -> Run:
     Raises:
         InputError: there is no such folder, or it is not a run's.
     """
-    return _run_of(pipeline.finish(Path(folder), progress))
+    return _run_of(pipeline.finish(Path(folder), Audience(progress=progress)))
 
 
 def _stated(options: RunOptions) -> dict[str, Any]:

@@ -14,6 +14,8 @@ from collections.abc import Generator, Iterable
 from contextlib import contextmanager
 from types import FrameType
 
+from palpate.errors import ExecutionAborted
+
 
 class Interrupted(KeyboardInterrupt):
     """A signal came while nothing was under way that had to be brought to an end first."""
@@ -119,6 +121,23 @@ def interrupts(signals: Iterable[signal.Signals] = (signal.SIGINT,)) -> Generato
     finally:
         for number, handler in previous.items():
             signal.signal(number, handler or signal.SIG_DFL)
+
+
+@contextmanager
+def before_anything_moves(doing: str) -> Generator[None]:
+    """A signal that comes inside the block is told as an `ExecutionAborted`.
+
+    Args:
+        doing: what is being done, in a word: `planning`.
+
+    Raises:
+        ExecutionAborted: a signal came.
+    """
+    try:
+        with interrupts() as signals, signals.raised():
+            yield
+    except KeyboardInterrupt:
+        raise ExecutionAborted(f"interrupted while {doing}; nothing has moved") from None
 
 
 def ending_signals() -> tuple[signal.Signals, ...]:

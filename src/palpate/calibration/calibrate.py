@@ -14,12 +14,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from palpate.audience import SILENT, Audience
 from palpate.calibration.procedures import gauge, weigh, weigh_itself
 from palpate.calibration.session import Session
 from palpate.calibration.stated import LENGTH, MASS, Known
 from palpate.errors import InputError
 from palpate.estimation.gains import gain_root
-from palpate.pipeline import Confirm, Progress, quiet, unasked
 from palpate.robots.owner.config import (
     JOINTS,
     Gains,
@@ -32,7 +32,6 @@ from palpate.robots.owner.registered import require_same
 from palpate.settings import Settings, noise_told
 
 if TYPE_CHECKING:
-    from palpate.execution.runner import Observer
     from palpate.robots.description import RobotDescription
 
 MEASURED = ("torque_gain", "tip_offset", "base_lean", "tip_compliance")
@@ -95,9 +94,7 @@ def calibrate(
     settings: Settings,
     wanted: Wanted,
     out: Path,
-    progress: Progress = quiet,
-    may_move: Confirm = unasked,
-    observer: Observer | None = None,
+    audience: Audience = SILENT,
 ) -> Calibration:
     """Calibrate an arm, and write what was found into `out`: other figures of an existing file stay.
 
@@ -115,7 +112,7 @@ def calibrate(
     before = RobotConfig()
     if settings.robot_config is not None:
         before = read_config(settings.robot_config)
-    session = Session(settings, before, progress, may_move, observer, _visits(before, there))
+    session = Session(settings, before, audience, _visits(before, there))
     start = session.arm
     if wanted.own_weight:
         weigh_itself(session)

@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from palpate import pipeline, stages
+from palpate import pipeline
+from palpate.audience import SILENT, Audience
 from palpate.cells.cell import Cell
 from palpate.cells.simulated import SimulatedCell
 from palpate.errors import ExecutionAborted, InputError
-from palpate.pipeline import Confirm, Progress
 from palpate.planning.check.check import Finding, check
 from palpate.planning.plan import Plan
 from palpate.robots.owner.calibrated import calibrated
@@ -17,9 +17,9 @@ from palpate.robots.owner.config import RobotConfig
 from palpate.runs.run import Run
 from palpate.scene.scene import Scene
 from palpate.settings import Settings
+from palpate.stages.workplace import cell_for
 
 if TYPE_CHECKING:
-    from palpate.execution.runner import Observer
     from palpate.robots.description import RobotDescription
 
 
@@ -28,15 +28,16 @@ class Session:
     """Visits to one arm.
 
     Attributes:
-        settings: which arm. config: what is known of it by now; corrected in the next visit.
-        visits: how often it was visited. seconds: of robot time.
+        settings: which arm.
+        config: what is known of it by now; corrected in the next visit.
+        audience: who watches, and who is asked before a real arm moves.
+        visits: how often it was visited.
+        seconds: of robot time.
     """
 
     settings: Settings
     config: RobotConfig
-    progress: Progress
-    may_move: Confirm
-    observer: Observer | None = None
+    audience: Audience = SILENT
     visits: int = 0
     seconds: float = 0.0
 
@@ -56,12 +57,12 @@ class Session:
         """
         self.visits += 1
         made = Run(self.settings, scene, plan, _findings(plan, scene))
-        made = pipeline.rehearse(made, self.progress)
+        made = pipeline.rehearse(made, self.audience)
         if made.findings:
             raise InputError(f"nothing is calibrated there: {made.findings[0].message}")
         cell = self._cell(scene, world)
-        pipeline.confirm(made, self.may_move, cell)
-        made = pipeline.measure(made, self.observer, self.progress, cell)
+        pipeline.confirm(made, self.audience, cell)
+        made = pipeline.measure(made, self.audience, cell)
         assert made.execution is not None
         if made.execution.stopped_by is not None:
             raise ExecutionAborted(
@@ -77,7 +78,7 @@ class Session:
             return SimulatedCell(
                 world, noise=settings.noise, seed=settings.seed, scene=scene, visit=self.visits
             )
-        cell = stages.cell_for(settings, scene)
+        cell = cell_for(settings, scene)
         if isinstance(cell, SimulatedCell):
             cell.visit = self.visits
         return cell

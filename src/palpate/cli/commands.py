@@ -431,6 +431,7 @@ def calibrate(
     yes: Yes = False,
 ) -> None:
     """Measure one very arm with what is known, and write robot.yaml."""
+    from palpate.audience import Audience
     from palpate.calibration.calibrate import calibrate as carry_out_calibration
     from palpate.calibration.calibrate import wanted
     from palpate.cli.calibration import show_calibration
@@ -442,7 +443,8 @@ def calibrate(
         return yes or confirm_plan(run)
 
     with live_view() as (observer, say):
-        done = carry_out_calibration(which.settings(), asked, out, say, confirm, observer)
+        audience = Audience(observer, say, confirm)
+        done = carry_out_calibration(which.settings(), asked, out, audience)
     show_calibration(done, as_json)
 
 
@@ -492,6 +494,7 @@ def doctor(
 def carry_out(settings: Settings, as_json: bool, watch: WatchOptions, yes: bool = False) -> None:
     """Run with a live view on stderr, print the result, leave with its exit status."""
     from palpate.api import run_settings
+    from palpate.audience import Audience
     from palpate.cli.show.run import (
         ValuesFirst,
         confirm_plan,
@@ -523,7 +526,8 @@ def carry_out(settings: Settings, as_json: bool, watch: WatchOptions, yes: bool 
                 return confirm_resuming(why)
 
             values = ValuesFirst(as_json)
-            done = run_settings(settings, observer, say, confirm, values, may_resume)
+            audience = Audience(observer, say, confirm, may_resume, values)
+            done = run_settings(settings, audience)
         status = show_ended(done, as_json, values.shown)
         if page and not signals.count:
             play_again(page, done, signals)

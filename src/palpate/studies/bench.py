@@ -12,10 +12,11 @@ from pathlib import Path
 
 import mujoco
 
-from palpate import pipeline, stages
+from palpate import pipeline
 from palpate.cells.simulated import simulated_cell
 from palpate.pictures.footage import Footage
 from palpate.scenarios.catalogue import scenario
+from palpate.stages.executing import perform
 from palpate.studies.variety import crowd
 
 ROUNDS = 3
@@ -49,7 +50,7 @@ def closed_loop_ratio() -> float:
         cell = simulated_cell(run.scene, settings.world, noise="lab", seed=seed)
         robot = cell.robot()
         start = time.perf_counter()
-        execution = stages.perform(run.plan, run.scene, robot)
+        execution = perform(run.plan, run.scene, robot)
         loop = time.perf_counter() - start
         seen = cell.footage()
         assert seen is not None

@@ -11,12 +11,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from palpate import stages
+from palpate.audience import Audience
 from palpate.cells.simulated import SimulatedCell, simulated_cell
 from palpate.errors import InputError
 from palpate.execution.recovery import OnFailure
 from palpate.planning.plan import Plan
 from palpate.scene.scene import Scene
+from palpate.stages import executing
 from palpate.studies.harm.harm import Harm, harm
 from palpate.studies.harm.touch import SHOWN, UNSEEN, Figures
 from palpate.studies.witness import Witness
@@ -67,7 +68,7 @@ def probed_run(
     cell = cell or simulated_cell(scene, world, noise=noise, seed=seed)
     robot = cell.robot()
     witness = Witness.of(robot.world)
-    execution = stages.perform(plan, scene, robot, observer, on_failure)
+    execution = executing.perform(plan, scene, robot, Audience(observer), on_failure)
     robot.advance(AFTERWARDS)
     return Probed(execution, harm(witness, named(plan, scene), unseen, shown, hidden))
 

@@ -8,13 +8,14 @@ import mujoco
 import numpy as np
 import pytest
 
-from palpate import pipeline, stages
+from palpate import pipeline
 from palpate.cells.simulated import simulated_cell
 from palpate.errors import ExecutionAborted
 from palpate.robots.simulated.robot import MujocoRobot
 from palpate.scenarios.catalogue import scenario
 from palpate.scene.load import load_scene
 from palpate.settings import Settings
+from palpate.stages import workplace
 from palpate.studies.campaign import runtime
 from palpate.studies.campaign.faulty import FaultyRobot
 from palpate.studies.campaign.kinds import FAULTS, OBJECT, Fault
@@ -93,7 +94,7 @@ def test_what_falls_when_a_run_has_ended_and_a_trace_that_is_lost_are_found(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     def run(settings: Settings, _: object) -> None:
-        robot = stages.cell_for(settings, None).robot()
+        robot = workplace.cell_for(settings, None).robot()
         model, data = robot.world.model, robot.world._data  # type: ignore[attr-defined]
         data.joint(int(model.body(OBJECT).jntadr[0])).qpos[2] += 0.05
         raise ExecutionAborted("the arm lets go")

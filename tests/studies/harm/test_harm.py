@@ -9,10 +9,11 @@ import mujoco
 import numpy as np
 import pytest
 
-from palpate import stages
 from palpate.cells.simulated import simulated_cell
 from palpate.planning.plan import Node, Plan
 from palpate.robots.simulated.robot import MujocoRobot
+from palpate.stages import executing
+from palpate.stages.executing import perform
 from palpate.studies.campaign.faulty import Act, FaultyRobot
 from palpate.studies.campaign.ledger import Row, judged_run
 from palpate.studies.campaign.scenes import small_scene
@@ -29,7 +30,7 @@ def watched(act: Act, *more: Node, named: Collection[str] = (), where: str = "ca
     scene = small_scene(where)
     robot = FaultyRobot(simulated_cell(scene, None, noise="none", seed=0).robot(), np.inf)
     robot.act = act
-    stages.perform(Plan((), Node("Sequence", (), (*STEPS, *more)), ""), scene, robot)
+    perform(Plan((), Node("Sequence", (), (*STEPS, *more)), ""), scene, robot)
     robot.moment = robot.state.t
     robot.outlast(AFTERWARDS)
     return harm(robot.witness, named)
@@ -107,7 +108,7 @@ def test_what_a_plan_lets_go_of_last_is_seen_to_fall(monkeypatch: pytest.MonkeyP
         lifted(0.05)(model, data, 0.0)
         return SimpleNamespace(status="complete", stopped_by=None, robot_seconds=0.0)
 
-    monkeypatch.setattr(stages, "perform", let_go)
+    monkeypatch.setattr(executing, "perform", let_go)
     seen = probed_run(Plan((), None, ""), small_scene("can"), noise="none")
     assert [str(fate) for fate in seen.harm.fates][:1] == ["bottle dropped"]
     assert "moved" in [fate.what for fate in seen.harm.fates]

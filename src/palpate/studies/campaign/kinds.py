@@ -260,7 +260,7 @@ FAULTS: tuple[Fault, ...] = (
     Fault("disk full at 100 kB", _nothing, bytes=100_000),
     Fault("disk full at 1 MB", _nothing, bytes=1_000_000),
     Fault("estimator fails", _nothing, ("palpate.quantities.mass:estimate_mass",)),
-    Fault("twin fails", _nothing, ("palpate.pipeline:build",)),
+    Fault("twin fails", _nothing, ("palpate.stages.building:build",)),
     Fault("pictures fail", _nothing, ("palpate.report.writing:take_stills",)),
     Fault("film fails", _nothing, ("palpate.report.writing:take_film",)),
     Fault("report fails", _nothing, ("palpate.report.writing:write_report",)),

@@ -19,11 +19,13 @@ from unittest.mock import Mock, patch
 
 import numpy as np
 
-from palpate import pipeline, stages
+from palpate import pipeline
+from palpate.audience import Audience
 from palpate.cells.simulated import SimulatedCell, simulated_cell
 from palpate.errors import PalpateError
 from palpate.runs.run import Run
 from palpate.scenarios.catalogue import scenario
+from palpate.stages import executing, workplace
 from palpate.studies.campaign.faulty import FaultyRobot
 from palpate.studies.campaign.kinds import FAULTS, OBJECT, Fault
 from palpate.studies.campaign.ledger import Ledger, Row, touches_of, within_time
@@ -83,7 +85,7 @@ def duration() -> float:
     settings = scenario(SCENARIO).settings(noise="lab", seed=0)
     made = pipeline.plan(settings, pipeline.load(settings))
     cell = simulated_cell(made.scene, settings.world, noise="lab", seed=0)
-    return stages.perform(made.plan, made.scene, cell.robot()).robot_seconds
+    return executing.perform(made.plan, made.scene, cell.robot()).robot_seconds
 
 
 def struck(case: Case) -> Row:
@@ -100,7 +102,7 @@ def _struck(case: Case, blank: Row) -> Row:
         scene = pipeline.load(settings)
         inner = simulated_cell(scene, settings.world, noise="lab", seed=0)
         cell = _Cell(inner, fault, moment)
-        patched.enter_context(patch.object(stages, "cell_for", return_value=cell))
+        patched.enter_context(patch.object(workplace, "cell_for", return_value=cell))
         patched.enter_context(_small_disk(fault.bytes))
         failing: list[Mock] = []
         for place in fault.patches:
@@ -110,7 +112,7 @@ def _struck(case: Case, blank: Row) -> Row:
         observer = _Watcher(moment) if fault.name == "watcher fails" else None
         run, said = None, ()
         try:
-            run = pipeline.run(settings, observer)
+            run = pipeline.run(settings, Audience(observer))
         except PalpateError as error:
             status, said = type(error).__name__, (str(error)[:300],)
         else:

@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from palpate import pipeline, stages
+from palpate import pipeline
 from palpate.cells.simulated import SimulatedCell, simulated_cell
 from palpate.estimation.estimate import Estimate
 from palpate.estimation.load.feeling import feeling
@@ -27,6 +27,7 @@ from palpate.robots.simulated.noise.models import noise_models
 from palpate.runs.run import Run
 from palpate.scene.load import parse_scene
 from palpate.settings import Settings
+from palpate.stages.executing import cut_off
 from palpate.studies.campaign.ledger import Ledger, Row, within_time
 from palpate.studies.deceptions.world import Deception, Jump, deception, task
 from palpate.trace.mcap import read_mcap, write_mcap
@@ -177,7 +178,7 @@ def measured(case: Case, traces: Path | None = None) -> Run:
         made, cell = _planned(settings, scene_text, world_text)
         file = None if traces is None else traces / f"{_digest(case, world_text, world)}.mcap"
         if file is not None and file.exists():
-            made = stages.cut_off(replace(made, recorded=read_mcap(file)))
+            made = cut_off(replace(made, recorded=read_mcap(file)))
         else:
             made = pipeline.execute(made, cell)
             _keep(made.trace, file)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, cast
 
-from palpate import pipeline, stages
+from palpate import pipeline
 from palpate.errors import InputError
 from palpate.planning.model.answer import read_answer
 from palpate.planning.model.prompt.compose import checked_style
@@ -20,6 +20,7 @@ from palpate.scenarios.catalogue import Scenario, scenario
 from palpate.scene.poses import Poses, read_poses
 from palpate.scene.scene import Scene
 from palpate.settings import Settings
+from palpate.stages.workplace import pictures_of
 from palpate.studies.planners.judgement import Ruling, is_valid, rule
 from palpate.studies.planners.trials import Found, Record, Trial
 from palpate.twin.twin import build_twin
@@ -133,7 +134,7 @@ def _pictures(task: Scenario) -> tuple[bytes, ...]:
     """PNGs of the simulated workspace of a scenario."""
     settings = task.settings()
     poses = read_poses(settings.poses) if settings.poses else Poses()
-    return stages.pictures_of(settings, pipeline.load(settings), poses)
+    return pictures_of(settings, pipeline.load(settings), poses)
 
 
 def _judged(run: Run, task: Scenario, looks: bool) -> tuple[Run, Ruling]:

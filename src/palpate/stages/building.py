@@ -1,0 +1,74 @@
+"""The sixth stage: the twin is written, and touched in simulation as the real things were."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import partial
+from typing import TYPE_CHECKING
+
+from palpate.audience import SILENT, Audience
+from palpate.execution.part import part_of
+from palpate.interrupt import interrupts
+from palpate.planning.plan import Plan
+from palpate.runs.run import Run
+from palpate.scene.scene import Scene
+from palpate.stages.executing import perform
+from palpate.twin.twin import build_twin as build
+from palpate.twin.twin import touch
+from palpate.twin.validate import compared_until
+
+if TYPE_CHECKING:
+    from mujoco import MjSpec
+
+    from palpate.trace.samples import Trace
+
+
+def build_twin(made: Run, audience: Audience = SILENT) -> Run:
+    """From estimates to a twin of the scene as it was believed in the end."""
+    if made.trace is None:
+        return made
+    audience.progress("building the twin")
+    scene = made.scene
+    if made.seen and made.final_state is not None:
+        scene = made.final_state.scene
+    twin = build(scene, made.estimates)
+    return replace(made, scene=scene, twin=twin)
+
+
+def touch_twin(made: Run, planned_in: Scene, audience: Audience = SILENT) -> Run:
+    """The run with its twin touched in simulation, and the scene as it was given: the plan is executed
+    again in both, as far as it is compared. `planned_in` is what its planner knew."""
+    if made.twin is None:
+        return made
+    audience.progress("touching the twin in simulation")
+    trace = made.trace
+    if trace is None:
+        return made
+    plan = _compared(made.plan, trace)
+    if plan.tree is None:
+        return made
+    again = partial(_replay, planned_in, plan)
+    return replace(made, twin=touch(made.twin, made.scene, trace, again))
+
+
+def _compared(plan: Plan, trace: Trace) -> Plan:
+    """The part of the plan that is executed again."""
+    until = compared_until(trace)
+    begun = [leaf.node for leaf in trace.leaves if leaf.start < until]
+    if len(set(begun)) != len(begun):  # it was planned again, or parts of it were repeated
+        return plan
+    return part_of(plan, begun)
+
+
+def _replay(scene: Scene, plan: Plan, world: MjSpec) -> Trace:
+    """What a perfect robot feels when the plan is executed in `world`.
+
+    Raises:
+        Interrupted: a signal came meanwhile.
+    """
+    from palpate.robots.owner.calibrated import as_measured
+    from palpate.robots.simulated.robot import MujocoRobot
+
+    robot = MujocoRobot(world, scene.pose_world_base, as_measured(scene.arm))
+    with interrupts() as signals, signals.raised():
+        return perform(plan, scene, robot).trace

@@ -1,0 +1,96 @@
+"""The fifth stage: what the trace says of each parameter."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+
+from palpate.audience import SILENT, Audience
+from palpate.cells.cell import Cell
+from palpate.errors import InputError, PalpateError
+from palpate.estimation.estimate import Estimate
+from palpate.parameter import Parameter
+from palpate.quantities.estimators import estimate_all, failed
+from palpate.runs.run import Run
+from palpate.stages.workplace import truths
+from palpate.twin.held_out import HeldOut, held_out, with_tests
+
+MADE_UP = "Simulated: the true value was drawn from priors, and is that of no real thing."
+
+
+def estimate(made: Run, cell: Cell | None, audience: Audience = SILENT) -> Run:
+    """From a trace to estimates; what is true is asked when they are made, never before."""
+    for grown in estimates(made, cell, audience):
+        made = grown
+    return made
+
+
+def estimates(made: Run, cell: Cell | None, audience: Audience = SILENT) -> Iterator[Run]:
+    """The run after every estimate, after their judgement, and then with what is true."""
+    audience.progress("estimating")
+    # The trace is read once, not for every estimate.
+    made = replace(made, estimates=(), held_out=None, recorded=made.trace)
+    for parameter in made.plan.parameters:
+        found = _estimate_of(made, parameter)
+        made = replace(made, estimates=(*made.estimates, found))
+        yield made
+    audience.progress("judging them on motions that they were not fitted to")
+    made = _judged(made)
+    yield made
+    if cell is not None:
+        yield replace(made, truth=truths(made, cell))
+
+
+def reestimate(made: Run, choice: Mapping[str, str] | None = None) -> Run:
+    """The run with its estimates made anew from its trace, in memory and without a twin: nothing
+    moves, and its folder stays as it is. `choice` names estimators by quantity.
+
+    Raises:
+        InputError: it has no trace, another version recorded it, or there is no such estimator.
+    """
+    if made.folder is not None:
+        from palpate.runs.read import require_own_version
+
+        require_own_version(made.folder)
+    trace = made.trace
+    if trace is None:
+        where = "this run" if made.folder is None else f"'{made.folder}'"
+        raise InputError(f"{where} has no trace to make estimates of: nothing was executed")
+    found = estimate_all(made.plan.parameters, trace, made.scene.bodies, choice or {})
+    told = tuple(_told(made, estimate) for estimate in found)
+    again = replace(made, recorded=trace, estimates=told, held_out=None, twin=None)
+    return _judged(again, choice)
+
+
+def _estimate_of(made: Run, parameter: Parameter) -> Estimate:
+    """The estimate of a parameter from the run's trace, whatever goes wrong on the way."""
+    if made.trace is None:
+        return failed(parameter, "Nothing was recorded.")
+    try:
+        found = estimate_all([parameter], made.trace, made.scene.bodies)[0]
+        return _told(made, found)
+    except PalpateError as error:
+        return failed(parameter, f"There is no estimator: {error}.")
+
+
+def _told(made: Run, estimate: Estimate) -> Estimate:
+    """The estimate, which says what it is not: in the twin, too, where nothing else does."""
+    estimate = made.settings.within.told(estimate)
+    if not made.drawn:
+        return estimate
+    return replace(estimate, method=f"{estimate.method} {MADE_UP}".lstrip())
+
+
+def _judged(made: Run, choice: Mapping[str, str] | None = None) -> Run:
+    """The run with its estimates judged on motions that they were not fitted to, made again by the
+    estimators that `choice` names."""
+    if made.trace is None:
+        return made
+    try:
+        held = held_out(made.scene, made.trace, made.estimates, choice)
+    except Exception as error:
+        reason = f"nothing was held out: {type(error).__name__}: {error}"
+        return replace(made, held_out=HeldOut((), (reason,)))
+    if held is None:
+        return made
+    return replace(made, held_out=held, estimates=with_tests(made.estimates, held))

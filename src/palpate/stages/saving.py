@@ -1,0 +1,99 @@
+"""The last stage: report and folder; and a run that is read from its folder again."""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from palpate.errors import InputError
+from palpate.runs.folder import default_folder, new_folder, read_json, write_json
+from palpate.runs.run import Run
+from palpate.settings import Settings, request_json, settings_from
+from palpate.stages.executing import cut_off
+
+if TYPE_CHECKING:
+    from palpate.report.writing import Darkroom
+
+
+def folder_for(settings: Settings) -> Path:
+    """The folder that the settings name, else a new one under `runs`."""
+    if settings.out is not None:
+        return settings.out
+    return default_folder(settings.scene.resolve().parent.name if settings.scene else "")
+
+
+@contextmanager
+def darkroom_for(made: Run) -> Generator[Darkroom | None]:
+    """The film of the execution in the making, where there is to be one, and later the pictures, while
+    estimates and twin are made."""
+    if made.folder is None or made.footage is None or made.settings.fast:
+        yield None
+        return
+    from palpate.report.writing import Darkroom
+
+    with Darkroom(made.footage, made.trace) as darkroom:
+        yield darkroom
+
+
+def write_report(made: Run, folder: Path, darkroom: Darkroom | None = None) -> Run:
+    """Write pictures and page of a run that is otherwise finished; what could not be made is one of
+    its shortfalls."""
+    from palpate.report.writing import write_all
+
+    shortfalls = write_all(replace(made, stage=None), folder, darkroom)
+    return replace(made, shortfalls=(*made.shortfalls, *shortfalls))
+
+
+def save(made: Run, folder: Path | None = None) -> Run:
+    """The folder of a run that is in memory: request, plan, tree, trace, result, twin, report and
+    images, all at once.
+
+    `folder` must not exist; without one it is the settings' own, else a new one under `runs`.
+
+    Raises:
+        InputError: the folder exists or cannot be made.
+    """
+    from palpate.report.writing import write_all
+    from palpate.runs.files import write_files
+
+    folder = folder or folder_for(made.settings)
+    try:
+        with new_folder(folder) as scratch:
+            write_json(scratch / "request.json", request_json(made.settings))
+            write_files(made, scratch, folder)
+            shortfalls = write_all(made, scratch, place=folder)
+    except OSError as error:
+        raise InputError(f"cannot write '{folder}': {error.strerror}") from error
+    return replace(made, folder=folder, shortfalls=(*made.shortfalls, *shortfalls))
+
+
+def reopen(folder: Path) -> Run:
+    """The run that `save` wrote into `folder`; its trace is read when first asked for.
+
+    Raises:
+        InputError: there is no such folder, or it is not a run's.
+    """
+    from palpate.runs.read import read_run
+
+    settings = settings_from(read_json(folder / "request.json"))
+    return read_run(folder, settings)
+
+
+def taken_up(folder: Path) -> Run:
+    """The run in `folder`, with all that is left to do due: nothing interrupted it, and it is in no
+    hurry.
+
+    Raises:
+        InputError: there is no such folder, or it is not a run's.
+    """
+    made = reopen(folder)
+    hurried, unhurried = made.settings.fast, replace(made.settings, fast=False)
+    made = replace(made, settings=unhurried, interrupted=None, shortfalls=())
+    if hurried and made.stage is None and made.twin is not None:
+        return replace(made, stage="building the twin")
+    if made.stage == "executing" and made.execution is None:
+        return cut_off(made)
+    return made

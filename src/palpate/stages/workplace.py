@@ -1,0 +1,121 @@
+"""The cell that the settings name: its robot, what its camera sees, what is true in it."""
+
+from __future__ import annotations
+
+import logging
+from typing import TYPE_CHECKING
+
+from palpate.cells.cell import Cell, Close
+from palpate.cells.registry import drivers
+from palpate.errors import PalpateError, Stopped, Unavailable
+from palpate.execution.recovery import Resume, confirmed
+from palpate.parameter import Parameter
+from palpate.robots.owner.registered import require_same
+from palpate.robots.robot import Recoverable, Robot
+from palpate.runs.run import Run
+from palpate.scene.poses import Poses
+from palpate.scene.scene import Scene
+from palpate.settings import Settings, noise_told
+
+if TYPE_CHECKING:
+    from palpate.pictures.footage import Footage
+
+log = logging.getLogger(__name__)
+
+
+def connected(settings: Settings, scene: Scene | None) -> Cell:
+    """The cell of the real robot that the settings name.
+
+    Raises:
+        InputError: no such URL.
+        Unavailable: no driver for it, or no answer.
+    """
+    assert settings.robot is not None
+    return drivers().connect(settings.robot, scene)
+
+
+def cell_for(settings: Settings, scene: Scene | None, seen: bool = False) -> Cell:
+    """The cell that the settings name.
+
+    Args:
+        settings: what the user asked for.
+        scene: what the robot is to work in.
+        seen: the scene was made of a picture.
+
+    Raises:
+        InputError: world and scene do not match, or what was measured is another arm's.
+        Unavailable: no driver for the robot.
+    """
+    from palpate.cells.simulated import simulated_cell
+
+    simulated = (noise_told(settings.noise), settings.seed) if settings.robot is None else None
+    require_same(settings.described_arm().config, simulated)
+    if settings.robot is not None:
+        return connected(settings, scene)
+    return simulated_cell(
+        scene,
+        settings.world,
+        noise=settings.noise,
+        seed=settings.seed,
+        seen=seen,
+        arm=settings.described_arm(),
+        root=settings.root,
+        robot_body=settings.robot_body,
+    )
+
+
+def pictures_of(settings: Settings, scene: Scene | None, poses: Poses) -> tuple[bytes, ...]:
+    """The workspace as PNGs: seen by the camera of `poses` if it has one, then, with a scene whose
+    names can be shown, from nearer; none where there is nothing to look at or no way to look."""
+    if scene is None and settings.world is None and settings.robot is None:
+        return ()
+    cell = cell_for(settings, scene)
+    taken = [cell.picture(poses.camera)]
+    if scene is not None and isinstance(cell, Close):
+        taken.append(cell.closer())
+    return tuple(picture for picture in taken if picture is not None)
+
+
+def robot_of(cell: Cell, may_resume: Resume) -> tuple[Robot, tuple[str, ...]]:
+    """The cell's robot, and what it had to get over: where it was stopped before, `may_resume` is asked
+    whether it may go on.
+
+    Raises:
+        InputError: the workplace cannot be used.
+        Unavailable: the robot is out of reach.
+    """
+    try:
+        return cell.robot(), ()
+    except Stopped as stopped:
+        if not isinstance(cell, Recoverable) or not may_resume(str(stopped)):
+            raise
+        cell.recover()
+        return cell.robot(), (confirmed(str(stopped)),)
+    except PalpateError:
+        raise
+    except Exception as error:
+        reason = f"{type(error).__name__}: {error}"
+        raise Unavailable(f"the robot cannot be used: {reason}") from error
+
+
+def footage_of(cell: Cell) -> Footage | None:
+    """What the cell's camera saw, None where it fails."""
+    try:
+        return cell.footage()
+    except Exception as error:
+        log.warning("there is no film: %s: %s", type(error).__name__, error)
+        return None
+
+
+def truths(made: Run, cell: Cell) -> dict[Parameter, tuple[float, ...]]:
+    """What is so, as far as the cell knows; asked when the estimates are made, never before."""
+    found: dict[Parameter, tuple[float, ...]] = {}
+    for estimate in made.estimates:
+        try:
+            values = cell.truth(estimate.parameter)
+        except Exception as error:
+            log.warning("the truth is not known: %s: %s", type(error).__name__, error)
+            break
+        if values is not None:
+            found[estimate.parameter] = values
+    return found
