@@ -9,6 +9,7 @@ from rs_bpe.bpe import openai
 
 import palpate
 from palpate.errors import InputError
+from palpate.pictures import annotate
 from palpate.planning.check import rules
 from palpate.planning.check.check import PLAN_RULES, REJECTION_RULES, WALK_RULES, check
 from palpate.planning.check.rules import CATALOGUE
@@ -194,6 +195,11 @@ SUBJECTS = {
 @pytest.mark.parametrize("subject", SUBJECTS)
 def test_what_requests_mean_is_told(subject: str) -> None:
     assert SUBJECTS[subject] in system_prompt(vocabulary())
+
+
+@pytest.mark.parametrize("style", STYLES)
+def test_what_is_drawn_into_a_picture_is_told_with_the_grids_own_step(style: Style) -> None:
+    assert f"lines {annotate.STEP:g} m apart" in system_prompt(vocabulary(), (), style)
 
 
 def test_the_lean_prompt_has_the_papers_modules_and_no_recipe() -> None:

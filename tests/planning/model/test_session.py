@@ -13,7 +13,7 @@ from palpate.planning.model import session as session_module
 from palpate.planning.model.conversation import Conversation
 from palpate.planning.model.flat import flat_schema
 from palpate.planning.model.picture import Picture
-from palpate.planning.model.provider import PROVIDERS, find_provider
+from palpate.planning.model.provider import Endpoint, find_provider
 from palpate.planning.model.session import Session
 from palpate.planning.model.settings import Budget
 from palpate.vocabulary.registry import vocabulary
@@ -41,11 +41,9 @@ def _environment(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def opened(server: Loopback, planner: str, budget: Budget = AMPLE, **changes: object) -> Session:
-    provider, model = find_provider(planner)
+    endpoint = Endpoint.of(planner, server.url(planner.partition(":")[0]))
     fields = {"system": "the system prompt", "pictures": [PICTURE], "schema": None} | changes
-    return Session(
-        provider, model, provider.address(server.url(provider.name)), budget=budget, **fields
-    )  # type: ignore[arg-type]
+    return Session(endpoint, budget=budget, **fields)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(
@@ -185,10 +183,8 @@ def test_a_connection_that_stalls_for_ever_ends_within_the_budget(planner: str) 
 def test_nobody_there_is_one_clear_error() -> None:
     with socket.socket() as unused:
         unused.bind(("127.0.0.1", 0))
-        provider = PROVIDERS["openai"]
-        session = Session(
-            provider, "m", f"http://127.0.0.1:{unused.getsockname()[1]}/v1", "S", [], None, AMPLE
-        )
+        nowhere = Endpoint.of("openai:m", f"http://127.0.0.1:{unused.getsockname()[1]}/v1")
+        session = Session(nowhere, "S", [], None, AMPLE)
         with pytest.raises(Unavailable, match="cannot be reached"):
             session.ask("m")
 

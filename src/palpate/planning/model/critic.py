@@ -16,7 +16,7 @@ from palpate.planning.model.answer import json_objects
 from palpate.planning.model.conversation import Conversation, Critique
 from palpate.planning.model.picture import Picture
 from palpate.planning.model.prompt.compose import fenced
-from palpate.planning.model.provider import Provider, find_provider
+from palpate.planning.model.provider import Endpoint
 from palpate.planning.model.session import Session
 from palpate.planning.model.settings import Budget, ModelSettings
 from palpate.planning.plan import Plan, plan_json
@@ -29,9 +29,7 @@ LONGEST_OBJECTION = 1000
 class Critic:
     """Who is asked, with what the planner was shown; one call is one question."""
 
-    provider: Provider
-    model: str
-    address: str | None
+    endpoint: Endpoint
     budget: Budget
     message: str
     pictures: Sequence[Picture]
@@ -41,7 +39,7 @@ class Critic:
     def of(
         cls,
         settings: ModelSettings,
-        planner: Provider,
+        planner: Endpoint,
         message: str,
         pictures: Sequence[Picture],
         conversation: Conversation,
@@ -54,21 +52,18 @@ class Critic:
         """
         if settings.critic is None:
             return None
-        provider, model = find_provider(settings.critic)
-        provider.require_key()
-        address = provider.address(settings.base_url if provider == planner else None)
-        return cls(provider, model, address, settings.budget, message, pictures, conversation)
+        shared = settings.critic.partition(":")[0] == planner.provider.name
+        endpoint = Endpoint.of(settings.critic, settings.base_url if shared else None)
+        return cls(endpoint, settings.budget, message, pictures, conversation)
 
     def __call__(self, plan: Plan) -> str | None:
         """What it objects to; None for nothing. The conversation keeps what it said."""
-        asked = f"{self.provider.name}:{self.model}"
+        asked = self.endpoint.name
         folder = resources.files("palpate.planning.model.prompt")
         system = folder.joinpath("critic.md").read_text(encoding="utf-8")
         shown = fenced(json.dumps(plan_json(plan), ensure_ascii=False), "json")
         message = f"{self.message}\n\n# The plan\n{shown}\n\nIs there an objection?"
-        session = Session(
-            self.provider, self.model, self.address, system, self.pictures, None, self._left()
-        )
+        session = Session(self.endpoint, system, self.pictures, None, self._left())
         try:
             if spent := self.budget.exhausted(self.conversation):
                 raise Unavailable(spent)

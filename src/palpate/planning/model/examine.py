@@ -12,7 +12,7 @@ from palpate.errors import Unavailable
 from palpate.planning.model.conversation import Answer
 from palpate.planning.model.picture import Picture
 from palpate.planning.model.prompt.compose import fenced, system_prompt
-from palpate.planning.model.provider import PROVIDERS, Provider
+from palpate.planning.model.provider import PROVIDERS, Endpoint, Provider
 from palpate.planning.model.session import Session
 from palpate.planning.model.settings import Budget
 from palpate.planning.model.wire import ReplyTooLarge, bounded_client
@@ -63,7 +63,7 @@ def examine(planner: str, base_url: str | None, seconds: float) -> Iterator[Line
     else:
         yield _listed(provider, model, models)
     if model:
-        yield from _pinged(provider, model, address, seconds)
+        yield from _pinged(Endpoint(provider, model, address), seconds)
 
 
 def _listed(provider: Provider, model: str, models: tuple[str, ...]) -> Line:
@@ -78,11 +78,11 @@ def _listed(provider: Provider, model: str, models: tuple[str, ...]) -> Line:
     return False, "models", f"there is no '{model}'; there are: {there}{get}"
 
 
-def _pinged(provider: Provider, model: str, address: str | None, seconds: float) -> Iterator[Line]:
+def _pinged(endpoint: Endpoint, seconds: float) -> Iterator[Line]:
     """Whether it answers a line, reads as much as a prompt is long, and sees what a picture shows."""
 
     def asked(question: str, *pictures: Picture) -> tuple[str, Answer]:
-        session = Session(provider, model, address, "", pictures, None, Budget(seconds=seconds))
+        session = Session(endpoint, "", pictures, None, Budget(seconds=seconds))
         answer = session.ask(question)
         return " ".join(answer.text.split())[:60], answer
 
@@ -91,7 +91,7 @@ def _pinged(provider: Provider, model: str, address: str | None, seconds: float)
     except Unavailable as error:
         yield False, "answer", str(error)
         return
-    of = answer.model or model
+    of = answer.model or endpoint.model
     yield bool(said), "answer", f"'{said}' in {answer.seconds:.1f} s from {of}"
     try:
         said, answer = asked(_long())

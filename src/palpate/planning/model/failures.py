@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from palpate.planning.model.provider import Provider
+from palpate.planning.model.provider import Endpoint
 from palpate.planning.model.wire import is_too_large
 from palpate.redaction import redact
 
@@ -29,7 +29,7 @@ def may_pass(error: ModelAPIError) -> bool:
     return isinstance(error, kinds) and not is_too_large(error)
 
 
-def reason(error: ModelAPIError, provider: Provider, model: str) -> str:
+def reason(error: ModelAPIError, endpoint: Endpoint) -> str:
     """What went wrong and what to do about it, without the provider's own text where that may be
     long."""
     from pydantic_ai import exceptions as e
@@ -38,11 +38,9 @@ def reason(error: ModelAPIError, provider: Provider, model: str) -> str:
     if is_too_large(error):
         return TOO_LARGE
     if isinstance(error, e.ModelAuthenticationError):
-        return f"the key was refused{status}; check {provider.key_variables[0]} and what it may use"
+        return f"the key was refused{status}; check {endpoint.provider.key_variables[0]} and what it may use"
     if isinstance(error, e.ModelNotFoundError):
-        return (
-            f"there is no model '{model}' at this address{status}; check the name and the base URL"
-        )
+        return f"there is no model '{endpoint.model}' at this address{status}; check the name and the base URL"
     if isinstance(error, e.ModelQuotaExceededError):
         return f"quota or credit is used up{status}; see your account with the provider"
     if isinstance(error, e.ModelRateLimitError):

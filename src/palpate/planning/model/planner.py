@@ -19,7 +19,7 @@ from palpate.planning.model.conversation import Conversation, converse
 from palpate.planning.model.critic import Critic
 from palpate.planning.model.picture import picture
 from palpate.planning.model.prompt.compose import Prompt, compose
-from palpate.planning.model.provider import find_provider
+from palpate.planning.model.provider import Endpoint
 from palpate.planning.model.session import Session
 from palpate.planning.model.settings import ModelSettings
 from palpate.planning.plan import Plan
@@ -72,21 +72,17 @@ class VlmPlanner:
         """
         self._challenged = False
         self.images = tuple(images)
-        provider, model = find_provider(self.model)
-        provider.require_key()
         settings = self.model_settings
+        endpoint = Endpoint.of(self.model, settings.base_url)
         prompt = self._prompt(request or "", scene, images)
         pictures = [picture(path) for path in prompt.images]
         shown = tuple(each.note() for each in pictures)
-        self.conversation = Conversation(f"{provider.name}:{model}", prompt.system, shown)
+        self.conversation = Conversation(endpoint.name, prompt.system, shown)
         schema = None
         if settings.native:
             schema = flat.flat_schema(vocabulary(), with_scene=scene is None)
-        address = provider.address(settings.base_url)
-        session = Session(
-            provider, model, address, prompt.system, pictures, schema, settings.budget
-        )
-        critic = Critic.of(settings, provider, prompt.user, pictures, self.conversation)
+        session = Session(endpoint, prompt.system, pictures, schema, settings.budget)
+        critic = Critic.of(settings, endpoint, prompt.user, pictures, self.conversation)
         plan = converse(
             self.conversation,
             prompt.user,

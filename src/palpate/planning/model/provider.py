@@ -115,6 +115,32 @@ PROVIDERS = {
 """`compatible` is any other server that speaks OpenAI chat completions, such as llama.cpp's."""
 
 
+@dataclass(frozen=True, slots=True)
+class Endpoint:
+    """A model where it is asked: whose it is, its name, and the address, None for the SDK's own."""
+
+    provider: Provider
+    model: str
+    address: str | None
+
+    @classmethod
+    def of(cls, planner: str, base_url: str | None = None) -> Endpoint:
+        """Where `PROVIDER:MODEL` or `PROVIDER` is asked.
+
+        Raises:
+            InputError: unknown provider, no model where there is no default, or no address.
+            Unavailable: the provider needs a key and the environment has none.
+        """
+        provider, model = find_provider(planner)
+        provider.require_key()
+        return cls(provider, model, provider.address(base_url))
+
+    @property
+    def name(self) -> str:
+        """`PROVIDER:MODEL`."""
+        return f"{self.provider.name}:{self.model}"
+
+
 def find_provider(planner: str) -> tuple[Provider, str]:
     """Provider and model of `PROVIDER:MODEL` or `PROVIDER`.
 

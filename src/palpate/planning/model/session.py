@@ -21,7 +21,7 @@ from palpate.errors import PalpateError, Unavailable
 from palpate.planning.model.conversation import Answer
 from palpate.planning.model.failures import NOT_THE_API, TOO_LARGE, may_pass, reason
 from palpate.planning.model.picture import Picture
-from palpate.planning.model.provider import Provider
+from palpate.planning.model.provider import Endpoint
 from palpate.planning.model.sdk import sdk_model
 from palpate.planning.model.settings import Budget
 from palpate.planning.model.wire import bounded_client, is_too_large
@@ -45,9 +45,7 @@ LONGEST_ANSWER = 16_000
 class Session:
     """The dialogue as the provider sees it: the messages so far, and the time that is left."""
 
-    provider: Provider
-    model: str
-    address: str | None
+    endpoint: Endpoint
     system: str
     pictures: Sequence[Picture]
     schema: dict[str, Any] | None
@@ -67,9 +65,10 @@ class Session:
         try:
             response, requests = asyncio.run(self._exchange(message))
         except ImportError:
+            provider = self.endpoint.provider
             raise Unavailable(
-                f"the planner '{self.provider.name}' needs its SDK: "
-                f"pip install 'palpate[{self.provider.extra}]'"
+                f"the planner '{provider.name}' needs its SDK: "
+                f"pip install 'palpate[{provider.extra}]'"
             ) from None
         answer = _answer(response, time.monotonic() - started, requests)
         self.tokens += answer.input_tokens + answer.output_tokens
@@ -103,7 +102,7 @@ class Session:
         async with bounded_client(self._patience()) as client:
             try:
                 return await model_request(
-                    sdk_model(self.provider, self.model, self.address, client),
+                    sdk_model(self.endpoint, client),
                     self.messages,
                     model_settings=self._settings(),
                     model_request_parameters=self._parameters(),
@@ -152,7 +151,7 @@ class Session:
         Raises:
             Unavailable: repeating does not help, or there is no time for it.
         """
-        what = reason(error, self.provider, self.model)
+        what = reason(error, self.endpoint)
         if not may_pass(error):
             raise self._failure(what) from None
         if attempt > len(BACKOFF):
@@ -168,7 +167,7 @@ class Session:
         raise self._failure(f"{what}; {of_budget}") from None
 
     def _failure(self, reason: str) -> Unavailable:
-        return Unavailable(redact(f"{self.provider.name}:{self.model}: {reason}"))
+        return Unavailable(redact(f"{self.endpoint.name}: {reason}"))
 
 
 def _without_keys(response: ModelResponse) -> ModelResponse:
