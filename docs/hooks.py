@@ -11,7 +11,7 @@ from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
 from typer.cli import get_docs_for_click
 
-from palpate.cli.commands import app
+from palpate.cli.app import app
 from palpate.scene.poses import Poses
 
 

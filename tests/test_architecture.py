@@ -182,8 +182,8 @@ def test_no_modules_import_each_other_in_a_circle() -> None:
     "statement",
     [
         "import palpate",
-        "from palpate.cli.commands import app; app(['--help'], standalone_mode=False)",
-        "from palpate.cli.commands import app; app(['run', '--help'], standalone_mode=False)",
+        "from palpate.cli.app import app; app(['--help'], standalone_mode=False)",
+        "from palpate.cli.app import app; app(['run', '--help'], standalone_mode=False)",
     ],
 )
 def test_the_way_in_loads_nothing_heavy(statement: str) -> None:

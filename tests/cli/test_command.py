@@ -13,7 +13,7 @@ import typer
 
 from palpate.cli import console
 from palpate.cli.command import command
-from palpate.cli.options import DEFAULT_ARM
+from palpate.cli.options.scene import DEFAULT_ARM
 from palpate.errors import InputError, Unavailable
 from palpate.robots.registry import DEFAULT
 

@@ -7,7 +7,7 @@ from PIL import Image
 from typer.testing import CliRunner
 
 import palpate as pp
-from palpate.cli.commands import app
+from palpate.cli.app import app
 from palpate.scenarios.catalogue import scenario
 
 SEEN = scenario("from_picture")

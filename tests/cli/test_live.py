@@ -5,7 +5,7 @@ import sys
 import pytest
 from typer.testing import CliRunner
 
-from palpate.cli.commands import app
+from palpate.cli.app import app
 
 
 def test_without_viser_it_is_said_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:

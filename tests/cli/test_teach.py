@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from palpate.cli.commands import app
+from palpate.cli.app import app
 from palpate.scene.load import load_scene
 from tests.fci.served import own_address, served
 

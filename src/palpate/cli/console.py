@@ -52,6 +52,11 @@ def say(line: str) -> None:
         print(f"palpate: {visible(line)}", file=sys.stderr, flush=True)
 
 
+def aside(line: str) -> None:
+    """One dim line on stderr: how far something is, or where something lies."""
+    err.print(Text(line, "dim"), soft_wrap=True)
+
+
 @contextmanager
 def printing() -> Generator[None]:
     """Results are printed inside the block: where they cannot be, a line says so, and the exit

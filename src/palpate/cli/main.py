@@ -25,7 +25,7 @@ def main() -> None:
     with interrupts(ending_signals()) as signals, signals.noted():
         try:
             _without_broken_opengl()
-            from palpate.cli.commands import app
+            from palpate.cli.app import app
 
             status = app(standalone_mode=False)
         except KeyboardInterrupt:

@@ -10,7 +10,7 @@ from loopback import MODEL, Fails, Loopback, Reply, Request, Says, Sends
 from PIL import Image
 from typer.testing import CliRunner
 
-from palpate.cli.commands import app
+from palpate.cli.app import app
 from palpate.planning.model import session as session_module
 
 pytest.importorskip("pydantic_ai")

@@ -17,7 +17,7 @@ from palpate.errors import Unavailable
 from palpate.live.console import SafeConsole
 
 if TYPE_CHECKING:
-    from palpate.cli.options import WatchOptions
+    from palpate.cli.options.motion import WatchOptions
     from palpate.estimation.estimate import Estimate
     from palpate.execution.runner import Observer
     from palpate.interrupt import Interrupts

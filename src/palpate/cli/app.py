@@ -1,0 +1,68 @@
+"""`palpate`: its commands, in the order in which its help lists them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Annotated
+
+import typer
+
+from palpate import __version__
+from palpate.cli.command import command
+from palpate.cli.commands import arms, plans, running, scenes, stored
+from palpate.cli.study.app import app as studies
+
+COMMANDS: dict[str, Callable[..., None]] = {
+    "demo": running.demo,
+    "scenarios": scenes.scenarios,
+    "run": running.run,
+    "init": scenes.init,
+    "gap": scenes.gap,
+    "plan": plans.plan,
+    "prompt": plans.prompt,
+    "check": plans.check,
+    "execute": running.execute,
+    "report": stored.report,
+    "estimate": stored.estimate,
+    "fuse": stored.fuse,
+    "compare": stored.compare,
+    "open": stored.open_report,
+    "export": stored.export,
+    "vocabulary": plans.vocabulary,
+    "calibrate": arms.calibrate,
+    "teach": arms.teach,
+    "doctor": arms.doctor,
+}
+
+app = typer.Typer(
+    name="palpate",
+    no_args_is_help=True,
+    rich_markup_mode="rich",
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+    help="Physics-accurate digital twins by touch: say what you want to simulate, and a robot measures only what your "
+    "MuJoCo scene does not know yet.",
+    epilog="Exit status: 0 every parameter identified · 1 finished, but a parameter is not, or wider than "
+    "--within asks · 2 bad input · 3 no plan (the explanation says why) · 4 interrupted, or stopped safely · "
+    "5 planner or robot unavailable.",
+)
+
+
+def _version(value: bool) -> None:
+    if value:
+        print(f"palpate {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def root(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version.")
+    ] = False,
+) -> None:
+    """Options of palpate itself."""
+
+
+for name, function in COMMANDS.items():
+    command(app, name)(function)
+app.add_typer(studies, name="study")

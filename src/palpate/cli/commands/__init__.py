@@ -1,0 +1,3 @@
+"""The commands, a family a module. Heavy imports happen inside the commands, so that `--help` answers
+at once.
+"""

@@ -1,0 +1,112 @@
+"""Commands about runs that are finished, or were cut off: what lies in their folders."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from palpate.cli.options.results import AsJson, EstimatorNames, RunFolder, by_quantity
+from palpate.interrupt import interrupts
+
+
+def report(
+    folder: RunFolder,
+    *,
+    as_json: AsJson = False,
+) -> None:
+    """Finish a run that was cut off, or was in a hurry (--fast), and write its report anew."""
+    from palpate.api import finish
+    from palpate.cli.show.run import live_view, show_ended
+
+    with interrupts() as signals, signals.noted():
+        with live_view() as (_, say):
+            done = finish(folder, say)
+        raise typer.Exit(show_ended(done, as_json))
+
+
+def estimate(
+    folder: RunFolder, *, estimator: EstimatorNames = None, as_json: AsJson = False
+) -> None:
+    """Make the estimates of a stored trace anew: nothing moves, and the run folder stays as it is."""
+    import palpate as pp
+    from palpate.cli.show.run import show_run
+
+    found = pp.open(folder).estimate(by_quantity("estimator", estimator or ()))
+    show_run(found, as_json)
+    raise typer.Exit(0 if all(one.identified for one in found.estimates) else 1)
+
+
+def fuse(
+    folders: Annotated[
+        list[Path], typer.Argument(metavar="RUN RUN…", help="Run folders of one scene.")
+    ],
+    *,
+    out: Annotated[
+        Path | None, typer.Option("--out", metavar="DIR", help="Folder for result.json and twin.")
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Make one estimate of several runs; what they have in common is not averaged away."""
+    import palpate as pp
+    from palpate.cli.show.stored import show_fusion
+
+    fusion = pp.fuse(folders)
+    if out is not None:
+        fusion = fusion.save(out)
+    show_fusion(fusion, as_json)
+    raise typer.Exit(0 if fusion.identified else 1)
+
+
+def compare(
+    folders: Annotated[
+        list[Path], typer.Argument(metavar="RUN RUN…", help="Run folders of the same things.")
+    ],
+    *,
+    as_json: AsJson = False,
+) -> None:
+    """Show what several runs say of the same parameters, and how far they are apart."""
+    import palpate as pp
+    from palpate.cli.show.comparison import show_comparison
+    from palpate.runs.compare import compare_runs
+
+    show_comparison(compare_runs([pp.open(folder) for folder in folders]), as_json)
+
+
+def open_report(
+    folder: RunFolder,
+    *,
+    live: Annotated[
+        bool, typer.Option("--live", help="Play the run again on a page instead.")
+    ] = False,
+) -> None:
+    """Open a run's report in the browser."""
+    import palpate as pp
+    from palpate.cli.show.browser import show_report
+    from palpate.cli.show.run import live_page, play_again
+
+    if not live:
+        show_report(folder)
+        return
+    with interrupts() as signals, signals.noted(), live_page(live) as page:
+        assert page is not None
+        play_again(page, pp.open(folder), signals)
+
+
+def export(
+    folder: RunFolder,
+    *,
+    to: Annotated[str, typer.Option("--to", metavar="FORMAT", help="mjcf | urdf | usd")],
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", metavar="DIR", help="Folder to make (default: RUN/export-FORMAT)."),
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Hand a run's twin to another simulator; what is written is read back and compared."""
+    import palpate as pp
+    from palpate.cli.show.stored import show_export
+
+    run = pp.open(folder)
+    show_export(run, run.export(to, out), as_json)

@@ -1,0 +1,101 @@
+"""Options that say what is asked, of which scene, for which arm."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from palpate.errors import InputError
+
+if TYPE_CHECKING:
+    from palpate.settings import Settings
+
+
+Request = Annotated[
+    str | None, typer.Option("-r", "--request", help="What you want to simulate, in your words.")
+]
+SceneFile = Annotated[
+    Path | None, typer.Option("--scene", help="Your MJCF; what is absent or '?' is unknown.")
+]
+Images = Annotated[
+    list[Path] | None, typer.Option("--image", help="Picture of the workspace; may be repeated.")
+]
+Root = Annotated[
+    Path | None,
+    typer.Option(
+        "--root",
+        metavar="DIR",
+        help="Folder that the scene's files may lie in (default: its repository, home or folder).",
+    ),
+]
+RobotBody = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--robot-body",
+        metavar="NAME",
+        help="Body that the scene's own robot begins with, which the arm takes the place of, or 'none'; may be "
+        "repeated (default: what actuators drive, or ends in a hand).",
+    ),
+]
+Poses = Annotated[
+    Path | None, typer.Option("--poses", help="poses.yaml: objects, places, offsets.")
+]
+Arm = Annotated[
+    str,
+    typer.Option("--arm", metavar="NAME|PATH/", help="Arm, by name or by a description's folder."),
+]
+DEFAULT_ARM = "fr3"
+"""`robots.registry.DEFAULT`, written here so that a command's help need not load the robots."""
+World = Annotated[
+    Path | None, typer.Option("--world", help="MJCF of the hidden world of the embedded robot.")
+]
+
+
+@dataclass(frozen=True)
+class SceneOptions:
+    """What is asked, of which scene, for which arm."""
+
+    given: Annotated[
+        Path | None, typer.Argument(metavar="[SCENE]", help="Your MJCF, as --scene.")
+    ] = None
+    request: Request = None
+    scene: SceneFile = None
+    image: Images = None
+    poses: Poses = None
+    root: Root = None
+    robot_body: RobotBody = None
+    arm: Arm = DEFAULT_ARM
+
+    def settings(self) -> Settings:
+        """Settings with these, and defaults for everything else.
+
+        Raises:
+            InputError: two scenes.
+        """
+        from palpate.settings import Settings
+
+        if self.given is not None and self.scene is not None:
+            raise InputError(f"two scenes, '{self.given}' and '{self.scene}': give one")
+        return Settings(
+            request=self.request,
+            scene=self.given or self.scene,
+            images=tuple(self.image or ()),
+            poses=self.poses,
+            root=self.root,
+            robot_body=tuple(self.robot_body or ()),
+            arm=self.arm,
+        )
+
+
+@dataclass(frozen=True)
+class GivenScene:
+    """A scene that something is already known to be done in, and the arm."""
+
+    scene: SceneFile = None
+    poses: Poses = None
+    root: Root = None
+    robot_body: RobotBody = None
+    arm: Arm = DEFAULT_ARM

@@ -1,0 +1,189 @@
+"""What the studies are asked with: options that several of them share."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from palpate.cli.console import Ticker, aside
+from palpate.cli.options.model import BaseUrl, CriticModel
+from palpate.cli.options.motion import NoiseLevel, RobotConfig
+from palpate.cli.options.results import Widths, widths
+from palpate.cli.options.scene import Request
+from palpate.errors import InputError
+
+if TYPE_CHECKING:
+    from palpate.studies.accuracy import Question
+    from palpate.studies.campaign.campaign import Order
+    from palpate.studies.planners.attempt import Conditions
+    from palpate.studies.scores.kept import Runs
+
+
+CORES = os.cpu_count() or 1
+Names = Annotated[list[str] | None, typer.Argument(metavar="[SCENARIO]...")]
+Tasks = Annotated[
+    list[str] | None,
+    typer.Argument(
+        metavar="[SCENARIO]...", help="all | kinds (one of each kind) | names [bottle_and_table]"
+    ),
+]
+FIRST = ["bottle_and_table"]
+Seeds = Annotated[int, typer.Option("--seeds", min=1)]
+Seed = Annotated[int, typer.Option("--seed", min=0)]
+Workers = Annotated[int, typer.Option("--workers", help="Processes.", min=1)]
+Planners = Annotated[
+    list[str],
+    typer.Option("--planner", help="Planner to study, e.g. openai:MODEL; may be repeated."),
+]
+Trials = Annotated[int, typer.Option("--trials", min=1)]
+InFlight = Annotated[int, typer.Option("--workers", help="Requests in flight.", min=1, max=64)]
+Results = Annotated[
+    Path, typer.Option("--out", help="File the results are appended to; run again to go on.")
+]
+Images = Annotated[
+    list[Path] | None, typer.Option("--image", help="Picture (default: rendered from the world).")
+]
+Prompts = Annotated[
+    list[str] | None,
+    typer.Option("--prompt", metavar="full|lean", help="Which prompt [full]; may be repeated."),
+]
+Feedback = Annotated[
+    int, typer.Option("--feedback", min=0, max=10, help="Rounds of feedback; the paper has none.")
+]
+Dollars = Annotated[
+    float,
+    typer.Option("--budget-dollars", min=0, help="Most that one plan may cost, by list prices."),
+]
+
+
+@dataclass(frozen=True)
+class AskedOptions:
+    """What scenarios are run with, besides what they say themselves."""
+
+    noise: NoiseLevel = "lab"
+    request: Request = None
+    within: Widths = None
+    robot_config: RobotConfig = None
+
+    def changes(self) -> dict[str, Any]:
+        """As fields of the settings."""
+        found: dict[str, Any] = {"noise": self.noise}
+        if self.request is not None:
+            found["request"] = self.request
+        if self.within:
+            found["within"] = widths(self.within)
+        if self.robot_config is not None:
+            found["robot_config"] = self.robot_config.absolute()
+        return found
+
+
+@dataclass(frozen=True)
+class SeedOptions:
+    """Over which seeds, by whom, and where they are kept."""
+
+    seeds: Seeds = 20
+    first_seed: Annotated[int, typer.Option("--first-seed", help="The first one.", min=0)] = 0
+    workers: Annotated[
+        int | None,
+        typer.Option("--workers", min=1, help="At once (default: one for each processor)."),
+    ] = None
+    cluster: Annotated[
+        str,
+        typer.Option(
+            "--cluster",
+            metavar="ADDRESS",
+            help="Ray cluster: auto | HOST:PORT | ray://HOST:PORT | local, which is none.",
+        ),
+    ] = "local"
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            "--out", help="Folder of the rows and of a page with plots; run again to go on."
+        ),
+    ] = None
+
+    def runs(self, questions: Sequence[Question]) -> Runs:
+        """The runs of all questions."""
+        from palpate.studies.engine.cluster import crew
+        from palpate.studies.scores.kept import measure
+
+        seeds = range(self.first_seed, self.first_seed + self.seeds)
+        ticker = Ticker()
+        try:
+            with crew(self.cluster, self.workers) as workers:
+                return measure(questions, seeds, workers, self.out, ticker)
+        finally:
+            ticker.end()
+
+    def page(self) -> None:
+        """Write the page of all that the folder holds, where there is one."""
+        from palpate.studies.scores.page import write_page
+
+        if self.out is not None and (page := write_page(self.out)):
+            aside(f"page: {page}")
+
+
+@dataclass(frozen=True)
+class TrialOptions:
+    """What all trials of a study of planners share."""
+
+    image: Images = None
+    noise: NoiseLevel = "lab"
+    base_url: BaseUrl = None
+    feedback: Feedback = 0
+    budget_dollars: Dollars = 2
+    prompt: Prompts = None
+    critic: CriticModel = None
+
+    def conditions(self) -> Conditions:
+        """As the studies take them."""
+        from palpate.studies.planners.attempt import Conditions
+        from palpate.tools import model_settings
+
+        asking = model_settings(
+            self.base_url, rounds=self.feedback, critic=self.critic, dollars=self.budget_dollars
+        )
+        return Conditions(tuple(self.image or ()), self.noise, asking)
+
+
+@dataclass(frozen=True)
+class FaultOptions:
+    """What is to go wrong, besides the mishaps."""
+
+    kind: Annotated[
+        str,
+        typer.Option(
+            "--kind",
+            help="mishaps, plans, nasty, runtime, signals, poses, obstacles, "
+            "cautious, light or inputs.",
+        ),
+    ] = "mishaps"
+    count: Annotated[
+        int | None, typer.Option("--count", min=1, help="Cases (plans: 10000 to be checked).")
+    ] = None
+    execute: Annotated[
+        int, typer.Option("--execute", min=0, help="Of --kind plans: how many are executed.")
+    ] = 0
+    bypass_check: Annotated[
+        bool, typer.Option("--bypass-check", help="As many again of those that are refused.")
+    ] = False
+    seed: Seed = 0
+    case: Annotated[
+        str | None, typer.Option("--case", help="Repeat one case, by its number or name.")
+    ] = None
+    out: Annotated[Path | None, typer.Option("--out", help="Folder of the rows and the page.")] = (
+        None
+    )
+
+    def order(self, workers: int) -> Order:
+        """As the campaign takes it."""
+        from palpate.studies.campaign.campaign import Order
+
+        if self.out is None:
+            raise InputError("a campaign needs a folder for its rows and its page; give one, out=")
+        return Order(self.out, self.count, self.execute, self.bypass_check, self.seed, workers)

@@ -1,0 +1,69 @@
+"""Studies over scenarios and seeds: how true the numbers are, and how long they take."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from palpate.cli.options.motion import NoiseLevel
+from palpate.cli.options.results import AsJson
+from palpate.cli.study.options import CORES, AskedOptions, Names, Seed, SeedOptions, Workers
+
+
+def accuracy(
+    names: Names = None,
+    *,
+    asked: AskedOptions,
+    over: SeedOptions,
+    every: Annotated[
+        bool, typer.Option("--all", help="Every scenario that the planner completes.")
+    ] = False,
+    as_json: AsJson = False,
+) -> None:
+    """Repeat scenarios over many seeds, against the hidden truth.
+
+    With --out every run is kept as soon as it is done, and what is there is not run again.
+    """
+    from palpate.cli.show.studies import show_seed_runs
+    from palpate.studies.accuracy import Question
+    from palpate.studies.efficiency import comparable
+
+    chosen = comparable() if every else names or ["bottle_and_table"]
+    changes = tuple(asked.changes().items())
+    try:
+        runs = over.runs([Question(name, changes) for name in chosen])
+    finally:
+        over.page()
+    found = {group.scenario: seeds for group, seeds in runs.items()}
+    show_seed_runs(found, f"--noise {asked.noise}", as_json)
+
+
+def variety(
+    *, noise: NoiseLevel = "lab", seed: Seed = 0, workers: Workers = CORES, as_json: AsJson = False
+) -> None:
+    """Ten scenes of other objects, heights and gaps, one run each."""
+    from palpate.cli.show.studies import show_seed_runs
+    from palpate.studies.variety import run_all
+
+    runs = {name: [run] for name, run in run_all(noise, seed, workers).items()}
+    show_seed_runs(runs, f"--noise {noise}", as_json)
+
+
+def efficiency(
+    names: Names = None,
+    *,
+    noise: NoiseLevel = "lab",
+    seed: Seed = 0,
+    plot: Annotated[Path | None, typer.Option("--plot", help="HTML file for the plot.")] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Actions and robot time of the symbolic planner against the exhaustive one."""
+    from palpate.cli.show.studies import show_comparisons
+    from palpate.studies import efficiency
+
+    found = efficiency.efficiency(names or efficiency.comparable(), noise, seed)
+    if plot:
+        plot.write_text(efficiency.plot(found), encoding="utf-8")
+    show_comparisons(found, efficiency.PAPER, as_json)
