@@ -7,8 +7,11 @@ import numpy as np
 import pytest
 
 from palpate import pipeline
+from palpate.geometry.pose import Pose
 from palpate.parameter import Parameter
 from palpate.planning.request.grounding import ground
+from palpate.robots.accuracy import rubbing
+from palpate.robots.trajectory import turned
 from palpate.runs.run import Run
 from palpate.scene.load import parse_scene
 from palpate.settings import Settings
@@ -31,6 +34,13 @@ def scene():
     return parse_scene(BAR.format(inertial="", mass=""))
 
 
+@pytest.fixture(scope="module")
+def across():
+    """The bar lies across the arm, and not along its reach."""
+    text = BAR.format(inertial="", mass="")
+    return parse_scene(text.replace('pos="0.5 0 0.012"', 'pos="0.5 0 0.012" euler="0 0 90"'))
+
+
 def above(scene, height, holding=None):
     """The hand over the bar, by `height` m, with it or without."""
     grasp = scene.symbols.resolve("bar_pose")
@@ -50,7 +60,7 @@ def above(scene, height, holding=None):
     )
 
 
-@pytest.mark.parametrize("primitive", [Tilt(), Tilt(about="x"), Swing()])
+@pytest.mark.parametrize("primitive", [Tilt(degrees=5.0), Tilt(about="x"), Swing()])
 @pytest.mark.parametrize("holding", [None, "bar"])
 def test_in_free_air_nothing_speaks_against_it_and_all_is_as_it_was(scene, primitive, holding):
     state = above(scene, 0.15, holding)
@@ -60,10 +70,30 @@ def test_in_free_air_nothing_speaks_against_it_and_all_is_as_it_was(scene, primi
     assert (after.at, after.holding, after.moved) == (state.at, state.holding, state.moved)
 
 
-def test_what_it_holds_must_not_come_near_anything(scene):
-    rules = {violation.rule for violation in Tilt().violations(above(scene, 0.05, "bar"))}
+def test_what_it_holds_must_not_come_near_anything(across):
+    rules = {violation.rule for violation in Tilt().violations(above(across, 0.05, "bar"))}
     assert rules == {"collision"}
-    assert Tilt(degrees=5.0).violations(above(scene, 0.05, "bar")) == []
+    assert Tilt(degrees=5.0).violations(above(across, 0.05, "bar")) == []
+
+
+def test_a_tilt_does_not_straighten_the_wrist(scene, across):
+    """There a joint that rubs is felt as a collision: tilted forwards, but not to the side."""
+    for bar, forwards, sideways in ((scene, "y", "x"), (across, "x", "y")):
+        state = above(bar, 0.15)
+        (refused,) = Tilt(about=forwards).violations(state)
+        assert refused.rule == "unreachable"
+        assert f'Tilt(about="{sideways}")' in str(refused)
+        assert Tilt(about=sideways).violations(state) == []
+
+
+def test_what_rubs_is_felt_more_the_straighter_the_wrist_is(scene):
+    level = above(scene, 0.15).pose_world_tcp
+    felt: list[float] = []
+    for degrees in (-35.0, 0.0, 20.0):
+        turn = np.radians(degrees) * np.array([[0.0, 1.0, 0.0]])
+        tilted = Pose.of(level.position, turned(level.quaternion, turn)[0])
+        felt.append(rubbing(scene.arm, scene.pose_world_base.inverse() @ tilted))
+    assert felt[0] < 2.0 < felt[1] < 3.0 < felt[2]
 
 
 def test_it_turns_at_a_pose_in_free_air(scene):

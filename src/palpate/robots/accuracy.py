@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
-from palpate.geometry.pose import Array
+from palpate.geometry.pose import Array, Pose
 from palpate.robots.description import RobotDescription
 from palpate.robots.nominal import RIDGE
-from palpate.robots.pace import jacobian
+from palpate.robots.pace import configuration, jacobian
 
 SUSTAINED = 3
 """ticks whose median is what is felt: 60 ms, in which the arm goes 1 mm at most where it feels its
 way."""
+RUBBING = 1.0
+"""N m, root of the sum of squares, with which a Franka's joints rub as its sensors see it: half of phi_1 of
+Gaz, Cognetti, Oliva, Robuffo Giordano, De Luca, RA-L 2019, doi:10.1109/LRA.2019.2931248."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -43,9 +47,30 @@ def doubt(arm: RobotDescription, q: Array, tau: Array, axis: Array) -> Doubt:
     distribution has its half width over sqrt(3) as standard deviation.
     """
     sensors, gain = arm.sensors, arm.nominal.torque_gain / np.sqrt(3.0)
-    there = jacobian(arm, q)
-    levers = np.linalg.solve(there @ there.T + RIDGE, there)[3:].T @ axis
+    levers = _moments(arm, q).T @ axis
     relative = np.hypot(gain, sensors.link_mass)
     noise = sensors.torque_noise / np.sqrt(SUSTAINED)
     own = np.sqrt(sensors.friction**2 + noise**2 + sensors.drift**2)
     return Doubt(relative * levers * tau, float(np.linalg.norm(own * levers)))
+
+
+def rubbing(arm: RobotDescription, pose_base_tcp: Pose) -> float:
+    """N m about the TCP that friction of `RUBBING` may be felt as at a pose, at most.
+
+    Where the wrist's first and last axis come to lie along each other, no torque of theirs tells a
+    moment across them, and what rubs is felt as any.
+    """
+    return RUBBING * _magnified(arm, tuple(pose_base_tcp.vector.round(6).tolist()))
+
+
+@lru_cache(maxsize=4096)
+def _magnified(arm: RobotDescription, pose: tuple[float, ...]) -> float:
+    """The largest moment about the TCP, N m, of joint torques of 1 N m, at a pose in the base's axes."""
+    there = Pose(np.array(pose[:3]), np.array(pose[3:]))
+    return float(np.linalg.norm(_moments(arm, configuration(arm, there)), 2))
+
+
+def _moments(arm: RobotDescription, q: Array) -> Array:
+    """(3, 7) moments about the TCP, in the base's axes, that torques of the joints are felt as."""
+    there = jacobian(arm, q)
+    return np.linalg.solve(there @ there.T + RIDGE, there)[3:]

@@ -16,6 +16,7 @@ import numpy as np
 from pydantic import Field
 
 from palpate.geometry.pose import Array, Pose
+from palpate.robots.accuracy import rubbing
 from palpate.robots.kinematics import reachable
 from palpate.robots.safety import Expectation
 from palpate.robots.sheet import Pace
@@ -46,6 +47,10 @@ SWINGS = ((2.0, 8), (4.0, 12))
 """Hz and periods at full amplitude: two frequencies, as what gives way between pads and object grows
 with the square of the frequency; below half of what the springs at the TCP let through, and in some
 seconds the white noise of a joint's torque falls to some mN m."""
+PRETENDED = 0.5
+"""part of the moment at which the arm stops itself that joints which rub may pretend."""
+STEP = math.radians(12.0)
+"""between the tilts that are judged: an arm's wrist is badly placed 19° to either side of straight."""
 SLACK = 0.9
 """part of the turning speed that a swing uses."""
 
@@ -186,6 +191,31 @@ class Tilt(_Turning):
     def turns(self, state: SymbolicState) -> list[Array]:
         angle = math.radians(self.degrees)
         return [angle * STRAIGHT[self.about], -angle * STRAIGHT[self.about]]
+
+    def requires(self, state: SymbolicState) -> list[Violation]:
+        return super().requires(state) or [*self._straightening(state)]
+
+    def _straightening(self, state: SymbolicState) -> Iterator[Violation]:
+        """That the wrist would come so near to straight that the joints' friction is felt as a collision."""
+        scene, here = state.scene, state.pose_world_tcp
+        assert here is not None
+        most = PRETENDED * scene.arm.limits.reflexes.free.torque
+        for turn in self.turns(state):
+            steps = math.ceil(float(np.linalg.norm(turn)) / STEP)
+            shares = np.linspace(0.0, 1.0, steps + 1)[1:, None]
+            for quaternion in turned(here.quaternion, shares * turn):
+                tilted = Pose.of(here.position, quaternion)
+                felt = rubbing(scene.arm, scene.pose_world_base.inverse() @ tilted)
+                if felt > most:
+                    yield Violation("unreachable", self._too_straight(state.at))
+                    return
+
+    def _too_straight(self, at: str | None) -> str:
+        other = "x" if self.about == "y" else "y"
+        return (
+            f"tilted about {self.about} by {self.degrees:g}° at '{at}', the arm's wrist comes so near to "
+            f'straight that what rubs in it is felt as a collision; Tilt(about="{other}"), or go elsewhere'
+        )
 
     def run(self, blackboard: Blackboard) -> Steps:
         robot, state = blackboard.robot, blackboard.state

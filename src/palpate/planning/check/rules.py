@@ -85,7 +85,8 @@ _FORM = {
 
 _ACTIONS = {
     "unknown-symbol": "Poses, offsets and joint configurations are named by symbols of the scene.",
-    "unreachable": "The arm reaches every pose within its workspace and joint limits.",
+    "unreachable": "The arm reaches every pose within its workspace and joint limits; Tilt keeps "
+    "the wrist from straight.",
     "unknown-start": "Where a motion begins is known: a plan starts with MoveJoints to `home_config`; turning "
     "begins at a pose.",
     "gripper-state": "Fingers close only when open, at a pose, and on an object whose middle is within "
