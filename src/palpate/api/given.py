@@ -1,0 +1,40 @@
+"""What users give, in the forms in which they give it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import fields
+from pathlib import Path
+from typing import Any
+
+from palpate.planning.planner import Planner
+
+Widths = Mapping[str, str | float]
+"""Half widths of intervals, by quantity or by parameter: `{"mass": "1g"}`, or SI numbers."""
+
+
+def is_text(source: object) -> bool:
+    """Whether it is MJCF itself and not the name of a file."""
+    return isinstance(source, str) and source.lstrip().startswith("<")
+
+
+def names(given: str | Sequence[str]) -> tuple[str, ...]:
+    """One name, or several."""
+    return (given,) if isinstance(given, str) else tuple(given)
+
+
+def path_of(file: str | Path | None) -> Path | None:
+    return Path(file) if file is not None else None
+
+
+def paths_of(files: Sequence[str | Path]) -> tuple[Path, ...]:
+    return tuple(Path(file) for file in files)
+
+
+def planner_name(planner: str | Planner) -> str:
+    return planner if isinstance(planner, str) else planner.name
+
+
+def contents_of(thing: Any) -> dict[str, Any]:
+    """What a dataclass was made of, to make one of a subclass."""
+    return {part.name: getattr(thing, part.name) for part in fields(thing) if part.init}

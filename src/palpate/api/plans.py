@@ -1,0 +1,147 @@
+"""A checked plan, and the run that it begins."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, TypedDict
+
+from palpate import pipeline
+from palpate.api.given import Widths, contents_of, is_text, path_of
+from palpate.api.runs import Run, run_of
+from palpate.audience import Audience, Confirm, Progress, quiet, unasked
+from palpate.cells.cell import Cell
+from palpate.display import table
+from palpate.execution.recovery import OnFailure
+from palpate.planning.check.check import Finding
+from palpate.planning.plan import Plan as InnerPlan
+from palpate.planning.planner import Planner
+from palpate.quantities.precision.within import Within
+from palpate.robots.owner.registered import own_arm
+from palpate.runs.run import Run as InnerRun
+from palpate.scene.load import parse_scene
+from palpate.scene.scene import Scene as InnerScene
+from palpate.scene.scene import with_real_arm
+from palpate.settings import Settings
+
+if TYPE_CHECKING:
+    from palpate.execution.runner import Observer
+
+
+@dataclass(frozen=True, repr=False)
+class Plan(InnerPlan):
+    """A checked plan, and the run that it begins."""
+
+    made: InnerRun = field(kw_only=True, compare=False)
+    """The run so far: what was asked, the scene, this plan and what is wrong with it."""
+
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        """What speaks against the plan; a plan with findings is not executed."""
+        return self.made.findings
+
+    def run(
+        self,
+        cell: Cell | None = None,
+        *,
+        world: str | Path | InnerScene | None = None,
+        robot: str | None = None,
+        noise: str = "lab",
+        seed: int = 0,
+        on_failure: OnFailure = "stop",
+        rehearse: bool | None = None,
+        within: Widths | None = None,
+        fast: bool = False,
+        confirm: Confirm = unasked,
+        observer: Observer | None = None,
+        progress: Progress = quiet,
+        out: str | Path | None = None,
+    ) -> Run:
+        """Execute the plan, estimate, and build the twin.
+
+        Args:
+            cell: the workplace; None makes the one that the next arguments describe.
+            world: MJCF of the hidden simulated world (a file, its text, or a scene); None simulates
+                the plan's scene with its unknowns drawn from priors.
+            robot: URL of a real robot.
+            noise: how the simulated robot differs from its model, a name or a FILE.yaml.
+            seed: of everything random in it.
+            on_failure: `stop`, `skip` or `replan`: what to do when an action fails.
+            rehearse: execute in simulation first; None means before a real robot moves.
+            within: half widths of 95 % intervals to reach; None keeps those that were planned for.
+            fast: leave out film and replay in the twin, which take longest and measure nothing.
+            confirm: shown the run before a real robot moves; whether it may.
+            observer: watches every tick.
+            progress: told which stage begins, e.g. `print`.
+            out: folder to write the run to, while it grows; must not exist.
+
+        Returns:
+            The finished run. Where the plan has no tree, or findings, nothing moves and its status
+            is `rejected`. What failed once something had moved, and where a Ctrl-C ended it, it
+            says itself (`shortfalls`, `interrupted`).
+
+        Raises:
+            InputError: bad input.
+            Unavailable: no such robot.
+            ExecutionAborted: not confirmed, or interrupted before anything moved.
+        """
+        if rehearse is None and cell is not None:
+            rehearse = not cell.simulated
+        world = self._read(world)
+        if isinstance(world, InnerScene):
+            from palpate.cells.simulated import simulated_cell
+
+            cell = simulated_cell(self.made.scene, world, noise=noise, seed=seed)
+            world = world.path
+        settings = replace(
+            self.made.settings,
+            world=path_of(world),
+            robot=robot,
+            noise=noise,
+            seed=seed,
+            on_failure=on_failure,
+            rehearse=rehearse,
+            fast=fast,
+            out=path_of(out),
+        ).checked(at_hand=True)
+        if within is not None:
+            settings = replace(settings, within=Within.read(within))
+        made = replace(self.made, settings=settings)
+        if robot is not None:
+            made = replace(made, scene=with_real_arm(made.scene))
+        audience = Audience(observer, progress, confirm)
+        return run_of(pipeline.carry_out(made, audience, cell, settings.out))
+
+    def _read(self, world: str | Path | InnerScene | None) -> str | Path | InnerScene | None:
+        """The hidden world; one that is given as MJCF text is read, for the plan's own arm."""
+        if not is_text(world):
+            return world
+        settings = self.made.settings
+        arm = own_arm(settings.arm, settings.cautious, None)
+        return parse_scene(str(world), arm=arm)
+
+    def _repr_html_(self) -> str:
+        rows = [(line,) for line in str(self).splitlines()[1:]]
+        return table(repr(self), ("tree",), rows)
+
+
+class RunOptions(TypedDict, total=False):
+    """The arguments of `Plan.run`, for those who pass them on."""
+
+    cell: Cell | None
+    world: str | Path | InnerScene | None
+    robot: str | None
+    noise: str
+    seed: int
+    on_failure: OnFailure
+    rehearse: bool | None
+    fast: bool
+    confirm: Confirm
+    observer: Observer | None
+    progress: Progress
+    out: str | Path | None
+
+
+def plan_of(asked: Settings, scene: InnerScene | None, planner: str | Planner) -> Plan:
+    made = pipeline.plan(asked, scene, None if isinstance(planner, str) else planner)
+    return Plan(**contents_of(made.plan), made=made)

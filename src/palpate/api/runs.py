@@ -1,0 +1,147 @@
+"""Finished runs, with what can be made of them: saved, estimated anew, exported, fused."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from palpate import pipeline
+from palpate.api.given import contents_of, path_of
+from palpate.audience import Audience, Progress, quiet
+from palpate.display import table
+from palpate.estimation.estimate import Estimate
+from palpate.runs.fuse import Fusion as InnerFusion
+from palpate.runs.fuse import fuse_runs, write_fusion
+from palpate.runs.run import Run as InnerRun
+from palpate.stages.estimating import reestimate
+
+if TYPE_CHECKING:
+    from palpate.twin.export.export import Export
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Run(InnerRun):
+    """What a run made: `run["mug.mass"]`, `run.trace`, `run.twin`. See `palpate.runs.run.Run`."""
+
+    def save(self, folder: str | Path) -> Run:
+        """Write the run folder: request, plan, tree, trace, result, twin, report and images.
+
+        Returns:
+            This run, which now knows its folder.
+
+        Raises:
+            InputError: the folder exists or cannot be made.
+        """
+        return run_of(pipeline.save(self, Path(folder)))
+
+    def estimate(self, estimators: Mapping[str, str] | None = None) -> Run:
+        """This run with its estimates made anew from its trace: nothing moves, its folder stays as
+        it is, and there is no twin of them.
+
+        Args:
+            estimators: names by quantity, `{"mass": "single-shot"}`; else the defaults.
+
+        Raises:
+            InputError: it has no trace, another version recorded it, or there is no such estimator.
+        """
+        return run_of(reestimate(self, estimators))
+
+    def export(self, to: str, folder: str | Path | None = None) -> Export:
+        """Write the twin for another simulator into a new folder, and read it back.
+
+        Args:
+            to: `mjcf` (with every file that it needs), `urdf` or `usd`.
+            folder: by default `export-FORMAT` in the run's own.
+
+        Raises:
+            InputError: it has no twin, there is no such format, or the folder exists or cannot be
+                made.
+            Unavailable: what writes the format is not installed.
+            PalpateError: what was written does not say what the twin says.
+        """
+        from palpate.runs.export import export_run
+
+        return export_run(self, to, path_of(folder))
+
+    def _repr_html_(self) -> str:
+        rows: list[tuple[str, ...]] = []
+        for estimate in self.estimates:
+            rows.append((repr(estimate).strip("<>"),))
+        return table(repr(self), ("estimates",), rows)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Fusion(InnerFusion):
+    """What several runs say together: `fusion["mug.mass"]`, `fusion.twin`. See
+    `palpate.runs.fuse.Fusion`."""
+
+    def save(self, folder: str | Path) -> Fusion:
+        """Write result and twin into a new folder.
+
+        Raises:
+            InputError: the folder exists or cannot be made.
+        """
+        write_fusion(self, Path(folder))
+        return replace(self, folder=Path(folder))
+
+    def _repr_html_(self) -> str:
+        rows = [(repr(estimate).strip("<>"),) for estimate in self.estimates]
+        return table(f"<Fusion of {len(self.runs)} runs>", ("estimates",), rows)
+
+
+def open(folder: str | Path) -> Run:
+    """The run in a folder that `Run.save` or the command line wrote.
+
+    Its trace is read when first asked for. A folder does not keep the camera's
+    footage; where the scene's file has gone since, the scene is empty.
+
+    Raises:
+        InputError: there is no such folder, or it is not a run's.
+    """
+    return run_of(pipeline.reopen(Path(folder)))
+
+
+def fuse(runs: Sequence[str | Path | InnerRun]) -> Fusion:
+    """What several runs of one scene say together.
+
+    Each parameter gets the mean of least variance of the estimates that are identified; what runs of
+    one arm, or of one scene, have in common (gains, fingertips, poses) is not averaged away. Runs
+    that disagree make it *contradicted*.
+
+    Args:
+        runs: folders, or runs at hand.
+
+    Raises:
+        InputError: fewer than two runs, runs that are not of one scene, or the same recordings twice.
+    """
+    opened = [one if isinstance(one, InnerRun) else open(one) for one in runs]
+    return Fusion(**contents_of(fuse_runs(opened)))
+
+
+def finish(folder: str | Path, progress: Progress = quiet) -> Run:
+    """Do what a run that was cut off has left to do, with what its folder holds, and write its
+    report anew.
+
+    Raises:
+        InputError: there is no such folder, or it is not a run's.
+    """
+    return run_of(pipeline.finish(Path(folder), Audience(progress=progress)))
+
+
+def run_of(made: InnerRun) -> Run:
+    """The run with its verbs; its estimates say when they come from a simulation."""
+    contents = contents_of(made)
+    if made.simulated:
+        contents["estimates"] = tuple(_Simulated(**contents_of(e)) for e in made.estimates)
+    return Run(**contents)
+
+
+class _Simulated(Estimate):
+    """An estimate of a simulated run, which says so."""
+
+    __slots__ = ()
+
+    def __repr__(self) -> str:
+        return f"{Estimate.__repr__(self)[:-1]}, simulated>"
