@@ -31,16 +31,19 @@ class Settings:
             `mjcf.reading.read_document`.
         robot_body: bodies that the scene's own robots begin with, which the arm takes the place of;
             `none`: it has none. Left empty, they are recognized (`mjcf.robots`).
-        poses: poses.yaml. images: I, picture files.
+        poses: poses.yaml.
+        images: I, picture files.
         world: MJCF of the hidden simulated world; None simulates D with its unknowns drawn from
             priors.
         robot: URL of a real robot; None is the embedded one.
-        arm: the arm's description, by name or folder. cautious: it moves slowly everywhere.
+        arm: the arm's description, by name or folder.
+        cautious: it moves slowly everywhere.
         robot_config: robot.yaml, what was measured of this very arm.
         planner: `symbolic`, `exhaustive`, `replay:FILE` or `PROVIDER:MODEL`.
-        noise: noise model of the embedded robot, by name or file. seed: of everything random in it.
-        out: run folder to make; must not exist. twin: where the twin is written besides, with the files
-            that it needs there; must not exist.
+        noise: noise model of the embedded robot, by name or file.
+        seed: of everything random in it.
+        out: run folder to make; must not exist.
+        twin: where the twin is written besides, with the files that it needs there; must not exist.
         remeasure: measure what R asks even if D states it.
         on_failure: what to do when the tree fails (see `palpate.execution.recovery`).
         rehearse: execute the plan in simulation first; None means only before a real robot moves.

@@ -67,7 +67,8 @@ def examined(
     so, or what to do about it. `may_hold` is asked whether the arm may hold itself for some seconds.
 
     Raises:
-        InputError: no such URL or arm. Unavailable: no driver, or one that can say nothing.
+        InputError: no such URL or arm.
+        Unavailable: no driver, or one that can say nothing.
     """
     driver = drivers().of(url)
     if driver.examine is None:
@@ -106,7 +107,8 @@ def guided_hand(url: str, taught: Lesson) -> GuidedHand:
     """The hand of the real robot at a URL, to be led by a person.
 
     Raises:
-        InputError: no such URL. Unavailable: no driver, no answer, or a robot that cannot be led.
+        InputError: no such URL.
+        Unavailable: no driver, no answer, or a robot that cannot be led.
     """
     driver = drivers().of(url)
     if driver.guided is None:
@@ -143,9 +145,10 @@ def check_file(
         plan: a plan, a chat's answer, or a run folder.
         scene: the MJCF it is for; without one the plan is checked against the objects that came with
             it, or, where none did, by itself.
-        poses: `poses.yaml`. arm: name of the arm, or its folder. root: the folder outside of which
-            none of the scene's files is read. robot_body: bodies that the scene's own robots begin
-            with.
+        poses: `poses.yaml`.
+        arm: name of the arm, or its folder.
+        root: the folder outside of which none of the scene's files is read.
+        robot_body: bodies that the scene's own robots begin with.
 
     Raises:
         InputError: a file that cannot be read.
@@ -202,9 +205,12 @@ def model_settings(
     """How a model is asked.
 
     Args:
-        base_url: address of its server. native: by the provider's structured output.
-        without: modules of the prompt to leave out. rounds: of feedback.
-        prompt: `full` or `lean`. critic: `PROVIDER:MODEL` of a second model that may object.
+        base_url: address of its server.
+        native: by the provider's structured output.
+        without: modules of the prompt to leave out.
+        rounds: of feedback.
+        prompt: `full` or `lean`.
+        critic: `PROVIDER:MODEL` of a second model that may object.
         budget: `seconds`, `tokens` and `dollars` that a plan may take.
 
     Raises:
@@ -284,8 +290,9 @@ def scene_from_picture(settings: Settings, folder: Path) -> Scaffold:
     would measure in it is left aside.
 
     Raises:
-        InputError: no picture, no camera, a planner that is no model, nothing seen, or a folder that
-            cannot be written. Unavailable: the model's server.
+        InputError: no picture, no camera, a planner that is no model, nothing seen, or a folder
+            that cannot be written.
+        Unavailable: the model's server.
     """
     if not settings.images or settings.poses is None:
         raise InputError(

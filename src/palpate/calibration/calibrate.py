@@ -43,7 +43,9 @@ class Wanted:
     """What is known, and what is to be done with it.
 
     Attributes:
-        weight: a known mass, kg. gauge: known heights, m. own_weight: the arm weighs itself.
+        weight: a known mass, kg.
+        gauge: known heights, m.
+        own_weight: the arm weighs itself.
     """
 
     weight: Known | None = None
@@ -69,8 +71,10 @@ class Found:
     """One figure, with what was known of it before.
 
     Attributes:
-        name: its key in robot.yaml, a joint's with its number. unit: `1` where it is relative.
-        before, after: value and standard deviation. by: with what it was measured.
+        name: its key in robot.yaml, a joint's with its number.
+        unit: `1` where it is relative.
+        before, after: value and standard deviation.
+        by: with what it was measured.
     """
 
     name: str
@@ -103,8 +107,9 @@ def calibrate(
 
     Raises:
         InputError: bad input; or what was measured contradicts what is said to be known: then
-            nothing is written. Unavailable: no such robot. ExecutionAborted: not confirmed, or
-            stopped.
+            nothing is written.
+        Unavailable: no such robot.
+        ExecutionAborted: not confirmed, or stopped.
     """
     settings = settings.checked(at_hand=True)
     there = _existing(out)

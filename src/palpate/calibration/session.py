@@ -52,8 +52,9 @@ class Session:
         one, and estimate what it measures.
 
         Raises:
-            InputError: the plan cannot be executed there, or was not to its end. Unavailable: the
-                robot. ExecutionAborted: not confirmed.
+            InputError: the plan cannot be executed there, or was not to its end.
+            Unavailable: the robot.
+            ExecutionAborted: not confirmed.
         """
         self.visits += 1
         made = Run(self.settings, scene, plan, _findings(plan, scene))

@@ -20,8 +20,8 @@ class Stated:
     """A value within limits, in SI units.
 
     Attributes:
-        value: what it is said to be. limit: how far it may be off at most, as on a weight's or a gauge
-            block's certificate.
+        value: what it is said to be.
+        limit: how far it may be off at most, as on a weight's or a gauge block's certificate.
         text: as it was written.
     """
 
@@ -71,7 +71,8 @@ class Known:
     """Something in the scene that somebody knows: `[NAME=]SIZE`.
 
     Attributes:
-        size: what is known of it. name: what the scene calls it; None where that is clear.
+        size: what is known of it.
+        name: what the scene calls it; None where that is clear.
     """
 
     size: Stated

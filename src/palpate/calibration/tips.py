@@ -44,8 +44,8 @@ class Tips:
     """Of the fingertips, m and m/N, and the base, rad.
 
     Attributes:
-        offset: from the TCP to their end, along the tool. offset_std: of what they and the frame add
-            to a height where the gauges stood.
+        offset: from the TCP to their end, along the tool.
+        offset_std: of what they and the frame add to a height where the gauges stood.
         lean: (2,) about the base's x and y axes, beyond what was known of it, with lean_std.
         compliance: of pads and joints beyond the encoders, with compliance_std.
         touches: how many it rests on.

@@ -39,7 +39,8 @@ class Cell(Protocol):
         """The robot, at rest with open fingers; whoever asks closes it.
 
         Raises:
-            InputError: the workplace cannot be used. Unavailable: the robot is out of reach.
+            InputError: the workplace cannot be used.
+            Unavailable: the robot is out of reach.
         """
         ...
 

@@ -76,7 +76,8 @@ def connect(url: str, scene: Scene | None) -> FrankyCell:
     """The cell at a URL, whose control box answers.
 
     Raises:
-        InputError: no such URL. Unavailable: it is out of reach.
+        InputError: no such URL.
+        Unavailable: it is out of reach.
     """
     address = read_address(url)
     require_answer(address)
@@ -99,7 +100,8 @@ def guided(url: str, scene: Scene) -> GuidedHand:
     """The hand at a URL, to be led by a person.
 
     Raises:
-        InputError: no such URL. Unavailable: it is out of reach.
+        InputError: no such URL.
+        Unavailable: it is out of reach.
     """
     from palpate.robots.franky.guided import Guided
     from palpate.robots.franky.session import Session

@@ -55,7 +55,8 @@ class SimulatedCell:
         world: the world as a scene, nothing missing but what does not matter.
         drawn: values that were drawn from priors, for a world made from D.
         description: for the report.
-        noise: noise model of the robot, by name or file. seed: of everything random in it.
+        noise: noise model of the robot, by name or file.
+        seed: of everything random in it.
         scene: D, all that the robot's owner knows of the workplace; None: the world itself.
         visit: the same robot on another day, see `MujocoRobot`.
         names: what the world calls the scene's bodies, where that is not what the scene does.

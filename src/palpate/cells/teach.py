@@ -45,7 +45,9 @@ class Lesson:
     """What was taught of a scene so far.
 
     Attributes:
-        scene: D. objects, places: entries of poses.yaml. others: what its other sections say.
+        scene: D.
+        objects, places: entries of poses.yaml.
+        others: what its other sections say.
     """
 
     scene: Scene

@@ -25,7 +25,8 @@ def give_lesson(
     """Take lines from stdin, say what was understood and what is still missing, and write the file.
 
     Raises:
-        InputError: the file exists. Unavailable: the robot.
+        InputError: the file exists.
+        Unavailable: the robot.
     """
     from palpate.tools import guided_hand, lesson, write_poses
 

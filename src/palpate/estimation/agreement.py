@@ -21,7 +21,8 @@ class FitTest:
 
     Attributes:
         name: what was looked at, e.g. `up against down`.
-        statistic: how far it is from agreeing. limit: up to where it agrees.
+        statistic: how far it is from agreeing.
+        limit: up to where it agrees.
         finding: what disagrees, one sentence for people; said where the test fails.
     """
 

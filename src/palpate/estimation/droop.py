@@ -25,7 +25,8 @@ class Droop:
 
     Attributes:
         moment: N m that the hand holds it with about the axis along which the fingers close, as it
-            hangs level. age: s since the fingers closed on it.
+            hangs level.
+        age: s since the fingers closed on it.
     """
 
     moment: float

@@ -25,10 +25,12 @@ class Hold:
     """An object held still.
 
     Attributes:
-        recording: of it. grasp: s, when the hand had closed on it. pose_world_tcp: of the hand
-            meanwhile.
+        recording: of it.
+        grasp: s, when the hand had closed on it.
+        pose_world_tcp: of the hand meanwhile.
         pose_tcp_body: the object in the hand: where it was believed to stand when the measured hand
-            closed on it. droop: what has turned it since.
+            closed on it.
+        droop: what has turned it since.
     """
 
     recording: Recording
@@ -43,8 +45,8 @@ class Held:
     """All holds of one object.
 
     Attributes:
-        load: what hung on the hand; of its `grasps`, each is one of the holds. weighings: what that
-            rests on.
+        load: what hung on the hand; of its `grasps`, each is one of the holds.
+        weighings: what that rests on.
     """
 
     load: Load

@@ -42,8 +42,13 @@ class Swing:
     """A swing about one axis, in phase with how far the hand turned.
 
     Attributes:
-        time: s, its middle. pose: where the hand turned. axis: (3,) unit, world. angle: rad, amplitude. rate: rad/s.
-        felt: (m,) amplitudes of the signals, N m. variance: (m,) that white noise has in them.
+        time: s, its middle.
+        pose: where the hand turned.
+        axis: (3,) unit, world.
+        angle: rad, amplitude.
+        rate: rad/s.
+        felt: (m,) amplitudes of the signals, N m.
+        variance: (m,) that white noise has in them.
         own: (m,) of them, what moves the arm's own links, by their nominal inertias; 0 where these are
             not known.
         load: (m, 10) what unit mass, first moment and inertia (about the TCP, tool axes) make of them.
@@ -159,7 +164,8 @@ class _Changes:
     """How fast speeds change.
 
     Attributes:
-        joints: (n, m) rad/s². hand: (n, 6) m/s² and rad/s² of the TCP, world axes.
+        joints: (n, m) rad/s².
+        hand: (n, 6) m/s² and rad/s² of the TCP, world axes.
     """
 
     joints: Array

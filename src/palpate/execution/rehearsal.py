@@ -20,7 +20,9 @@ class Rehearsal:
     """What a run is predicted to be.
 
     Attributes:
-        actions: leaves started. robot_seconds: s. peak_force: N, largest external force at the TCP.
+        actions: leaves started.
+        robot_seconds: s.
+        peak_force: N, largest external force at the TCP.
         failure: why it would stop, or None.
     """
 

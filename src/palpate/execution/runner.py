@@ -87,9 +87,11 @@ class Snapshot:
     """What an observer sees after a tick.
 
     Attributes:
-        root: the plan's tree. robot: the cached state. elapsed: robot time since the start, s.
-        leaves: lives that have ended so far. stopping: why the run is being stopped, None while it
-            is not.
+        root: the plan's tree.
+        robot: the cached state.
+        elapsed: robot time since the start, s.
+        leaves: lives that have ended so far.
+        stopping: why the run is being stopped, None while it is not.
     """
 
     root: Behaviour

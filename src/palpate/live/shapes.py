@@ -28,7 +28,8 @@ class Drawn:
     """The bodies of a model in the page's view.
 
     Args:
-        view: where they are drawn. model: whose bodies.
+        view: where they are drawn.
+        model: whose bodies.
     """
 
     def __init__(self, view: SceneApi, model: mujoco.MjModel) -> None:

@@ -20,7 +20,8 @@ class Brought:
 
     Attributes:
         content: a body of it, a frame, or all of its world.
-        model: whose it is. is_own: whether that is the model that attaches it.
+        model: whose it is.
+        is_own: whether that is the model that attaches it.
         through: the `<attach>`s that bring it, the outermost first.
     """
 

@@ -40,8 +40,10 @@ class ModelTree:
     """A document's elements copied, to be changed and compiled.
 
     Attributes:
-        root: the scene's. attached: those of the models that it attaches, by where they lie.
-        twin_of: the copy of each element. folder: where relative file names start.
+        root: the scene's.
+        attached: those of the models that it attaches, by where they lie.
+        twin_of: the copy of each element.
+        folder: where relative file names start.
     """
 
     root: Element

@@ -50,8 +50,9 @@ class Named:
     """A file that an element names.
 
     Attributes:
-        attribute, name: as written. located: the name from the scene's folder (from that of the
-            attached model), below the folder that `<compiler>` sets for its kind.
+        attribute, name: as written.
+        located: the name from the scene's folder (from that of the attached model), below the
+            folder that `<compiler>` sets for its kind.
         path: the file, absolute.
         model: the attached model that names it; None for the scene.
     """
@@ -84,11 +85,12 @@ class Document:
             and those of the models that it attaches.
         folder: where relative file names start, None for text without files.
         home: the folder outside of which nothing is read, None for text without files.
-        files: every other file it needs, absolute. includes: those of them that are included, by
-            the names that they are included by. beside: the asset files of these that lie beside
-            them, from `folder`, by the names that they have there.
-        texts: the text of each included file, and of all of the attached models. named: what names
-            a file in all of them.
+        files: every other file it needs, absolute.
+        includes: those of them that are included, by the names that they are included by.
+        beside: the asset files of these that lie beside them, from `folder`, by the names that they
+            have there.
+        texts: the text of each included file, and of all of the attached models.
+        named: what names a file in all of them.
         models: those that it attaches itself, by the names that `<attach>` calls them by.
         robots: names of the bodies that robots begin with, where somebody said so.
         path: where it lies, of an attached model; None for a scene.

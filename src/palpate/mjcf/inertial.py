@@ -35,7 +35,9 @@ class Statement:
     """What is to be stated of an object's inertia; several of them make one `<inertial>`.
 
     Attributes:
-        mass: kg. com: (3,) m, in the body frame. inertia: xx yy zz xy xz yz about it, kg m².
+        mass: kg.
+        com: (3,) m, in the body frame.
+        inertia: xx yy zz xy xz yz about it, kg m².
         std: standard deviation, which decides how many digits are written.
     """
 

@@ -83,12 +83,13 @@ class Roles:
     """Who is what in a document, in its order.
 
     Attributes:
-        root: the scene's. robots: the bodies that robots begin with, or the `<attach>`s that bring
-            them. ignored: bodies with other joints, which are neither robot nor object: drawers and
-            doors. replicated: free bodies of which `<replicate>` or `<attach>` makes the parts, so
-            that one element is many shapes.
-        brought: the parts of attached models. copied: the `<attach>`s of what is there already,
-            where values are written.
+        root: the scene's.
+        robots: the bodies that robots begin with, or the `<attach>`s that bring them.
+        ignored: bodies with other joints, which are neither robot nor object: drawers and doors.
+        replicated: free bodies of which `<replicate>` or `<attach>` makes the parts, so that one
+            element is many shapes.
+        brought: the parts of attached models.
+        copied: the `<attach>`s of what is there already, where values are written.
     """
 
     root: Element
@@ -156,7 +157,8 @@ class _Model:
     """The model whose elements are being sorted.
 
     Attributes:
-        robots: what tells them in it. through: the `<attach>`s that bring it.
+        robots: what tells them in it.
+        through: the `<attach>`s that bring it.
     """
 
     document: Document

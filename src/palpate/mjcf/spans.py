@@ -21,7 +21,8 @@ class Tag:
     """One element's place, in bytes.
 
     Attributes:
-        start, end: of its start tag. attributes: name to the span between the quotes.
+        start, end: of its start tag.
+        attributes: name to the span between the quotes.
         attributes_end: where a further attribute goes.
         close: where its end tag starts; for an empty tag where it starts.
         last: where its whole element ends.
@@ -168,8 +169,8 @@ def inline_includes(
     """The text with every included file's content in its place.
 
     Args:
-        includes: the files by the names that they are included by. texts: what is read in the place
-            of some of them.
+        includes: the files by the names that they are included by.
+        texts: what is read in the place of some of them.
         renamed: other names for files that their content names.
     """
     while tags := [tag for tag in scan(text) if tag.name == "include"]:

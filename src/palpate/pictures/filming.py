@@ -29,7 +29,8 @@ class Filming:
         """The film, when it is done; None without frames or OpenGL.
 
         Raises:
-            RuntimeError: OpenGL failed. OSError: it cannot be encoded.
+            RuntimeError: OpenGL failed.
+            OSError: it cannot be encoded.
         """
         return self._film.result()
 

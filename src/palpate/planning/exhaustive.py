@@ -28,7 +28,8 @@ class ExhaustivePlanner:
         """The full suite of sensing on everything; the request and what is known are not looked at.
 
         Raises:
-            InputError: no scene. PlanRejected: nothing in the scene can be measured.
+            InputError: no scene.
+            PlanRejected: nothing in the scene can be measured.
         """
         if scene is None:
             raise needs_scene(self.name)

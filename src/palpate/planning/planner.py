@@ -42,7 +42,8 @@ class Planner(Protocol):
         Without a scene only who can look at the images can plan.
 
         Raises:
-            InputError: a request that cannot be used. PlanRejected: no plan; the message explains.
+            InputError: a request that cannot be used.
+            PlanRejected: no plan; the message explains.
             Unavailable: a provider out of reach.
         """
         ...

@@ -46,8 +46,8 @@ class ReplayPlanner:
         """The plan in the file; the images sharpen what a model saw, where there is no scene.
 
         Raises:
-            InputError: no such file, or not a plan. PlanRejected: no answer of the conversation
-                passes the check.
+            InputError: no such file, or not a plan.
+            PlanRejected: no answer of the conversation passes the check.
         """
         text = _read(plan_file(self.path))
         if _is_conversation(text):

@@ -167,8 +167,10 @@ class _Grasps:
 
     Attributes:
         recordings: one a grasp.
-        rows: (2n, 3) and right: (2n,), m. covariance: (2n, 2n) m² of them. loose: m, by how much each
-            may be off besides, as the arm is not where it says: its own weight is then felt.
+        rows: (2n, 3) and right: (2n,), m.
+        covariance: (2n, 2n) m² of them.
+        loose: m, by how much each may be off besides, as the arm is not where it says: its own
+            weight is then felt.
         freedom: degrees of freedom of the noise.
         shared: causes that other runs share, with what they do to `right`.
     """

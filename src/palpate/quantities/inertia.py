@@ -108,10 +108,12 @@ class _Swung:
     """What one swing tells of an object's ten inertial parameters.
 
     Attributes:
-        felt, variance: (m,) what the load makes of the signals. load: (m, 10) what unit parameters in
-            the tool's axes make of them.
-        rate: rad/s. axis: which axis of the tool it is about.
-        pose_tcp_body: of the object in the hand as it was grasped. droop: what has turned it since.
+        felt, variance: (m,) what the load makes of the signals.
+        load: (m, 10) what unit parameters in the tool's axes make of them.
+        rate: rad/s.
+        axis: which axis of the tool it is about.
+        pose_tcp_body: of the object in the hand as it was grasped.
+        droop: what has turned it since.
     """
 
     felt: Array

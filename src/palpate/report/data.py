@@ -55,11 +55,13 @@ class ReportData:
         twin_checks: label to value, e.g. the residual of the replayed measurement.
         held_out: how well motions were predicted that nothing was fitted to.
         twin_notes: remarks about the twin.
-        versions: name to version. seed, noise: of a simulated world.
+        versions: name to version.
+        seed, noise: of a simulated world.
         files: paths in the run folder, relative to the page.
         warnings: one line each, e.g. how to get pictures.
-        simulated: whether no real thing moved. drawn: whether what was measured was made up, drawn
-            from priors. command: what carries the run out again, from the page's folder.
+        simulated: whether no real thing moved.
+        drawn: whether what was measured was made up, drawn from priors.
+        command: what carries the run out again, from the page's folder.
     """
 
     request: str | None

@@ -44,7 +44,9 @@ class Limits:
     """What the arm may do.
 
     Attributes:
-        q_min, q_max: (7,) joint range, rad. dq_max: (7,) rad/s. tau_max: (7,) N m.
+        q_min, q_max: (7,) joint range, rad.
+        dq_max: (7,) rad/s.
+        tau_max: (7,) N m.
         force_max: N, largest external force at the TCP in any commanded interaction.
         torque_max: N m, largest external torque at the TCP.
         free_force: N, more than this in free air is a collision.
@@ -79,20 +81,24 @@ class RobotDescription:
     """A seven-axis arm with a parallel hand.
 
     Attributes:
-        name: what `--arm` calls it. label: what people call it.
-        mjcf: the arm's file. joints: its hinges, from the base on.
-        base: the body that is put where the arm stands. links: bodies from it to the flange.
+        name: what `--arm` calls it.
+        label: what people call it.
+        mjcf: the arm's file.
+        joints: its hinges, from the base on.
+        base: the body that is put where the arm stands.
+        links: bodies from it to the flange.
         home: (7,) rad, tool down.
-        hand: the hand's names, drive and shape. nominal: what estimators need of it, as the arm's
-            owner is told.
+        hand: the hand's names, drive and shape.
+        nominal: what estimators need of it, as the arm's owner is told.
         accuracy: what the maker states.
-        reach: where the arm works well. postures: where the inverse kinematics looks.
-        stiffness, pace: defaults of the controller and of commanded motions. hardware: what a real
-            arm has else, None where that is nothing.
+        reach: where the arm works well.
+        postures: where the inverse kinematics looks.
+        stiffness, pace: defaults of the controller and of commanded motions.
+        hardware: what a real arm has else, None where that is nothing.
         sensors: how its joint torque signals deviate.
         end_effector: what the last joint carries, where somebody weighed it.
-        config: what was measured of this very arm; it is in the other attributes already. told: the
-            arm without it. None where nothing was.
+        config: what was measured of this very arm; it is in the other attributes already.
+        told: the arm without it. None where nothing was.
     """
 
     name: str

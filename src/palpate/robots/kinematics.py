@@ -184,8 +184,9 @@ class _Chain(NamedTuple):
     """The arm from its second joint to its last, of which only the angles change.
 
     Attributes:
-        shoulder: (3,) m, the second joint's frame in the base. wrist: (3,) m, the last joint's
-            frame in the tool. stretched: m, the links between them in one line.
+        shoulder: (3,) m, the second joint's frame in the base.
+        wrist: (3,) m, the last joint's frame in the tool.
+        stretched: m, the links between them in one line.
     """
 
     shoulder: Array

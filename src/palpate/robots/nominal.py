@@ -25,7 +25,8 @@ class Kinematics:
     """Where the nominal arm is, n configurations at once.
 
     Attributes:
-        pose_world_tcp: (n, 7). jacobian: (n, 6, 7), world axes about the TCP.
+        pose_world_tcp: (n, 7).
+        jacobian: (n, 6, 7), world axes about the TCP.
         gravity_torque: (n, 7), N m, what holds the arm up.
         inertia_torque: (n, 7), N m, what moves its links on top of that: M ddq + C dq, without the
             motors' own part.

@@ -13,7 +13,8 @@ class Reflex:
     """How much an arm may feel, besides what it carries, before it stops itself.
 
     Attributes:
-        force: N, magnitude at the TCP. torque: N m, likewise.
+        force: N, magnitude at the TCP.
+        torque: N m, likewise.
         load: N that may hang on the hand besides: a weight, which pulls straight down.
         sideways: N, of the horizontal force alone.
     """
@@ -53,8 +54,10 @@ class Reflexes:
     """An arm's thresholds for what it does.
 
     Attributes:
-        free: in free air with empty fingers. carrying: with an object between them.
-        probing: in a guarded motion towards something. contact: touching is the purpose.
+        free: in free air with empty fingers.
+        carrying: with an object between them.
+        probing: in a guarded motion towards something.
+        contact: touching is the purpose.
     """
 
     free: Reflex

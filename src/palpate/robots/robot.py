@@ -23,16 +23,20 @@ class RobotState:
     """The latest cached state.
 
     Attributes:
-        t: robot time now, s. stamp: robot time of the newest sensor sample, s.
+        t: robot time now, s.
+        stamp: robot time of the newest sensor sample, s.
         q, dq: (7,) rad, rad/s.
-        tau: (7,) N m, measured behind the gears. tau_ext: (7,) N m, its part from outside.
-        pose_world_tcp: measured TCP pose. target_world_tcp: commanded equilibrium pose.
+        tau: (7,) N m, measured behind the gears.
+        tau_ext: (7,) N m, its part from outside.
+        pose_world_tcp: measured TCP pose.
+        target_world_tcp: commanded equilibrium pose.
         twist: (6,) TCP velocity, world axes.
         wrench: (6,) external wrench, the convention of `palpate.trace`.
         contact: (6,) the same with the arm's own inertia taken out: what a contact, or a load, and
             not the arm's acceleration, exerts. Every threshold looks at this one.
         reflex: why the arm stopped itself since the last motion was started; None if it did not.
-        width: m between the fingers. gripping: fingers stopped on something before closing fully.
+        width: m between the fingers.
+        gripping: fingers stopped on something before closing fully.
         fault: why what the sensors say cannot be believed (`palpate.robots.sense`), or why the arm
             does not move any more, whatever it is told; None while all is well.
         mode: what a real arm's controller says it is in; empty where there is no such thing.

@@ -94,13 +94,15 @@ class ParallelHand(Section):
         tcp: midway between the fingers' pads: a site of `body`, or a position in it, m.
         pads: a box in each finger's own frame to grasp with; None where the fingers' colliding
             shapes are their pads.
-        fingers: the two slides. opening: m between the open fingers.
-        speed: m/s per finger. force: N, of both fingers together.
+        fingers: the two slides.
+        opening: m between the open fingers.
+        speed: m/s per finger.
+        force: N, of both fingers together.
         overclose: m per finger beyond touching, to which the drive closes.
         palm: m from the TCP up to the palm.
         half_extents: m, of the hand along tool x and tool y.
-        pad: m, half the width of a finger's pad. finger: m, a finger's thickness along the closing
-            direction.
+        pad: m, half the width of a finger's pad.
+        finger: m, a finger's thickness along the closing direction.
         boxes: the opened hand.
     """
 
@@ -198,7 +200,8 @@ class Pace(Section):
 
     Attributes:
         impulse: N s that the arm may give to what it runs into, which bounds the speed where its
-            effective mass is large. restitution: of such contacts, 0 to 1.
+            effective mass is large.
+        restitution: of such contacts, 0 to 1.
         swinging_acceleration: of the TCP, turned to and fro in free air; None where the arm is not to
             swing.
         cautious: what stands in the place of those of the same name where nothing may be hurt that
@@ -221,9 +224,11 @@ class Accuracy(Section):
     """What the maker states, and how well the pads' end is known.
 
     Attributes:
-        force_resolution: N. force_repeatability: N, per approach.
+        force_resolution: N.
+        force_repeatability: N, per approach.
         force_accuracy: N, of a force that is referred to nothing.
-        torque_gain: relative, half width. pose_repeatability: m.
+        torque_gain: relative, half width.
+        pose_repeatability: m.
         tip_offset_std: m, from the TCP to the pads' end.
     """
 
@@ -257,9 +262,12 @@ class Sheet(Section):
     """The content of a `description.yaml`.
 
     Attributes:
-        label: what people call it. mjcf: the arm's MJCF, relative to the folder.
+        label: what people call it.
+        mjcf: the arm's MJCF, relative to the folder.
         joints: the seven hinges, from the base on.
-        home: (7,) rad, tool down. velocity: (7,) rad/s. payload: kg.
+        home: (7,) rad, tool down.
+        velocity: (7,) rad/s.
+        payload: kg.
         torque: (7,) N m; None where the MJCF's `actuatorfrcrange` says it.
         postures: (7,) rad each, relative to home: where the inverse kinematics looks further.
         hardware: None where a real arm is as the simulated one.

@@ -24,7 +24,8 @@ class Row:
     """What one run says of a parameter.
 
     Attributes:
-        run: its name. estimate: None where it promised none.
+        run: its name.
+        estimate: None where it promised none.
         difference: (n,) from the first run that has a value; None for that one, and without a value.
         std: (n,) of the difference, without what both runs share.
     """

@@ -21,8 +21,9 @@ def export_run(run: Run, to: str, folder: Path | None = None) -> Export:
 
     Raises:
         InputError: the run has no twin, there is no such format, or the folder exists or cannot be
-            made. Unavailable: what writes the format is not installed. PalpateError: what was
-            written does not say what the twin says.
+            made.
+        Unavailable: what writes the format is not installed.
+        PalpateError: what was written does not say what the twin says.
     """
     chosen = require_format(to)
     if run.twin is None:

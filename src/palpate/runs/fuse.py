@@ -29,10 +29,12 @@ class Fusion:
     """What several runs say together.
 
     Attributes:
-        runs: those that were fused. names: of them, in words.
+        runs: those that were fused.
+        names: of them, in words.
         estimates: one a parameter that any run promised.
         left_out: which estimates have no say, and why, a line each.
-        twin: the scene with what was fused. folder: where it was written.
+        twin: the scene with what was fused.
+        folder: where it was written.
     """
 
     runs: tuple[Run, ...]

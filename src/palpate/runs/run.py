@@ -40,7 +40,8 @@ class Ending:
     """How an execution went and ended, as `result.json` tells it.
 
     Attributes:
-        status: `complete` when the tree succeeded, else `stopped`. stopped_by: why, or None.
+        status: `complete` when the tree succeeded, else `stopped`.
+        stopped_by: why, or None.
         actions: leaves of the plan that were started.
         robot_seconds, wall_seconds: how long it took, s.
         setbacks: why earlier attempts stopped that were gone on from.
@@ -71,20 +72,28 @@ class Run:
     """All that a run made. What did not come to be is None or empty.
 
     Attributes:
-        settings: what was asked. scene: D, or what was made of a picture.
-        plan: without a tree when it was rejected. findings: what the check says against it.
-        conversation: with a model, if one was asked. seen: what it saw, where there was no D.
+        settings: what was asked.
+        scene: D, or what was made of a picture.
+        plan: without a tree when it was rejected.
+        findings: what the check says against it.
+        conversation: with a model, if one was asked.
+        seen: what it saw, where there was no D.
         picture: PNG of the workspace that was shown, where no image was given.
         rehearsal: what a simulation predicted, where one was wanted.
-        world: where the plan was executed, in words. simulated: whether no real thing moved.
-        execution: how the execution ended. final_state: what is believed about the cell then.
+        world: where the plan was executed, in words.
+        simulated: whether no real thing moved.
+        execution: how the execution ended.
+        final_state: what is believed about the cell then.
         recorded: everything recorded, unless it lies in the folder (see `trace`).
-        footage: what the cell's camera saw. black_box: every cycle of a real robot's last seconds before
-            it was stopped, by name; `cycles.npz` in the folder.
-        estimates: one a parameter of the plan. truth: what is so, where somebody knows.
+        footage: what the cell's camera saw.
+        black_box: every cycle of a real robot's last seconds before it was stopped, by name;
+            `cycles.npz` in the folder.
+        estimates: one a parameter of the plan.
+        truth: what is so, where somebody knows.
         held_out: how well motions were predicted that nothing was fitted to; None where nothing was
             lifted.
-        twin: the finished scene. folder: where all of this lies.
+        twin: the finished scene.
+        folder: where all of this lies.
         stage: what is being done, or was when the run was cut off; None when all is done.
         interrupted: what a signal cut short, in words.
         shortfalls: what could not be made or written, and why, a line each.

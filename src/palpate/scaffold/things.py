@@ -46,10 +46,12 @@ class Thing:
     """One thing of a new scene.
 
     Attributes:
-        name: as in the MJCF. kind: what it is taken for, or "" where its name says nothing.
-        shape: `box`, `cylinder` or `sphere`. extents: m, of a box along x, y and z, of a cylinder across
-            and upright, of a ball across.
-        x, y: where it stands, m. colour: red, green and blue, 0 to 1.
+        name: as in the MJCF.
+        kind: what it is taken for, or "" where its name says nothing.
+        shape: `box`, `cylinder` or `sphere`.
+        extents: m, of a box along x, y and z, of a cylinder across and upright, of a ball across.
+        x, y: where it stands, m.
+        colour: red, green and blue, 0 to 1.
     """
 
     name: str

@@ -28,7 +28,9 @@ class Scenario:
     """A bundled scenario.
 
     Attributes:
-        name: its folder. title, story: for people. request: R or None.
+        name: its folder.
+        title, story: for people.
+        request: R or None.
         expects: the parameters that a right plan measures.
         planner: the planner it is meant for.
         status: how a run of it ends.

@@ -54,8 +54,8 @@ class Geometry:
     """What there is to touch and to keep clear of.
 
     Attributes:
-        objects: object to each of its geoms, in the world. clouds: (n, 3) points of all of them
-            together.
+        objects: object to each of its geoms, in the world.
+        clouds: (n, 3) points of all of them together.
         tops: surface to the points of the geom that carries.
         solids: owner ("" for what has no name here) and outline of every colliding geom but planes.
     """

@@ -32,7 +32,8 @@ class ScoredEstimate:
         low, high: its 95 % interval.
         truth: the hidden world's value.
         single_shot: for masses, the naive mean of F_z/g from the same recording.
-        unit: as printed. verdict: of this component.
+        unit: as printed.
+        verdict: of this component.
         bound: the least standard deviation that the recording allows, see
             `studies.bounds`; None where that is not known.
     """
@@ -84,8 +85,9 @@ class SeedRun:
 
     Attributes:
         status: of the run, or `CRASHED`.
-        estimates: what was identified. doubted: what has a value, but another verdict. unmeasured:
-            what has none.
+        estimates: what was identified.
+        doubted: what has a value, but another verdict.
+        unmeasured: what has none.
         wall_seconds, cpu_seconds: of all of it, planning and estimation as well.
         crash: a traceback.
     """

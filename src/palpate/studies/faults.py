@@ -30,9 +30,11 @@ class Ending:
     """How one run of a mishap ended.
 
     Attributes:
-        status: as in `result.json`. expected: as the scenario says.
+        status: as in `result.json`.
+        expected: as the scenario says.
         reason: why it stopped or was rejected.
-        dropped: objects that fell or tipped over. holding: what the hand still holds.
+        dropped: objects that fell or tipped over.
+        holding: what the hand still holds.
     """
 
     scenario: str
@@ -49,7 +51,8 @@ class Row:
     """A mishap over all seeds.
 
     Attributes:
-        endings: how often it ended with which status. as_expected: how often as it should.
+        endings: how often it ended with which status.
+        as_expected: how often as it should.
         dropped, holding: runs in which something was dropped, or was still held in the end.
         reason: the commonest one.
     """

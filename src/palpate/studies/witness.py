@@ -55,8 +55,9 @@ class Forces:
     """A pair's contact force, one row for every physics step in which they touched.
 
     Attributes:
-        steps: number of the step. vectors: three for every step, N, world axes, what the part does
-            to the thing. blocked: steps in which something else held the thing sideways.
+        steps: number of the step.
+        vectors: three for every step, N, world axes, what the part does to the thing.
+        blocked: steps in which something else held the thing sideways.
     """
 
     steps: array[int] = field(default_factory=lambda: array("q"))
@@ -72,8 +73,11 @@ class Look(NamedTuple):
     """Where everything was at one moment.
 
     Attributes:
-        step: the physics step. poses: (objects, 7). hand: (4,) quaternion of the hand.
-        held: index of the gripped object, -1 for none. touched: (objects,) touching anything.
+        step: the physics step.
+        poses: (objects, 7).
+        hand: (4,) quaternion of the hand.
+        held: index of the gripped object, -1 for none.
+        touched: (objects,) touching anything.
     """
 
     step: int
@@ -87,7 +91,8 @@ class Touching(NamedTuple):
     """What follows from who touches whom, and from what is held, whatever the forces.
 
     Attributes:
-        pairs: the two geoms of each contact. mine: contacts of the robot, and of what it grips.
+        pairs: the two geoms of each contact.
+        mine: contacts of the robot, and of what it grips.
         fingers: those of a finger with an object: the contact, the finger, the object.
         presses: those with anything else than itself: the contact, the pair, the sign of its force.
         touched: (objects,) touching anything.
@@ -104,8 +109,11 @@ class Witness:
     """Watches a simulation from the moment it is made: to be called after every physics step.
 
     Attributes:
-        period: s, a physics step. objects: names of the free bodies. masses: kg, theirs.
-        forces: by pair. looks: every 5 ms, the first one before anything has moved.
+        period: s, a physics step.
+        objects: names of the free bodies.
+        masses: kg, theirs.
+        forces: by pair.
+        looks: every 5 ms, the first one before anything has moved.
     """
 
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:

@@ -99,7 +99,9 @@ class Link:
     """A part of an arm that moves, at joint angles 0, in the axes of its base.
 
     Attributes:
-        joint: index of the last hinge that moves it. mass: kg. com: m.
+        joint: index of the last hinge that moves it.
+        mass: kg.
+        com: m.
         inertia: about its centre of mass, xx yy zz xy xz yz, kg m².
     """
 
@@ -114,8 +116,10 @@ class Chain:
     """The nominal kinematics of a serial arm, at joint angles 0, in the axes of its base.
 
     Attributes:
-        axes: unit axis of each hinge, from the base on. anchors: a point on it, m.
-        tcp: m. tool: the rows of the tool's rotation matrix.
+        axes: unit axis of each hinge, from the base on.
+        anchors: a point on it, m.
+        tcp: m.
+        tool: the rows of the tool's rotation matrix.
         links: what moves, hand and fingers among it; none in a trace that does not say.
     """
 
@@ -132,12 +136,14 @@ class Hand:
 
     Attributes:
         tip_offset: distance from the TCP to the end of the fingertips along the tool axis, m.
-        force_repeatability: N, per approach. torque_gain: relative, half width.
+        force_repeatability: N, per approach.
+        torque_gain: relative, half width.
         pose_repeatability: m.
-        force_resolution: N. force_accuracy: N, of a force that is referred to nothing.
+        force_resolution: N.
+        force_accuracy: N, of a force that is referred to nothing.
         tip_offset_std: m, how well `tip_offset` is known.
-        tip_compliance: m/N, of pads and joints beyond the encoders, under a force along the tool;
-            tip_compliance_std: how well that is known.
+        tip_compliance: m/N, of pads and joints beyond the encoders, under a force along the tool.
+        tip_compliance_std: how well that is known.
         gain_covariance: (7, 7), of the joints' relative gain errors that were measured and corrected;
             None where `torque_gain` is all that is known.
         chain: what the joints do to the TCP; None where that was not written down.

@@ -61,12 +61,15 @@ class Motion:
     """A motion that was held out, and how it was predicted.
 
     Attributes:
-        object: what was in the hand. motion: which motion, in words. start, end: s.
+        object: what was in the hand.
+        motion: which motion, in words.
+        start, end: s.
         chi2, dof, p: of the joint torques, over all joints and bins, and how probable so much is.
         chi2_template: the same, had the object weighed what was believed before.
         rms, rms_template: root mean square of measured less predicted torques, N m.
         weight, weight_std: kg, how much more it weighed than predicted, and 1 sigma of that.
-        tests: what was tested. curve: for the plot.
+        tests: what was tested.
+        curve: for the plot.
     """
 
     object: str

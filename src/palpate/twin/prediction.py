@@ -49,9 +49,11 @@ class Predicted:
     """A motion in n rows, signal by signal and in each of the m signals k bins.
 
     Attributes:
-        t: (k,) s. felt: (m, k) what the load made of the signals, by the empty hand.
+        t: (k,) s.
+        felt: (m, k) what the load made of the signals, by the empty hand.
         expected: (m, k) by the belief.
-        left: (n,) felt less expected. covariance: (n, n) of it.
+        left: (n,) felt less expected.
+        covariance: (n, n) of it.
         design: (n, 3) what unit wrenches make of the rows.
         freedom: degrees of freedom of the noise.
     """

@@ -94,8 +94,8 @@ class _Tree:
     """Where a twin's files come to lie.
 
     Attributes:
-        after: the twin, read from the user's folder. changed: its included files that are not as
-            they lie there.
+        after: the twin, read from the user's folder.
+        changed: its included files that are not as they lie there.
         path: of its main text.
         places: of every other file, by its original.
     """

@@ -38,7 +38,8 @@ class Twin:
         validation: None when the twin could not be simulated; `notes` then says why.
         scene: the twin read back, with the poses that came with the user's scene; None likewise.
         unwritten: what was measured of objects and surfaces and is not in it; `notes` say why.
-        document: the user's files. texts: those of them that have changed.
+        document: the user's files.
+        texts: those of them that have changed.
         beside: by name, the texts that belong into the folder of `xml`: attached models in which
             something was measured.
     """

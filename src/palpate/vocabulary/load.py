@@ -43,8 +43,9 @@ class Load:
 
     Attributes:
         empty: (6,) external wrench right before they closed, the convention of `palpate.trace`.
-        width: m between the fingers as they closed on it. hanging: (6,) at rest with the object
-            hanging free; None until it did. moment: N m about the closing direction then.
+        width: m between the fingers as they closed on it.
+        hanging: (6,) at rest with the object hanging free; None until it did.
+        moment: N m about the closing direction then.
         doubt: how far that may be off.
         rough: the most friction that its support may have, as far as it was dragged.
     """

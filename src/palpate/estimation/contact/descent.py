@@ -28,15 +28,19 @@ class Descent:
     """Samples from the beginning of a guarded descent to the end of the recording after it.
 
     Attributes:
-        samples: of the whole motion. leaf: the descent itself.
+        samples: of the whole motion.
+        leaf: the descent itself.
         z: (n,) m, tip height.
-        force: (n,) N, pressing down, less what was felt in free air; smooth: its running median.
+        force: (n,) N, pressing down, less what was felt in free air.
+        smooth: its running median.
         noise: N, of a row's force in free air.
-        onset: the last row before the contact. pressed: rows of the recording.
+        onset: the last row before the contact.
+        pressed: rows of the recording.
         set_out: (6,) N, N m, by how much the wrench changed as the arm set out: the joints' friction.
         wander: (6,) N, N m, standard deviation of the wrench on the way through free air, in means
             over some rows: friction and drift that change with the place. Of the pressing force,
-            what its even change leaves. slope: N/m, that change.
+            what its even change leaves.
+        slope: N/m, that change.
     """
 
     samples: Samples

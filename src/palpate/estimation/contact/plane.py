@@ -16,12 +16,13 @@ class Plane:
     """What touches say of a surface.
 
     Attributes:
-        height: m, of its middle among the touches. std: m, without what all touches share.
+        height: m, of its middle among the touches.
+        std: m, without what all touches share.
         tilt: rad, from level, and its standard deviation; None where the touches do not span a
             plane.
         slope: (2,) rise along x and along y, and slope_std; None where they do not.
-        misfit: sum of the squared residuals over their variances. freedom: how many touches are
-            more than it takes.
+        misfit: sum of the squared residuals over their variances.
+        freedom: how many touches are more than it takes.
     """
 
     height: float

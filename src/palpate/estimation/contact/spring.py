@@ -95,8 +95,13 @@ class _Curve:
     """Rows of a descent, and the columns of the model that do not depend on z0.
 
     Attributes:
-        z: (n,) m. force: (n,) N. speed, acceleration: (n,) m/s, m/s². resting: (n,) 0 to 1.
-        noise: N, of a row. prior: (5,) 1 sigma of f0, k, m, d, s. believed: (5,) their means.
+        z: (n,) m.
+        force: (n,) N.
+        speed, acceleration: (n,) m/s, m/s².
+        resting: (n,) 0 to 1.
+        noise: N, of a row.
+        prior: (5,) 1 sigma of f0, k, m, d, s.
+        believed: (5,) their means.
     """
 
     z: Array

@@ -44,7 +44,8 @@ class Touch:
     Attributes:
         recording: of the pose in which the tip was held.
         spot: (2,) m, world x and y of the fingertips.
-        held: m, tip height at the force `full`, N. rise: N, of the last stretch.
+        held: m, tip height at the force `full`, N.
+        rise: N, of the last stretch.
         compliance: m/N, of the last stretch of the loading curve.
         knee: N, the force at which that stretch began; 0 where it began in free air.
         bottomed: m, tip height at which something soft had been pressed through; None for none.

@@ -45,10 +45,12 @@ class Columns:
     """The unknowns of some drags.
 
     Attributes:
-        of: for each drag (n, p), one row for each of its own. levers: for each drag (m,), N that
-            noise of a newton metre in each joint adds to its force, or a newton in the wrench.
-        expected: (p,) prior means. fixed: (p,) prior standard deviations. uneven: (p,) what is added
-            to them for each part by which friction is uneven.
+        of: for each drag (n, p), one row for each of its own.
+        levers: for each drag (m,), N that noise of a newton metre in each joint adds to its force,
+            or a newton in the wrench.
+        expected: (p,) prior means.
+        fixed: (p,) prior standard deviations.
+        uneven: (p,) what is added to them for each part by which friction is uneven.
         joints, gains: which unknowns are the joints' friction and their gains.
     """
 

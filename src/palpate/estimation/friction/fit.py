@@ -46,9 +46,10 @@ class Forces:
     """What was felt in blocks of steady sliding.
 
     Attributes:
-        force: (m,) N, tangential. design: (m, p), a column for each unknown. noise: (m,) N², its
-            variance within a block. root: (m, m) N: all noise is this times what is independent and of
-            unit variance.
+        force: (m,) N, tangential.
+        design: (m, p), a column for each unknown.
+        noise: (m,) N², its variance within a block.
+        root: (m, m) N: all noise is this times what is independent and of unit variance.
     """
 
     force: Array
@@ -94,8 +95,9 @@ class Sliding:
     """What fits all drags.
 
     Attributes:
-        columns: of the unknowns. forces: the recordings. found: the unknowns, averaged over what
-            their priors may be.
+        columns: of the unknowns.
+        forces: the recordings.
+        found: the unknowns, averaged over what their priors may be.
         uneven: 1 sigma by which friction differs between axes, places and speeds.
         misfit: N, root mean square of what the model leaves beyond the noise.
         disagreement, freedom: of a chi-squared test of what it leaves.

@@ -29,8 +29,9 @@ class Left(NamedTuple):
     """What an approach leaves in the joints.
 
     Attributes:
-        stuck: (n, 3 rests) at a rest, as forces at the TCP of a newton an axis. forces: (n, 3 passes)
-            in a pass, likewise. carried: (n, 3 pairs) at a rest and in the pass that begins at it.
+        stuck: (n, 3 rests) at a rest, as forces at the TCP of a newton an axis.
+        forces: (n, 3 passes) in a pass, likewise.
+        carried: (n, 3 pairs) at a rest and in the pass that begins at it.
         offsets: (n, m passes) in a pass, in each signal.
         paired: (3 rests + 3 passes,) which of `stuck` and `forces` are of such a pair.
     """
@@ -51,16 +52,19 @@ class Rows:
     """The equations of one weighing, signal by signal and in each bin by bin.
 
     Attributes:
-        felt: (n,) the signals. root: (n, n) lower triangle whose square is their covariance without
-            the load.
+        felt: (n,) the signals.
+        root: (n, n) lower triangle whose square is their covariance without the load.
         wrench: (n, 6) what the components of the load's wrench make of them.
-        grasp: (n,) s, of loaded rows. height: (n,) m about its mean, of loaded rows.
-        way: (n,) 1 up, -1 down, 0 at rest. rest: (n,) 1 at rest.
+        grasp: (n,) s, of loaded rows.
+        height: (n,) m about its mean, of loaded rows.
+        way: (n,) 1 up, -1 down, 0 at rest.
+        rest: (n,) 1 at rest.
         rubbed: (n, p) what a level of friction in each joint makes of them, and what it had at the
             start (`estimation.load.rubbing`).
         left: what each rest and each pass may be off by as a whole, for what an approach leaves in
             the joints.
-        signal: (n,) which signal a row is of. freedom: degrees of freedom of the noise.
+        signal: (n,) which signal a row is of.
+        freedom: degrees of freedom of the noise.
     """
 
     felt: Array

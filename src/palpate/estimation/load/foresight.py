@@ -27,10 +27,13 @@ class Lift:
     """A straight lift, for which an arm's signals are foreseen.
 
     Attributes:
-        q: (2, m) joint angles at the grasp and above it, rad. length: m.
-        near_speed: m/s, the fastest near a support. acceleration: m/s².
+        q: (2, m) joint angles at the grasp and above it, rad.
+        length: m.
+        near_speed: m/s, the fastest near a support.
+        acceleration: m/s².
         felt: how the arm feels; its signals do not matter.
-        white: (m,) (N m)² s, variance of a signal's mean over 1 s. flicker: (m,), see `Noise`.
+        white: (m,) (N m)² s, variance of a signal's mean over 1 s.
+        flicker: (m,), see `Noise`.
     """
 
     q: Array

@@ -80,8 +80,9 @@ class _Stretch:
     """Rows without a gap.
 
     Attributes:
-        period: s. basis: (n, p) orthonormal, what was taken out. left: (n, m) what is left of the
-            signals.
+        period: s.
+        basis: (n, p) orthonormal, what was taken out.
+        left: (n, m) what is left of the signals.
     """
 
     period: float

@@ -26,8 +26,10 @@ class Weight:
         mass, std, ci95: kg.
         verdict: `prior-dominated` where the object is so light that it is positive says as much
             about its mass as the forces, or where nothing was recorded of the empty hand.
-        weighings: what it rests on. tests: of what else might have acted on it.
-        shared: what it has in common with other weighings on that arm. freedom: of the noise.
+        weighings: what it rests on.
+        tests: of what else might have acted on it.
+        shared: what it has in common with other weighings on that arm.
+        freedom: of the noise.
     """
 
     mass: float

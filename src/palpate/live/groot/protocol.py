@@ -64,7 +64,9 @@ class Transition:
     """A node changed its status.
 
     Attributes:
-        microseconds: since the recording began. node: its number. code: what it is now.
+        microseconds: since the recording began.
+        node: its number.
+        code: what it is now.
     """
 
     microseconds: int

@@ -40,8 +40,8 @@ class GrootPublisher:
     """Answers Groot2. A context manager and an `Observer`.
 
     Args:
-        port: where it listens; 0 takes any that is free. paced: hold a simulated run to real time, so
-            that a person can follow.
+        port: where it listens; 0 takes any that is free.
+        paced: hold a simulated run to real time, so that a person can follow.
 
     Attributes:
         url: where Groot2 connects.

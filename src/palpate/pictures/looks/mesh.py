@@ -21,7 +21,8 @@ class Mesh:
     """Triangles, seen from outside counter-clockwise.
 
     Attributes:
-        vertices: (n, 3) m. faces: (m, 3) rows of `vertices`.
+        vertices: (n, 3) m.
+        faces: (m, 3) rows of `vertices`.
         uv: (n, 2) where in a print each vertex lies: from its left to its right, and from its foot
             to its head, 0 to 1.
     """

@@ -21,7 +21,8 @@ class Part:
 
     Attributes:
         colour: of the surface; what a print's colours are multiplied by.
-        shine: 0 dull to 1 glossy. see_through: 0 opaque to 1 clear.
+        shine: 0 dull to 1 glossy.
+        see_through: 0 opaque to 1 clear.
     """
 
     mesh: Mesh
@@ -36,7 +37,8 @@ class Fit:
     """What a look has to fill: the box around a body's shapes, in the body's frame.
 
     Attributes:
-        centre: (3,) m. half: (3,) half extents, m.
+        centre: (3,) m.
+        half: (3,) half extents, m.
         colour: of its largest shape.
         drop: m from the box's foot down to the floor.
         main: the same of its largest shape alone, where there are several: a table's top.

@@ -37,10 +37,12 @@ class Answer:
     """What came back for one message.
 
     Attributes:
-        text: the model's words. model: the name the provider reports.
+        text: the model's words.
+        model: the name the provider reports.
         input_tokens, cached_tokens, output_tokens: as the provider counts them.
         cost: US dollars by the list price, None where no price is known.
-        seconds: wall time, waits for retries included. requests: how many it took.
+        seconds: wall time, waits for retries included.
+        requests: how many it took.
         finish: why the model stopped, e.g. `stop`, `length`, `content_filter`.
     """
 
@@ -79,7 +81,8 @@ class Critique:
     """What a second model said of a plan that passed the check.
 
     Attributes:
-        planner: as asked for. system, message: what it was sent.
+        planner: as asked for.
+        system, message: what it was sent.
         answer: what came back; None where nothing did, and `error` says why.
         objection: what it objects to; empty for nothing.
     """
@@ -97,7 +100,8 @@ class Conversation:
     """A whole dialogue, as it is kept in the run folder.
 
     Attributes:
-        planner: as asked for, e.g. `openai:gpt-4o`. system: the system prompt as sent.
+        planner: as asked for, e.g. `openai:gpt-4o`.
+        system: the system prompt as sent.
         images: width and height in pixels and SHA-256 of every picture as sent.
         critique: what a second model said of the plan, if one was asked.
     """

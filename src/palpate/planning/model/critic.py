@@ -48,7 +48,8 @@ class Critic:
         have one provider.
 
         Raises:
-            InputError: no such provider. Unavailable: its key is not there.
+            InputError: no such provider.
+            Unavailable: its key is not there.
         """
         if settings.critic is None:
             return None

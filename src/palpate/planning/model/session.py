@@ -94,7 +94,8 @@ class Session:
         """The response to the messages so far, from one request.
 
         Raises:
-            ModelAPIError: the provider failed or refused. Unavailable: what came back is not its API.
+            ModelAPIError: the provider failed or refused.
+            Unavailable: what came back is not its API.
         """
         from pydantic_ai.direct import model_request
         from pydantic_ai.exceptions import ModelAPIError

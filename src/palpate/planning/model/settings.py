@@ -19,7 +19,8 @@ class Budget:
         seconds: wall time of the whole dialogue.
         attempt_seconds: of one request; None for all that is left. A model on one's own computer may
             think for minutes.
-        tokens: input and output together. dollars: by list prices, where the model has one.
+        tokens: input and output together.
+        dollars: by list prices, where the model has one.
     """
 
     seconds: float = 300.0

@@ -58,7 +58,8 @@ class SymbolicPlanner:
 
         Raises:
             InputError: no scene, empty or too long a request, or it names objects that are not
-            there. PlanRejected: ambiguous, not understood, or nothing of it can be done.
+            there.
+            PlanRejected: ambiguous, not understood, or nothing of it can be done.
         """
         if scene is None:
             raise needs_scene(self.name)

@@ -28,10 +28,13 @@ class Site:
     """Where an object is worked on.
 
     Attributes:
-        parameter: what the work is for. arm: that works. pose_world_base: where it stands.
+        parameter: what the work is for.
+        arm: that works.
+        pose_world_base: where it stands.
         grasp, above: poses of the TCP in the world, where the object is taken and lifted to.
         believed: what is believed of the quantity, one number a component.
-        gravity: m/s², magnitude. near_speed: m/s, the fastest near things.
+        gravity: m/s², magnitude.
+        near_speed: m/s, the fastest near things.
     """
 
     parameter: Parameter

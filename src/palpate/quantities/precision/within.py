@@ -50,8 +50,8 @@ class Precision:
         asked, reached, floor: half widths of the 95 % interval in the estimate's unit: as asked, as
             it is (infinite without a value), and what would be left after any number of
             repetitions.
-        cause: what sets the floor most, in words; empty where nothing does. of: whose it is, the
-            `arm`'s or the `scene`'s.
+        cause: what sets the floor most, in words; empty where nothing does.
+        of: whose it is, the `arm`'s or the `scene`'s.
     """
 
     asked: float

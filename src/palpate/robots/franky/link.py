@@ -35,9 +35,12 @@ class Link:
     with the clock on the wall then.
 
     Attributes:
-        t: s, robot time now. mode: the control box's. width: m between the fingers.
-        fault: why the arm does not go on; None while it does. reflex: why it stopped itself since
-            that was last forgotten. lost: the control box does not answer any more.
+        t: s, robot time now.
+        mode: the control box's.
+        width: m between the fingers.
+        fault: why the arm does not go on; None while it does.
+        reflex: why it stopped itself since that was last forgotten.
+        lost: the control box does not answer any more.
     """
 
     def __init__(

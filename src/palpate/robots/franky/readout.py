@@ -25,9 +25,13 @@ class Readout:
     hand as Desk has it; `contact` is the arm's own estimate of what it touches.
 
     Attributes:
-        stamp: s, robot time of the newest cycle. q, dq: (7,). tau, tau_ext: (7,) N m, of the last
-            block. commanded: (7,) N m, without what holds the arm up. wrench, contact, twist: (6,).
-        jacobian: (6, 7), world axes about the TCP. state: franky's newest.
+        stamp: s, robot time of the newest cycle.
+        q, dq: (7,).
+        tau, tau_ext: (7,) N m, of the last block.
+        commanded: (7,) N m, without what holds the arm up.
+        wrench, contact, twist: (6,).
+        jacobian: (6, 7), world axes about the TCP.
+        state: franky's newest.
     """
 
     def __init__(

@@ -45,8 +45,8 @@ class FrankyRobot(Commanded):
         """The arm as it stands; nothing moves.
 
         Raises:
-            InputError: its end effector is not the description's. Unavailable: it is not ready, or
-                holds something.
+            InputError: its end effector is not the description's.
+            Unavailable: it is not ready, or holds something.
         """
         base = arm.stands(pose_world_base)
         known = arm.gravity if arm.gravity is not None else gravity

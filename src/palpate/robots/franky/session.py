@@ -31,7 +31,8 @@ class Session:
     """franky's robot and gripper at an address.
 
     Attributes:
-        robot, gripper: franky's. model: the arm's own dynamics.
+        robot, gripper: franky's.
+        model: the arm's own dynamics.
     """
 
     def __init__(self, address: Address) -> None:

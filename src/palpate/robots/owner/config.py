@@ -89,8 +89,9 @@ class Gains(Figure):
     """Relative errors of the joints' torque sensors: they show 1 + `value` times what they feel.
 
     Attributes:
-        value: (7,). std: (7,), of joints that were measured one by one. covariance: (7, 7), of
-            joints that were measured together; one of the two.
+        value: (7,).
+        std: (7,), of joints that were measured one by one.
+        covariance: (7, 7), of joints that were measured together; one of the two.
     """
 
     value: Seven
@@ -160,16 +161,21 @@ class RobotConfig(Section):
     """All that a robot.yaml says.
 
     Attributes:
-        arm: its description's name. simulated: None for a real arm.
-        gravity: where it stands. torque_gain: of the joints' sensors.
+        arm: its description's name.
+        simulated: None for a real arm.
+        gravity: where it stands.
+        torque_gain: of the joints' sensors.
         tip_offset: m, from the TCP to the pads' end along the tool, with all that the arm's frame
-            adds to a height where it was measured. base_lean: by how much the base leans more than
-            the scene says, or seems to: it was measured with tip_offset, and both hold together.
+            adds to a height where it was measured.
+        base_lean: by how much the base leans more than the scene says, or seems to: it was measured
+            with tip_offset, and both hold together.
         tip_compliance: m/N, of pads and joints beyond the encoders, under a force along the tool.
-        end_effector: what hangs on the flange. stiffness: of the controller's springs.
-        reflex: at what the arm stops itself. workspace: a box that the TCP stays in.
-        speed: part of the description's pace. camera: the one that sees the workspace, where no
-            poses.yaml has one.
+        end_effector: what hangs on the flange.
+        stiffness: of the controller's springs.
+        reflex: at what the arm stops itself.
+        workspace: a box that the TCP stays in.
+        speed: part of the description's pace.
+        camera: the one that sees the workspace, where no poses.yaml has one.
     """
 
     palpate_robot: Literal[1] = 1

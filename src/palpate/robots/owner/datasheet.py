@@ -22,12 +22,15 @@ class Datasheet(Section):
     """Stated accuracies; None is what the arm's description says.
 
     Attributes:
-        force_resolution: N. force_repeatability: N, per approach.
+        force_resolution: N.
+        force_repeatability: N, per approach.
         force_accuracy: N, of a force that is referred to nothing.
-        pose_repeatability: m. torque_gain_max: relative, half width.
-        tip_offset: m, from the TCP to the pads' end along the tool. tip_offset_std: m, how well
-            that is known. tip_compliance: m/N, of pads and joints beyond the encoders, under a force
-            along the tool. tip_compliance_std: m/N, how well that is known.
+        pose_repeatability: m.
+        torque_gain_max: relative, half width.
+        tip_offset: m, from the TCP to the pads' end along the tool.
+        tip_offset_std: m, how well that is known.
+        tip_compliance: m/N, of pads and joints beyond the encoders, under a force along the tool.
+        tip_compliance_std: m/N, how well that is known.
     """
 
     force_resolution: Stated | None = None

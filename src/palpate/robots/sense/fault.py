@@ -10,7 +10,8 @@ class Fault:
     """Why signals cannot be believed.
 
     Attributes:
-        name: what people call it. what: one sentence, with figures.
+        name: what people call it.
+        what: one sentence, with figures.
         since: s, robot time: nothing that was sensed after it is evidence.
     """
 

@@ -37,7 +37,8 @@ class Reaction(NamedTuple):
 
     Attributes:
         gains: of the drives, which then take torques.
-        damping: (7, 7) N m s/rad. load: (7,) N m that hold what hangs on the hand.
+        damping: (7, 7) N m s/rad.
+        load: (7,) N m that hold what hangs on the hand.
         most: (7,) N m that the joints exert.
     """
 

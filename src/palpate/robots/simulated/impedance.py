@@ -78,7 +78,8 @@ class Gains:
         cartesian: the TCP's springs act, and the joint drives take torques; else the joints'
             springs act.
         stiffness, damping: (6,) at the TCP, world axes, or (7,) at the joints.
-        inertia: (6, 6) or (7, 7) that they move. own: (7,) kg m^2, each joint's own.
+        inertia: (6, 6) or (7, 7) that they move.
+        own: (7,) kg m^2, each joint's own.
     """
 
     cartesian: bool

@@ -28,11 +28,15 @@ class Readout:
     """The latest sensed state, and the samples of each run of steps.
 
     Attributes:
-        q, dq: (7,) rad, rad/s. tau, tau_ext: (7,) N m. wrench, contact, twist: (6,).
+        q, dq: (7,) rad, rad/s.
+        tau, tau_ext: (7,) N m.
+        wrench, contact, twist: (6,).
         pose_world_tcp: (7,) of the newest encoder reading, not a block's mean.
-        stamp: s, robot time of the newest sample that arrived. told: (7,) rad, joint angles, and
-            the TCP's pose, as of it.
-        jacobian: (6, 7). gravity_torque: (7,) N m, nominal. commanded: (7,) N m, the last block's.
+        stamp: s, robot time of the newest sample that arrived.
+        told: (7,) rad, joint angles, and the TCP's pose, as of it.
+        jacobian: (6, 7).
+        gravity_torque: (7,) N m, nominal.
+        commanded: (7,) N m, the last block's.
         speed: (7,) rad/s at the very end; `dq` is the last block's mean.
         deviation: (7,) N m, what the torque sensors now show beyond the truth, but for noise.
         load: N that hangs on the hand: the slow part of the vertical force.

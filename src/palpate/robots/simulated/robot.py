@@ -80,8 +80,8 @@ class MujocoRobot(Commanded):
         """Put the true `arm` of the noise model into `world`, which is changed.
 
         Args:
-            pose_world_base: where the base is thought to stand. stands: where it stands in `world`
-                but for what the noise model says; there, by default.
+            pose_world_base: where the base is thought to stand.
+            stands: where it stands in `world` but for what the noise model says; there, by default.
             gravity: (3,) m/s^2 that is thought to act; the world's, by default. What was measured of
                 the arm comes before it.
             visit: the same robot on another day: all that is drawn once a run is another one.

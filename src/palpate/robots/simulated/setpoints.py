@@ -18,8 +18,10 @@ class Setpoints:
     """Rows of a path, ready to slice; after its end the last one stays.
 
     Attributes:
-        path: what they are of. start: its beginning, s.
-        rows: (m, k) set-points of each step. poses: (m / 5, 7) commanded poses of each log period.
+        path: what they are of.
+        start: its beginning, s.
+        rows: (m, k) set-points of each step.
+        poses: (m / 5, 7) commanded poses of each log period.
         posture: (m / 5, 14) where the null space shall be and how fast it moves, at the beginning
             of each log period.
     """

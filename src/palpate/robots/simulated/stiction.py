@@ -30,7 +30,8 @@ class Stiction:
     """One object's two coefficients, and where they go.
 
     Attributes:
-        geoms: the object's geom ids. dof: first of its free joint's degrees of freedom.
+        geoms: the object's geom ids.
+        dof: first of its free joint's degrees of freedom.
         static, dynamic: coefficients of sliding friction, the latter per geom.
         sides: per geom of the world: `OWN`, `FIXED`, else 0.
     """

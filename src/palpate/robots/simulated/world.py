@@ -50,7 +50,8 @@ class Steps:
     """What some blocks of steps did to the robot.
 
     Attributes:
-        q, dq: (n, 7) at the end of each block. torque: (n, 7) mean commanded joint torques, N m.
+        q, dq: (n, 7) at the end of each block.
+        torque: (n, 7) mean commanded joint torques, N m.
         contact: (n, 7) mean N m that contacts exert at the joints, where the world `feels`.
         fingers, finger_speed: (n, 2) at the end of each block, m, m/s.
     """

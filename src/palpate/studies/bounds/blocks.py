@@ -24,8 +24,11 @@ class Blocks:
     """Means of a trace over `BLOCK` s.
 
     Attributes:
-        place: (rows,) of each sample the block that it is in. rows: (n,) samples in each block.
-        t: (n,) s. q, dq: (n, 7) rad, rad/s. position: (n, 3) m of the TCP, world.
+        place: (rows,) of each sample the block that it is in.
+        rows: (n,) samples in each block.
+        t: (n,) s.
+        q, dq: (n, 7) rad, rad/s.
+        position: (n, 3) m of the TCP, world.
         rotation: (n, 3, 3) the tool's axes in the world.
         acceleration: (n, 3) m/s² of the TCP, world.
         maps: (n, 7, 6) joint torques of unit wrenches, world axes about the TCP.

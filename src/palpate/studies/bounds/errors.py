@@ -38,7 +38,8 @@ class Hanging:
     """What hangs on the hand in each block.
 
     Attributes:
-        torque: (n, 7) N m that it makes in the joints. mass: (n,) kg.
+        torque: (n, 7) N m that it makes in the joints.
+        mass: (n,) kg.
     """
 
     torque: Array
@@ -51,8 +52,8 @@ class _Links:
 
     Attributes:
         shift: (n, 3, 7) N m that an acceleration of 1 m/s² of everything makes, base axes.
-        mass: (n, k, 7) N m that a further kilogram at the centre of body k makes; com: (n, k, 3, 7)
-            what a metre makes by which its centre lies elsewhere in its own axes.
+        mass: (n, k, 7) N m that a further kilogram at the centre of body k makes.
+        com: (n, k, 3, 7) what a metre makes by which its centre lies elsewhere in its own axes.
         nominal: (k,) kg.
     """
 

@@ -26,7 +26,8 @@ class Base:
     """A valid plan where it belongs.
 
     Attributes:
-        name: `SCENARIO:PLAN`. world: the scenario's hidden world.
+        name: `SCENARIO:PLAN`.
+        world: the scenario's hidden world.
         mishap: something is to go wrong there, whatever the plan.
     """
 

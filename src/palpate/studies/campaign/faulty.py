@@ -33,9 +33,12 @@ class FaultyRobot:
     """Implements `palpate.robots.robot.Robot`, faithfully until `moment` (s of robot time).
 
     Attributes:
-        lie, act, spoil: the fault, by what it changes. raises: what calls raise, by name.
-        ignores: calls that do nothing. once: the fault lasts for one tick, or one call, only.
-        seen: the state when the fault began. struck: whether it has begun.
+        lie, act, spoil: the fault, by what it changes.
+        raises: what calls raise, by name.
+        ignores: calls that do nothing.
+        once: the fault lasts for one tick, or one call, only.
+        seen: the state when the fault began.
+        struck: whether it has begun.
         witness: sees every physics step.
     """
 

@@ -79,7 +79,9 @@ class Wrong:
     """A hidden world, and what is wrong with it.
 
     Attributes:
-        what: in words. unseen: names of what no scene shows. figures: what it may be met with.
+        what: in words.
+        unseen: names of what no scene shows.
+        figures: what it may be met with.
     """
 
     world: Scene

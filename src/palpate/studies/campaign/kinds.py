@@ -40,10 +40,11 @@ class Fault:
     """A kind of fault.
 
     Attributes:
-        meddle: makes a robot faulty. patches: what fails besides, by `module:name`.
+        meddle: makes a robot faulty.
+        patches: what fails besides, by `module:name`.
         bytes: how large files may become, for a disk that is full; None for any size.
-        holds: holding still keeps the load. honest: nobody outside pushes, and the arm can bear
-            itself, so that all forces are its own.
+        holds: holding still keeps the load.
+        honest: nobody outside pushes, and the arm can bear itself, so that all forces are its own.
     """
 
     name: str

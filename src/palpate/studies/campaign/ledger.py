@@ -68,9 +68,12 @@ class Row:
     """One case and how it went.
 
     Attributes:
-        kind: which part of the campaign. case: names it within its kind.
-        what: what was done, in words. command: repeats it.
-        outcome: in a word. said: what palpate said about it.
+        kind: which part of the campaign.
+        case: names it within its kind.
+        what: what was done, in words.
+        command: repeats it.
+        outcome: in a word.
+        said: what palpate said about it.
         crash: a traceback, where there was one.
         beyond: what it did to the world that is worse than the figures allow.
         touches: forces on everything that was touched: thing, peak, mean10, mean20, tail, sideways.

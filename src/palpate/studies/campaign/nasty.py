@@ -41,8 +41,10 @@ class Nasty:
     """A plan written by hand.
 
     Attributes:
-        intention: what it is to break, in a line. scene: one of `small_scene`'s.
-        measures: the parameters that it promises. requested: what was asked for, if anything.
+        intention: what it is to break, in a line.
+        scene: one of `small_scene`'s.
+        measures: the parameters that it promises.
+        requested: what was asked for, if anything.
         explanation: of a plan without steps.
     """
 

@@ -27,7 +27,8 @@ class Coverage:
         covered95, covered50: parts of them whose central interval holds the truth.
         stated: root mean square of the errors in stated standard deviations, turned over: 1 where
             they are as large as stated, more where they are smaller.
-        far, farthest: how many are beyond 4 and 5 stated standard deviations. worst: the most.
+        far, farthest: how many are beyond 4 and 5 stated standard deviations.
+        worst: the most.
     """
 
     quantity: str

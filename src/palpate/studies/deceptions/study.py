@@ -63,7 +63,8 @@ class Scored:
     """One number of an estimate beside the truth, in the quantity's SI unit.
 
     Attributes:
-        component: index into a vector quantity. low, high: its 95 % interval.
+        component: index into a vector quantity.
+        low, high: its 95 % interval.
         z: stated standard deviations off what is true, the most of them where several things are.
         covered: whether the interval holds all that is true.
     """

@@ -29,7 +29,8 @@ class Cord(Section):
     """A cord from a place in the world to one of a body; it only pulls.
 
     Attributes:
-        stiffness: N/m, from the length `length`, m, on. damping: N s/m, both ways.
+        stiffness: N/m, from the length `length`, m, on.
+        damping: N s/m, both ways.
     """
 
     anchor: Point
@@ -83,10 +84,12 @@ class Deception(Section):
 
     Attributes:
         base: the scenario, or the scene of `worlds.toml`, whose hidden world is edited.
-        story: what is so, for people. why: nobody can tell it, where it is not observable.
+        story: what is so, for people.
+        why: nobody can tell it, where it is not observable.
         request: asked instead of the base's.
-        replace: texts of the world's MJCF and what stands there instead. inside: what bodies hold
-            besides. world, root: what the worldbody and the model hold besides.
+        replace: texts of the world's MJCF and what stands there instead.
+        inside: what bodies hold besides.
+        world, root: what the worldbody and the model hold besides.
         noise: keys of the noise model that are so here, whatever it says.
         truth: of parameters whose truth the file does not have, all that is equally true.
     """

@@ -32,7 +32,8 @@ def crew(address: str, workers: int | None = None) -> Generator[Crew]:
     `ray://HOST:PORT`. `workers`: how many at most, by default one a processor.
 
     Raises:
-        InputError: it is no address. Unavailable: Ray is not installed, or nobody answers.
+        InputError: it is no address.
+        Unavailable: Ray is not installed, or nobody answers.
     """
     if address == LOCAL:
         yield Processes(workers or os.cpu_count() or 1)
@@ -50,7 +51,8 @@ class RayCrew:
     """The cluster that this process has joined.
 
     Attributes:
-        ray: the library. room: tasks that are handed over at once.
+        ray: the library.
+        room: tasks that are handed over at once.
     """
 
     ray: Any

@@ -53,8 +53,8 @@ class Harm:
         touches: everything that was touched, the hardest first.
         turned: rad that objects turned in the hand.
         forces: every force that is greater than the figures allow, in words.
-        fates: what became of objects that the scene shows; unseen: of those that none shows,
-            which is listed and not judged.
+        fates: what became of objects that the scene shows.
+        unseen: of those that none shows, which is listed and not judged.
     """
 
     touches: tuple[Touch, ...]

@@ -30,8 +30,9 @@ class Figures:
     """Most that a contact may reach, N.
 
     Attributes:
-        mean10, mean20: of running means over 10 and 20 ms. tail: of a 10 ms mean from 100 ms after
-            the first contact on, None for no limit. sideways: 10 ms mean on light, free objects.
+        mean10, mean20: of running means over 10 and 20 ms.
+        tail: of a 10 ms mean from 100 ms after the first contact on, None for no limit.
+        sideways: 10 ms mean on light, free objects.
     """
 
     mean10: float = 65.0
@@ -55,10 +56,14 @@ class Touch:
     """One thing that was touched, by the robot or by what it held; forces in N, times in s.
 
     Attributes:
-        part: the body that pressed hardest. load: it was the held object. light: the thing is an
-            object that gives way.
-        first: when. seconds: how long in all. peak, mean10, mean20: magnitudes, of one physics step
-            and of running means. tail: see `Figures`. over: s above 65 N.
+        part: the body that pressed hardest.
+        load: it was the held object.
+        light: the thing is an object that gives way.
+        first: when.
+        seconds: how long in all.
+        peak, mean10, mean20: magnitudes, of one physics step and of running means.
+        tail: see `Figures`.
+        over: s above 65 N.
         sideways: greatest horizontal 10 ms mean while nothing held the thing from the other side.
         vertical: the greatest force was more vertical than horizontal.
     """

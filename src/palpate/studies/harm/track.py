@@ -23,10 +23,13 @@ class Track:
     """One object's way through a run.
 
     Attributes:
-        name: the object's. fell: out of the hand, or off what carried it. has_left: it ends lower
-            than it stood, and nobody holds it. tilt: rad, the most while it was not held.
-        moved: m from its first place, the most. pushed: m from where it was let go, the most
-            while it was not held. turned: rad in the hand, the most.
+        name: the object's.
+        fell: out of the hand, or off what carried it.
+        has_left: it ends lower than it stood, and nobody holds it.
+        tilt: rad, the most while it was not held.
+        moved: m from its first place, the most.
+        pushed: m from where it was let go, the most while it was not held.
+        turned: rad in the hand, the most.
     """
 
     def __init__(self, witness: Witness, index: int) -> None:

@@ -34,8 +34,8 @@ class Conditions:
     """What all trials of a study share.
 
     Attributes:
-        images: pictures of the workspace, instead of the scenario's own. noise: noise model of the
-            simulated robot.
+        images: pictures of the workspace, instead of the scenario's own.
+        noise: noise model of the simulated robot.
         model_settings: how models are asked; the paper gives no feedback.
         beside: a file; pictures that are taken of simulated worlds are kept beside it. None: none
             are.
@@ -55,7 +55,8 @@ def attempt(trial: Trial, without: frozenset[str], conditions: Conditions) -> Re
     """The record of a trial, asked without some modules of the prompt.
 
     Raises:
-        InputError: unknown scenario or planner. Unavailable: the provider.
+        InputError: unknown scenario or planner.
+        Unavailable: the provider.
     """
     task = scenario(trial.scenario)
     looks = _looks(trial.planner)

@@ -34,11 +34,12 @@ class Trial:
     """One independent attempt of a planner at a scenario's task.
 
     Attributes:
-        scenario: its name. planner: planner string.
+        scenario: its name.
+        planner: planner string.
         configuration: what was left out of the prompt, `full` if nothing.
         number: from 0; also the seed of the simulated world's sensors.
-        prompt: which system prompt, `full` or `lean`. critic: the second model that may object;
-            empty if none.
+        prompt: which system prompt, `full` or `lean`.
+        critic: the second model that may object; empty if none.
     """
 
     scenario: str
@@ -97,7 +98,8 @@ class Record:
         success: whether the outcome is one of `SUCCESSES`; None where the task defines none.
         reason: why not.
         figures: tokens, cost, latency, the model's name as the provider reports it.
-        found: what was estimated, by parameter. actions: leaves that were started.
+        found: what was estimated, by parameter.
+        actions: leaves that were started.
         robot_seconds: how long they took.
     """
 

@@ -60,11 +60,12 @@ class Scores:
     """What n estimates, of whatever, promise and hold.
 
     Attributes:
-        runs: how many. coverage95, coverage50: share of the 95 % and 50 % intervals that hold the
-            truth.
+        runs: how many.
+        coverage95, coverage50: share of the 95 % and 50 % intervals that hold the truth.
         stated: one over the root mean square of the errors in stated standard deviations.
-        worst: the largest of these. over_bound: root mean square of the errors over the bound
-            (`studies.bounds`), of those that have one; None without any.
+        worst: the largest of these.
+        over_bound: root mean square of the errors over the bound (`studies.bounds`), of those that
+            have one; None without any.
     """
 
     runs: int
@@ -96,13 +97,17 @@ class Summary:
 
     Attributes:
         runs: seeds that identified it.
-        truth, mean: over these. bias: mean error. sd: standard deviation of the errors.
+        truth, mean: over these.
+        bias: mean error.
+        sd: standard deviation of the errors.
         claimed: mean of the stated standard deviations, which an honest estimator holds near `rmse`.
         covered: how many 95 % intervals hold the truth.
         single_shot_sd: as `sd`, of the naive weighing; None where there is none.
-        unit: as printed. asked: seeds that should have identified it. verdicts: how many ended with
-            which.
-        rmse: root mean square of the errors. bound: of the bounds; None where there is none.
+        unit: as printed.
+        asked: seeds that should have identified it.
+        verdicts: how many ended with which.
+        rmse: root mean square of the errors.
+        bound: of the bounds; None where there is none.
     """
 
     parameter: Parameter

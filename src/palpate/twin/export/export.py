@@ -41,7 +41,8 @@ class Export:
     """What was made of a twin.
 
     Attributes:
-        format: which. file: what another simulator is given, in its folder.
+        format: which.
+        file: what another simulator is given, in its folder.
         held: what was measured and has been read back from it.
         lost: what was measured and it has no place for.
         notes: what else is not as it was, a line each.
@@ -58,7 +59,8 @@ def require_format(name: str) -> Format:
     """The format of that name, once what it takes is there.
 
     Raises:
-        InputError: there is none. Unavailable: what writes it is not installed.
+        InputError: there is none.
+        Unavailable: what writes it is not installed.
     """
     for known in FORMATS:
         if name == known:

@@ -40,7 +40,8 @@ class Facts:
 
     Attributes:
         pose: (4, 4) of its frame in the world.
-        mass: kg. com: (3,) m, and inertia: (3, 3) kg m^2 about it, in the body's frame.
+        mass: kg.
+        com: (3,) m, and inertia: (3, 3) kg m^2 about it, in the body's frame.
         shapes: in the order of the file.
     """
 

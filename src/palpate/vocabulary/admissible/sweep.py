@@ -51,7 +51,9 @@ class Hit:
     """Two parts that come too near each other: which, by how much, where and when.
 
     Attributes:
-        distance: m, negative where they overlap. where: (3,) m, world. share: of the way.
+        distance: m, negative where they overlap.
+        where: (3,) m, world.
+        share: of the way.
     """
 
     part: Part
@@ -75,7 +77,8 @@ class Sweep:
     """A way, with all that moves along it and all that stands beside it.
 
     Attributes:
-        parts: what moves, then what stands. moving: how many of them move.
+        parts: what moves, then what stands.
+        moving: how many of them move.
         place: the shapes' frames of a way, in the order of `parts`.
         pairs: (p, 2) which of them may meet; the first of each moves, and the second of the last
             ones.

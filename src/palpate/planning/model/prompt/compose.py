@@ -82,9 +82,11 @@ def compose(
     """The whole prompt for one task.
 
     Args:
-        vocabulary: what plans are made of. request, scene, images: R, D and I.
+        vocabulary: what plans are made of.
+        request, scene, images: R, D and I.
         symbols: names of poses, and arm: whose measures are told, where there is no scene.
-        without: modules and inputs to leave out. style: which system prompt.
+        without: modules and inputs to leave out.
+        style: which system prompt.
         comments: whether those in the scene's file are sent; they may give the answer away.
 
     Raises:

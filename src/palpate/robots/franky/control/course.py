@@ -27,10 +27,10 @@ class Course:
     """A motion's references in the base's frame.
 
     Attributes:
-        path: what they are of; its time begins at 0. bent: (7,) rad, where the null space goes, of a
-            Cartesian motion.
-        rows: (m, 7) joint positions, or positions and quaternions xyzw. rates: (m, 7) rad/s, or (m,
-            6) twists.
+        path: what they are of; its time begins at 0.
+        bent: (7,) rad, where the null space goes, of a Cartesian motion.
+        rows: (m, 7) joint positions, or positions and quaternions xyzw.
+        rates: (m, 7) rad/s, or (m, 6) twists.
         poses_world_tcp: (k, 7) commanded TCP poses, one each `every` rows.
     """
 

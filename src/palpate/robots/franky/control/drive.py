@@ -53,8 +53,9 @@ class Drive:
     """Follows courses. All but the constructor may be called in any thread.
 
     Attributes:
-        log: the last cycles. reacted: how the arm stopped itself since the last course was given;
-            None while it did not. stalls: how often, and longest, s, this computer was late.
+        log: the last cycles.
+        reacted: how the arm stopped itself since the last course was given; None while it did not.
+        stalls: how often, and longest, s, this computer was late.
     """
 
     def __init__(self, arm: Any, springs: Springs, pose_world_base: Pose) -> None:

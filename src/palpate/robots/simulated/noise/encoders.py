@@ -24,7 +24,8 @@ class Encoders:
     """Reported against true joint angles, and the reported against the true place of the TCP.
 
     Attributes:
-        exact: whether they report every angle as it is, but for noise. clean: and without noise.
+        exact: whether they report every angle as it is, but for noise.
+        clean: and without noise.
         soft: m/N by which the pads give way under a probe: the arm goes on, as its encoders see.
     """
 

@@ -201,8 +201,8 @@ class NoiseModel(Section):
     """How a real arm differs from its nominal model, and what its owner is told of it.
 
     Attributes:
-        name: what report and result call it. extends: whose keys a file replaces; all that it says
-            is here once the file is read.
+        name: what report and result call it.
+        extends: whose keys a file replaces; all that it says is here once the file is read.
         datasheet: the only section that estimators hear of.
     """
 

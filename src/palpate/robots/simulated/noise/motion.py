@@ -12,7 +12,8 @@ class Motion:
     """n log periods of an arm.
 
     Attributes:
-        q, dq: (n, 7) rad, rad/s. jacobian: (6, 7) of the last period, world axes about the TCP.
+        q, dq: (n, 7) rad, rad/s.
+        jacobian: (6, 7) of the last period, world axes about the TCP.
         position: (n, 3) m, the TCP's.
     """
 

@@ -24,7 +24,8 @@ class Measured(NamedTuple):
     """Of n log periods.
 
     Attributes:
-        torque: (n, 7) N m. arrived: (n,) which of them did, None for all.
+        torque: (n, 7) N m.
+        arrived: (n,) which of them did, None for all.
         shown: (7,) N m that the sensors show in the end, before white noise, and before anything
             happens to the samples: what the arm's own reflex sees besides the noise of each look.
     """

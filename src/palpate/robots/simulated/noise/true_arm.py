@@ -123,7 +123,8 @@ def _split(body: mujoco.MjsBody, more: float, shift: Array) -> None:
     """A compensated part at the nominal centre, and one that makes up the true mass and centre.
 
     Args:
-        more: kg beyond the nominal mass. shift: (3,) m of the true centre from the nominal one.
+        more: kg beyond the nominal mass.
+        shift: (3,) m of the true centre from the nominal one.
     """
     nominal, centre = body.mass, np.array(body.ipos)
     mass = nominal + more

@@ -28,7 +28,8 @@ class Drawn:
     Attributes:
         size: its scale: one standard deviation of a centred normal (`normal`; `magnitude` is of
             such a normal's absolute value), half the width of a uniform (`uniform`), or what has a
-            random sign (`sign`). fixed: the very value, with its sign, instead.
+            random sign (`sign`).
+        fixed: the very value, with its sign, instead.
     """
 
     law: Law
