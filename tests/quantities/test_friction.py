@@ -5,8 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from palpate.estimation.load.feeling import feeling
+from palpate.estimation.load.moving import own_motion
 from palpate.parameter import Parameter
 from palpate.quantities.friction import PRIOR_SPREAD, estimate_friction
+from palpate.robots.registry import load_description
 
 STATIC, DYNAMIC = 0.41, 0.34
 PARAMETER = Parameter("bottle", "friction")
@@ -103,6 +106,37 @@ def test_soft_springs_are_lowered_steeply_and_the_hand_goes_level_all_the_same(b
     again = estimate_friction(stiff, PARAMETER, None)
     assert found.value[0] == pytest.approx(again.value[0], abs=1e-3)
     assert found.std[0] == pytest.approx(again.std[0], rel=0.1)
+
+
+def swaying(trace, amplitude):
+    """As an FR3 felt it whose joints swing by `amplitude`, rad, once a second while it drags."""
+    chain, samples = load_description().nominal.chain, trace.samples
+    low = samples.pose_world_tcp[:, 2] < GRASP[2] + 0.005
+    size = amplitude * np.convolve(low, np.hanning(100) / np.hanning(100).sum(), mode="same")
+    joints = np.array([1.0, 1.0, 0.0, -1.0, 0.0, 1.0, 0.0])
+    q = load_description().home + np.outer(size * np.sin(2 * np.pi * samples.t), joints)
+    dq, ddq = gained(q, samples.t), gained(gained(q, samples.t), samples.t)
+    nothing = replace(samples, q=q, dq=dq, tau_ext=np.zeros(q.shape), wrench=np.zeros((len(q), 6)))
+    hand = replace(trace.hand, chain=chain)
+    maps = feeling(replace(trace, samples=nothing, hand=hand)).maps(q)
+    tau = (maps @ samples.wrench[:, :, None])[:, :, 0] + own_motion(chain, q, dq, ddq)
+    wrench = (np.linalg.pinv(maps) @ tau[:, :, None])[:, :, 0]
+    return replace(trace, samples=replace(nothing, tau_ext=tau, wrench=wrench), hand=hand)
+
+
+def gained(values, t):
+    """A second, as rows are logged: each is the mean since the one before."""
+    return np.diff(values, axis=0, prepend=values[:1]) / np.diff(t, prepend=-1.0)[:, None]
+
+
+def test_what_an_arm_that_sways_takes_to_move_is_no_friction(bench, noises, monkeypatch):
+    """On springs of 800 N/m it sways for a second after each breakaway."""
+    monkeypatch.setattr("recordings.APPARENT", 0.0)
+    still, sways = (swaying(drag(bench, noises["none"]), size) for size in (0.0, 0.005))
+    assert np.abs(sways.samples.wrench - still.samples.wrench)[:, :3].max() > 0.5
+    found = estimate_friction(sways, PARAMETER, None)
+    assert found.value[0] == pytest.approx(DYNAMIC, abs=2e-3)
+    assert found.parts["static"].value == pytest.approx(STATIC, abs=0.03)
 
 
 def test_nothing_dragged_nothing_known(weighing, noises):

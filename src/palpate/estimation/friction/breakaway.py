@@ -40,15 +40,15 @@ def static_friction(drags: Sequence[Drag], sliding: Sliding) -> tuple[float, flo
     mean = float(weight @ ratios / weight.sum())
     excess = float(np.mean((ratios - mean) ** 2 / variance))
     own = np.sqrt(max(1.0, excess) / weight.sum())
-    return mean, float(np.hypot(own, tuning.BREAKAWAY * mean))
+    return mean * (1.0 + tuning.RISING), float(np.hypot(own, tuning.BREAKAWAY * mean))
 
 
 def _peaks(drags: Sequence[Drag], sliding: Sliding) -> Iterator[_Peak]:
     for i, drag in enumerate(drags):
-        mass = _further_mass(i, drag, sliding)
-        peaks = [_peak(drag, rows, *sliding.aside(i, rows), *mass) for rows in drag.parting]
-        if peaks:
-            yield max(peaks, key=lambda peak: peak.ratio)
+        rows = drag.parting
+        if rows is not None:
+            mass = _further_mass(i, drag, sliding)
+            yield _peak(drag, rows, *sliding.aside(i, rows), *mass)
 
 
 def _peak(
@@ -65,9 +65,11 @@ def _peak(
 
 
 def _further_mass(number: int, drag: Drag, sliding: Sliding) -> tuple[float, float]:
-    """kg that the arm seems to have in a drag's direction beyond `HORIZONTAL_MASS`, and the standard
-    deviation: what the force lost as the hand slowed down, over the loss of speed."""
-    prior = tuning.HORIZONTAL_SPREAD**-2
+    """kg that an arm of unknown links seems to have in a drag's direction beyond `HORIZONTAL_MASS`, and
+    the standard deviation: what the force lost as the hand slowed down, over the loss of speed."""
+    if not drag.unsure_mass:
+        return 0.0, 0.0
+    prior = drag.unsure_mass**-2
     rows = drag.slowing
     lost = -float(drag.acceleration[rows].sum())
     if lost <= 0.0:

@@ -8,7 +8,7 @@ object sticks, breaks away, and slides; `sliding` fits what the drags have in co
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -57,11 +57,13 @@ class Drag:
 
     Attributes:
         t: s. way: (2,) its direction, world. place: (n, 2) m, of the hand, world.
-        tangential: N, along the drag, the arm's inertia taken off. normal: N.
+        tangential, normal: N, along the drag and on the support; what moves the arm's links and the
+            object is taken off.
         acceleration: m/s², along the drag. speed: m/s, commanded.
         q: (n, 7) rad. torque: (n, 7) N m, beyond the arm's own.
         turned: (n, 7) which way each joint was turned last: -1 to 1, between them as it turns round.
         cruising: the motion is commanded at its full speed. moving: the hand follows it.
+        unsure_mass: kg (1 sigma), what the arm may have besides what was taken off.
         quiet: N², what `noise` is of the force in this direction while the object hangs at rest.
         hanging: what it is referred to.
     """
@@ -78,6 +80,7 @@ class Drag:
     turned: Array
     cruising: Mask
     moving: Mask
+    unsure_mass: float
     quiet: float
     hanging: Hanging
 
@@ -103,18 +106,25 @@ class Drag:
     def breakaway(self) -> int | None:
         """Row at which the object begins to slide; None when it never does.
 
-        The quotient of forces rises while the object sticks, peaks as it breaks away, and falls to
-        the level of sliding, which the later half of the drag shows.
+        The quotient of forces rises while the object sticks, and falls to the level of sliding as it
+        breaks away: where it falls most, since what joints rub drifts along the way.
         """
+        if self._strained is None:
+            return None
+        start = self.t[self._strained]
+        window = (self.t >= start) & (self.t <= start + tuning.PEAK_WITHIN)
+        later = np.minimum(np.arange(len(self.t)) + self._smooth, len(self.t) - 1)
+        falls = self.quotient - self.quotient[later]
+        return int(np.argmax(np.where(window, falls, -np.inf)))
+
+    @cached_property
+    def _strained(self) -> int | None:
+        """The first row in which the object may be sliding; None when it never does."""
         late = self.cruising & (self.t > self.t[0] + tuning.LATE * (self.t[-1] - self.t[0]))
         if not late.any():
             return None
         begun = np.flatnonzero(self.quotient >= tuning.SLIDING * np.median(self.quotient[late]))
-        if not len(begun):
-            return None
-        start = self.t[begun[0]]
-        window = (self.t >= start) & (self.t <= start + tuning.PEAK_WITHIN)
-        return int(np.argmax(np.where(window, self.quotient, -np.inf)))
+        return int(begun[0]) if len(begun) else None
 
     @cached_property
     def swung_out(self) -> Mask:
@@ -143,14 +153,13 @@ class Drag:
         return slice(first, first + int(np.argmin(np.append(slides, False))))
 
     @property
-    def parting(self) -> list[slice]:
-        """Short stretches of rows, one of which is where the object breaks away."""
-        if self.breakaway is None:
-            return []
-        size = self._smooth
-        first = max(0, self.breakaway - 2 * size)
-        last = min(len(self.t) - size, self.breakaway + size)
-        return [slice(row, row + size) for row in range(first, last + 1)]
+    def parting(self) -> slice | None:
+        """The short stretch of rows at whose end the object breaks away; None where it was not seen to
+        stick before."""
+        if self.breakaway is None or not self._strained:
+            return None
+        first = max(0, self.breakaway - self._smooth // 2)
+        return slice(first, first + self._smooth)
 
     def row_variance(self) -> float:
         """N², of the tangential force in a row of steady sliding: half of that from row to row."""
@@ -219,7 +228,9 @@ def _drags(trace: Trace, load: Load, felt: Feeling) -> Iterator[Drag]:
     low = samples.pose_world_tcp[:, 2] < floor + tuning.DOWN
     for rows in runs(load.loaded & low & (horizontal > tuning.DRAG_SPEED) & level):
         if rows.stop - rows.start > tuning.DRAG_ROWS:
-            yield _drag(samples, rows, step[:, :2], hanging, ways, free)
+            moved = _moved(samples, rows, felt, free.force[2] / trace.gravity)
+            drag = _drag(samples, rows, step[:, :2], moved, hanging, ways, free)
+            yield drag if felt.knows_links else replace(drag, unsure_mass=tuning.HORIZONTAL_SPREAD)
 
 
 def _climbing(samples: Samples) -> Array:
@@ -254,33 +265,60 @@ def _stretches(t: Array, rows: Mask) -> list[NDArray[np.intp]]:
     return np.split(found, np.flatnonzero(np.diff(t[found]) > tuning.PAUSE) + 1)
 
 
+def _gained(values: Array, t: Array, rows: slice) -> Array:
+    """(k, n) that values (m, n) gain a second up to each of `rows`. Backward differences: central ones
+    would lend the last row before the slip the jump that follows it."""
+    period = float(np.median(np.diff(t)))
+    gained: Array = np.diff(values, axis=0, prepend=values[:1])[rows] / period
+    return gained
+
+
+def _moved(samples: Samples, rows: slice, felt: Feeling, mass: float) -> Array:
+    """(k, 3) N, world axes, that moving the arm's own links and a held `mass`, kg, takes in `rows`.
+
+    An arm on soft springs sways for a second after a breakaway. Links of which nothing is known are
+    `HORIZONTAL_MASS` at the TCP.
+    """
+    rising = _gained(samples.twist[:, :3], samples.t, rows)
+    if not felt.knows_links:
+        return rising * [tuning.HORIZONTAL_MASS, tuning.HORIZONTAL_MASS, 0.0]
+    q, dq = samples.q[rows], samples.dq[rows]
+    torques = felt.links_motion(q, dq, _gained(samples.dq, samples.t, rows))
+    wrenches: Array = np.linalg.pinv(felt.maps(q)) @ torques[:, :, None]
+    return wrenches[:, :3, 0] + mass * rising
+
+
 def _drag(
-    samples: Samples, rows: slice, step: Array, hanging: Mask, ways: Array, free: Hanging
+    samples: Samples,
+    rows: slice,
+    step: Array,
+    moved: Array,
+    hanging: Mask,
+    ways: Array,
+    free: Hanging,
 ) -> Drag:
-    """The drag in `rows`; `step` is the commanded horizontal velocity, `hanging` where the force is
-    that without support, `ways` which way the joints were turned last."""
+    """The drag in `rows`; `step` is the commanded horizontal velocity, `moved` (k, 3) the force that
+    was needed to move the arm and what it holds, `hanging` where the force is that without support,
+    `ways` which way the joints were turned last."""
     velocity = step[rows]
     way = velocity.sum(axis=0) / np.linalg.norm(velocity.sum(axis=0))
-    force = samples.wrench[rows, :3] - free.force
+    force = samples.wrench[rows, :3] - free.force - moved
     commanded = velocity @ way
-    # Backward differences: central ones would lend the last row before the slip the jump that
-    # follows it.
-    gained = np.diff(samples.twist[:, :2] @ way, prepend=0.0)[rows]
     period = float(np.median(np.diff(samples.t)))
-    acceleration = gained / period
     return Drag(
         samples.t[rows],
         way,
         samples.pose_world_tcp[rows, :2],
-        force[:, :2] @ way - tuning.HORIZONTAL_MASS * acceleration,
+        force[:, :2] @ way,
         -force[:, 2],
-        acceleration,
+        _gained(samples.twist[:, :2] @ way, samples.t, rows),
         np.maximum(commanded, tuning.DRAG_SPEED),
         samples.q[rows],
         samples.tau_ext[rows],
         ways[rows],
         commanded > tuning.CRUISE * float(np.median(commanded)),
         samples.twist[rows, :2] @ way > tuning.FOLLOWING * commanded,
+        0.0,
         _density(
             [samples.wrench[part, :2] @ way for part in _stretches(samples.t, hanging)], period
         ),

@@ -35,6 +35,11 @@ class Feeling:
     chain: Chain | None
     turn: Array
 
+    @property
+    def knows_links(self) -> bool:
+        """Whether it is known what moving the arm's own links takes."""
+        return self.chain is not None and bool(self.chain.links)
+
     def maps(self, q: Array) -> Array:
         """(k, m, 6): the signals of unit wrenches (world axes about the TCP) at joint angles `q`
         (k, 7)."""
