@@ -28,8 +28,8 @@ from palpate.execution.runner import Snapshot
 from palpate.live.nodes import step_of, steps_of, walk
 from palpate.live.outline import Line, outline
 from palpate.live.player import Player
-from palpate.live.posed import PosedCell
 from palpate.live.shapes import Drawn
+from palpate.pictures.posed import PosedCell
 from palpate.runs.run import Run
 from palpate.scene.scene import Scene
 

@@ -11,6 +11,7 @@ from palpate.execution.btcpp import tree_xml
 from palpate.runs.folder import replacing, write_json, write_text
 from palpate.runs.result import CYCLES, has_scene_of_its_own, plan_text, result_json
 from palpate.runs.run import TRACE, Run
+from palpate.runs.shown import shown
 from palpate.trace.mcap import write_mcap
 from palpate.vocabulary.registry import vocabulary
 
@@ -38,7 +39,7 @@ def write_trace(run: Run, folder: Path) -> None:
     """The finished trace, in the place of the one that grew, and the cycles before a stop."""
     if run.trace is not None:
         with replacing(folder / TRACE) as part:
-            write_mcap(part, run.trace)
+            write_mcap(part, run.trace, shown(run))
     if run.black_box is not None:
         with replacing(folder / CYCLES) as part, part.open("wb") as file:
             np.savez(file, **dict[str, Any](run.black_box))

@@ -60,6 +60,12 @@ class Layout:
             self.constant += content
         return self
 
+    def octets(self, content: bytes) -> Layout:
+        """An array of bytes, the same in every message."""
+        self.uint32(len(content))
+        self.constant += content
+        return self
+
     def texts(self, values: Sequence[str]) -> Layout:
         """An array of texts, the same in every message."""
         return self.uint32(len(values)).text(*values)

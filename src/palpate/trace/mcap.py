@@ -9,6 +9,7 @@ that `read_mcap` returns the very trace that was written. The file of a run that
 from __future__ import annotations
 
 from collections import defaultdict
+from collections.abc import Sequence
 from pathlib import Path
 from typing import IO, TYPE_CHECKING
 
@@ -33,8 +34,8 @@ MAX_RECORD = 64 << 20
 """A record that claims more bytes is damaged; chunks are cut at 1 MiB."""
 
 
-def write_mcap(path: Path, trace: Trace) -> None:
-    """Write `trace` to `path`, in zstd-compressed chunks."""
+def write_mcap(path: Path, trace: Trace, shown: Sequence[Message] = ()) -> None:
+    """Write `trace` to `path`, in zstd-compressed chunks, with what else viewers are `shown`."""
     from mcap.writer import Writer
     from pydantic import TypeAdapter
 
@@ -44,7 +45,7 @@ def write_mcap(path: Path, trace: Trace) -> None:
         writer = Writer(file)
         writer.start(profile="ros2", library=f"palpate {__version__}")
         writer.add_metadata(METADATA, {"version": __version__, "trace": content})
-        _write_messages(writer, messages(trace))
+        _write_messages(writer, messages(trace, shown))
         writer.finish()
 
 

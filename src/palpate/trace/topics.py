@@ -17,7 +17,8 @@ friction |
 world) |
 | `/robot_time` | Float64 | robot time in s, to the last bit |
 
-Events: `/leaves`, `/recordings` and `/conversions` (String, JSON) and `/rosout` (Log).
+Events: `/step` (String, what begins), `/leaves`, `/recordings` and `/conversions` (String, JSON) and
+`/rosout` (Log). What viewers are shown beside them is in `palpate.runs.shown`.
 """
 
 from __future__ import annotations
@@ -60,7 +61,8 @@ class Topic(NamedTuple):
     layout: Layout
 
 
-def _header(frame: str) -> Layout:
+def header(frame: str) -> Layout:
+    """What most messages begin with; `stamp` is open."""
     return Layout().time("stamp").text(frame)
 
 
@@ -79,39 +81,41 @@ def topics(hand: Hand) -> dict[str, Topic]:
         "/robot_time": Topic("std_msgs/Float64", Layout().doubles("t", 1)),
         "/joint_states": Topic(
             "sensor_msgs/JointState",
-            _header(WORLD).texts(hand.joints).array("q", 7).array("dq", 7).empty_array(),
+            header(WORLD).texts(hand.joints).array("q", 7).array("dq", 7).empty_array(),
         ),
         "/gripper/joint_states": Topic(
             "sensor_msgs/JointState",
-            _header(WORLD).texts(hand.fingers).array("fingers", 2).empty_array().empty_array(),
+            header(WORLD).texts(hand.fingers).array("fingers", 2).empty_array().empty_array(),
         ),
         "/external_joint_torques": Topic(
             "sensor_msgs/JointState",
-            _header(WORLD).texts(hand.joints).empty_array().empty_array().array("tau_ext", 7),
+            header(WORLD).texts(hand.joints).empty_array().empty_array().array("tau_ext", 7),
         ),
         "/wrench": Topic(
             "geometry_msgs/WrenchStamped",
-            _header(TCP_WORLD_AXES).doubles("wrench", 6),
+            header(TCP_WORLD_AXES).doubles("wrench", 6),
         ),
         "/tcp_pose": Topic(
             "geometry_msgs/PoseStamped",
-            _header(WORLD).doubles("position", 3).doubles("orientation", 4),
+            header(WORLD).doubles("position", 3).doubles("orientation", 4),
         ),
         "/tcp_target": Topic(
             "geometry_msgs/PoseStamped",
-            _header(WORLD).doubles("target_position", 3).doubles("target_orientation", 4),
+            header(WORLD).doubles("target_position", 3).doubles("target_orientation", 4),
         ),
         "/tcp_twist": Topic(
             "geometry_msgs/TwistStamped",
-            _header(TCP_WORLD_AXES).doubles("twist", 6),
+            header(TCP_WORLD_AXES).doubles("twist", 6),
         ),
         "/tf": Topic("tf2_msgs/TFMessage", _transforms()),
     }
 
 
-def messages(trace: Trace) -> list[Message]:
-    """All messages of a trace in order of time; at one instant, samples before events."""
-    return sorted([*_sampled(trace), *_events(trace)], key=lambda message: message.time)
+def messages(trace: Trace, shown: Sequence[Message] = ()) -> list[Message]:
+    """All messages of a trace in order of time; at one instant, what is `shown` beside it first, then
+    samples, then events."""
+    everything = [*shown, *_sampled(trace), *_events(trace)]
+    return sorted(everything, key=lambda message: message.time)
 
 
 def samples_of(messages: Mapping[str, Sequence[bytes]], hand: Hand) -> Samples:
@@ -142,7 +146,7 @@ def samples_of(messages: Mapping[str, Sequence[bytes]], hand: Hand) -> Samples:
 
 def _sampled(trace: Trace) -> Iterator[Message]:
     """Nine messages per sample, topic by topic."""
-    signals, times = _signals(trace.samples), _nanoseconds(trace.samples.t).tolist()
+    signals, times = _signals(trace.samples), nanoseconds(trace.samples.t).tolist()
     for name, topic in topics(trace.hand).items():
         encoded = topic.layout.encode(signals, len(times))
         for time, data in zip(times, encoded, strict=True):
@@ -151,36 +155,40 @@ def _sampled(trace: Trace) -> Iterator[Message]:
 
 def _signals(s: Samples) -> dict[str, NDArray[Any]]:
     """What the open fields of the layouts are filled with, a row per sample."""
-    seconds_nanoseconds = np.divmod(_nanoseconds(s.t), 1_000_000_000)
     half = s.width / 2
     return {
-        "stamp": np.column_stack(seconds_nanoseconds),
+        "stamp": stamps(s.t),
         "t": s.t[:, None],
         "q": s.q,
         "dq": s.dq,
         "tau_ext": s.tau_ext,
         "wrench": s.wrench,
         "position": s.pose_world_tcp[:, :3],
-        "orientation": _xyzw(s.pose_world_tcp),
+        "orientation": xyzw(s.pose_world_tcp),
         "unturned": np.array([0.0, 0.0, 0.0, 1.0]),
         "twist": s.twist,
         "target_position": s.target_world_tcp[:, :3],
-        "target_orientation": _xyzw(s.target_world_tcp),
+        "target_orientation": xyzw(s.target_world_tcp),
         "fingers": np.column_stack([half, half]),
     }
 
 
-def _xyzw(pose: Array) -> Array:
+def xyzw(pose: Array) -> Array:
     """The quaternions of poses (n, 7) in the order of ROS; ours begin with w."""
     return pose[:, [4, 5, 6, 3]]
 
 
-def _pose(position: Array, xyzw: Array) -> Array:
-    return np.column_stack([position, xyzw[:, [3, 0, 1, 2]]])
+def _pose(position: Array, turned: Array) -> Array:
+    return np.column_stack([position, turned[:, [3, 0, 1, 2]]])
 
 
-def _nanoseconds(t: Array) -> NDArray[np.int64]:
-    """Times are numbers, and not negative, in MCAP."""
+def stamps(t: Array) -> NDArray[np.int64]:
+    """(n, 2) seconds and nanoseconds."""
+    return np.column_stack(np.divmod(nanoseconds(t), 1_000_000_000))
+
+
+def nanoseconds(t: Array) -> NDArray[np.int64]:
+    """From s; times are numbers, and not negative, in MCAP."""
     return np.maximum(0, np.rint(np.nan_to_num(t) * 1e9)).astype(np.int64)
 
 
@@ -190,6 +198,7 @@ def _events(trace: Trace) -> list[Message]:
     for leaf in trace.leaves:
         about = {"node": leaf.node, "primitive": leaf.primitive, "label": leaf.label}
         ended = {**about, "event": leaf.status, "message": leaf.message}
+        events.append(text(leaf.start, "/step", leaf.label))
         events.append(_json(leaf.start, "/leaves", {**about, "event": "start"}))
         events.append(_json(leaf.end, "/leaves", ended))
         events.append(_log(leaf))
@@ -203,22 +212,27 @@ def _events(trace: Trace) -> list[Message]:
 
 
 def _json(t: float, topic: str, content: dict[str, Any]) -> Message:
-    text = json.dumps(content, ensure_ascii=False)
-    return _message(t, topic, "std_msgs/String", Layout().text(text))
+    return text(t, topic, json.dumps(content, ensure_ascii=False))
+
+
+def text(t: float, topic: str, said: str) -> Message:
+    """A text; t: s."""
+    return message(t, topic, "std_msgs/String", Layout().text(said))
 
 
 def _log(leaf: LeafRun) -> Message:
     """A leaf's end, for log panels: stamp, level, name, text, and no place in a source file."""
-    text = f"{leaf.label}: {leaf.status}"
+    said = f"{leaf.label}: {leaf.status}"
     if leaf.message:
-        text += f", {leaf.message}"
+        said += f", {leaf.message}"
     stamp = divmod(_nanosecond(leaf.end), 1_000_000_000)
     layout = Layout().uint32(*stamp).uint8(LEVELS[leaf.status])
-    layout.text(leaf.node, text, "", "").uint32(0)
-    return _message(leaf.end, "/rosout", "rcl_interfaces/Log", layout)
+    layout.text(leaf.node, said, "", "").uint32(0)
+    return message(leaf.end, "/rosout", "rcl_interfaces/Log", layout)
 
 
-def _message(t: float, topic: str, datatype: str, layout: Layout) -> Message:
+def message(t: float, topic: str, datatype: str, layout: Layout) -> Message:
+    """A message none of whose fields is left open; t: s."""
     return Message(_nanosecond(t), topic, datatype, bytes(layout.constant))
 
 

@@ -17,12 +17,19 @@ from lxml import etree
 from palpate.geometry.pose import Array, Pose
 from palpate.mjcf.document import Element
 from palpate.mjcf.hulls import mesh_corners
-from palpate.twin.export.facts import GROUND, Facts, Shape, facts_of, touches
+from palpate.twin.export.facts import GROUND, Facts, Shape, facts_of, touches, unnamed
 from palpate.twin.export.stl import write_stl
 
 MESHES = "meshes"
 SHOWN = 2
 """Groups of geoms up to this one are shown, as in MuJoCo's viewer."""
+NOT_SIMPLE = (
+    mujoco.mjtGeom.mjGEOM_MESH,
+    mujoco.mjtGeom.mjGEOM_SDF,
+    mujoco.mjtGeom.mjGEOM_ELLIPSOID,
+    mujoco.mjtGeom.mjGEOM_HFIELD,
+)
+"""URDF has them in files, or not at all."""
 EFFORT, SPEED = "1e6", "1e3"
 """N or N m, m/s or rad/s: MJCF bounds neither, and URDF has to have a number."""
 
@@ -57,6 +64,40 @@ def write_urdf(model: mujoco.MjModel, path: Path) -> Written:
     return written
 
 
+def urdf_to_look_at(model: mujoco.MjModel) -> str:
+    """A model's links, their joints and what is seen of them, in one text: what URDF has no shape for,
+    or only in another file, is the box around it."""
+    root = etree.Element("robot", {"name": "cell"})
+    for body in range(model.nbody):
+        link = etree.SubElement(root, "link", {"name": body_name(model, body)})
+        for geom in _geoms(model, body):
+            if model.geom_group[geom] <= SHOWN:
+                _add_visuals(link, model, geom, list(_simple_insets(model, geom)))
+    for body in range(1, model.nbody):
+        _add_joints(root, model, body, Written())
+    return etree.tostring(root, encoding="unicode")
+
+
+def body_name(model: mujoco.MjModel, body: int) -> str:
+    """What a body, and so its link and its frame, is called."""
+    return model.body(body).name or unnamed(body)
+
+
+def _geoms(model: mujoco.MjModel, body: int) -> range:
+    first = int(model.body_geomadr[body])
+    return range(first, first + int(model.body_geomnum[body]))
+
+
+def _simple_insets(model: mujoco.MjModel, geom: int) -> Iterator[Inset]:
+    """A geom in shapes that need no file."""
+    if mujoco.mjtGeom(model.geom_type[geom]) not in NOT_SIMPLE:
+        yield from _insets(model, geom)
+        return
+    centre, half = np.split(model.geom_aabb[geom], 2)
+    pose = Pose.of(model.geom_pos[geom], model.geom_quat[geom]) @ Pose.of(centre)
+    yield pose, "box", {"size": _numbers(2 * half)}
+
+
 def read_urdf(path: Path, written: Written) -> dict[str, Facts]:
     """What MuJoCo reads in the file again; the parts of a geom are one again.
 
@@ -83,17 +124,14 @@ def _united(shapes: Iterable[Shape], parts: Iterable[int]) -> Iterator[Shape]:
 
 
 def _add_link(root: Element, model: mujoco.MjModel, body: int, written: Written) -> None:
-    name = model.body(body).name
+    name = body_name(model, body)
     link = etree.SubElement(root, "link", {"name": name})
     if model.body_mass[body] > 0.0:
         _add_inertial(link, model, body)
-    first = int(model.body_geomadr[body])
-    for geom in range(first, first + int(model.body_geomnum[body])):
+    for geom in _geoms(model, body):
         insets = list(_insets(model, geom))
         if model.geom_group[geom] <= SHOWN:
-            for inset in insets:
-                visual = _add_shape(link, "visual", inset)
-                _add_colour(visual, model, geom)
+            _add_visuals(link, model, geom, insets)
         if touches(model, geom):
             for inset in insets:
                 _add_shape(link, "collision", inset)
@@ -138,6 +176,12 @@ def _insets(model: mujoco.MjModel, geom: int) -> Iterator[Inset]:
                 yield pose @ Pose.of([0.0, 0.0, end]), "sphere", ball
 
 
+def _add_visuals(link: Element, model: mujoco.MjModel, geom: int, insets: Iterable[Inset]) -> None:
+    for inset in insets:
+        visual = _add_shape(link, "visual", inset)
+        _add_colour(visual, model, geom)
+
+
 def _add_shape(link: Element, tag: str, inset: Inset) -> Element:
     pose, kind, attributes = inset
     shape = etree.SubElement(link, tag)
@@ -149,24 +193,32 @@ def _add_shape(link: Element, tag: str, inset: Inset) -> Element:
 def _add_colour(visual: Element, model: mujoco.MjModel, geom: int) -> None:
     material = int(model.geom_matid[geom])
     rgba = model.geom_rgba[geom] if material < 0 else model.mat_rgba[material]
-    named = etree.SubElement(visual, "material", {"name": f"{model.geom(geom).name}_colour"})
+    named = etree.SubElement(visual, "material", {"name": f"{_geom_name(model, geom)}_colour"})
     etree.SubElement(named, "color", {"rgba": _numbers(rgba)})
+
+
+def _geom_name(model: mujoco.MjModel, geom: int) -> str:
+    return model.geom(geom).name or f"geom_{geom}"
+
+
+def _joint_name(model: mujoco.MjModel, joint: int) -> str:
+    return model.joint(joint).name or f"joint_{joint}"
 
 
 def _add_joints(root: Element, model: mujoco.MjModel, body: int, written: Written) -> None:
     """The way from a body's parent to it. A link's frame is its joint's: where a joint is elsewhere,
     or is one of several, there is a link in between."""
-    name, parent = model.body(body).name, model.body(model.body_parentid[body]).name
+    name, parent = body_name(model, body), body_name(model, int(model.body_parentid[body]))
     way = Pose.of(model.body_pos[body], model.body_quat[body])
     first, count = int(model.body_jntadr[body]), int(model.body_jntnum[body])
     for joint in range(first, first + count):
         kind, attributes = _kind(model, joint, written)
         at = Pose.of(model.jnt_pos[joint])
         is_last = joint == first + count - 1 and not model.jnt_pos[joint].any()
-        child = name if is_last else f"{model.joint(joint).name}_link"
+        child = name if is_last else f"{_joint_name(model, joint)}_link"
         if not is_last:
             etree.SubElement(root, "link", {"name": child})
-        element = _add_joint(root, model.joint(joint).name, kind, (parent, child), way @ at)
+        element = _add_joint(root, _joint_name(model, joint), kind, (parent, child), way @ at)
         for tag, values in attributes.items():
             etree.SubElement(element, tag, values)
         parent, way = child, at.inverse()

@@ -6,11 +6,13 @@ It is a picture for people. What the hidden world, or a real workplace, does oth
 from __future__ import annotations
 
 import mujoco
+import numpy as np
 
 from palpate.geometry.pose import Array, Pose
 from palpate.robots.model import PREFIX
 from palpate.scene.armed import compiled_with
 from palpate.scene.scene import Scene
+from palpate.trace.samples import Trace
 
 
 class PosedCell:
@@ -71,3 +73,44 @@ class PosedCell:
             if joint >= 0 and self.model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_FREE:
                 found[name] = int(self.model.jnt_qposadr[joint])
         return found
+
+
+class Replay:
+    """A trace in a posed cell: everything where it was at a time. Going forward is quick, going back
+    begins anew.
+
+    Args:
+        cell: what is posed. trace: what is played.
+    """
+
+    def __init__(self, cell: PosedCell, trace: Trace) -> None:
+        self._cell, self._trace = cell, trace
+        self._begin()
+
+    def show(self, t: float) -> None:
+        """Pose everything as it was at robot time `t`, s."""
+        if t < self._now:
+            self._begin()
+        self._now = t
+        leaves = self._trace.leaves
+        while self._ended < len(leaves) and leaves[self._ended].end <= t:
+            leaf = leaves[self._ended]
+            self._ended += 1
+            if leaf.context is not None and leaf.context.holding != self._holding:
+                self._cell.carry(self._tcp(leaf.end), self._holding)
+                self._holding = leaf.context.holding
+                self._cell.carry(self._tcp(leaf.end), self._holding)
+        samples, row = self._trace.samples, self._row(t)
+        self._cell.show(samples.q[row], float(samples.width[row]), self._tcp(t), self._holding)
+
+    def _begin(self) -> None:
+        self._now, self._ended = -np.inf, 0
+        self._holding: str | None = None
+        self._cell.put_back()
+
+    def _row(self, t: float) -> int:
+        return min(int(np.searchsorted(self._trace.t, t)), len(self._trace.t) - 1)
+
+    def _tcp(self, t: float) -> Pose:
+        x = self._trace.samples.pose_world_tcp[self._row(t)]
+        return Pose.of(x[:3], x[3:])

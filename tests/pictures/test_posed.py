@@ -6,7 +6,7 @@ import numpy as np
 from workbench import BOTTLE, MUG, bench
 
 from palpate.geometry.pose import Pose
-from palpate.live.posed import PosedCell
+from palpate.pictures.posed import PosedCell
 
 OVER = Pose.top_down((0.5, 0.0, 0.10), 0.0)
 RAISED = Pose.top_down((0.5, 0.1, 0.30), 0.0)

@@ -1,0 +1,173 @@
+"""What viewers are shown of a run beside what was felt: the cell, where its parts are, and the picture.
+
+| topic | message | content |
+|---|---|---|
+| `/robot_description` | String | URDF of the cell: the arm, and everything in D, as links by their names |
+| `/cell/tf` | TFMessage | links that move, each from its parent, ten times a second |
+| `/camera/image` | CompressedImage | the picture that the planner was shown, as JPEG |
+| `/camera/camera_info` | CameraInfo | its intrinsics, where poses.yaml says where the camera is |
+| `/tf_static` | TFMessage | `world` → `camera` (z into the picture, x right, y down) |
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterator
+from io import BytesIO
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.geometry.pose import Array, Pose
+from palpate.trace.cdr import Layout
+from palpate.trace.topics import WORLD, Message, header, nanoseconds, stamps, text, xyzw
+
+if TYPE_CHECKING:
+    import mujoco
+    from PIL.Image import Image
+
+    from palpate.runs.run import Run
+    from palpate.scene.camera import Camera
+    from palpate.trace.samples import Trace
+
+PERIOD = 0.1
+"""s between two poses of the cell: viewers interpolate."""
+CAMERA = "camera"
+LONGEST_SIDE = 640
+"""Pixels of the picture in the trace."""
+QUALITY = 85
+"""Of the JPEG."""
+OPTICAL = Pose.of((0.0, 0.0, 0.0), (0.0, 1.0, 0.0, 0.0))
+"""From a camera that looks along its -z, as MuJoCo's do, to one that looks along its z."""
+
+log = logging.getLogger(__name__)
+
+
+def shown(run: Run) -> list[Message]:
+    """All of it; what cannot be shown is left out, and no trace is lost over it."""
+    trace = run.trace
+    if trace is None or not len(trace.t):
+        return []
+    found: list[Message] = []
+    for part in (_cell, _camera):
+        try:
+            found += part(run, trace)
+        except Exception as error:
+            log.warning("viewers are shown less: %s: %s", type(error).__name__, error)
+    return found
+
+
+def _cell(run: Run, trace: Trace) -> Iterator[Message]:
+    from palpate.pictures.posed import PosedCell, Replay
+    from palpate.twin.export.urdf import urdf_to_look_at
+
+    cell = PosedCell(run.scene)
+    yield text(float(trace.t[0]), "/robot_description", urdf_to_look_at(cell.model))
+    times = trace.t[np.searchsorted(trace.t, np.arange(trace.t[0], trace.t[-1], PERIOD))]
+    replay = Replay(cell, trace)
+    poses = np.empty((len(times), cell.model.nbody, 7))
+    for row, t in enumerate(times.tolist()):
+        replay.show(t)
+        poses[row, :, :3], poses[row, :, 3:] = cell.data.xpos, cell.data.xquat
+    yield from _transforms(cell.model, times, poses)
+
+
+def _transforms(model: mujoco.MjModel, times: Array, poses: Array) -> Iterator[Message]:
+    """The links that move, from their parents; `poses` (n, bodies, 7) in the world."""
+    from palpate.twin.export.urdf import body_name
+
+    layout = Layout()
+    signals: dict[str, NDArray[Any]] = {"stamp": stamps(times)}
+    moving: list[tuple[str, str, Array]] = []
+    for body in range(1, model.nbody):
+        parent = int(model.body_parentid[body])
+        relative = _from(poses[:, parent], poses[:, body])
+        if np.ptp(relative, axis=0).max() > 0.0:
+            moving.append((body_name(model, parent), body_name(model, body), relative))
+    layout.uint32(len(moving))
+    for parent, child, relative in moving:
+        layout.time("stamp").text(parent, child)
+        layout.doubles(f"{child} at", 3).doubles(f"{child} turned", 4)
+        signals[f"{child} at"], signals[f"{child} turned"] = relative[:, :3], xyzw(relative)
+    encoded = layout.encode(signals, len(times))
+    for time, data in zip(nanoseconds(times).tolist(), encoded, strict=True):
+        yield Message(time, "/cell/tf", "tf2_msgs/TFMessage", data)
+
+
+def _from(parent: Array, child: Array) -> Array:
+    """Poses (n, 7) of a child in its parent's frame, of both in the world; in single precision, which
+    keeps the file small."""
+    back = parent[:, 3:] * (1.0, -1.0, -1.0, -1.0)
+    way = np.column_stack([np.zeros(len(child)), child[:, :3] - parent[:, :3]])
+    at = _product(_product(back, way), parent[:, 3:])[:, 1:]
+    turned = _product(back, child[:, 3:])
+    turned *= np.where(turned[:, :1] < 0.0, -1.0, 1.0)
+    return np.column_stack([at, turned]).astype(np.float32).astype(np.float64)
+
+
+def _product(one: Array, other: Array) -> Array:
+    """Of quaternions (n, 4), w first."""
+    w, v, w2, v2 = one[:, :1], one[:, 1:], other[:, :1], other[:, 1:]
+    real = w * w2 - (v * v2).sum(axis=1, keepdims=True)
+    return np.column_stack([real, w * v2 + w2 * v + np.cross(v, v2)])
+
+
+def _camera(run: Run, trace: Trace) -> Iterator[Message]:
+    from palpate.scene.camera import Camera
+    from palpate.scene.poses import read_poses
+
+    picture = _picture(run)
+    if picture is None:
+        return
+    start = trace.t[:1]
+    jpeg = BytesIO()
+    picture.save(jpeg, "JPEG", quality=QUALITY)
+    image = header(CAMERA).text("jpeg").octets(jpeg.getvalue())
+    yield _once(start, "/camera/image", "sensor_msgs/CompressedImage", image)
+    poses = run.settings.poses
+    entry = read_poses(poses).camera if poses is not None else None
+    if entry is not None:
+        camera = Camera.of(entry)
+        yield _once(start, "/camera/camera_info", "sensor_msgs/CameraInfo", *_info(camera, picture))
+        yield _once(start, "/tf_static", "tf2_msgs/TFMessage", *_placed(camera))
+
+
+def _picture(run: Run) -> Image | None:
+    """What the planner was shown, made smaller."""
+    from PIL import Image
+
+    from palpate.scene.camera import load_image
+
+    if run.settings.images:
+        return Image.fromarray(load_image(run.settings.images[0], LONGEST_SIDE))
+    if run.picture is None:
+        return None
+    picture = Image.open(BytesIO(run.picture)).convert("RGB")
+    picture.thumbnail((LONGEST_SIDE, LONGEST_SIDE))
+    return picture
+
+
+def _info(camera: Camera, picture: Image) -> tuple[Layout, dict[str, Array]]:
+    """A pinhole without distortion, for the picture's own size."""
+    width, height = picture.size
+    focal = camera.focal * height / camera.height
+    k = np.array([[focal, 0.0, width / 2], [0.0, focal, height / 2], [0.0, 0.0, 1.0]])
+    layout = header(CAMERA).uint32(height, width).text("plumb_bob").array("d", 5)
+    layout.doubles("k", 9).doubles("r", 9).doubles("p", 12)
+    layout.uint32(0, 0).uint32(0, 0, 0, 0).uint8(0)
+    p = np.column_stack([k, np.zeros(3)])
+    return layout, {"d": np.zeros(5), "k": k.ravel(), "r": np.eye(3).ravel(), "p": p.ravel()}
+
+
+def _placed(camera: Camera) -> tuple[Layout, dict[str, Array]]:
+    pose = (camera.pose_world_camera @ OPTICAL).vector[None, :]
+    layout = Layout().uint32(1).time("stamp").text(WORLD, CAMERA)
+    return layout.doubles("at", 3).doubles("turned", 4), {"at": pose[:, :3], "turned": xyzw(pose)}
+
+
+def _once(
+    start: Array, topic: str, datatype: str, layout: Layout, signals: dict[str, Array] | None = None
+) -> Message:
+    (data,) = layout.encode({"stamp": stamps(start), **(signals or {})}, 1)
+    return Message(int(nanoseconds(start)[0]), topic, datatype, data)
