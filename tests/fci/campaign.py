@@ -16,7 +16,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from .mishaps import FAULTED, faulted
+from .mishaps import faulted
 from .runs import SCENARIOS, measured
 
 Row = dict[str, Any]
@@ -33,7 +33,7 @@ def main() -> int:
     asked = parser.parse_args()
     asked.out.mkdir(parents=True, exist_ok=True)
     if asked.faults:
-        rows = carried_out(asked.out, FAULTED, range(asked.faults), faulted)
+        rows = carried_out(asked.out, "faults", range(asked.faults), faulted)
         print(fault_table(rows))
         return int(any(row["wrong"] for row in rows))
 
@@ -90,12 +90,12 @@ def table(rows: list[Row]) -> str:
 
 def fault_table(rows: list[Row]) -> str:
     """A line a run."""
-    lines = ["seed fault          at s  exit  end s  work s  fall m/s  said"]
+    lines = ["seed fault         scenario           at s  exit  end s  work s  fall m/s  said"]
     for row in rows:
         wrong = "".join(f" WRONG: {what}" for what in row["wrong"])
         lines.append(
-            f"{row['seed']:4} {row['fault']:13} {row['at']:4.1f}  {row['exit']:4} {row['end']:6.2f} "
-            f"{row['work']:7.2f} {row['fell']:9.2f}  {row['said'][:90]}{wrong}"
+            f"{row['seed']:4} {row['fault']:13} {row['scenario']:16} {row['at']:4.1f}  "
+            f"{row['exit']:4} {row['end']:6.2f} {row['work']:7.2f} {row['fell']:9.2f}  {row['said'][:90]}{wrong}"
         )
     return "\n".join(lines)
 

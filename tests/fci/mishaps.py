@@ -16,13 +16,23 @@ import palpate as pp
 from .runs import Ended, command, processor_of, ran
 from .served import Served, files, served
 
-FAULTED = "one_missing_mass"
-"""The scenario that is run; its plan takes some 22 000 cycles."""
-OBJECT = "green_bottle"
-CYCLES = (1_000, 20_000)
-"""Between which of them a mishap strikes."""
+
+@dataclass(frozen=True)
+class Setting:
+    """A scenario that is run, what it weighs, and between which cycles a mishap strikes."""
+
+    scenario: str
+    object: str
+    cycles: tuple[int, int]
+
+
+ONE = Setting("one_missing_mass", "green_bottle", (1_000, 20_000))
+TABLE = Setting("bottle_and_table", "bottle", (1_000, 31_000))
+SLIDES = Setting("friction", "bottle", (1_000, 31_000))
+ROUNDS = (ONE, ONE, TABLE, ONE, ONE, SLIDES)
+"""Each mishap is met once a round."""
 LATEST = 15.0
-"""s of a processor from a mishap to the end of the process, which no other work keeps from it."""
+"""s of wall time from a mishap to the end of the process, on a computer that does little else."""
 FALLING = 0.5
 """m/s: no arm lowers a thing so fast; what falls does it after 13 mm."""
 STOPS = (4, 5)
@@ -64,6 +74,7 @@ class Striker:
 
     bench: Served
     fault: Fault
+    held: str
     cycle: int
     chance: np.random.Generator
     at: float | None = None
@@ -77,7 +88,7 @@ class Striker:
             time.sleep(0.05)
         else:
             return
-        self.before = self.bench.ask("pose", body=OBJECT)
+        self.before = self.bench.ask("pose", body=self.held)
         self.at, self.used = time.perf_counter(), processor_of(process.pid)
         self.fault.strike(self.bench, self.chance)
 
@@ -85,20 +96,21 @@ class Striker:
 def faulted(seed: int, folder: Path) -> dict[str, Any]:
     """The run of a seed with its mishap."""
     chance = np.random.default_rng([17, seed])
-    name = list(FAULTS)[seed % len(FAULTS)]
-    fault, cycle = FAULTS[name], int(chance.integers(*CYCLES))
-    with served(**files(FAULTED), seed=seed, fastest=1.0) as bench:
-        rest = bench.ask("pose", body=OBJECT)
-        striker = Striker(bench, fault, cycle, chance)
-        ended = ran(command(FAULTED, bench, folder), striker)
+    name, here = list(FAULTS)[seed % len(FAULTS)], ROUNDS[seed // len(FAULTS) % len(ROUNDS)]
+    fault, cycle = FAULTS[name], int(chance.integers(*here.cycles))
+    with served(**files(here.scenario), seed=seed, fastest=1.0) as bench:
+        rest = bench.ask("pose", body=here.object)
+        striker = Striker(bench, fault, here.object, cycle, chance)
+        ended = ran(command(here.scenario, bench, folder), striker)
         over = time.perf_counter()
         fate = _fate(bench, name)
-        truth = None if fate is None else bench.ask("truth", name=f"{OBJECT}.mass")
+        truth = None if fate is None else bench.ask("truth", name=f"{here.object}.mass")
     end, work = 0.0, 0.0
     if striker.at is not None and ended.exit != 0:
         end, work = over - striker.at, ended.processor - striker.used
     row = {
         "fault": name,
+        "scenario": here.scenario,
         "at": cycle * 1e-3,
         "struck": striker.at is not None,
         "exit": ended.exit,
@@ -108,7 +120,7 @@ def faulted(seed: int, folder: Path) -> dict[str, Any]:
         "held": striker.before is not None and striker.before[2] > rest[2] + 0.005,
         "said": _said(folder, ended),
     }
-    return row | {"wrong": _wrong(row, fault, folder, ended, truth)}
+    return row | {"wrong": _wrong(row, fault, folder, ended, (f"{here.object}.mass", truth))}
 
 
 def _fate(bench: Served, name: str) -> dict[str, Any] | None:
@@ -131,16 +143,21 @@ def _said(folder: Path, ended: Ended) -> str:
 
 
 def _wrong(
-    row: dict[str, Any], fault: Fault, folder: Path, ended: Ended, truth: list[float] | None
+    row: dict[str, Any],
+    fault: Fault,
+    folder: Path,
+    ended: Ended,
+    truth: tuple[str, list[float] | None],
 ) -> list[str]:
-    """What should not be so."""
+    """What should not be so; `truth` is a name and its true value, where anybody could tell it."""
+    name, value = truth
     found: list[str] = []
     if not row["struck"] and row["exit"] != 0:
         found.append("ended before anything happened")
     if row["struck"] and row["exit"] not in fault.exits:
         found.append(f"exit {row['exit']}")
-    if row["work"] > LATEST:
-        found.append(f"ended after {row['work']:.1f} s of work")
+    if row["end"] > LATEST:
+        found.append(f"ended after {row['end']:.1f} s")
     if row["fell"] > FALLING:
         found.append("something fell")
     if row["exit"] and not row["said"]:
@@ -149,9 +166,9 @@ def _wrong(
         found.append("a traceback")
     if row["exit"] == 4:
         found += _unreadable(folder)
-    if row["exit"] == 0 and truth is not None:
-        low, high = pp.open(folder)[f"{OBJECT}.mass"].ci95[0]
-        if not low <= truth[0] <= high:
+    if row["exit"] == 0 and value is not None:
+        low, high = pp.open(folder)[name].ci95[0]
+        if not low <= value[0] <= high:
             found.append("a wrong mass is called identified")
     return found
 
