@@ -59,7 +59,7 @@ def test_an_end_effector_that_is_told_wrong_is_in_both_and_goes(weighing, noises
         wrench[:, 2] += 9.81 * told
         biased = replace(trace, samples=replace(trace.samples, wrench=wrench))
         right, found = weighed(trace), weighed(biased)
-        assert found.value[0] == pytest.approx(right.value[0], abs=1e-3)
+        assert found.value[0] == pytest.approx(right.value[0], abs=1e-4)
         assert found.std[0] == pytest.approx(right.std[0], rel=0.1)
 
 
