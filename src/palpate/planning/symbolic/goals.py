@@ -1,0 +1,42 @@
+"""What a search is to reach: states in which nothing is left to do but a few steps."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from palpate.geometry.pose import Pose
+from palpate.planning.symbolic.steps import Step, is_away, is_clear
+from palpate.vocabulary.state import RESTORED_POSITION, SymbolicState
+
+Goal = Callable[[SymbolicState], bool]
+Tail = Callable[[SymbolicState], "list[Step] | None"]
+"""What is left to do in a state to reach the goal; None when the goal is not in reach from
+there."""
+
+
+def at_rest(name: str) -> Goal:
+    """The hand empty, open and clear, and `name` where the scene has it."""
+
+    def reached(state: SymbolicState) -> bool:
+        return is_clear(state) and not is_away(state, name)
+
+    return reached
+
+
+def placed(name: str, pose_world_object: Pose) -> Goal:
+    """The hand empty, open and clear, and `name` at that pose."""
+
+    def reached(state: SymbolicState) -> bool:
+        distance = state.pose_of(name).distance_to(pose_world_object)
+        return is_clear(state) and distance < RESTORED_POSITION
+
+    return reached
+
+
+def when(done: Goal) -> Tail:
+    """Nothing is left to do once `done` holds."""
+
+    def tail(state: SymbolicState) -> list[Step] | None:
+        return [] if done(state) else None
+
+    return tail

@@ -1,0 +1,109 @@
+"""Pose expressions to go to: where evidence is missing, around a thing, beside it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+
+from palpate.errors import InputError
+from palpate.parameter import Parameter
+from palpate.planning.symbolic.steps import ASIDE, SLIDE
+from palpate.scene.scene import Scene
+from palpate.vocabulary.state import SymbolicState
+
+SPOT = 1.5
+"""Offsets between the spots of a surface that are touched: 75 mm, of which three make a plane."""
+SIDEWAYS = ("y_offset", "x_offset")
+"""Offsets along which things are slid."""
+
+
+def places(scene: Scene, parameter: Parameter, state: SymbolicState) -> Iterator[list[str]]:
+    """Pose expressions where the evidence that is missing has to be recorded, if it says so; else
+    around the thing."""
+    quantity, name = scene.catalogue[parameter.quantity], parameter.object
+    if any(one.distinct == "place" and one.count > 1 for one in quantity.evidence):
+        yield from _spots(scene, name)
+        return
+    if not any(evidence.place for evidence in quantity.evidence):
+        yield from domains(scene, name)
+        return
+    done = {kind for kind, _ in quantity.pieces(parameter, state.logged)}
+    for kind, evidence in enumerate(quantity.evidence):
+        spot = f"{name}_{evidence.place}"
+        if kind not in done:
+            yield [f"{spot} + z_offset", spot] if evidence.holding else [spot]
+
+
+def domains(scene: Scene, name: str) -> Iterator[list[str]]:
+    """Pose expressions around a thing, few first: above and at it, then shifted along its
+    axes."""
+    above, spot = approach(scene, name)
+    if name not in scene.bodies:
+        yield [approach(scene, other)[0] for other in scene.objects]
+    elif name not in scene.objects:
+        yield [spot, above]
+    else:
+        yield [above, spot]
+        yield from _slid(scene, above, spot)
+        yield from _beside(above, spot)
+
+
+def corners(scene: Scene, name: str, axis: str, state: SymbolicState, sides: str) -> Iterator[str]:
+    """Places beside where an object stood, to which it can be slid on after it was slid along `axis`:
+    a third slide, along the other one, closes a triangle."""
+    _, spot = approach(scene, name)
+    (other,) = (one for one in SIDEWAYS if one != axis)
+    there, aside = _times(scene, axis, spot, SLIDE), _times(scene, other, spot, ASIDE)
+    if state.at in [f"{spot} {sign} {there}*{axis}" for sign in "+-"]:
+        for sign in sides:
+            yield f"{spot} {sign} {aside}*{other}"
+
+
+def approach(scene: Scene, name: str) -> tuple[str, str]:
+    """Pose expressions above a thing and at it."""
+    spot = f"{name}_pose" if name in scene.objects else f"{name}_approach"
+    return f"{spot} + z_offset", spot
+
+
+def exists(scene: Scene, expression: str) -> bool:
+    """Whether the scene knows a pose of that expression."""
+    try:
+        scene.symbols.resolve(expression)
+    except InputError:
+        return False
+    return True
+
+
+def _spots(scene: Scene, name: str) -> Iterator[list[str]]:
+    """Three spots of a surface that are not in line, in four ways."""
+    _, spot = approach(scene, name)
+    first, other = SIDEWAYS
+    for sign in "+-":
+        for across in "+-":
+            yield [spot, f"{spot} {sign} {SPOT}*{first}", f"{spot} {across} {SPOT}*{other}"]
+
+
+def _slid(scene: Scene, above: str, spot: str) -> Iterator[list[str]]:
+    """Places to which an object can be slid far enough to be felt; first along the direction in
+    which the fingers close, across which it may tip in their grip."""
+    for axis in SIDEWAYS:
+        factor = _times(scene, axis, spot, SLIDE)
+        yield [above, spot, *(f"{spot} {sign} {factor}*{axis}" for sign in "+-")]
+
+
+def _beside(above: str, spot: str) -> Iterator[list[str]]:
+    """Other places at which an object can be grasped and lifted."""
+    for axis in reversed(SIDEWAYS):
+        expressions = [above, spot]
+        for sign in "+-":
+            shifted = f"{spot} {sign} {axis}"
+            expressions += [f"{shifted} + z_offset", shifted]
+        yield expressions
+
+
+def _times(scene: Scene, axis: str, spot: str, way: float) -> int:
+    """How often an offset makes a way of so many m, at least."""
+    length = float(np.linalg.norm(scene.symbols.offset(axis, spot)))
+    return max(1, math.ceil(way / max(length, 1e-3)))
