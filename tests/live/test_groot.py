@@ -184,13 +184,6 @@ def test_it_listens_on_this_machine_alone_and_says_when_it_cannot() -> None:
     assert "groot" not in {thread.name for thread in threading.enumerate()}
 
 
-def test_a_simulated_run_takes_as_long_as_the_arm_would(node, scene, robot, words) -> None:
-    plan = Plan((), node("Wait", seconds=0.3), "")
-    with GrootPublisher(port=0, paced=True) as publisher:
-        done = run(plan, scene, robot, words=words, observer=publisher)
-    assert done.wall_seconds >= 0.28
-
-
 def free_port() -> int:
     """A port that nobody listens on; BT.CPP takes the next one, too."""
     with socket.socket() as one:

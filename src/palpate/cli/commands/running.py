@@ -131,6 +131,7 @@ def carry_out(settings: Settings, as_json: bool, watch: WatchOptions, yes: bool 
         groot,
         live_page,
         live_view,
+        pace,
         play_again,
         show_ended,
         warn_of_invented,
@@ -140,7 +141,7 @@ def carry_out(settings: Settings, as_json: bool, watch: WatchOptions, yes: bool 
         interrupts() as signals,
         signals.noted(),
         live_page(watch.live) as page,
-        groot(watch, settings) as publisher,
+        groot(watch) as publisher,
     ):
         ask = page.confirm if page else confirm_plan
 
@@ -148,7 +149,7 @@ def carry_out(settings: Settings, as_json: bool, watch: WatchOptions, yes: bool 
             return yes or ask(run)
 
         warn_of_invented(settings)
-        with live_view(page, publisher) as (observer, say):
+        with live_view(page, publisher, pace(watch, settings)) as (observer, say):
 
             def may_resume(why: str) -> bool:
                 say("the robot was stopped")

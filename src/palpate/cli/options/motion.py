@@ -63,13 +63,14 @@ Fast = Annotated[
 Yes = Annotated[bool, typer.Option("--yes", help="Do not ask before a real robot moves.")]
 Live = Annotated[
     bool,
-    typer.Option("--live", help="Show the run in the browser, and play it again when it is done."),
+    typer.Option(
+        "--live",
+        help="Show the run in the browser, at the pace of a real arm, and play it again when it is done.",
+    ),
 ]
 Groot = Annotated[
     bool,
-    typer.Option(
-        "--groot", help="Publish the tree for Groot2; a simulated arm then takes its time."
-    ),
+    typer.Option("--groot", help="Publish the tree for Groot2, live."),
 ]
 GrootPort = Annotated[
     int,

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from palpate.execution.runner import Observer
     from palpate.interrupt import Interrupts
     from palpate.live.groot.publisher import GrootPublisher
+    from palpate.live.pace import RealTime
     from palpate.live.page import LivePage
     from palpate.live.together import View
     from palpate.runs.run import Run
@@ -63,7 +64,7 @@ def live_page(wanted: bool) -> Generator[LivePage | None]:
 
 
 @contextmanager
-def groot(wanted: WatchOptions, settings: Settings) -> Generator[GrootPublisher | None]:
+def groot(wanted: WatchOptions) -> Generator[GrootPublisher | None]:
     """The publisher that Groot2 connects to, where it is wanted.
 
     Raises:
@@ -74,9 +75,17 @@ def groot(wanted: WatchOptions, settings: Settings) -> Generator[GrootPublisher 
         return
     from palpate.live.groot.publisher import GrootPublisher
 
-    with GrootPublisher(wanted.groot_port, paced=settings.robot is None) as publisher:
+    with GrootPublisher(wanted.groot_port) as publisher:
         err.print(f"[dim]Groot2[/] {publisher.url}", soft_wrap=True)
         yield publisher
+
+
+def pace(wanted: WatchOptions, settings: Settings) -> RealTime | None:
+    """A simulated arm takes its time where somebody watches elsewhere than here."""
+    from palpate.live.pace import RealTime
+
+    watched = wanted.live or wanted.groot
+    return RealTime() if watched and settings.robot is None else None
 
 
 def play_again(page: LivePage, run: Run, signals: Interrupts) -> None:

@@ -50,9 +50,7 @@ class GrootPublisher:
         Unavailable: the port is taken, or pyzmq is not installed.
     """
 
-    def __init__(self, port: int = PORT, paced: bool = False) -> None:
-        self._paced = paced
-        self._began = 0.0
+    def __init__(self, port: int = PORT) -> None:
         self._lock = threading.Lock()
         self._tree: _Tree | None = None
         self._values: dict[str, float | str] = {}
@@ -78,19 +76,10 @@ class GrootPublisher:
         with self._lock:
             if self._tree is None or self._tree.root is not snapshot.root:
                 self._tree = _Tree(snapshot.root)
-                self._began = time.monotonic() - snapshot.elapsed
             changed = self._tree.update()
             if self._recording is not None:
                 self._recording.add(changed)
             self._values = _values(snapshot)
-        if self._paced:
-            self._wait(snapshot.elapsed)
-
-    def _wait(self, elapsed: float) -> None:
-        """Until as much time has passed as on the robot's clock, s."""
-        early = elapsed - (time.monotonic() - self._began)
-        if early > 0:
-            time.sleep(early)
 
     def _serve(self) -> None:
         while not self._over.is_set():
