@@ -46,7 +46,6 @@ from palpate.estimation.gains import gain_root
 from palpate.estimation.load.equations import (
     FORCE_Z,
     LEANING,
-    SIDEWAYS,
     TORQUE_X,
     TORQUE_Y,
     TORQUE_Z,
@@ -175,22 +174,19 @@ def _grasps(weighings: Sequence[Weighing]) -> tuple[float, ...]:
 
 
 def load_model(rows: Sequence[Rows], grasps: Sequence[float], about: Array, hand: Hand) -> Model:
-    """F, the moments in each grasp, forces to the side in each, and by how gravity leans in all of
-    them, what approaches leave at rests and in passes, friction of the joints, gains. `about` is
-    where F and the moments are."""
+    """F, the moments in each grasp, by how gravity leans in all of them, what approaches leave at
+    rests and in passes, friction of the joints, gains. `about` is where F and the moments are."""
     force = abs(float(about[0]))
     lean = tuning.TILT * force + tuning.FLOOR
     signals, count = int(rows[0].signal.max()) + 1, 1 + 2 * len(grasps)
     gains = gain_root(hand, signals)
-    small = float(np.hypot(tuning.RUB_SMALL, tuning.RUB_SHARE * force))
-    aside = (small, small, small * tuning.TORQUE_LEVER)
     levels = np.full(rows[0].rubbed.shape[1], tuning.JOINT_LEVEL)
     left = [_each_its_own([row.left.columns[i] for row in rows]) for i in range(4)]
     at_hand, offsets = sum(blocks[0].shape[1] for blocks in left[:3]), left[3][0].shape[1]
-    first = count + len(SIDEWAYS) * len(grasps) + len(LEANING)
+    first = count + len(LEANING)
     most = hand.force_repeatability + tuning.FLOOR
-    prior = [np.full(count, tuning.LOAD_PRIOR), *[aside] * len(grasps)]
-    prior += [
+    prior = [
+        np.full(count, tuning.LOAD_PRIOR),
         np.full(len(LEANING), lean),
         np.full(at_hand + offsets, most),
         levels,
@@ -202,9 +198,8 @@ def load_model(rows: Sequence[Rows], grasps: Sequence[float], about: Array, hand
             [row.wrench[:, FORCE_Z], in_each(row, grasps, (TORQUE_X, TORQUE_Y))]
         )
         borne = (vertical @ about)[:, None] * gains[row.signal]
-        sideways = in_each(row, grasps, SIDEWAYS)
         leaning = _leaning(row, grasps, about)
-        design = [vertical, sideways, leaning, *left_in, row.rubbed, borne]
+        design = [vertical, leaning, *left_in, row.rubbed, borne]
         designs.append(row.white(np.column_stack(design)))
     y = np.concatenate([row.white(row.felt) for row in rows])
     freedom = min(row.freedom for row in rows)
