@@ -188,7 +188,9 @@ class Symbols:
             InputError: unknown; the message lists the valid ones.
         """
         if name not in self.configurations:
-            raise unknown_name("joint configuration", name, self.configurations)
+            (meant, *others) = self.configurations
+            guess = None if others else meant
+            raise unknown_name("joint configuration", name, self.configurations, meant=guess)
         return self.configurations[name].copy()
 
     def subject(self, expression: str | PoseExpression) -> str | None:

@@ -172,9 +172,14 @@ class Primitive(BaseModel):
         return []
 
     @classmethod
+    def writer(cls) -> str | None:
+        """Which primitive fills the buffer that it reads; None where that is not one of palpate's."""
+        return WRITERS.get(cls.reads or "")
+
+    @classmethod
     def unwritten(cls) -> Violation:
         """That the buffer which it reads is empty."""
-        writer = WRITERS.get(cls.reads or "", "its sensing")
+        writer = cls.writer() or "its sensing"
         return Violation(
             "buffer-unwritten", f"`{cls.reads}` is empty; {writer} must come before {cls.__name__}"
         )

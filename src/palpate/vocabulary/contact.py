@@ -15,8 +15,9 @@ from palpate.robots.robot import Robot, RobotState
 from palpate.robots.safety import Expectation
 from palpate.trace.samples import STANDARD_GRAVITY
 from palpate.vocabulary.admissible.clearance import Motion
-from palpate.vocabulary.admissible.probe import touch, untouchable
+from palpate.vocabulary.admissible.probe import starts, touch, untouchable
 from palpate.vocabulary.admissible.profile import POSE_ERROR
+from palpate.vocabulary.admissible.support import above
 from palpate.vocabulary.base import (
     Blackboard,
     LeafFailure,
@@ -117,13 +118,20 @@ class MoveUntilContact(Primitive):
 
     def _problem(self, state: SymbolicState) -> str | None:
         if state.pose_world_tcp is None or state.is_bent:
-            return "the gripper is not at a known pose; MovePose to an approach pose first"
+            return f"the gripper is not at a known pose; {starts(state)}"
         if state.contact:
-            return f"already in contact with '{state.contact}'; MovePose away first"
+            away = (
+                f"{state.contact}_{'approach' if state.contact in state.scene.surfaces else 'top'}"
+            )
+            return f"already in contact with '{state.contact}'; MovePose to '{away}' first"
         if self.axis == "-z" and state.surface_below(state.pose_world_tcp) is None:
-            return f"nothing is below '{state.at}'; go to the approach pose of the surface to probe"
+            return f"nothing is below '{state.at}'; {starts(state)}"
         if state.holding:
-            return f"'{state.holding}' is in the gripper; put it down before probing with the fingertips"
+            return (
+                f"'{state.holding}' is in the gripper, and the fingertips probe; put it down first: "
+                f"MovePose '{above(state, state.grasp)}', MovePose '{state.grasp}', OpenGripper, "
+                f"MovePose '{above(state, state.grasp)}', MovePose '{state.at}'"
+            )
         for name in self._beside(state):
             bears = withstands(state, name, float(state.pose_world_tcp.position[2]))
             if bears < SIDE_FORCE:

@@ -15,6 +15,7 @@ from palpate.quantities.quantity import Quantity
 from palpate.quantities.velocity import Velocity
 from palpate.trace.recording import Context, Conversion
 from palpate.trace.samples import FORCES, POSE
+from palpate.vocabulary.admissible.support import above
 from palpate.vocabulary.base import Blackboard, ConversionPrimitive, LeafFailure, Steps
 from palpate.vocabulary.state import SymbolicState
 from palpate.vocabulary.violation import PRECONDITION, Violation
@@ -46,6 +47,11 @@ class _Conversion(ConversionPrimitive):
             f"what `{self.reads}` holds is no evidence of a {self.measures.label}, so "
             f"{type(self).__name__} has nothing to convert; first {self.measures.how}"
         )
+        if state.holding and not state.lifted and self.writer():
+            lifted = above(state, state.grasp)
+            problem += (
+                f": '{state.holding}' is not lifted; first: MovePose '{lifted}', {self.writer()}"
+            )
         return [Violation(PRECONDITION, problem)]
 
     def effects(self, state: SymbolicState) -> SymbolicState:

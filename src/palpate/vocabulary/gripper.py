@@ -102,13 +102,11 @@ class CloseGripper(Primitive):
             problem = "the gripper must be open before it closes; OpenGripper first"
             return [Violation("gripper-state", problem)]
         if state.pose_world_tcp is None or state.is_bent or state.activity == "contact":
-            problem = "the gripper is not at a grasp pose; MovePose to `<object>_pose` first"
+            problem = f"the gripper is not at a grasp pose; MovePose to {_nearest(state)} first"
             return [Violation("gripper-state", problem)]
         body = state.object_at(state.pose_world_tcp)
         if body is None:
-            problem = (
-                f"nothing is between the fingers at '{state.at}'; MovePose to `<object>_pose` first"
-            )
+            problem = f"nothing is between the fingers at '{state.at}'; MovePose to {_nearest(state)} first"
             return [Violation("gripper-state", problem)]
         return ungraspable(state, body)
 
@@ -208,6 +206,15 @@ class FoldFingers(Primitive):
         if blackboard.robot.state.gripping:
             raise LeafFailure("the fingers met something: what is between them is not believed")
         return f"folded to {1e3 * blackboard.robot.state.width:.0f} mm"
+
+
+def _nearest(state: SymbolicState) -> str:
+    """The grasp pose of the object that is nearest to the hand, in words."""
+    here = state.pose_world_tcp
+    if here is None or not state.scene.objects:
+        return "`<object>_pose`"
+    nearest = min(state.scene.objects, key=lambda name: state.pose_of(name).distance_to(here))
+    return f"'{nearest}_pose'"
 
 
 def _doubt(state: SymbolicState) -> float:

@@ -26,6 +26,7 @@ from palpate.vocabulary.admissible import motion
 from palpate.vocabulary.admissible.grasp import torsion
 from palpate.vocabulary.admissible.profile import POSE_ERROR
 from palpate.vocabulary.admissible.solids import solids
+from palpate.vocabulary.admissible.support import above
 from palpate.vocabulary.admissible.sweep import near_spans
 from palpate.vocabulary.base import (
     Blackboard,
@@ -95,7 +96,7 @@ class _Turning(Primitive):
                 Violation(
                     "collision",
                     f"{type(self).__name__} turns the hand in free air; lift what it holds, or leave "
-                    "what it touches, with MovePose to `... + z_offset` first",
+                    f"what it touches: MovePose to '{above(state, state.at)}' first",
                 )
             ]
         return []
@@ -127,7 +128,7 @@ class _Turning(Primitive):
             yield Violation(
                 "collision",
                 f"turned at '{state.at}' the hand, or what it holds, would come within "
-                f"{1e3 * POSE_ERROR:.0f} mm of something; MovePose higher up first",
+                f"{1e3 * POSE_ERROR:.0f} mm of something; MovePose to '{above(state, state.at)}' first",
             )
 
     def during(self, state: SymbolicState) -> SymbolicState:

@@ -302,7 +302,7 @@ def test_without_a_scene_the_grammar_is_checked():
 
 def test_a_misspelt_primitive_is_recognised(scene: Scene):
     found = check(plan(sequence("movepose bottle_pose")), scene)
-    assert "MovePose?" in found[0].message
+    assert "'MovePose'?" in found[0].message
 
 
 def test_reachability_can_be_injected(scene: Scene):

@@ -4,16 +4,18 @@ never comes back to one that it has had."""
 from __future__ import annotations
 
 import json
-import re
-from typing import Any
 
 import pytest
-from loopback import Loopback, Request, Says
+from faulty import FAULTS, Fault
+from obedient import Model, served
 from plans import answer, move, sequence
 
 from palpate.planning.check.check import check
+from palpate.planning.check.rules import CATALOGUE
+from palpate.planning.model.conversation import Answer, Conversation, converse
 from palpate.planning.model.planner import VlmPlanner
 from palpate.planning.model.settings import ModelSettings
+from palpate.planning.plan import Plan
 from palpate.scene.load import parse_scene
 from palpate.scene.scene import Scene
 
@@ -25,10 +27,6 @@ TRAY = """<mujoco><worldbody>
   <body name="jar" pos="0.50 0 0.18"><freejoint/><geom type="cylinder" size=".03 .06"/></body>
 </worldbody></mujoco>"""
 """An x_offset of the jar is 10 mm: three of them are 30.0 mm, six lead off the tray."""
-
-PROPOSED = re.compile(
-    r"^- (\S+), [\w-]+: .*?(?:write MovePose '([^']+)'|'([^']+)' is within reach)", re.MULTILINE
-)
 
 
 @pytest.fixture(autouse=True)
@@ -62,32 +60,9 @@ def sliding(factor: float) -> str:
     )
 
 
-def obedient(first: str) -> Loopback:
-    """A model that answers `first`, and puts the poses of the findings where they say."""
-    document: dict[str, Any] = json.loads(first)
-
-    def reply(request: Request) -> Says:
-        for path, slide, nearer in PROPOSED.findall(request.user):
-            _first_motion(document, path)["pose"] = slide or nearer
-        return Says(json.dumps(document))
-
-    return Loopback(answer=reply)
-
-
-def _first_motion(document: dict[str, Any], path: str) -> dict[str, Any]:
-    """The MovePose at a path such as `tree.children[8]`, or the first below it."""
-    node = document["tree"]
-    for index in re.findall(r"\[(\d+)\]", path):
-        node = node["children"][int(index)]
-    while node["type"] != "MovePose":
-        node = next(child for child in node["children"] if child["type"] != "MeasureForces")
-    return node
-
-
 @pytest.mark.parametrize("factor", [6, 4, 3, 2, 1, -3, 30])
 def test_a_slide_is_right_after_one_round_wherever_it_began(factor: float, tray: Scene) -> None:
-    first = sliding(factor)
-    with obedient(first) as server:
+    with served(Model(sliding(factor))) as server:
         asked = VlmPlanner("openai", ModelSettings(base_url=server.url("openai"), rounds=2))
         plan = asked.plan("How slippery and heavy is the jar?", tray)
     assert check(plan, tray) == ()
@@ -97,7 +72,29 @@ def test_a_slide_is_right_after_one_round_wherever_it_began(factor: float, tray:
 def test_two_faults_are_told_at_once_and_mended_at_once(tray: Scene) -> None:
     document = json.loads(sliding(1))
     document["tree"]["children"][2]["pose"] = "jar_pose + 12*z_offset"
-    with obedient(json.dumps(document)) as server:
+    with served(Model(json.dumps(document))) as server:
         asked = VlmPlanner("openai", ModelSettings(base_url=server.url("openai"), rounds=1))
         assert check(asked.plan("How slippery and heavy is the jar?", tray), tray) == ()
     assert len(server.requests) == 2
+
+
+@pytest.mark.parametrize("fault", FAULTS, ids=[fault.name for fault in FAULTS])
+def test_whatever_rule_is_broken_the_findings_mend_it_in_two_rounds(fault: Fault) -> None:
+    scene, model, planner = fault.scene(), Model(fault.answer()), VlmPlanner("openai")
+    told: list[list[str]] = []
+
+    def judged(text: str) -> tuple[Plan | None, list[str]]:
+        plan, findings = planner.judge(text, scene, fault.request)
+        told.append(findings)
+        return plan, findings
+
+    kept = Conversation("obedient:model", "")
+    plan = converse(kept, "R", lambda message: Answer(model.said(message)), judged, rounds=2)
+    assert any(f", {fault.rule}: " in finding for finding in told[0]), told[0]
+    assert len(set(model.answers)) == len(model.answers), "it comes back to what it had"
+    assert (plan.tree is None) == (fault.steps is None and fault.root is None)
+    assert plan.tree is None or plan.parameters
+
+
+def test_there_is_such_a_plan_for_every_rule() -> None:
+    assert {fault.rule for fault in FAULTS} == CATALOGUE.keys()

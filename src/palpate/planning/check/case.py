@@ -9,6 +9,8 @@ from pydantic import ValidationError
 
 from palpate.parameter import Parameter
 from palpate.planning.plan import Node, Plan
+from palpate.planning.request.item import GRIPPER
+from palpate.quantities.catalogue import catalogue
 from palpate.scene.scene import Scene
 from palpate.vocabulary.base import Primitive
 from palpate.vocabulary.registry import Vocabulary
@@ -73,6 +75,26 @@ class Case:
     remeasure: bool = False
     requested: tuple[Parameter, ...] | None = None
     repeated: bool = False
+
+    @property
+    def unclear(self) -> bool:
+        """Whether a parameter names what there is not: what the plan is for is not known then."""
+        return any(not self.exists(parameter) for parameter in self.plan.parameters)
+
+    def exists(self, parameter: Parameter) -> bool:
+        """Whether there is such a quantity, and such a thing."""
+        quantity = catalogue().get(parameter.quantity)
+        if quantity is None or self.scene is None or not quantity.identifiable:
+            return quantity is not None
+        hand = parameter.object == GRIPPER == quantity.subject
+        return hand or parameter.object in self.scene.bodies
+
+    def is_of_its_kind(self, parameter: Parameter) -> bool:
+        """Whether an existing thing carries an existing quantity."""
+        quantity = catalogue()[parameter.quantity]
+        if self.scene is None or parameter.object not in self.scene.bodies:
+            return True
+        return quantity.subject in (self.scene.bodies[parameter.object].role, GRIPPER)
 
     def is_known(self, parameter: Parameter) -> bool:
         """Whether the scene states it."""

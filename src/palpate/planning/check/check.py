@@ -50,6 +50,9 @@ WALK_RULES: Mapping[str, Callable[[Case, Walk], Iterable[Finding]]] = {
 }
 """Rule id to who finds where a plan breaks it, by what would be believed while it runs."""
 
+OF_THE_WHOLE = ("redundant", "undischarged", "gripper-at-end", "not-restored")
+"""Rules that nobody can judge where an action cannot be read."""
+
 REJECTION_RULES: Mapping[str, Callable[[Case], Iterable[Finding]]] = {
     "no-explanation": end.no_explanation,
     "undischarged": end.promised_without_tree,
@@ -93,8 +96,9 @@ def check(
     for rule in PLAN_RULES.values():
         found += rule(case)
     if scene is not None:
-        walk = Walk.over(plan.tree, case.form, scene, reachable)
+        walk = Walk.over(plan.tree, case.form, words, scene, reachable)
         found += walk.findings
-        for judged in WALK_RULES.values():
-            found += judged(case, walk)
+        for rule, judged in WALK_RULES.items():
+            if not (walk.unread and rule in OF_THE_WHOLE):
+                found += judged(case, walk)
     return tuple(dict.fromkeys(found))[:MAX_FINDINGS]

@@ -36,10 +36,16 @@ def undischarged(case: Case, walk: Walk) -> Iterator[Finding]:
         quantity = catalogue().get(parameter.quantity)
         if quantity is None or not quantity.identifiable or measured(parameter, walk.state):
             continue
+        if not (case.exists(parameter) and case.is_of_its_kind(parameter)):
+            continue
         missing = f"it needs: {acquisition(quantity)}"
         if quantity.derived:
             missing = f"of its recordings it lacks: {'; '.join(lacking(parameter, walk.state))}"
         message = f"the tree does not yield {parameter}; {missing}"
+        if walk.failed:
+            message = (
+                f"the tree does not yield {parameter}, which may follow from the findings above"
+            )
         yield Finding.of(f"parameters[{i}]", "undischarged", message)
 
 

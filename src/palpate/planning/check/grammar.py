@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from difflib import get_close_matches
+from collections.abc import Iterator
 
 from pydantic import ValidationError
 
+from palpate.errors import perhaps
 from palpate.planning.check.case import Case
 from palpate.planning.check.finding import Finding
 
@@ -19,16 +19,9 @@ def unknown_primitive(case: Case) -> Iterator[Finding]:
     names = [*case.words.primitives, *case.words.composites]
     for path, node in case.form.nodes.items():
         if node.type not in names:
-            message = f"there is no '{node.type[:80]}'; {_hint(node.type, names)}"
+            hint = perhaps(node.type, names) or f" valid: {', '.join(names)}"
+            message = f"there is no '{node.type[:80]}';{hint}"
             yield Finding.of(path, "unknown-primitive", message)
-
-
-def _hint(name: str, names: Sequence[str]) -> str:
-    by_lower_case = {valid.lower(): valid for valid in names}
-    close = get_close_matches(name.lower(), by_lower_case, 1, 0.6)
-    if close:
-        return f"did you mean {by_lower_case[close[0]]}?"
-    return f"valid: {', '.join(names)}"
 
 
 def bad_argument(case: Case) -> Iterator[Finding]:
@@ -49,9 +42,13 @@ def _problems(case: Case, name: str, error: ValidationError | TypeError) -> Iter
         return
     fields = case.words.primitives[name].model_fields
     takes = ", ".join(f"'{field}' ({info.description})" for field, info in fields.items())
-    for problem in error.errors(include_url=False)[:3]:
+    problems = error.errors(include_url=False)[:3]
+    lacking = [str(problem["loc"][0]) for problem in problems if problem["type"] == "missing"]
+    for problem in problems:
         where = ".".join(str(part) for part in problem["loc"])[:60]
-        yield f"{name}: '{where}': {problem['msg']}; it takes {takes or 'no arguments'}"
+        meant = problem["type"] == "extra_forbidden" and len(lacking) == 1
+        guess = f"; did you mean '{lacking[0]}'?" if meant else ""
+        yield f"{name}: '{where}': {problem['msg']}{guess}; it takes {takes or 'no arguments'}"
 
 
 def leaf_children(case: Case) -> Iterator[Finding]:

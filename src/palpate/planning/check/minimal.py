@@ -29,7 +29,7 @@ def redundant(case: Case, walk: Walk) -> Iterator[Finding]:
             if parameter in made and not case.repeated:
                 message = f"{parameter} is measured already; remove this"
                 yield Finding.of(action.path, "redundant", message)
-            elif parameter not in case.plan.parameters:
+            elif parameter not in case.plan.parameters and not case.unclear:
                 message = f"this yields {parameter}, which is not among the parameters; remove it"
                 yield Finding.of(action.path, "redundant", message)
         made.add(parameter)
@@ -43,6 +43,8 @@ def untouched(case: Case, walk: Walk) -> Iterator[Finding]:
     """Only objects among the parameters are grasped, those that block them, and tools for measuring them;
     without parameters, one tool that the explanation names."""
     assert case.scene is not None
+    if case.unclear:
+        return
     concerned = {parameter.object for parameter in case.plan.parameters}
     tools = _tools(case, walk) if concerned else _told(case, walk)
     strange = _grasped(walk, concerned | tools)
@@ -110,14 +112,16 @@ def _piece(parameter: Parameter, action: Action) -> Piece | None:
 
 
 def _converted_recordings(walk: Walk) -> set[str]:
-    """Paths of sensing leaves whose recording a conversion reads: each reads the latest."""
-    latest: dict[str | None, str] = {}
+    """Paths of sensing leaves whose recording a conversion reads: each reads the latest that its
+    branch knows of."""
+    paths = {id(action.after.logged[-1]): action.path for action in walk.actions if action.records}
     converted: set[str] = set()
     for action in walk.actions:
-        if action.records:
-            latest[action.primitive.writes] = action.path
-        if action.primitive.measures is not None and action.primitive.reads in latest:
-            converted.add(latest[action.primitive.reads])
+        if action.primitive.measures is None:
+            continue
+        read = [entry for entry in action.before.logged if entry[0] == action.primitive.reads]
+        if read and id(read[-1]) in paths:
+            converted.add(paths[id(read[-1])])
     return converted
 
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from palpate.errors import perhaps
 from palpate.parameter import Parameter
 from palpate.planning.check.case import Case
 from palpate.planning.check.finding import Finding
-from palpate.planning.request.item import GRIPPER
 from palpate.quantities.catalogue import catalogue
 
 
@@ -16,12 +16,17 @@ def unknown_parameter(case: Case) -> Iterator[Finding]:
     for path, parameter in _listed(case):
         if parameter.quantity not in catalogue():
             valid = ", ".join(catalogue())
-            message = f"'{parameter.quantity[:80]}' is not a quantity; valid: {valid}"
+            meant = catalogue().meant(parameter.quantity)
+            guess = (
+                f" did you mean '{meant}'?" if meant else perhaps(parameter.quantity, catalogue())
+            )
+            message = f"'{parameter.quantity[:80]}' is not a quantity;{guess} valid: {valid}"
             yield Finding.of(path, "unknown-parameter", message)
-        elif not _is_somewhere(parameter, case):
+        elif not case.exists(parameter):
             assert case.scene is not None
             valid = ", ".join(case.scene.bodies) or "none"
-            message = f"the scene has no '{parameter.object[:80]}'; valid: {valid}"
+            guess = perhaps(parameter.object, case.scene.bodies)
+            message = f"the scene has no '{parameter.object[:80]}';{guess} valid: {valid}"
             yield Finding.of(path, "unknown-parameter", message)
 
 
@@ -37,14 +42,13 @@ def unmeasurable(case: Case) -> Iterator[Finding]:
                 "explanation"
             )
             yield Finding.of(path, "unmeasurable", message)
-        elif case.scene is not None and parameter.object in case.scene.bodies:
+        elif case.scene is not None and not case.is_of_its_kind(parameter):
             role = case.scene.bodies[parameter.object].role
-            if quantity.subject not in (role, GRIPPER):
-                message = (
-                    f"{quantity.label} is a quantity of a {quantity.subject}, and "
-                    f"'{parameter.object}' is a {role}; remove it"
-                )
-                yield Finding.of(path, "unmeasurable", message)
+            message = (
+                f"{quantity.label} is a quantity of {_a(quantity.subject)}, and "
+                f"'{parameter.object}' is {_a(role)}; remove it"
+            )
+            yield Finding.of(path, "unmeasurable", message)
 
 
 def duplicate_parameter(case: Case) -> Iterator[Finding]:
@@ -80,7 +84,7 @@ def known_parameter(case: Case) -> Iterator[Finding]:
         if quantity is None or not quantity.identifiable or not case.is_known(parameter):
             continue
         body = case.scene.bodies[parameter.object]
-        if quantity.subject in (body.role, GRIPPER):
+        if case.is_of_its_kind(parameter):
             stated = ", ".join(f"{value:.6g}" for value in body.known[parameter.quantity])
             message = (
                 f"{parameter} is stated by the scene ({stated} {quantity.unit}); remove it and what "
@@ -89,14 +93,10 @@ def known_parameter(case: Case) -> Iterator[Finding]:
             yield Finding.of(path, "known", message)
 
 
+def _a(noun: str) -> str:
+    return f"an {noun}" if noun[0] in "aeiou" else f"a {noun}"
+
+
 def _listed(case: Case) -> Iterator[tuple[str, Parameter]]:
     for i, parameter in enumerate(case.plan.parameters):
         yield f"parameters[{i}]", parameter
-
-
-def _is_somewhere(parameter: Parameter, case: Case) -> bool:
-    """Whether its object is in the scene, or is the hand itself."""
-    quantity = catalogue()[parameter.quantity]
-    if case.scene is None or not quantity.identifiable or parameter.object in case.scene.bodies:
-        return True
-    return parameter.object == GRIPPER == quantity.subject

@@ -10,17 +10,27 @@ from palpate.geometry.pose import Pose
 from palpate.parameter import Parameter
 from palpate.planning.check.case import Form
 from palpate.planning.check.finding import Finding
+from palpate.planning.check.instead import remedied
 from palpate.planning.check.slides import unfelt
 from palpate.planning.plan import Node
 from palpate.scene.scene import Scene
 from palpate.trace.samples import FORCES
 from palpate.vocabulary.base import ConversionPrimitive, Primitive
+from palpate.vocabulary.registry import Vocabulary
 from palpate.vocabulary.state import SymbolicState, during, parallel
+from palpate.vocabulary.violation import PRECONDITION, Violation
 
 Reach = Callable[[Pose], bool]
 
-CONSEQUENCES = ("precondition", "gripper-state", "unknown-start")
+CONSEQUENCES = (PRECONDITION, "gripper-state", "unknown-start")
 """Rules that are not held against a plan after a motion to nowhere: they would follow from it."""
+OF_THE_WAY = ("blocked", "collision", "self-collision", "sideways")
+"""Rules that are not held against a motion from where the arm does not get, or with fingers that did not
+take what they should."""
+FAILING = ("buffer-unwritten", "gripper-state", PRECONDITION, "unknown-symbol")
+"""Rules of which one that is broken may leave something unmeasured."""
+OF_ITSELF = ("unknown-symbol", "unreachable")
+"""Rules of an action by itself, whatever came before."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -60,22 +70,34 @@ class Walk:
 
     Attributes:
         form: the tree, read.
+        words: the vocabulary that it may use.
         state: what is believed after the part walked so far.
         actions: its leaves where they stand, sensing branches of a Parallel before its motion.
         findings: what speaks against single actions at their places.
     """
 
     form: Form
+    words: Vocabulary
     state: SymbolicState
     actions: list[Action] = field(default_factory=list[Action])
     findings: list[Finding] = field(default_factory=list[Finding])
+    unread: bool = False
+    """There was an action that cannot be read: what came of it nobody knows."""
+    failed: bool = False
+    """An action would not get or leave what it should; what lacks later may follow from that."""
     _lost: bool = False
     """The hand was sent to a pose that does not exist."""
+    _astray: bool = False
+    """The hand was sent to where the arm does not get."""
+    _empty: bool = False
+    """The fingers were to take what they do not."""
 
     @classmethod
-    def over(cls, tree: Node, form: Form, scene: Scene, reachable: Reach | None) -> Walk:
+    def over(
+        cls, tree: Node, form: Form, words: Vocabulary, scene: Scene, reachable: Reach | None
+    ) -> Walk:
         """The walk of a whole tree; `reachable` replaces the arm's inverse kinematics."""
-        walk = cls(form, SymbolicState(scene, reaches=reachable))
+        walk = cls(form, words, SymbolicState(scene, reaches=reachable))
         walk._walk("tree", tree)
         return walk
 
@@ -89,6 +111,9 @@ class Walk:
     def _walk(self, path: str, node: Node) -> None:
         if path in self.form.primitives:
             self.state = self._leaf(path, self.state)
+            self.unread |= bool(node.children)
+        elif not node.children and node.type not in self.words.composites:
+            self.unread = True
         elif node.type == "Parallel" and self._has_one_owner(path):
             self.state = self._parallel(path, node, self.state)
         else:
@@ -109,35 +134,40 @@ class Walk:
         for i, _ in enumerate(node.children):
             branch = self._below(f"{path}.children[{i}]")
             branches.append([where for where in branch if where not in moving])
-        self._judge_together(moving, before)
+        self._judge_together(path, moving, before)
         after = parallel(before, meanwhile, moving, branches, self._leaf)
         if any(self.form.primitives[where].writes == FORCES for where in self._below(path)):
             violation = unfelt(before, after)
             if violation is not None:
+                self.failed = True
                 self.findings.append(Finding(path, violation))
         return after
 
-    def _judge_together(self, moving: Sequence[str], before: SymbolicState) -> None:
+    def _judge_together(self, path: str, moving: Sequence[str], before: SymbolicState) -> None:
         """Leaves that move at once overlap in time, so each is also judged as if all others had
         come first; and nothing is taken or let go of under way."""
-        for path in moving:
-            others = [where for where in moving if where != path]
+        firsts: dict[str, SymbolicState] = {}
+        for where in moving:
             try:
                 first = before
-                for where in others:
-                    first = self.form.primitives[where].effects(first)
-                self._judge(path, first)
-                ends = [self.form.primitives[path].effects(state) for state in (before, first)]
+                for other in moving:
+                    if other != where:
+                        first = self.form.primitives[other].effects(first)
+                ends = [self.form.primitives[where].effects(state) for state in (before, first)]
             except InputError:
                 continue
+            firsts[where] = first
             held = {end.holding for end in ends} - {before.holding}
-            if others and "gripper" in self.form.primitives[path].claims and held:
+            if len(moving) > 1 and "gripper" in self.form.primitives[where].claims and held:
                 name = before.holding or max(filter(None, held))
                 message = (
                     f"the fingers would take or let go of '{name}' while the arm moves; put the "
                     "two after one another, in a Sequence"
                 )
                 self.findings.append(Finding.of(path, "gripper-state", message))
+                return
+        for where, first in firsts.items():
+            self._judge(where, first)
 
     def _below(self, path: str) -> Iterator[str]:
         """Paths of the leaves below and including `path`."""
@@ -147,7 +177,12 @@ class Walk:
 
     def _leaf(self, path: str, before: SymbolicState) -> SymbolicState:
         primitive = self.form.primitives[path]
-        self._judge(path, before)
+        rules = self._judge(path, before)
+        self.failed |= not rules.isdisjoint(FAILING)
+        if "arm" in primitive.claims:
+            self._astray = "unreachable" in rules
+        if "gripper" in primitive.claims:
+            self._empty = "gripper-state" in rules and not before.holding
         try:
             after = primitive.effects(before)
         except InputError:
@@ -158,8 +193,23 @@ class Walk:
         self.actions.append(Action(path, primitive, before, after))
         return after
 
-    def _judge(self, path: str, before: SymbolicState) -> None:
-        """Note what speaks against a leaf at its place."""
-        for violation in self.form.primitives[path].violations(before):
-            if not (self._lost and violation.rule in CONSEQUENCES):
-                self.findings.append(Finding(path, violation))
+    def _judge(self, path: str, before: SymbolicState) -> set[str]:
+        """Note what speaks against a leaf at its place, with what to do instead; the rules broken."""
+        primitive = self.form.primitives[path]
+        found = primitive.violations(before)
+        told = [violation for violation in found if not self._follows(primitive, violation)]
+        for violation in remedied(primitive, before, told):
+            self.findings.append(Finding(path, violation))
+        return {violation.rule for violation in found}
+
+    def _follows(self, primitive: Primitive, violation: Violation) -> bool:
+        """Whether that may come of an earlier fault alone, and is told once that is mended."""
+        if violation.rule in OF_ITSELF:
+            return False
+        if self.unread or (self._lost and violation.rule in CONSEQUENCES):
+            return True
+        converts = isinstance(primitive, ConversionPrimitive)
+        if self.failed and converts and violation.rule == PRECONDITION:
+            return True
+        nowhere = self._astray or self._empty
+        return nowhere and "arm" in primitive.claims and violation.rule in OF_THE_WAY

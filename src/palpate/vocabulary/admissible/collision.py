@@ -109,7 +109,7 @@ def _collisions(before: SymbolicState, after: SymbolicState) -> Iterator[Violati
             pair = (hit.part.owner, hit.other.owner)
             if pair not in told and len(told) < SHOWN:
                 told.add(pair)
-                yield _told(hit, after, passing)
+                yield _told(hit, before, after, passing)
 
 
 def _passing(before: SymbolicState, after: SymbolicState) -> Passing:
@@ -187,7 +187,7 @@ def _unsure(state: SymbolicState, name: str) -> float:
     return min(SURE * prior.std[0], UNSURE) if prior is not None else 0.0
 
 
-def _told(hit: Hit, after: SymbolicState, passing: Passing) -> Violation:
+def _told(hit: Hit, before: SymbolicState, after: SymbolicState, passing: Passing) -> Violation:
     part, name = _called(hit.part), hit.other.owner
     where = "joint motion" if after.is_bent else f"way to '{after.at}'"
     how = f"run {-1e3 * hit.distance:.0f} mm into" if hit.distance < 0 else "come too near to"
@@ -197,16 +197,26 @@ def _told(hit: Hit, after: SymbolicState, passing: Passing) -> Violation:
     if hit.part.kind == LINK:
         return Violation("collision", f"{met}; go by way of 'home_config', or choose another pose")
     if name in passing.between:
-        return Violation(
-            "collision",
-            f"{met}; come down with the open fingers on either side of it: '{name}_pose + "
-            f"z_offset' first, then '{name}_pose'",
-        )
+        return Violation("collision", f"{met}; {_entering(before, name)}")
     if name in after.scene.objects:
         return Violation("blocked", f"{met}; go around it, or {carry_away(name)}")
     if hit.part.kind == LOAD:
         return Violation("collision", f"{met}; choose a higher pose, or go around it")
     return Violation("collision", f"{met}; {_instead(after, name)}")
+
+
+def _entering(before: SymbolicState, name: str) -> str:
+    """How an object comes between the fingers, in words."""
+    if before.gripper != "open":
+        return "the fingers are not open; OpenGripper first"
+    if name in before.scene.symbols.ungraspable:
+        return (
+            f"it does not fit between them; leave out what needs '{name}' in the hand, and explain"
+        )
+    return (
+        f"come down with the open fingers on either side of it: write MovePose '{name}_pose', and "
+        f"MovePose to '{name}_pose + z_offset' first"
+    )
 
 
 def carry_away(name: str) -> str:

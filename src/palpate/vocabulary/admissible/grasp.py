@@ -77,7 +77,8 @@ def _nearer(state: SymbolicState, beside: float) -> str:
         return ""
     if not step:
         return ""
-    return f", at '{here.shifted('x_offset', round(beside / step, 1))}'"
+    nearer = here.shifted("x_offset", round(beside / step, 1))
+    return f"; MovePose to '{nearer}' first"
 
 
 def most_sideways(state: SymbolicState, way: Array) -> float:
@@ -108,10 +109,14 @@ def _misfit(state: SymbolicState, body: Body) -> list[Violation]:
     found: list[Violation] = []
     unfit, heavy = does_not_fit(state.scene, body.name), too_heavy(state.scene, body)
     if unfit:
-        found.append(Violation("too-wide", unfit))
+        found.append(Violation("too-wide", f"{unfit}; {_left_out(body)}"))
     if heavy:
-        found.append(Violation("payload", f"{heavy}; it cannot be lifted"))
+        found.append(Violation("payload", f"{heavy}; {_left_out(body)}"))
     return found
+
+
+def _left_out(body: Body) -> str:
+    return f"leave out what needs '{body.name}' in the hand, and explain"
 
 
 def does_not_fit(scene: Scene, name: str) -> str:

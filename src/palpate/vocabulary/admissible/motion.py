@@ -154,8 +154,8 @@ def _carried(before: SymbolicState, after: SymbolicState, may_tilt: bool) -> Ite
     if lean > HELD_UPRIGHT and not may_tilt:
         yield Violation(
             "tilted",
-            f"'{held}' would be laid over by {np.degrees(lean):.0f}°; keep the hand as it was "
-            "when it closed",
+            f"'{held}' would be laid over by {np.degrees(lean):.0f}°; remove this, or go where the hand "
+            "is as it was when it closed",
         )
     lost = dragged_off(before, after)
     if lost:

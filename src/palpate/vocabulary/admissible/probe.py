@@ -32,10 +32,14 @@ class Touch:
     pose: Pose
 
 
-def _starts(state: SymbolicState) -> str:
-    """Where probes of surfaces may begin, in words."""
-    names = [f"'{name}_approach'" for name in state.scene.surfaces]
-    return f"a surface is probed with -z from {' or '.join(names)}" if names else "go lower"
+def starts(state: SymbolicState) -> str:
+    """Where probes of surfaces may begin, in words: above the one below, if there is one."""
+    below = None if state.pose_world_tcp is None else state.surface_below(state.pose_world_tcp)
+    names = [below.name] if below is not None and below.role == "surface" else state.scene.surfaces
+    places = [f"'{name}_approach'" for name in names]
+    if not places:
+        return "go lower"
+    return f"a surface is probed with -z from near above: MovePose to {' or '.join(places)} first"
 
 
 def touch(state: SymbolicState, direction: Array, travel: float) -> Touch | None:
@@ -63,8 +67,7 @@ def untouchable(state: SymbolicState, direction: Array, travel: float) -> Iterat
     if first is None:
         yield Violation(
             PRECONDITION,
-            f"there is nothing to touch within {travel:.2f} m from '{state.at}'; start nearer: "
-            f"{_starts(state)}",
+            f"there is nothing to touch within {travel:.2f} m from '{state.at}'; {starts(state)}",
         )
         return
     name = first.hit.other.owner
@@ -80,5 +83,5 @@ def untouchable(state: SymbolicState, direction: Array, travel: float) -> Iterat
             yield Violation(
                 "unsupported",
                 f"pressing on '{name}' there would tip it over; touch it above the middle of what "
-                "it stands on",
+                f"it stands on; first: MovePose '{name}_top', FoldFingers",
             )

@@ -5,7 +5,7 @@ from __future__ import annotations
 from palpate.geometry.pose import Array, Pose
 from palpate.robots.kinematics import reachable, within_joint_limits
 from palpate.scene.symbols import PoseExpression
-from palpate.vocabulary.state import SymbolicState
+from palpate.vocabulary.state import HOME_CONFIG, SymbolicState
 from palpate.vocabulary.violation import Violation
 
 SHARES = (0.75, 0.5, 0.25, 0.1)
@@ -33,7 +33,7 @@ def _instead(state: SymbolicState, name: str) -> str:
         terms = tuple((round(share * factor, 2), offset) for factor, offset in expression.terms)
         smaller = PoseExpression(expression.name, terms)
         if terms and _reaches(state, symbols.resolve(smaller)):
-            return f"'{smaller}' is within reach"
+            return f"write MovePose '{smaller}', which is within reach"
     return "choose a pose nearer to the base"
 
 
@@ -51,7 +51,7 @@ def beyond_joint_limits(state: SymbolicState, joints: Array) -> list[Violation]:
     return [
         Violation(
             "unreachable",
-            f"joint angles {shown} rad are beyond the arm's limits; use 'home_config'",
+            f"joint angles {shown} rad are beyond the arm's limits; write MoveJoints '{HOME_CONFIG}'",
         )
     ]
 

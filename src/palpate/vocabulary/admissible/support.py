@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from palpate.errors import InputError
 from palpate.geometry.polygon import depth
 from palpate.geometry.pose import Array, Pose
 from palpate.vocabulary.admissible.footing import SUNK, Footing, footing
@@ -193,6 +194,14 @@ def _unstable(state: SymbolicState, reason: str) -> Violation:
     )
 
 
+def above(state: SymbolicState, expression: str | None) -> str:
+    """A pose expression with one z_offset more; what is no pose expression stays as it is."""
+    try:
+        return str(state.scene.symbols.parse(expression or "").shifted("z_offset", 1))
+    except InputError:
+        return f"{expression}"
+
+
 def would_be_dragged(state: SymbolicState) -> list[Violation]:
     """What speaks against a joint motion, which is no straight line: a held object on its support,
     or nothing."""
@@ -201,7 +210,8 @@ def would_be_dragged(state: SymbolicState) -> list[Violation]:
     return [
         Violation(
             PRECONDITION,
-            f"'{state.holding}' stands on its support in the gripper; lift it or open the gripper first",
+            f"'{state.holding}' stands on its support in the gripper; lift it: MovePose to "
+            f"'{above(state, state.grasp)}' first; or open the gripper",
         )
     ]
 
