@@ -36,3 +36,19 @@ def test_noise_of_the_encoders_is_no_motion():
     noise = 2e-6 * np.random.default_rng(0).standard_normal((4000, 3))
     states = rubbing(noise)
     assert (states[-1, :, LEFT] > 0.95).all()
+
+
+def test_it_is_what_dahls_model_says_row_by_row():
+    draws = np.random.default_rng(1)
+    pace = np.repeat(draws.choice([0.0, 1e-4, -1e-4], size=(20, 3)), 40, axis=0)
+    q = np.cumsum(pace + 3e-6 * draws.standard_normal(pace.shape), axis=0)
+    coarse = q.reshape(-1, tuning.RUBBING_ROWS, 3).mean(axis=1)
+    play, state = coarse[0], np.array([[0.0] * 3, [1.0] * 3])
+    found = rubbing(q)[:: tuning.RUBBING_ROWS]
+    for row, angles in zip(found, coarse, strict=True):
+        step = angles - play
+        step = step - np.clip(step, -tuning.ENCODER_PLAY, tuning.ENCODER_PLAY)
+        play = play + step
+        keep = np.exp(-np.abs(step) / tuning.PRESLIDING)
+        state = keep * state + [np.copysign(1.0 - keep, step), np.zeros(3)]
+        assert row == pytest.approx(np.stack([state[TURNED], state[LEFT]], axis=1), abs=1e-12)

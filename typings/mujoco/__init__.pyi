@@ -74,6 +74,9 @@ class mjtTrn(_Enum):
     mjTRN_SITE: ClassVar[mjtTrn]
     mjTRN_TENDON: ClassVar[mjtTrn]
 
+class mjtEnableBit(_Enum):
+    mjENBL_SLEEP: ClassVar[mjtEnableBit]
+
 class mjtDisableBit(_Enum):
     mjDSBL_CONSTRAINT: ClassVar[mjtDisableBit]
     mjDSBL_EQUALITY: ClassVar[mjtDisableBit]
@@ -364,6 +367,7 @@ class _SpecOption:
     cone: int
     impratio: float
     disableflags: int
+    enableflags: int
 
 class _SpecElement:
     name: str

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from palpate.estimation import tuning
 from palpate.geometry.pose import Array, Pose
+from palpate.trace.once import once
 from palpate.trace.recording import Recording
 from palpate.trace.samples import Samples, Trace
 
@@ -70,6 +71,7 @@ def runs(mask: Mask) -> Iterator[slice]:
         yield slice(int(start), int(end))
 
 
+@once
 def at_rest(samples: Samples) -> Mask:
     """Rows where neither the commanded pose nor the arm moves, transients left out."""
     t = samples.t
@@ -84,6 +86,7 @@ def at_rest(samples: Samples) -> Mask:
     return (t - last_change > tuning.SETTLE) & (next_change - t > tuning.START) & slow
 
 
+@once
 def acceleration(samples: Samples, over: float) -> Array:
     """(n, 3) m/s² of the TCP, world axes, from its velocity averaged over `over` s: encoders are
     noisy."""
@@ -106,6 +109,7 @@ def smoothed(values: Array, rows: int) -> Array:
     return np.convolve(values, np.ones(rows) / rows, mode="same")
 
 
+@once
 def commanded(samples: Samples) -> Mask:
     """Rows where the commanded pose moves or turns."""
     target = samples.target_world_tcp

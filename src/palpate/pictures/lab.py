@@ -31,6 +31,9 @@ LAMPS = (
 )
 """m from the middle of the things, and brightness: one lamp as three beside each other, whose shadows
 make one with a soft edge."""
+INNER = 0.35
+"""Share of the lamp's cone within which things cast shadows: the arm and what it works on stand in it,
+and each gets more of the shadow map."""
 WINDOW = ((0.4, 2.4, 1.6), (0.2, -0.9, -0.75), 0.20)
 """A window at the other side: from where, whereto, how bright. It casts no shadow."""
 
@@ -43,6 +46,7 @@ def furnish(spec: mujoco.MjSpec, things: Array, soft: bool = True) -> None:
     _walls(spec, floor, min(BEHIND, low[0] - BEYOND), max(BESIDE, high[1] + BEYOND))
     for light in _lights(spec):
         spec.delete(light)
+    spec.visual.map.shadowscale = INNER
     head = spec.visual.headlight
     head.ambient[:], head.diffuse[:], head.specular[:] = AMBIENT, HEADLIGHT, 0.0
     target = np.array([*((low + high) / 2)[:2], low[2]])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass
+from functools import cache
 from itertools import product, takewhile
 
 import mujoco
@@ -152,7 +153,7 @@ def _captioned(picture: Pixels, caption: tuple[str, str]) -> Pixels:
     right."""
     image = Image.fromarray(picture)
     draw = ImageDraw.Draw(image, "RGBA")
-    font = ImageFont.load_default(size=14)
+    font = _font()
     width, height = image.size
     draw.rectangle((0, height - 28, width, height), fill=(15, 20, 26, 190))
     draw.text(
@@ -165,6 +166,12 @@ def _captioned(picture: Pixels, caption: tuple[str, str]) -> Pixels:
         (width - 12, height - 22), caption[1], font=font, fill=(94, 234, 212, 255), anchor="ra"
     )
     return np.asarray(image)
+
+
+@cache
+def _font() -> ImageFont.FreeTypeFont | ImageFont.ImageFont:
+    """Of the captions; it takes longer to unpack than a caption to write."""
+    return ImageFont.load_default(size=14)
 
 
 def _fitting(

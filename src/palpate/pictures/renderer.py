@@ -121,7 +121,7 @@ class Painter:
     def __init__(
         self, model: mujoco.MjModel, width: int = 960, height: int = 600, *, draft: bool = False
     ) -> None:
-        """Pixels of the picture; a `draft` has coarser shadows, curves and edges, and takes a quarter
+        """Pixels of the picture; a `draft` has coarser shadows, curves and edges, and takes a fifth
         of the time without a GPU."""
         usable, reason = gl_available()
         if not usable:
@@ -129,7 +129,7 @@ class Painter:
         model = copy(model)
         model.vis.global_.offwidth = max(width, model.vis.global_.offwidth)
         model.vis.global_.offheight = max(height, model.vis.global_.offheight)
-        model.vis.quality.shadowsize = 1024 if draft else 2048
+        model.vis.quality.shadowsize = 512 if draft else 2048
         if draft:
             model.vis.quality.numslices, model.vis.quality.numstacks = 16, 8
             # The stubs of MuJoCo 4.0 lack it.

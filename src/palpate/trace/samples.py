@@ -51,7 +51,7 @@ STANDARD_GRAVITY = 9.81
 """m/s^2, MuJoCo's default gravity; a scene that sets another passes it on in the `Trace`."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, weakref_slot=True)
 class Samples:
     """Sensed signals, one row per log period (block means of the 1 kHz control loop).
 
@@ -108,7 +108,7 @@ class Samples:
         return self.where(slice(int(first), int(last)))
 
 
-@dataclass(frozen=True, slots=True, eq=False, repr=False)
+@dataclass(frozen=True, slots=True, eq=False, repr=False, weakref_slot=True)
 class Trace:
     """The whole execution: samples, leaves, recordings, conversions, and the nominal hand."""
 

@@ -21,18 +21,37 @@ def rubbing(q: Array) -> Array:
     """(n, m, 2) of joint angles `q` (n, m), rad: which way each joint was turned last, -1 to 1,
     between them while it turns round; and what is left of the friction that it had at the start,
     1 to 0. What is less than `tuning.ENCODER_PLAY` is no motion."""
-    coarse = _blocks(q)
-    play = coarse[0].copy()
-    states = np.zeros((len(coarse), q.shape[1], 2))
-    states[0, :, LEFT] = 1.0
-    for row in range(1, len(coarse)):
-        step = coarse[row] - play
-        step -= np.clip(step, -tuning.ENCODER_PLAY, tuning.ENCODER_PLAY)
-        play += step
-        keep = np.exp(-np.abs(step) / tuning.PRESLIDING)
-        states[row] = keep[:, None] * states[row - 1]
-        states[row, :, TURNED] += np.copysign(1.0 - keep, step)
+    steps = np.apply_along_axis(_steps, 0, _blocks(q))
+    keep = np.exp(-np.abs(steps) / tuning.PRESLIDING)
+    added = np.copysign(1.0 - keep, steps)
+    states = np.empty((*steps.shape, 2))
+    states[..., LEFT] = np.multiply.accumulate(keep, axis=0)
+    for joint in range(q.shape[1]):
+        states[:, joint, TURNED] = _followed(keep[:, joint], added[:, joint])
     return states[np.arange(len(q)) // tuning.RUBBING_ROWS]
+
+
+def _steps(q: Array) -> Array:
+    """(k,) rad that a joint at angles `q` (k,) turned at each, beyond the play of its encoder."""
+    most, play = tuning.ENCODER_PLAY, float(q[0])
+    found: list[float] = []
+    # Numbers of Python: arrays of seven in a loop would take ten times as long.
+    for angle in q.tolist():
+        step = angle - play
+        step -= min(max(step, -most), most)
+        play += step
+        found.append(step)
+    return np.array(found)
+
+
+def _followed(keep: Array, added: Array) -> Array:
+    """(k,) what is left, of each step `keep`, of all that was `added` until then."""
+    state = 0.0
+    found: list[float] = []
+    for share, more in zip(keep.tolist(), added.tolist(), strict=True):
+        state = share * state + more
+        found.append(state)
+    return np.array(found)
 
 
 def _blocks(q: Array) -> Array:

@@ -34,6 +34,7 @@ from palpate.estimation.windows import (
     runs,
 )
 from palpate.geometry.pose import Array
+from palpate.trace.once import once
 from palpate.trace.recording import Recording
 from palpate.trace.samples import FORCES, Samples, Trace
 
@@ -125,6 +126,7 @@ class _Signals:
     rubbed: Array
 
 
+@once
 def weighing(trace: Trace, recording: Recording) -> Weighing:
     """All rests and passes that tell about the load of `recording`, with and without it."""
     load = load_of(trace, recording.context.holding)
@@ -199,6 +201,11 @@ def _rubbed(felt: Feeling, samples: Samples) -> Array:
     """(n, m, 2) how the joints rub; of none, (n, 0, 2), where they are not what is felt."""
     if felt.chain is None:
         return np.zeros((len(samples), 0, 2))
+    return _joint_rubbing(samples)
+
+
+@once
+def _joint_rubbing(samples: Samples) -> Array:
     return rubbing(samples.q)
 
 
@@ -277,12 +284,14 @@ def _arrival(samples: Samples, row: int, path: Path | None) -> str:
     return "down" if along < -tuning.ALONG else "beside"
 
 
+@once
 def _steady(samples: Samples) -> Mask:
     """Rows where the arm does not change its speed."""
     change = acceleration(samples, tuning.SPEED_SMOOTH)
     return np.linalg.norm(change, axis=1) < tuning.STEADY
 
 
+@once
 def _moves(samples: Samples) -> Mask:
     return np.linalg.norm(samples.twist[:, :3], axis=1) > tuning.PASS_SPEED
 
