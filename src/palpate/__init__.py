@@ -9,7 +9,8 @@ Everything public is listed in `__all__` and loaded when first used, so that `im
 nothing.
 
 - `run` does all at once; `load` reads a scene, `Scene.plan` a plan for it, `Plan.run` executes it;
-  `open` reads a finished `Run` back from its folder, `fuse` makes one `Fusion` of several.
+  `open` reads a finished `Run` back from its folder, `fuse` makes one `Fusion` of several,
+  `compare` says how far they are apart.
 - `Estimate`, `Parameter`, `Trace` and `Twin` are what a run is made of.
 - `Cell`, `SimulatedCell`, `Planner`, `Primitive`, `Quantity`, `RobotDescription` and `Vocabulary` are
   where your own parts go in.
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
     from palpate.api import Plan as Plan
     from palpate.api import Run as Run
     from palpate.api import Scene as Scene
+    from palpate.api import compare as compare
     from palpate.api import fuse as fuse
     from palpate.api import load as load
     from palpate.api import open as open
@@ -69,6 +71,7 @@ __all__ = [
     "Twin",
     "Unavailable",
     "Vocabulary",
+    "compare",
     "fuse",
     "load",
     "open",
@@ -96,6 +99,7 @@ _HOMES = {
     "Twin": "twin.twin",
     "Unavailable": "errors",
     "Vocabulary": "vocabulary.registry",
+    "compare": "api",
     "fuse": "api",
     "load": "api",
     "open": "api",

@@ -28,7 +28,15 @@ from palpate.stages.executing import execute
 from palpate.stages.loading import load, preflight
 from palpate.stages.planning import plan
 from palpate.stages.rehearsing import confirm, rehearse
-from palpate.stages.saving import darkroom_for, folder_for, reopen, save, taken_up, write_report
+from palpate.stages.saving import (
+    darkroom_for,
+    folder_for,
+    reopen,
+    save,
+    taken_up,
+    with_footage,
+    write_report,
+)
 
 if TYPE_CHECKING:
     from palpate.report.writing import Darkroom
@@ -101,9 +109,10 @@ def carry_out(
             return _Steps(keeper, audience, cell, darkroom).finished(made)
 
 
-def finish(folder: Path, audience: Audience = SILENT) -> Run:
+def finish(folder: Path, audience: Audience = SILENT, film: bool = False) -> Run:
     """Do what a run that was cut off, or was in a hurry, has left to do, with what its folder holds,
-    and write its report anew. A film is not made later: what the camera saw is kept nowhere.
+    and write its report anew. What the camera saw is kept nowhere: a `film` made later is the trace,
+    played again.
 
     Raises:
         InputError: there is no such folder, or it is not a run's.
@@ -113,6 +122,8 @@ def finish(folder: Path, audience: Audience = SILENT) -> Run:
         if made.stage == "executing":
             keeper.trace(made)
             made = replace(made, stage="estimating")
+        if film:
+            made = with_footage(made)
         return _Steps(keeper, audience.unfailing()).finished(made)
 
 

@@ -14,6 +14,7 @@ import pytest
 import palpate as pp
 from palpate.interrupt import interrupts
 from palpate.parameter import Parameter
+from palpate.pictures.renderer import gl_available
 from palpate.runs.keeper import Keeper
 
 from .conftest import TABLE, Answer, cube
@@ -73,6 +74,12 @@ def test_what_a_run_in_a_hurry_left_out_is_made_later(
     assert marks["residual_twin"]["force_N"] < marks["residual_template"]["force_N"]
     assert after["parameters"] == before["parameters"]
     assert after["stage"] is None
+    if gl_available()[0]:
+        assert palpate("report", copy, "--film").status == 0
+        assert (copy / "images" / "played-again.mp4").stat().st_size > 1000
+        page = (copy / "report.html").read_text("utf-8")
+        assert "played again from the trace" in page
+        assert "data:video/mp4" in page
 
 
 def test_an_estimator_that_nobody_knows_is_bad_input(palpate: Palpate, stored: Path) -> None:
@@ -159,6 +166,11 @@ def test_runs_are_compared(palpate: Palpate, folders: list[Path]) -> None:
     assert (table.status, table.err) == (0, "")
     assert f"{second['z']:+.1f}" in table.out
     assert palpate("compare", folders[0]).status == 2
+    found = pp.compare(folders)
+    assert f"cube.mass {abs(second['z']):.1f} std apart" in repr(found)
+    assert found["cube.mass"][1].difference == pytest.approx(second["difference"])
+    with pytest.raises(KeyError, match=r"'cube.height' is in none of the runs; there is cube.mass"):
+        found["cube.height"]
 
 
 def test_what_runs_share_is_not_in_their_difference(

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from palpate.api.at_once import plan_settings, run, run_settings
 from palpate.api.plans import Plan
-from palpate.api.runs import Fusion, Run, finish, fuse, open
+from palpate.api.runs import Fusion, Run, compare, finish, fuse, open
 from palpate.api.scenes import Scene, load
 
 __all__ = [
@@ -20,6 +20,7 @@ __all__ = [
     "Plan",
     "Run",
     "Scene",
+    "compare",
     "finish",
     "fuse",
     "load",

@@ -12,6 +12,7 @@ from palpate.api.given import contents_of, path_of
 from palpate.audience import Audience, Progress, quiet
 from palpate.display import table
 from palpate.estimation.estimate import Estimate
+from palpate.runs.compare import Comparison, compare_runs
 from palpate.runs.fuse import Fusion as InnerFusion
 from palpate.runs.fuse import fuse_runs, write_fusion
 from palpate.runs.run import Run as InnerRun
@@ -120,14 +121,26 @@ def fuse(runs: Sequence[str | Path | InnerRun]) -> Fusion:
     return Fusion(**contents_of(fuse_runs(opened)))
 
 
-def finish(folder: str | Path, progress: Progress = quiet) -> Run:
+def compare(runs: Sequence[str | Path | InnerRun]) -> Comparison:
+    """What several runs say of the same parameters, each beside the first that has a value.
+
+    Args:
+        runs: folders, or runs at hand; of other scenes, too, with a remark.
+
+    Raises:
+        InputError: fewer than two runs, or a folder that is not a run's.
+    """
+    return compare_runs([one if isinstance(one, InnerRun) else open(one) for one in runs])
+
+
+def finish(folder: str | Path, progress: Progress = quiet, film: bool = False) -> Run:
     """Do what a run that was cut off has left to do, with what its folder holds, and write its
-    report anew.
+    report anew, with a film of its trace where one is wanted.
 
     Raises:
         InputError: there is no such folder, or it is not a run's.
     """
-    return run_of(pipeline.finish(Path(folder), Audience(progress=progress)))
+    return run_of(pipeline.finish(Path(folder), Audience(progress=progress), film))
 
 
 def run_of(made: InnerRun) -> Run:

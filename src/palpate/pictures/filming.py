@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import replace
 from types import TracebackType
 from typing import TypeVar
 
@@ -43,7 +44,8 @@ class Filming:
             return None
         t, qpos = frames_of(footage.frames)
         drawn = footage.drawn(soft=False)
-        return film(footage.model, t, qpos, trace, drawn=drawn, given_up=self._given_up.is_set)
+        made = film(footage.model, t, qpos, trace, drawn=drawn, given_up=self._given_up.is_set)
+        return None if made is None else replace(made, believed=footage.believed)
 
     def __enter__(self) -> Filming:
         return self

@@ -18,11 +18,13 @@ class Footage:
 
     Attributes:
         spec: what the model was compiled from, which says how its bodies look; None: as they collide.
+        believed: no camera saw it: it is the trace, played again.
     """
 
     model: mujoco.MjModel
     frames: tuple[tuple[float, Array], ...]
     spec: mujoco.MjSpec | None = None
+    believed: bool = False
 
     def drawn(self, *, soft: bool = True) -> mujoco.MjModel:
         """The model as it is drawn."""

@@ -31,10 +31,12 @@ SIZE = (624, 416)
 
 @dataclass(frozen=True, slots=True)
 class Film:
-    """An MP4 and how many times faster than robot time it plays."""
+    """An MP4 and how many times faster than robot time it plays. `believed`: no camera saw it: it is
+    the trace, played again."""
 
     mp4: bytes
     speed: float
+    believed: bool = False
 
 
 def render_before_after(

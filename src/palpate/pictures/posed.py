@@ -9,21 +9,28 @@ import mujoco
 import numpy as np
 
 from palpate.geometry.pose import Array, Pose
+from palpate.mjcf.compile import compile_model
+from palpate.pictures.footage import Footage
 from palpate.robots.model import PREFIX
-from palpate.scene.armed import compiled_with
+from palpate.scene.armed import armed
 from palpate.scene.scene import Scene
 from palpate.trace.samples import Trace
+
+FRAME_PERIOD = 1.0 / 30.0
+"""s between two frames of what is played again, as of the simulated camera."""
 
 
 class PosedCell:
     """D and the arm, and where everything is after what has been grasped and let go of so far.
 
     Attributes:
+        spec: what the model was compiled from.
         model, data: of MuJoCo; `data` has the poses of all bodies after `show`.
     """
 
     def __init__(self, scene: Scene) -> None:
-        self.model = compiled_with(scene, scene.arm.spec())
+        self.spec = armed(scene, scene.arm.spec())
+        self.model = compile_model(self.spec)
         self.data = mujoco.MjData(self.model)
         self._arm = [self._address(name) for name in scene.arm.joints]
         self._fingers = [self._address(name) for name in scene.arm.hand.fingers]
@@ -114,3 +121,14 @@ class Replay:
     def _tcp(self, t: float) -> Pose:
         x = self._trace.samples.pose_world_tcp[self._row(t)]
         return Pose.of(x[:3], x[3:])
+
+
+def played_again(scene: Scene, trace: Trace) -> Footage:
+    """What a camera would have seen of a trace: everything where it is believed to have been."""
+    cell = PosedCell(scene)
+    replay = Replay(cell, trace)
+    frames: list[tuple[float, Array]] = []
+    for t in np.arange(trace.t[0], trace.t[-1], FRAME_PERIOD).tolist():
+        replay.show(t)
+        frames.append((t, cell.data.qpos.copy()))
+    return Footage(cell.model, tuple(frames), cell.spec, believed=True)

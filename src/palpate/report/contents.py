@@ -33,8 +33,10 @@ if TYPE_CHECKING:
     from palpate.twin.twin import Twin
     from palpate.twin.validate import Residual, Validation
 
-IMAGES, STILLS, FILM = "images", ("workspace.png", "before.png", "after.png"), "execution.mp4"
+IMAGES, STILLS = "images", ("workspace.png", "before.png", "after.png")
 """A run's pictures: their folder, and their names in it."""
+FILMS = {False: "execution.mp4", True: "played-again.mp4"}
+"""The names of films: seen by a camera, or believed."""
 LIBRARIES = ("mujoco", "mink", "py_trees", "numpy", "scipy")
 
 
@@ -56,10 +58,12 @@ def pictures_in(folder: Path, run: Run) -> Pictures:
         return file.read_bytes() if file.exists() else None
 
     workspace, before, after = (content(name) for name in STILLS)
-    video, moving = content(FILM), None
-    if video is not None and run.execution is not None:
-        moving = Film(video, film_speed(run.execution.robot_seconds))
-    return Pictures(workspace, before, after, moving)
+    for believed, name in FILMS.items():
+        video = content(name)
+        if video is not None and run.execution is not None:
+            moving = Film(video, film_speed(run.execution.robot_seconds), believed)
+            return Pictures(workspace, before, after, moving)
+    return Pictures(workspace, before, after)
 
 
 def take_stills(run: Run, taken: Pictures) -> Pictures:
@@ -101,7 +105,7 @@ def write_images(pictures: Pictures, folder: Path) -> None:
     stills = (pictures.workspace, pictures.before, pictures.after)
     contents = dict(zip(STILLS, stills, strict=True))
     if pictures.film is not None:
-        contents[FILM] = pictures.film.mp4
+        contents[FILMS[pictures.film.believed]] = pictures.film.mp4
     for name, content in contents.items():
         if content is not None:
             with replacing(folder / name) as part:
@@ -137,7 +141,8 @@ def report_data(run: Run, pictures: Pictures, scratch: Path, place: Path) -> Rep
     if run.twin is not None:
         data = _with_twin(data, run.twin)
     if pictures.film is not None:
-        data = replace(data, video=pictures.film.mp4, video_speed=pictures.film.speed)
+        film = pictures.film
+        data = replace(data, video=film.mp4, video_speed=film.speed, video_believed=film.believed)
     return replace(data, warnings=tuple(_warnings(run)))
 
 

@@ -50,7 +50,8 @@ class ReportData:
         stopped_by: why the robot stopped early.
         robot_seconds, wall_seconds: how long the execution took.
         workspace, before, after: PNG or JPEG.
-        video: MP4, played `video_speed` times faster than robot time.
+        video: MP4, played `video_speed` times faster than robot time; `video_believed`: no camera saw it,
+            it is the trace, played again.
         twin_diff: unified diff from the user's MJCF to the twin.
         twin_checks: label to value, e.g. the residual of the replayed measurement.
         held_out: how well motions were predicted that nothing was fitted to.
@@ -80,6 +81,7 @@ class ReportData:
     after: bytes | None = None
     video: bytes | None = None
     video_speed: float = 1.0
+    video_believed: bool = False
     twin_diff: str = ""
     twin_checks: Mapping[str, str] = field(default_factory=dict[str, str])
     held_out: HeldOut | None = None

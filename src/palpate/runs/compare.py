@@ -45,12 +45,40 @@ class Row:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Comparison:
-    """Parameters with a row of each run; `remarks` say in what the runs are not alike."""
+    """Several runs beside each other: `comparison["mug.mass"]` has a row of each run.
+
+    Attributes:
+        runs: in the order given. names: of their folders. rows: by parameter.
+        remarks: in what the runs are not alike.
+    """
 
     runs: tuple[Run, ...]
     names: tuple[str, ...]
     rows: dict[Parameter, tuple[Row, ...]]
     remarks: tuple[str, ...]
+
+    def __getitem__(self, name: str | Parameter) -> tuple[Row, ...]:
+        """What each run says of a parameter.
+
+        Raises:
+            KeyError: no run promised it; the message lists what was.
+        """
+        wanted = Parameter(name) if isinstance(name, str) else name
+        if wanted not in self.rows:
+            raise KeyError(f"'{wanted}' is in none of the runs; there is {self._listed()}")
+        return self.rows[wanted]
+
+    def __repr__(self) -> str:
+        return f"<Comparison of {len(self.runs)} runs: {self._listed()}>"
+
+    def _listed(self) -> str:
+        """The parameters, each with the largest difference from the first run."""
+        said: list[str] = []
+        for parameter, rows in self.rows.items():
+            apart = [float(np.abs(row.z).max()) for row in rows if row.z is not None]
+            far = f" {max(apart):.1f} std apart" if apart else ""
+            said.append(f"{parameter}{far}")
+        return ", ".join(said) or "nothing"
 
 
 def compare_runs(runs: Sequence[Run]) -> Comparison:

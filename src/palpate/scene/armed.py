@@ -15,6 +15,15 @@ def compiled_with(scene: Scene, robot: mujoco.MjSpec) -> mujoco.MjModel:
     Raises:
         InputError: the scene does not compile with the robot in it.
     """
+    return compile_model(armed(scene, robot))
+
+
+def armed(scene: Scene, robot: mujoco.MjSpec) -> mujoco.MjSpec:
+    """The same, before it is compiled.
+
+    Raises:
+        InputError: the scene does not take the robot in.
+    """
     spec = scene.spec()
     for key in list(spec.keys):
         spec.delete(key)
@@ -27,4 +36,4 @@ def compiled_with(scene: Scene, robot: mujoco.MjSpec) -> mujoco.MjModel:
         spec.attach(robot, frame=frame, prefix=PREFIX)
     except ValueError as error:
         raise refused(error) from None
-    return compile_model(spec)
+    return spec

@@ -82,6 +82,16 @@ def reopen(folder: Path) -> Run:
     return read_run(folder, settings)
 
 
+def with_footage(made: Run) -> Run:
+    """The run with its trace played again, as far as there is one, for a film."""
+    from palpate.pictures.posed import played_again
+
+    trace = made.trace
+    if trace is None or not len(trace.t):
+        return made
+    return replace(made, footage=played_again(made.scene, trace))
+
+
 def taken_up(folder: Path) -> Run:
     """The run in `folder`, with all that is left to do due: nothing interrupted it, and it is in no
     hurry.

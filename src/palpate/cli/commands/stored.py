@@ -14,6 +14,9 @@ from palpate.interrupt import interrupts
 def report(
     folder: RunFolder,
     *,
+    film: Annotated[
+        bool, typer.Option("--film", help="Film the trace, played again, where there is no film.")
+    ] = False,
     as_json: AsJson = False,
 ) -> None:
     """Finish a run that was cut off, or was in a hurry (--fast), and write its report anew."""
@@ -22,7 +25,7 @@ def report(
 
     with interrupts() as signals, signals.noted():
         with live_view() as (_, say):
-            done = finish(folder, say)
+            done = finish(folder, say, film)
         raise typer.Exit(show_ended(done, as_json))
 
 
@@ -69,9 +72,8 @@ def compare(
     """Show what several runs say of the same parameters, and how far they are apart."""
     import palpate as pp
     from palpate.cli.show.comparison import show_comparison
-    from palpate.runs.compare import compare_runs
 
-    show_comparison(compare_runs([pp.open(folder) for folder in folders]), as_json)
+    show_comparison(pp.compare(folders), as_json)
 
 
 def open_report(
