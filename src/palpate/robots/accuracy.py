@@ -73,4 +73,5 @@ def _magnified(arm: RobotDescription, pose: tuple[float, ...]) -> float:
 def _moments(arm: RobotDescription, q: Array) -> Array:
     """(3, 7) moments about the TCP, in the base's axes, that torques of the joints are felt as."""
     there = jacobian(arm, q)
-    return np.linalg.solve(there @ there.T + RIDGE, there)[3:]
+    wrenches: Array = np.linalg.solve(there @ there.T + RIDGE, there).astype(np.float64)
+    return wrenches[3:]
