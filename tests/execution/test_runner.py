@@ -115,6 +115,31 @@ def test_a_motion_that_is_broken_off_half_way_up_puts_down_as_well(
     assert opened_at(robot) == pytest.approx(TABLE, abs=0.005)
 
 
+@pytest.mark.parametrize("times", [1, 9])
+def test_what_gives_way_as_it_is_put_down_is_pressed_upon_again(
+    plan, node, scene, robot, words, carrying, times
+):
+    """What hung askew lies flat once it is pressed; what goes on giving way is no support."""
+    given: list[float] = []
+
+    def give_way(r):
+        z = r.state.pose_world_tcp.position[2]
+        pressed = r.state.gripping and not r.state.moving and r.support_z - z > 0.001
+        if pressed and len(given) < times:
+            given.append(r.state.t)
+            r.support_z = z + 0.0005
+
+    def once_lifted(r):
+        if r.state.gripping and r.state.pose_world_tcp.position[2] > 0.15:
+            r.on_advance = give_way
+
+    robot.on_advance = once_lifted
+    done = run(plan(*carrying, node("Go", z=0.2), node("Refuse")), scene, robot, words=words)
+    assert len(given) == min(times, 3)
+    assert (done.final_state.holding is None) == (times == 1)
+    assert ("open_gripper" in commands(robot)) == (times == 1)
+
+
 def test_without_support_below_the_object_stays_in_the_fingers(
     plan, node, scene, robot, words, carrying
 ):

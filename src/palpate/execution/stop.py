@@ -8,6 +8,7 @@ an edge, a push that comes and goes, leaves it in the closed fingers.
 
 from __future__ import annotations
 
+from collections.abc import Generator
 from dataclasses import replace
 from typing import ClassVar
 
@@ -34,6 +35,9 @@ STILL_PRESSED = 2.0
 """N of it that must be left after `PROVEN`."""
 PROVEN = 0.5
 """s that it must bear it, at rest."""
+PRESSES = 3
+"""times that it is pressed upon for that, each by `PRESSED` more: what hung askew between the pads turns as
+it comes to lie flat, and gives way meanwhile."""
 STAYS = "it stays in the fingers"
 RETREAT_SPEED = 0.05
 """m/s."""
@@ -117,12 +121,29 @@ class PutDown(Primitive):
 
     def _prove(self, blackboard: Blackboard, name: str) -> Steps:
         """Stand there for a while, all of which the support must bear the object."""
-        feeling, start = Feeling(blackboard.robot), blackboard.robot.state.t
-        while blackboard.robot.state.t - start < PROVEN:
-            if -blackboard.load.borne(feeling.now()) < STILL_PRESSED:
-                raise LeafFailure(f"nothing bears '{name}' for long: {STAYS}")
-            yield
+        robot = blackboard.robot
+        for _ in range(PRESSES - 1):
+            if (yield from _is_borne(blackboard)):
+                return "proven"
+            robot.move_axis(
+                DOWN, GUARDED_SPEED, PRESSED / blackboard.scene.arm.stiffness.translation
+            )
+            yield from finish(blackboard)
+            yield from settle(blackboard)
+        if not (yield from _is_borne(blackboard)):
+            raise LeafFailure(f"nothing bears '{name}' for long: {STAYS}")
         return "proven"
+
+
+def _is_borne(blackboard: Blackboard) -> Generator[None, None, bool]:
+    """Wait for `PROVEN` s, or less; whether the support bore the object all that time."""
+    robot, feeling = blackboard.robot, Feeling(blackboard.robot)
+    start = robot.state.t
+    while robot.state.t - start < PROVEN:
+        if -blackboard.load.borne(feeling.now()) < STILL_PRESSED:
+            return False
+        yield
+    return True
 
 
 def _held(blackboard: Blackboard) -> Pose:
