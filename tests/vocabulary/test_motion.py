@@ -21,7 +21,7 @@ from palpate.vocabulary.contact import (
     SIDE_FORCE,
     withstands,
 )
-from palpate.vocabulary.motion import POSITION_TOLERANCE
+from palpate.vocabulary.motion.arriving import POSITION_TOLERANCE
 
 HOME = load_description().home
 

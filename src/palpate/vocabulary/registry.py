@@ -13,13 +13,14 @@ from palpate.extensions import extensions, public
 from palpate.quantities.catalogue import GROUP as QUANTITIES
 from palpate.quantities.catalogue import catalogue
 from palpate.quantities.quantity import Quantity
-from palpate.vocabulary import contact, conversion, gripper, motion, sensing, turning
+from palpate.vocabulary import contact, conversion, gripper, sensing, turning
 from palpate.vocabulary.base import ConversionPrimitive, Primitive
 from palpate.vocabulary.composites import COMPOSITES, Composite
+from palpate.vocabulary.motion import move_joints, move_pose
 
 GROUP = "palpate.primitives"
 """Entry-point group of third parties' packages. Each entry names a module."""
-CORE = (motion, turning, gripper, contact, sensing, conversion)
+CORE = (move_pose, move_joints, turning, gripper, contact, sensing, conversion)
 """Modules of palpate's own primitives, in the order in which people read them."""
 _ABSTRACT = (Primitive, ConversionPrimitive)
 

@@ -29,9 +29,8 @@ from palpate.scene.scene import Scene
 from palpate.vocabulary.admissible.clearance import blockers
 from palpate.vocabulary.admissible.support import clear_of_support
 from palpate.vocabulary.base import Primitive, Surroundings
-from palpate.vocabulary.motion import HOME_CONFIG
 from palpate.vocabulary.registry import Vocabulary, vocabulary
-from palpate.vocabulary.state import SymbolicState
+from palpate.vocabulary.state import HOME_CONFIG, SymbolicState
 
 MAX_DETOURS = 20
 """Ways that one search finds and sees refused before it gives up."""
