@@ -18,6 +18,7 @@ import numpy as np
 
 from palpate.estimation import tuning
 from palpate.estimation.agreement import FitTest, chi_squared
+from palpate.estimation.balance import BELIEVED, accuracy
 from palpate.estimation.estimate import Estimate
 from palpate.estimation.holds import pose_in_hand
 from palpate.estimation.load.segments import weighing
@@ -25,7 +26,6 @@ from palpate.estimation.windows import load_of, mean_pose
 from palpate.geometry.pose import Array, Pose
 from palpate.mjcf.whole import whole
 from palpate.parameter import Parameter
-from palpate.quantities.com import BELIEVED, accuracy
 from palpate.quantities.estimators import estimate_all
 from palpate.scene.scene import Scene
 from palpate.trace.recording import Recording

@@ -23,12 +23,12 @@ import numpy as np
 
 from palpate.estimation import tuning
 from palpate.estimation.agreement import FitTest
+from palpate.estimation.contact.curve import at_most, bottomed, first_contact, knee
 from palpate.estimation.contact.descent import (
     Descent,
     descent_before,
     leans,
     running_median,
-    steady,
 )
 from palpate.estimation.contact.spring import Onset, Spring, fit_spring
 from palpate.estimation.windows import mean_pose
@@ -206,16 +206,16 @@ def touched(trace: Trace, recording: Recording) -> Touch | None:
     if descent is None:
         return None
     samples, full, held = descent.samples, descent.full, descent.held
-    most, deepest = _at_most(descent)
+    most, deepest = at_most(descent)
     late = descent.crossing(tuning.LATE_FORCE * most)
-    first, first_std = _first_contact(descent, late)
+    first, first_std = first_contact(descent, late)
     rise = most - tuning.LATE_FORCE * most
     if first - float(descent.z[late]) > tuning.SOFT:
         # Something soft may bear as much as that.
         late, rise = descent.crossing(tuning.LATER_FORCE * most), most - tuning.LATER_FORCE * most
     sunk = float(np.median(descent.z[late - 2 : late + 3])) - deepest
-    bottomed = _bottomed(descent, late, first)
-    onset = Onset(first, first_std, bottomed, max(first - deepest, 0.0) / most)
+    through = bottomed(descent, late, first)
+    onset = Onset(first, first_std, through, max(first - deepest, 0.0) / most)
     lever, lever_std = _lever(descent, trace.hand)
     return Touch(
         recording,
@@ -225,8 +225,8 @@ def touched(trace: Trace, recording: Recording) -> Touch | None:
         full,
         rise,
         compliance=max(sunk, 0.0) / rise,
-        knee=_knee(descent, late, first),
-        bottomed=bottomed,
+        knee=knee(descent, late, first),
+        bottomed=through,
         first=first,
         first_std=first_std,
         lever=lever,
@@ -238,58 +238,6 @@ def touched(trace: Trace, recording: Recording) -> Touch | None:
         out_of_level=max(tuning.LEANS_OVER, trace.hand.tip_offset_std / tuning.REACH),
         spring=fit_spring(descent, onset, trace.hand),
     )
-
-
-def _at_most(descent: Descent) -> tuple[float, float]:
-    """N that it pressed with at rest at most, and m, tip height meanwhile."""
-    borne = descent.borne
-    return float(np.mean(descent.smooth[borne])), float(np.median(descent.z[borne]))
-
-
-def _first_contact(descent: Descent, late: int) -> tuple[float, float]:
-    """m: the tip's height at which the force began to rise, and its standard deviation.
-
-    A rise shows late in the noise, so what gives way is carried back to no force, along the line
-    F(z) through the lower half of its way.
-    """
-    z, onset = descent.z, descent.onset
-    met = float(z[min(onset + 1, len(z) - 1)])
-    row = float(np.abs(z[min(onset + 1, len(z) - 1)] - z[onset]))
-    halfway = (met + float(z[late])) / 2
-    rows = np.arange(onset + 1, late + 1)
-    rows = rows[(z[rows] >= halfway) & steady(descent.samples)[rows]]
-    if len(rows) < tuning.CURVE_ROWS:
-        return met, max(row, tuning.UNSEEN)
-    force = descent.smooth[rows]
-    slope, offset = np.polyfit(z[rows], force, 1)
-    if slope >= 0.0:
-        return met, max(row, tuning.UNSEEN)
-    root = float(np.clip(-offset / slope, met, met + (met - float(z[late]))))
-    residual = float(np.std(descent.force[rows] - (slope * z[rows] + offset)))
-    scatter = 2.0 * residual / (-float(slope) * np.sqrt(len(rows)))
-    return root, float(np.hypot(scatter, max(row, tuning.UNSEEN)))
-
-
-def _knee(descent: Descent, late: int, first: float) -> float:
-    """N: the force at which the last stretch began, below whatever the tip went through before."""
-    stiff = float(descent.z[late])
-    if first - stiff < tuning.SOFT:
-        return 0.0
-    above = stiff + tuning.STIFF_SHARE * (first - stiff)
-    soft = np.flatnonzero(descent.z[descent.onset : late + 1] > above)
-    last = int(soft[-1]) if len(soft) else 0
-    return max(float(descent.smooth[descent.onset + last]), 0.0)
-
-
-def _bottomed(descent: Descent, late: int, first: float) -> float | None:
-    """m: the tip's height at which the surface became far stiffer than it had been."""
-    late_z, late_force = float(descent.z[late]), float(descent.smooth[late])
-    most, deepest = _at_most(descent)
-    before = (first - late_z) / late_force
-    after = (late_z - deepest) / (most - late_force)
-    if first - late_z < tuning.SOFT or after > tuning.STIFFER * before:
-        return None
-    return late_z + tuning.STIFF_SHARE * (first - late_z)
 
 
 def _lean(descent: Descent) -> float:

@@ -25,7 +25,7 @@ from palpate.estimation import tuning
 from palpate.estimation.estimate import Shared
 from palpate.estimation.friction.columns import MU, Columns, columns
 from palpate.estimation.friction.drags import Drag
-from palpate.estimation.load.equations import flicker
+from palpate.estimation.load.biases import flicker
 from palpate.estimation.load.feeling import Feeling
 from palpate.geometry.pose import Array
 from palpate.trace.recording import Hand

@@ -1,0 +1,176 @@
+"""Where a held object balances: its centre of mass from the moment that it puts on the hand at several
+grasps."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from palpate.estimation import tuning
+from palpate.estimation.agreement import FitTest, chi_squared
+from palpate.estimation.droop import SPREAD
+from palpate.estimation.estimate import Shared
+from palpate.estimation.holds import Held
+from palpate.estimation.load.fit import Load
+from palpate.estimation.load.weighing import shared_gains
+from palpate.geometry.pose import Array
+from palpate.mjcf.body import Body
+from palpate.trace.recording import Hand, Recording
+from palpate.trace.samples import Trace
+
+BELIEVED = "what was believed before"
+"""Name of a cause that all runs of a scene share: a prior is not counted once a run."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Grasps:
+    """What all grasps say: two linear equations each for the centre of mass in the body frame.
+
+    Attributes:
+        recordings: one a grasp.
+        rows: (2n, 3) and right: (2n,), m.
+        covariance: (2n, 2n) m² of them.
+        loose: m, by how much each may be off besides, as the arm is not where it says: its own
+            weight is then felt.
+        freedom: degrees of freedom of the noise.
+        shared: causes that other runs share, with what they do to `right`.
+    """
+
+    recordings: Sequence[Recording]
+    rows: Array
+    right: Array
+    covariance: Array
+    loose: float
+    freedom: float
+    shared: tuple[Shared, ...]
+
+
+def grasps_of(trace: Trace, held: Held, body: Body, about: Array) -> Grasps:
+    """The equations for the centre of mass c in the body frame, near `about` (3,).
+
+    The load hangs at r = (-M_y, M_x) / F from the TCP, seen from above, because its moment about
+    the TCP is M = r x (0, 0, F). That point is p + R c in the world, with p and R the position and
+    rotation of the object in the hand: two rows of R c = TCP + r - p. A tilted hand turns R, and with
+    it what was along gravity.
+    """
+    load = held.load
+    recordings: list[Recording] = []
+    rows: list[Array] = []
+    right: list[Array] = []
+    along: list[Array] = []
+    for i, hold in enumerate(held.holds):
+        moment = load.value[1 + 2 * i : 3 + 2 * i]
+        offset = np.array([-moment[1], moment[0]]) / load.force
+        pose_world_body = hold.pose_world_tcp @ hold.pose_tcp_body
+        recordings.append(hold.recording)
+        rows.append(pose_world_body.rotation[:2])
+        along.append(hold.pose_world_tcp.rotation[:2])
+        right.append(hold.pose_world_tcp.position[:2] + offset - pose_world_body.position[:2])
+    slopes, places = _slopes(load), _places(along, accuracy(body), trace.hand)
+    covariance = slopes @ load.covariance @ slopes.T
+    covariance += _shifted(held, trace.hand.pose_repeatability)
+    for place in places:
+        covariance += np.outer(place.effect, place.effect)
+    turned = _turned(held, about) * SPREAD
+    covariance += turned @ turned.T
+    shared = (*shared_gains(slopes @ load.gains), *places)
+    loose = tuning.ARM_WEIGHT * trace.hand.pose_repeatability / load.force
+    return Grasps(
+        recordings, np.vstack(rows), np.concatenate(right), covariance, loose, load.freedom, shared
+    )
+
+
+def balance(grasps: Grasps, body: Body) -> tuple[Array, Array, FitTest, tuple[Shared, ...]]:
+    """The centre of mass (3,) m, its covariance, whether the grasps agree on it, and what it shares
+    with other runs: generalised least squares around a prior at the geometric centre, with the
+    covariance inflated where they do not (Birge ratio)."""
+    weight = np.linalg.inv(grasps.covariance)
+    spread = tuning.COM_PRIOR * np.maximum(body.size, 1e-3)
+    prior: Array = np.diag(spread**-2.0).astype(np.float64)
+    information: Array = grasps.rows.T @ weight @ grasps.rows + prior
+    covariance: Array = np.linalg.inv(information).astype(np.float64)
+    carried = covariance @ grasps.rows.T @ weight
+    centre = carried @ grasps.right + covariance @ prior @ body.centre
+    left = grasps.right - grasps.rows @ centre
+    freedom = max(1, len(left) - int(np.linalg.matrix_rank(grasps.rows, tol=tuning.SEEN)))
+    inflated: Array = covariance * max(1.0, float(left @ weight @ left) / freedom)
+    shared: list[Shared] = []
+    for one in grasps.shared:
+        shared.append(replace(one, effect=tuple((carried @ np.array(one.effect)).tolist())))
+    for axis, column in zip("xyz", (covariance / spread).T, strict=True):
+        shared.append(Shared(f"{BELIEVED} of {axis}", "scene", tuple(column.tolist())))
+    return centre, inflated, _agreement(grasps, left, freedom), tuple(shared)
+
+
+def _agreement(grasps: Grasps, left: Array, freedom: int) -> FitTest:
+    """Whether what is `left` (2n,) m of the equations is no more than an arm may leave that keeps to
+    its datasheet."""
+    allowed = grasps.covariance + grasps.loose**2 * np.eye(len(left))
+    apart = 1e3 * float(np.abs(left).max())
+    return chi_squared(
+        "grasps agree",
+        float(left @ np.linalg.solve(allowed, left)),
+        freedom,
+        f"The grasps disagree on where the centre of mass is by {apart:.1f} mm: something in the object "
+        "moves, something else pulls on it, or it is not where the scene has it.",
+        grasps.freedom,
+    )
+
+
+def _shifted(held: Held, repeatability: float) -> Array:
+    """(2n, 2n) m² of where the object is in the hand: the arm grips it, and has put it down, as exactly
+    as it repeats a pose, and in putting down it slips. The same however it is tilted."""
+    grasps = np.array([hold.grasp for hold in held.holds])
+    same = np.repeat(np.repeat(grasps[:, None] == grasps, 2, axis=0), 2, axis=1)
+    shift = tuning.GRASP_SHIFT**2 + 2.0 * repeatability**2
+    axes = np.vstack([hold.pose_world_tcp.rotation[:2] for hold in held.holds])
+    return shift * (axes @ axes.T) * same
+
+
+def _turned(held: Held, about: Array) -> Array:
+    """(2n, 2) m by which where the load hangs is another, seen from above, for each unit of what is not
+    known of how the pads let it turn: the same in all grasps, as far as the load turns it in each."""
+    effects: list[Array] = []
+    for hold in held.holds:
+        closing = hold.pose_world_tcp.rotation[:, 1]
+        lever = hold.pose_world_tcp.rotation @ hold.pose_tcp_body.apply(about)
+        effects.append(np.outer(np.cross(closing, lever)[:2], hold.droop.turns))
+    return np.vstack(effects)
+
+
+def accuracy(body: Body) -> float:
+    """m (1 sigma): how far an object may be along the fingers from where the scene has it."""
+    return tuning.PLACE_ACCURACY if body.accuracy is None else body.accuracy
+
+
+def _places(tools: Sequence[Array], accuracy: float, hand: Hand) -> list[Shared]:
+    """By how much the scene and the arm disagree on where the object stands, which is the same in all
+    grasps, with what that does to where it is in the hand, (2n,) m; `tools` (2, 3) say where the tool's
+    axes point, seen from above.
+
+    The fingers centre it between them as they close; along them, they leave it where it is, and
+    nothing that is felt shows by how much that is off.
+    """
+    seen = np.vstack(tools)
+    placed = {"x": accuracy, "z": tuning.PLACE_ACCURACY}
+    found: list[Shared] = []
+    for axis, column in zip("xyz", seen.T, strict=True):
+        if axis in placed:
+            place = (placed[axis] * column).tolist()
+            cause = f"place in the scene along the tool's {axis}"
+            found.append(Shared(cause, "scene", tuple(place)))
+        tip = (hand.tip_offset_std * column).tolist()
+        found.append(Shared(f"fingertips along the tool's {axis}", "arm", tuple(tip)))
+    return found
+
+
+def _slopes(load: Load) -> Array:
+    """(2n, 1 + 2n) how where the load hangs changes with its force and moments."""
+    moments = load.value[1:]
+    slopes = np.zeros((len(moments), 1 + len(moments)))
+    for x in range(0, len(moments), 2):
+        slopes[x, 2 + x], slopes[x + 1, 1 + x] = -1.0, 1.0
+        slopes[x, 0], slopes[x + 1, 0] = moments[x + 1] / load.force, -moments[x] / load.force
+    return slopes / load.force
