@@ -21,7 +21,8 @@ from palpate.execution.recovery import OnFailure
 from palpate.execution.runner import Execution, Snapshot
 from palpate.scenarios.catalogue import scenario
 from palpate.scene.scene import with_real_arm
-from palpate.stages import perform, robot_of
+from palpate.stages.executing import perform
+from palpate.stages.workplace import robot_of
 
 pytest.importorskip("franky", reason="franky-control has no wheel for this machine")
 

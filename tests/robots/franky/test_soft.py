@@ -11,7 +11,7 @@ import palpate as pp
 from palpate.cells.simulated import simulated_cell
 from palpate.robots.owner.registered import own_arm
 from palpate.scene.scene import with_real_arm
-from palpate.stages import perform
+from palpate.stages.executing import perform
 
 DESK = """<mujoco><worldbody>
   <geom name="desk" type="box" size=".3 .4 .1" pos=".5 0 .1"/>
