@@ -94,6 +94,9 @@ def test_an_arm_is_examined_and_its_hand_shows_where_things_are(desk: Path, tmp_
         assert status == 5
         assert "set the same in Desk" in said
         assert "an arm that is not well does not hold itself" in said
+        config.write_text("end_effector: {mass: 2.0, centre: [0.1, 0, 0.05]}\n", "utf-8")
+        _, said = asked("doctor", "--robot", url, "--robot-config", config, "--yes")
+        assert "robot.yaml says 2.000 kg at [71, -71, 50] mm: set the same in Desk" in said
         bench.ask("end_effector", mass=0.76)
         file = tmp_path / "poses.yaml"
         status, said = asked("teach", desk, "--robot", url, "--out", file, typed="mug\nbin\n\n")

@@ -13,11 +13,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from palpate.errors import InputError, PalpateError
-from palpate.geometry.pose import Pose
+from palpate.geometry.pose import Array, Pose
 from palpate.robots.description import RobotDescription
 from palpate.robots.franky import faults
 from palpate.robots.franky.address import Address
 from palpate.robots.franky.preflight import SPOKEN, greet
+from palpate.robots.franky.readout import pose_of
 from palpate.robots.franky.session import Session
 from palpate.robots.nominal import NominalArm
 from palpate.trace.samples import STANDARD_GRAVITY
@@ -139,20 +140,35 @@ def _room(q: Any, arm: RobotDescription) -> Line:
 def _end_effector(state: Any, arm: RobotDescription) -> Line:
     """What Desk says hangs on the flange, against what is known of it."""
     mass, centre = float(state.m_ee), np.array(state.F_x_Cee)
-    told = f"{mass:.3f} kg at {np.round(1e3 * centre).astype(int).tolist()} mm from the flange"
+    told = f"{mass:.3f} kg at {_millimetres(centre)} mm from the flange"
     known = arm.end_effector
     if known is None:
-        return Line(
-            mass > 0.0, "end effector", f"{told}, as Desk has it; robot.yaml says nothing of it"
-        )
-    if abs(mass - known.mass) <= WEIGHT:
-        return Line(True, "end effector", f"{told}, as robot.yaml says within {1e3 * WEIGHT:.0f} g")
+        if mass <= 0.0:
+            none = "nothing, as Desk has it: set the Franka Hand as end effector (Settings)"
+            return Line(False, "end effector", none)
+        return Line(True, "end effector", f"{told}, as Desk has it; robot.yaml says nothing of it")
+    wanted = _in_flange(known.centre, state, arm)
+    if abs(mass - known.mass) <= WEIGHT and float(np.linalg.norm(centre - wanted)) <= CENTRE:
+        near = f"{1e3 * WEIGHT:.0f} g and {1e3 * CENTRE:.0f} mm"
+        return Line(True, "end effector", f"{told}, as robot.yaml says within {near}")
     return Line(
         False,
         "end effector",
-        f"{told}, but robot.yaml says {known.mass:.3f} kg: set the same in Desk (Settings, End "
-        "effector) and in robot.yaml",
+        f"{told}, but robot.yaml says {known.mass:.3f} kg at {_millimetres(wanted)} mm: set the same "
+        "in Desk (Settings, End effector) and in robot.yaml",
     )
+
+
+def _in_flange(point: Array, state: Any, arm: RobotDescription) -> Array:
+    """(3,) m: a point in the axes of the hand's body in those of the flange; hand and Desk have one
+    TCP."""
+    site = arm.spec().compile().site(arm.tcp)
+    tcp = Pose(site.pos.copy(), site.quat.copy())
+    return (pose_of(state.F_T_EE) @ tcp.inverse()).apply(point)
+
+
+def _millimetres(point: Array) -> list[int]:
+    return np.round(1e3 * point).astype(int).tolist()
 
 
 def _tcp(state: Any, arm: RobotDescription, pose_world_base: Pose) -> Line:
