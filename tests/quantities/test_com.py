@@ -8,7 +8,9 @@ import pytest
 from palpate.estimation.fusion import Source, fuse
 from palpate.parameter import Parameter
 from palpate.quantities.com import estimate_com
+from palpate.quantities.estimators import estimate_all
 from palpate.scene.load import parse_scene
+from palpate.trace.recording import LeafRun
 
 COM = np.array([0.062, 0.004])
 MASS = 0.34
@@ -148,3 +150,20 @@ def test_runs_of_one_scene_share_its_poses_and_what_was_believed(bench, noises, 
     assert np.all(fused.std[:2] < 0.8 * first.std[:2])
     assert np.all(fused.std[:2] > 5e-4), "poses are known to half a millimetre"
     assert fused.std[2] == pytest.approx(first.std[2], rel=0.02)
+
+
+def test_a_tilt_that_did_not_end_well_costs_the_height_alone(bench, noises):
+    """Three level grasps tell the rest of a centre of mass, one does not."""
+    in_space = Parameter("hammer", "com_3d")
+    for offsets in ([0.0, 0.05, -0.05], [0.0]):
+        scene, whole = parse_scene(SCENE), lift_at(bench, noises["lab"], offsets)
+        end = float(whole.t[-1])
+        tilt = LeafRun("tree.children[9]", "Tilt", "Tilt(x)", end, end, "FAILURE", "it turned")
+        (found,) = estimate_all(
+            [in_space], replace(whole, leaves=(*whole.leaves, tilt)), scene.bodies
+        )
+        assert found.has_value == (len(offsets) == 3)
+        assert "Tilt(x) and after is no evidence" in found.method
+        if found.has_value:
+            assert found.verdict == "identified"
+            assert found.unseen == (2,)

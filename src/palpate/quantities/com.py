@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import ClassVar
 
@@ -22,7 +22,7 @@ from palpate.mjcf.roles import Elements
 from palpate.parameter import Parameter
 from palpate.quantities.contacts import tied_to
 from palpate.quantities.evidence import Evidence
-from palpate.quantities.quantity import Prior, Quantity, Status, Values
+from palpate.quantities.quantity import Logged, Prior, Quantity, Status, Values
 from palpate.trace.samples import FORCES, Trace
 
 UNIT = "m"
@@ -153,6 +153,10 @@ class CentreOfMassInSpace(CentreOfMass):
 
     def slots(self, elements: Elements) -> Iterator[Slot]:
         yield from ()
+
+    def is_told_in_part(self, parameter: Parameter, logged: Iterable[Logged]) -> bool:
+        """Without tilts, all but where it lies along gravity."""
+        return CentreOfMass().is_evidenced(parameter, logged)
 
 
 def estimate_com(trace: Trace, parameter: Parameter, body: Body | None) -> Estimate:

@@ -13,7 +13,7 @@ All of them keep to one contract, `palpate.estimation.estimator.Estimator`.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
@@ -136,4 +136,6 @@ def _judged(found: Estimate, evidence: Trace, trace: Trace) -> Estimate:
     logged = [(recording.buffer, recording.context) for recording in evidence.recordings]
     if quantity is None or quantity.is_evidenced(found.parameter, logged):
         return found
+    if quantity.is_told_in_part(found.parameter, logged):
+        return replace(found, method=f"{found.method} {reason}")
     return failed(found.parameter, f"Its evidence was not complete. {reason}")

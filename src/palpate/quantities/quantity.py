@@ -123,6 +123,11 @@ class Quantity:
                 return False
         return True
 
+    def is_told_in_part(self, parameter: Parameter, logged: Iterable[Logged]) -> bool:
+        """Whether recordings of a run that was broken off hold what some of its components take, the
+        others being as they were believed to be; where a quantity does not say, all evidence."""
+        return self.is_evidenced(parameter, logged)
+
     def needs(self, body: Body, bodies: Mapping[str, Body]) -> Iterable[Parameter]:
         """What has to be measured of other `bodies` of the scene for it to be told of `body`."""
         del body, bodies
