@@ -12,7 +12,7 @@ import numpy as np
 from palpate.geometry.pose import Array, Pose
 from palpate.mjcf.defaults import Defaults
 from palpate.mjcf.document import Element, has_unknown
-from palpate.mjcf.roles import Elements, Role, has_open_height
+from palpate.mjcf.roles.elements import Elements, Role, has_open_height
 from palpate.mjcf.shapes import Shapes, box_around
 
 

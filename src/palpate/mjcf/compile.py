@@ -24,7 +24,8 @@ from palpate.mjcf.document import (
     elements,
 )
 from palpate.mjcf.edits import Edit, Insert, apply
-from palpate.mjcf.roles import PLACING, Roles
+from palpate.mjcf.roles.elements import PLACING
+from palpate.mjcf.roles.roles import Roles
 
 BASE_SITE = "robot_base"
 

@@ -19,7 +19,7 @@ from palpate.mjcf.document import Document, Element, elements
 from palpate.mjcf.edits import Edit, Insert
 from palpate.mjcf.hulls import geom_volume, hull_edges, hull_points
 from palpate.mjcf.limits.trial import require_compiles
-from palpate.mjcf.roles import Roles
+from palpate.mjcf.roles.roles import Roles
 
 USUAL_DENSITY = 1000.0
 """kg/m³, of a geom that states none, by MuJoCo."""

@@ -19,8 +19,9 @@ from palpate.geometry.inertia import components
 from palpate.geometry.pose import Array, Pose
 from palpate.mjcf.body import Body, BodyDescription
 from palpate.mjcf.edits import Slot
-from palpate.mjcf.inertial import Statement, com_of, inertia_for, inertia_is_open, mass_of
-from palpate.mjcf.roles import Elements
+from palpate.mjcf.inertial.stated import com_of, inertia_for, inertia_is_open, mass_of
+from palpate.mjcf.inertial.written import Statement
+from palpate.mjcf.roles.elements import Elements
 from palpate.mjcf.whole import whole
 from palpate.parameter import Parameter
 from palpate.quantities.contacts import tied_to

@@ -17,14 +17,9 @@ from palpate.estimation.load.weighing import alone, single_shot, weigh
 from palpate.mjcf.body import Body, BodyDescription
 from palpate.mjcf.document import Element
 from palpate.mjcf.edits import Slot
-from palpate.mjcf.inertial import (
-    Statement,
-    mass_beside,
-    mass_is_open,
-    mass_of,
-    unweighed_geoms,
-)
-from palpate.mjcf.roles import Elements
+from palpate.mjcf.inertial.stated import mass_beside, mass_is_open, mass_of, unweighed_geoms
+from palpate.mjcf.inertial.written import Statement
+from palpate.mjcf.roles.elements import Elements
 from palpate.parameter import Parameter
 from palpate.quantities.contacts import tied_to
 from palpate.quantities.evidence import Evidence

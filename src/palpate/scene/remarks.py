@@ -9,8 +9,8 @@ import numpy as np
 
 from palpate.mjcf.compile import BASE_SITE, removed_with_robots
 from palpate.mjcf.document import Element
-from palpate.mjcf.robots import copy_mark
-from palpate.mjcf.roles import Elements
+from palpate.mjcf.roles.elements import Elements
+from palpate.mjcf.roles.robots import copy_mark
 from palpate.scene.places import reachable
 from palpate.scene.scene import Scene
 

@@ -1,9 +1,4 @@
-"""The one `<inertial>` of an object: where its mass, centre of mass and inertia stand.
-
-Without an `<inertial>`, MuJoCo infers all three from the geoms. A mass alone is then written on the
-geoms that lack one, shared by volume; a centre of mass or an inertia makes a new `<inertial>`,
-which has to state all three.
-"""
+"""The changes of a file that state an object's mass, centre of mass and inertia."""
 
 from __future__ import annotations
 
@@ -16,15 +11,18 @@ from palpate.errors import InputError
 from palpate.geometry.inertia import components, rotation, tensor_of
 from palpate.geometry.pose import Array
 from palpate.mjcf.body import BodyDescription
-from palpate.mjcf.document import UNKNOWN, Element, compiler_settings, has_unknown, tokens
+from palpate.mjcf.document import UNKNOWN, Element, tokens
 from palpate.mjcf.edits import Change, Edit, Insert, number, unknown_only
-from palpate.mjcf.roles import inertial_of
-from palpate.mjcf.shapes import USUAL_DENSITY
-from palpate.mjcf.whole import away, whole
-
-GROUPS = "0 5"
-"""MuJoCo's `inertiagrouprange`: geoms of all groups make an object's inertia."""
-
+from palpate.mjcf.inertial.stated import (
+    com_of,
+    inertia_is_open,
+    mass_beside,
+    mass_is_open,
+    mass_of,
+    tensor_about,
+    unweighed_geoms,
+    weighing_geoms,
+)
 
 ORIENTATIONS = frozenset({"quat", "axisangle", "xyaxes", "zaxis", "euler"})
 """What gives an `<inertial>` axes of its own, in which `diaginertia` is."""
@@ -45,138 +43,6 @@ class Statement:
     com: tuple[float, ...] | None = None
     inertia: tuple[float, ...] | None = None
     std: float | None = None
-
-
-def unweighed_geoms(body: BodyDescription) -> tuple[Element, ...]:
-    """Geoms that carry a missing mass: those of which nothing states a mass or a density, though
-    others of the object may, and those marked `?`."""
-    if body.elements.inertial is not None:
-        return ()
-    found: list[Element] = []
-    for geom in _weighing(body):
-        stated = _stated_weights(body, geom)
-        if not stated or UNKNOWN in stated:
-            found.append(geom)
-    return tuple(found)
-
-
-def _weighing(body: BodyDescription) -> Iterator[Element]:
-    """The geoms that MuJoCo takes an object's mass from: those in the groups of the compiler's
-    `inertiagrouprange`, but for parts that have an `<inertial>` of their own."""
-    for geom in body.elements.geoms:
-        root = geom.getroottree().getroot()
-        low, high = compiler_settings(root).get("inertiagrouprange", GROUPS).split()
-        part = next(geom.iterancestors("body"), body.elements.element)
-        group = body.defaults.attribute(geom, "group") or "0"
-        if int(low) <= int(group) <= int(high) and inertial_of(part) is None:
-            yield geom
-
-
-def _stated_weights(body: BodyDescription, geom: Element) -> list[str]:
-    """The parts of a geom's mass and density."""
-    mass = body.defaults.attribute(geom, "mass")
-    density = body.defaults.attribute(geom, "density")
-    return tokens(mass) + tokens(density)
-
-
-def mass_is_open(body: BodyDescription) -> bool:
-    """Whether nothing states the object's mass."""
-    inertial = body.elements.inertial
-    if inertial is None:
-        return bool(unweighed_geoms(body))
-    return lacks(inertial, "mass")
-
-
-def inertia_is_open(inertial: Element) -> bool:
-    """Whether an `<inertial>` leaves its inertia open."""
-    if inertial.get("diaginertia") is None and inertial.get("fullinertia") is None:
-        return True
-    return has_unknown(inertial, "diaginertia") or has_unknown(inertial, "fullinertia")
-
-
-def lacks(inertial: Element, attribute: str) -> bool:
-    """Whether an `<inertial>` does not state all numbers of an attribute."""
-    return inertial.get(attribute) is None or has_unknown(inertial, attribute)
-
-
-def mass_of(body: BodyDescription) -> float:
-    """The object's mass with all its parts, kg, as MuJoCo has it (with stand-ins where it is
-    open)."""
-    model = body.shapes.model
-    return float(model.body_subtreemass[model.body(body.name).id])
-
-
-def mass_beside(body: BodyDescription) -> float:
-    """What the object weighs besides that part of its mass that is open, kg."""
-    inertial = body.elements.inertial
-    if inertial is not None:
-        model = body.shapes.model
-        return mass_of(body) - float(model.body_mass[model.body(body.name).id])
-    unweighed = unweighed_geoms(body)
-    if not unweighed:
-        return 0.0
-    stated = _stated_masses(body, unweighed)
-    if stated is not None:
-        return stated
-    standing_in = sum(_stand_in(body, geom) for geom in unweighed)
-    return max(mass_of(body) - standing_in, 0.0)
-
-
-def _stated_masses(body: BodyDescription, unweighed: Sequence[Element]) -> float | None:
-    """kg of the parts that state a mass; None where one states a density instead, which weighs what
-    MuJoCo takes for its volume."""
-    total = 0.0
-    for geom in _weighing(body):
-        mass = tokens(body.defaults.attribute(geom, "mass"))
-        if geom not in unweighed:
-            if not mass:
-                return None
-            total += float(mass[0])
-    for part in body.elements.parts:
-        inertial = inertial_of(part)
-        total += 0.0 if inertial is None else float(inertial.get("mass") or 0.0)
-    return total
-
-
-def _stand_in(body: BodyDescription, geom: Element) -> float:
-    """kg that a geom of open mass weighs in the compiled scene."""
-    mass = tokens(body.defaults.attribute(geom, "mass"))
-    if mass:
-        return 1.0 if UNKNOWN in mass else float(mass[0])
-    return USUAL_DENSITY * body.shapes.mass_per_density(geom)
-
-
-def com_of(body: BodyDescription) -> tuple[float, ...]:
-    """Centre of mass in the body frame, as MuJoCo has it, m."""
-    return tuple(whole(body.shapes.model, body.name).com.tolist())
-
-
-def inertia_for(body: BodyDescription, mass: float, com: Sequence[float]) -> tuple[float, ...]:
-    """xx yy zz xy xz yz about `com` (body frame, m), kg m², of the geoms scaled to `mass` (kg)."""
-    return tuple(components(_tensor(body, mass, np.array(com))))
-
-
-def _tensor(body: BodyDescription, mass: float, com: Array) -> Array:
-    """(3, 3) about `com` in body axes: the geoms' own inertia, or their box's where an `<inertial>`
-    hides it, moved by the parallel axis theorem."""
-    if body.elements.inertial is None:
-        tensor, centre = _of_geoms(body, mass)
-    else:
-        tensor, centre = _of_box(body, mass)
-    return tensor + mass * away(com - centre)
-
-
-def _of_geoms(body: BodyDescription, mass: float) -> tuple[Array, Array]:
-    compiled = whole(body.shapes.model, body.name)
-    return compiled.tensor * (mass / compiled.mass), compiled.com
-
-
-def _of_box(body: BodyDescription, mass: float) -> tuple[Array, Array]:
-    to_body = body.shapes.body_pose(body.name).inverse()
-    cloud = np.array([to_body.apply(point) for point in body.shapes.cloud(body.elements.geoms)])
-    low, high = cloud.min(axis=0), cloud.max(axis=0)
-    squares = (high - low) ** 2
-    return np.diag(mass / 12 * (squares.sum() - squares)), (high + low) / 2
 
 
 def written(
@@ -247,7 +113,7 @@ def _weights(body: BodyDescription) -> dict[Element, float]:
     if unweighed:
         return {geom: _volume(body, geom) for geom in unweighed}
     stated: dict[Element, float] = {}
-    for geom in _weighing(body):
+    for geom in weighing_geoms(body):
         mass = body.defaults.attribute(geom, "mass")
         density = body.defaults.attribute(geom, "density")
         stated[geom] = float(mass) if mass else float(density or 0) * _volume(body, geom)
@@ -266,7 +132,7 @@ def _inertial(body: BodyDescription, mine: _Together, known: _Together) -> Itera
         )
     mass = _mass_for(body, mine, known)
     com = np.array(mine.com or known.com or com_of(body))
-    tensor = _tensor(body, mass, com) if mine.inertia is None else tensor_of(mine.inertia)
+    tensor = tensor_about(body, mass, com) if mine.inertia is None else tensor_of(mine.inertia)
     pos = _numbered(com.tolist(), mine.com_std)
     mass_text = number(mass, mine.mass_std)
     inertial = body.elements.inertial

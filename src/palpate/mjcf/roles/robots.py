@@ -59,11 +59,12 @@ class Robots:
         """Whether a body with joints is one: an actuator drives a part of it, or it ends in a hand and
         is held by something. A thing that is driven as a whole, by its site, is none."""
         parts = [part for part in elements(body) if part.tag in _PARTS]
-        is_driven = any(part.get("name") in self.driven for part in parts)
-        if is_driven:
+        if self._drives(parts):
             return any(part.tag == "joint" for part in parts)
-        has_hand = any(part.tag == "body" and _is_hand(part) for part in parts)
-        return has_hand and not is_free(body, self.defaults)
+        return _ends_in_hand(parts) and not is_free(body, self.defaults)
+
+    def _drives(self, parts: Sequence[Element]) -> bool:
+        return any(part.get("name") in self.driven for part in parts)
 
 
 _PARTS = ("joint", "site", "body")
@@ -105,6 +106,10 @@ def copy_mark(element: Element) -> str:
     for replicate in element.iterancestors("replicate"):
         mark += (replicate.get("sep") or "") + "0" * len((replicate.get("count") or "").strip())
     return mark
+
+
+def _ends_in_hand(parts: Sequence[Element]) -> bool:
+    return any(part.tag == "body" and _is_hand(part) for part in parts)
 
 
 def _is_hand(body: Element) -> bool:
