@@ -188,8 +188,10 @@ RETURN = """    → MovePose(bottle_pose)
 def test_a_slide_into_the_table_is_refused_and_yields_no_friction(height: float) -> None:
     around = table("bottle", approach=slid_to(0.5, -0.12, height - 0.045))
     findings = found(read(FRICTION), around, "bottle.mass", "bottle.friction")
+    dragged, released = [finding.message for finding in findings if finding.rule == "unsupported"]
+    assert "45 mm lower than where it stands" in dragged
+    assert "pressed 0.045 m into what is below it" in released
     told = {finding.rule: finding.message for finding in findings}
-    assert "45 mm lower than where it stands" in told["unsupported"]
     assert "write MovePose 'bottle_pose" in told["short-slide"]
     assert "bottle.friction" in told["undischarged"]
 

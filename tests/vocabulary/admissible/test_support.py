@@ -45,6 +45,7 @@ def test_what_hangs_in_the_air_or_is_pressed_down_does_not_stay() -> None:
     assert stable(can, "can", at(0.5, 0.3, 0.063)) is None
     assert "fall by 0.040 m" in (stable(can, "can", at(0.5, 0.3, 0.10)) or "")
     assert "pressed" in (stable(can, "can", at(0.5, 0.3, 0.05)) or "")
+    assert "pressed 0.035 m" in (stable(can, "can", at(0.5, 0.3, 0.025)) or "")
 
 
 def test_what_leans_does_not_stay() -> None:
@@ -93,6 +94,8 @@ def test_what_stands_on_an_object_goes_where_it_goes() -> None:
 def test_an_object_is_clear_of_its_support_where_nothing_is_close_below_it() -> None:
     can = state(KNOWN, LOW)
     assert not clear_of_support(can, "can", at(0.5, -0.3, 0.062))
+    # However deep it is pressed into the table.
+    assert not clear_of_support(can, "can", at(0.5, -0.3, 0.03))
     assert clear_of_support(can, "can", at(0.5, -0.3, 0.08))
     # Its frame is beside the table, and it still stands on it.
     assert not clear_of_support(can, "can", at(0.5, 0.61, 0.06))

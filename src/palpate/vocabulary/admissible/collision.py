@@ -8,15 +8,17 @@ probe, with the fingers' ends.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import islice
 
 import numpy as np
 
-from palpate.geometry.pose import Array
+from palpate.errors import InputError
+from palpate.geometry.pose import Array, Pose
 from palpate.parameter import Parameter
-from palpate.vocabulary.admissible.clearance import straddled
+from palpate.vocabulary.admissible.clearance import STEEP, straddled
 from palpate.vocabulary.admissible.footing import SETTLES, footing
 from palpate.vocabulary.admissible.solids import SIDES, solids
 from palpate.vocabulary.admissible.sweep import (
@@ -30,7 +32,7 @@ from palpate.vocabulary.admissible.sweep import (
     opening,
 )
 from palpate.vocabulary.admissible.way import Way, of_fingers, of_joints, straight
-from palpate.vocabulary.state import SymbolicState
+from palpate.vocabulary.state import SAME_POSE, SymbolicState
 from palpate.vocabulary.violation import Violation
 
 ENTERED = 0.0015
@@ -58,18 +60,22 @@ class Passing:
         carriers: what the load stands on at its end. As high as that is, so high are the fingers that
             hold it: as high above it as where they took it.
         touched: what a probe touches.
+        left: the surface that the hand was felt to come down on, and that it leaves by the way it came:
+            wherever that was believed to be, the hand has just been there.
     """
 
     between: frozenset[str]
     carriers: frozenset[str]
     touched: str | None
+    left: str | None = None
 
 
 def collisions(before: SymbolicState, after: SymbolicState) -> tuple[Violation, ...]:
     """What the arm would run into on its way from one state to the other, worst first; the start is
     known."""
     goal = (after.at, after.contact, after.activity)
-    key = ("collisions", *before.arrangement, *after.arrangement, *goal)
+    came = (before.contact, before.at if before.contact else None)
+    key = ("collisions", *before.arrangement, *came, *after.arrangement, *goal)
     return solids(before.scene).remembered(key, lambda: tuple(_collisions(before, after)))
 
 
@@ -118,10 +124,29 @@ def _passing(before: SymbolicState, after: SymbolicState) -> Passing:
         lying = footing(before, held, after.pose_of(held)).carriers
         return Passing(frozenset(), frozenset(top.owner for top in lying), None)
     ends = {straddled(before, before.pose_world_tcp), straddled(before, pose)} - {None}
-    probed = after.activity == "contact"
-    return Passing(
-        frozenset(name for name in ends if name), frozenset(), after.contact if probed else None
-    )
+    between = frozenset(name for name in ends if name)
+    touched = after.contact if after.activity == "contact" else None
+    left = before.contact if _goes_back(before, after) else None
+    return Passing(between, frozenset(), touched, left)
+
+
+def _goes_back(before: SymbolicState, after: SymbolicState) -> bool:
+    """Whether a straight way leads from a touch straight up, no higher than where the probe began."""
+    touch, end = before.pose_world_tcp, after.pose_world_tcp
+    if before.contact is None or after.is_bent or touch is None or end is None:
+        return False
+    try:
+        began = before.scene.symbols.resolve(before.at or "")
+    except InputError:
+        return False
+    aside = max(_aside(end, touch), _aside(end, began))
+    low, high = float(touch.position[2]), float(began.position[2])
+    return aside < STEEP and low < end.position[2] <= high + SAME_POSE
+
+
+def _aside(one: Pose, other: Pose) -> float:
+    x, y, _ = (one.position - other.position).tolist()
+    return math.hypot(x, y)
 
 
 def _way(before: SymbolicState, after: SymbolicState, width: float) -> Way | None:
@@ -166,6 +191,8 @@ def _margin(
     state: SymbolicState, part: Part, other: Part, passing: Passing, heights: dict[str, float]
 ) -> float:
     name = other.owner
+    if name == passing.left:
+        return -np.inf
     if part.kind == LINK or other.kind == LINK:
         return ARM
     if name == passing.touched and part.kind in SIDES:

@@ -104,7 +104,7 @@ def _others(shapes: Solids, state: SymbolicState, name: str) -> Iterator[tuple[s
 def _tops(
     shapes: Solids, others: Iterable[tuple[str, Shape, Pose]], outline: Array, bottom: float
 ) -> Iterator[Top]:
-    """The tops of those that reach under an outline."""
+    """The tops of those that reach under an outline, and of those in which its bottom would be."""
     low, high = outline.min(axis=0), outline.max(axis=0)
     for owner, shape, pose in others:
         reach = float(shapes.radii[shape.geom]) or np.inf
@@ -112,7 +112,7 @@ def _tops(
         if (middle + reach < low).any() or (middle - reach > high).any():
             continue
         part = shapes.convex(shape, pose)
-        height = float(part.points[:, 2].max())
-        if height > bottom + SUNK:
+        foot, height = float(part.points[:, 2].min()), float(part.points[:, 2].max())
+        if height > bottom + SUNK and foot > bottom:
             continue
         yield Top(owner, hull(slab(part, height - FACE, height)), height)

@@ -152,7 +152,7 @@ def _unstable_carrier(state: SymbolicState, name: str, pose: Pose, there: Footin
 def slides(before: SymbolicState, after: SymbolicState) -> bool:
     """Whether a motion from one state to the other drags the held object along its support."""
     stands = before.holding is not None and not before.lifted and not after.lifted
-    return stands and _travel(before, after) > LIFTED
+    return stands and _travel(before, after) > LIFTED and _descent(before, after) <= SUNK
 
 
 def dragged_off(before: SymbolicState, after: SymbolicState) -> str | None:
@@ -214,6 +214,13 @@ def would_be_dragged(state: SymbolicState) -> list[Violation]:
             f"'{above(state, state.grasp)}' first; or open the gripper",
         )
     ]
+
+
+def _descent(before: SymbolicState, after: SymbolicState) -> float:
+    """m that the TCP goes down; 0 where that is not known."""
+    if before.pose_world_tcp is None or after.pose_world_tcp is None:
+        return 0.0
+    return float(before.pose_world_tcp.position[2] - after.pose_world_tcp.position[2])
 
 
 def _travel(before: SymbolicState, after: SymbolicState) -> float:

@@ -1,0 +1,62 @@
+"""What a motion from a touch may pass: where the hand has just been, whatever was believed to be there."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from workbench import BOTTLE, bench
+
+import palpate as pp
+from palpate.geometry.pose import Pose
+from palpate.vocabulary.admissible.collision import collisions
+from palpate.vocabulary.motion import MovePose
+from palpate.vocabulary.state import SymbolicState
+
+SCENE = bench(BOTTLE, height="?")
+APPROACH = SCENE.symbols.resolve("bench_approach")
+DEEPER = 0.078
+"""m: so much lower than believed is the bench felt. It is 60 mm thick by the file."""
+
+
+def touching(lower: float) -> SymbolicState:
+    """After a probe from `bench_approach` that met the bench so much lower than believed."""
+    believed = SCENE.body("bench").top_z(SCENE.body("bench").pose_world)
+    x, y, _ = APPROACH.position
+    felt = Pose.of((x, y, believed + SCENE.arm.tip - lower), APPROACH.quaternion)
+    return SymbolicState(
+        SCENE,
+        at="bench_approach",
+        pose_world_tcp=felt,
+        gripper="open",
+        contact="bench",
+        activity="contact",
+    )
+
+
+def back_to(pose: str, state: SymbolicState) -> tuple[object, ...]:
+    return collisions(state, MovePose(pose=pose).effects(state))
+
+
+def test_the_way_back_from_a_probe_is_free_however_deep_it_went() -> None:
+    for lower in (0.0, 0.02, DEEPER, 0.12):
+        assert back_to("bench_approach", touching(lower)) == ()
+
+
+def test_nothing_else_is_free_where_a_belief_was_wrong() -> None:
+    deep = touching(DEEPER)
+    assert back_to("bench_approach + x_offset", deep) != ()
+    assert back_to("bench_approach + z_offset", deep) != ()
+    assert back_to("bench_approach", replace(deep, contact=None)) != ()
+
+
+def test_a_desk_that_is_78_mm_lower_than_believed_is_measured_and_left(tmp_path) -> None:
+    scene = """<mujoco><worldbody><site name="robot_base"/>
+      <body name="desk" pos="0.5 0 {}"><geom type="box" size=".3 .3 .02" friction=".6"/></body>
+    </worldbody></mujoco>"""
+    poses, world = tmp_path / "poses.yaml", tmp_path / "world.xml"
+    poses.write_text("places: {desk_approach: {pos: [0.5, 0.1, 0.2], yaw: 0}}")
+    world.write_text(scene.format(0.1 - DEEPER - 0.02))
+    plan = pp.load(scene.format("?"), poses=poses).plan("how high is the desk?")
+    run = plan.run(world=world, noise="none", seed=0, rehearse=False, fast=True)
+    assert (run.status, run.execution.stopped_by) == ("complete", None)
+    assert abs(run["desk.height"].value[0] - (0.1 - DEEPER)) < 0.001
