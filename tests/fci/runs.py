@@ -123,7 +123,7 @@ def _beside_truth(estimate: Any, bench: Served) -> dict[str, Any]:
     """The component that is off by most of what is stated: its error, the half width of its 95 %
     interval, and whether all components are inside theirs."""
     truth = bench.ask("truth", name=str(estimate.parameter))
-    if estimate.value is None or truth is None:
+    if not estimate.value or truth is None:
         return {"error": float("nan"), "within": 0.0, "inside": False, "verdict": estimate.verdict}
     seen = [verdict == "identified" for verdict in estimate.verdicts or [estimate.verdict]]
     off = np.array(estimate.value) - np.array(truth)[: len(estimate.value)]

@@ -15,9 +15,10 @@ import pytest
 from tests.fci.served import Served, files, served
 
 import palpate as pp
+from palpate.audience import Audience
 from palpate.cells.registry import drivers
 from palpate.errors import Stopped
-from palpate.execution.recovery import OnFailure
+from palpate.execution.recovery import OnFailure, nobody
 from palpate.execution.runner import Execution, Snapshot
 from palpate.scenarios.catalogue import scenario
 from palpate.scene.scene import with_real_arm
@@ -69,7 +70,7 @@ def executed(bench: Served, name: str, mishap: Mishap | None, policy: OnFailure)
     scene = with_real_arm(pp.load(asked.scene))
     plan = pp.load(asked.scene).plan(asked.request)
     robot: Any = drivers().connect(f"franky://{bench.address}", scene).robot()
-    done = perform(plan, scene, robot, mishap, policy, real=True)
+    done = perform(plan, scene, robot, Audience(mishap), policy, real=True)
     BOXES.append(robot.black_box())
     return done
 
@@ -151,7 +152,7 @@ def test_a_frozen_control_box_is_noticed_and_taken_up_again(bench: Served) -> No
     assert seconds < 10.0  # 0.6 s where nothing else keeps the machine busy
     cell = drivers().connect(f"franky://{bench.address}", real_scene())
     with pytest.raises(Stopped, match=r"stopped by a reflex: see what it met"):
-        robot_of(cell)
+        robot_of(cell, nobody)
     told: list[str] = []
     robot, before = robot_of(cell, lambda why: told.append(why) is None)
     robot.close()
