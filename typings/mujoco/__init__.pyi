@@ -74,9 +74,6 @@ class mjtTrn(_Enum):
     mjTRN_SITE: ClassVar[mjtTrn]
     mjTRN_TENDON: ClassVar[mjtTrn]
 
-class mjtEnableBit(_Enum):
-    mjENBL_SLEEP: ClassVar[mjtEnableBit]
-
 class mjtDisableBit(_Enum):
     mjDSBL_CONSTRAINT: ClassVar[mjtDisableBit]
     mjDSBL_EQUALITY: ClassVar[mjtDisableBit]
@@ -90,6 +87,7 @@ class mjtDisableBit(_Enum):
 
 class mjtEnableBit(_Enum):
     mjENBL_OVERRIDE: ClassVar[mjtEnableBit]
+    mjENBL_SLEEP: ClassVar[mjtEnableBit]
 
 class mjtCtrlChart(_Enum):
     mjCHART_EXPMAP: ClassVar[mjtCtrlChart]
