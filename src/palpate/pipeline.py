@@ -22,7 +22,7 @@ from palpate.runs.keeper import Keeper, Step
 from palpate.runs.run import Run, Stage
 from palpate.settings import Settings, request_json
 from palpate.stages import workplace
-from palpate.stages.building import build_twin, touch_twin
+from palpate.stages.building import build_twin, touch_twin, touched_beside
 from palpate.stages.estimating import estimate, estimates
 from palpate.stages.executing import execute
 from palpate.stages.loading import load, preflight
@@ -39,7 +39,9 @@ from palpate.stages.saving import (
 )
 
 if TYPE_CHECKING:
+    from palpate.beside import Beside
     from palpate.report.writing import Darkroom
+    from palpate.trace.samples import Trace
 
 __all__ = [
     "build_twin",
@@ -104,9 +106,10 @@ def carry_out(
         made = replace(made, world=cell.description, simulated=cell.simulated)
         keeper = Keeper(folder, signals)
         made = keeper.begin(made, request_json(made.settings))
-        made = keeper.executed(_Steps(keeper, audience, cell).execution, made)
-        with darkroom_for(made) as darkroom:
-            return _Steps(keeper, audience, cell, darkroom).finished(made)
+        with touched_beside(made, cell) as given:
+            made = keeper.executed(_Steps(keeper, audience, cell).execution, made)
+            with darkroom_for(made) as darkroom:
+                return _Steps(keeper, audience, cell, darkroom, given).finished(made)
 
 
 def finish(folder: Path, audience: Audience = SILENT, film: bool = False) -> Run:
@@ -150,12 +153,14 @@ class _Steps:
         audience: who hears of it.
         cell: where the robot moved; None where it did so in an earlier process.
         darkroom: film and pictures in the making.
+        given: the scene as it was given, being touched.
     """
 
     keeper: Keeper
     audience: Audience
     cell: Cell | None = None
     darkroom: Darkroom | None = None
+    given: Beside[Trace] | None = None
 
     def finished(self, made: Run) -> Run:
         """All stages after the execution, from the one that is due; a signal ends them."""
@@ -195,7 +200,7 @@ class _Steps:
         if self.darkroom is not None:
             self.darkroom.begin_stills(made)
         if not made.settings.fast:
-            yield touch_twin(made, planned_in, self.audience)
+            yield touch_twin(made, planned_in, self.audience, self.given)
 
     def report(self, made: Run) -> Iterator[Run]:
         if self.keeper.folder is not None:

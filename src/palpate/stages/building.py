@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Generator
+from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
 
 from palpate.audience import SILENT, Audience
+from palpate.beside import Beside
+from palpate.cells.cell import Cell
 from palpate.execution.part import part_of
 from palpate.interrupt import interrupts
 from palpate.planning.plan import Plan
@@ -15,7 +19,7 @@ from palpate.scene.scene import Scene
 from palpate.stages.executing import perform
 from palpate.twin.twin import build_twin as build
 from palpate.twin.twin import touch
-from palpate.twin.validate import compared_until
+from palpate.twin.validate import compared_until, restful
 
 if TYPE_CHECKING:
     from mujoco import MjSpec
@@ -35,9 +39,26 @@ def build_twin(made: Run, audience: Audience = SILENT) -> Run:
     return replace(made, scene=scene, twin=twin)
 
 
-def touch_twin(made: Run, planned_in: Scene, audience: Audience = SILENT) -> Run:
+@contextmanager
+def touched_beside(made: Run, cell: Cell) -> Generator[Beside[Trace] | None]:
+    """The scene as it was given, touched while the real one is: nothing that is measured tells how. None
+    where nothing is to be touched, or where a real robot needs the processor."""
+    if made.settings.fast or made.seen or not cell.simulated:
+        yield None
+        return
+    with Beside(lambda: _replay(made.scene, made.plan, restful(made.scene))) as given:
+        yield given
+
+
+def touch_twin(
+    made: Run,
+    planned_in: Scene,
+    audience: Audience = SILENT,
+    given: Beside[Trace] | None = None,
+) -> Run:
     """The run with its twin touched in simulation, and the scene as it was given: the plan is executed
-    again in both, as far as it is compared. `planned_in` is what its planner knew."""
+    again in both, as far as it is compared. `planned_in` is what its planner knew; `given`: from
+    `touched_beside`."""
     if made.twin is None:
         return made
     audience.progress("touching the twin in simulation")
@@ -48,7 +69,10 @@ def touch_twin(made: Run, planned_in: Scene, audience: Audience = SILENT) -> Run
     if plan.tree is None:
         return made
     again = partial(_replay, planned_in, plan)
-    return replace(made, twin=touch(made.twin, made.scene, trace, again))
+    # The whole plan has been executed in the scene as given: that is the same where it was here, too.
+    whole = made.execution is not None and made.execution.status == "complete"
+    beside = given.result if given is not None and whole else None
+    return replace(made, twin=touch(made.twin, made.scene, trace, again, beside))
 
 
 def _compared(plan: Plan, trace: Trace) -> Plan:

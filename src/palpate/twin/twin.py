@@ -21,7 +21,7 @@ from palpate.trace.samples import Trace
 from palpate.twin.inject import complete
 from palpate.twin.one_text import in_one
 from palpate.twin.tree import write_tree
-from palpate.twin.validate import Replay, Validation, touched, validate
+from palpate.twin.validate import Replay, Replayed, Validation, touched, validate
 
 if TYPE_CHECKING:
     from mujoco import MjModel
@@ -127,12 +127,15 @@ def build_twin(
     return replace(unmarked, validation=marks, scene=twin)
 
 
-def touch(twin: Twin, template: Scene, trace: Trace, replay: Replay) -> Twin:
+def touch(
+    twin: Twin, template: Scene, trace: Trace, replay: Replay, given: Replayed | None = None
+) -> Twin:
     """The twin with marks of how it behaves where it was recorded, and of how `template` does, in
-    which unknowns are at their priors."""
+    which unknowns are at their priors. `given`: the template's replay, where that has begun
+    elsewhere."""
     if twin.validation is None or twin.scene is None:
         return twin
-    marks = touched(twin.validation, twin.scene, template, trace, replay)
+    marks = touched(twin.validation, twin.scene, template, trace, replay, given)
     return replace(twin, validation=marks)
 
 

@@ -17,6 +17,8 @@ from palpate.trace.samples import FORCES, Trace
 
 Replay = Callable[[mujoco.MjSpec], Trace]
 """Executes the plan again in a world made of the given model, and returns what is recorded there."""
+Replayed = Callable[[], Trace]
+"""The same in a world of its own."""
 
 SETTLE_TIME = 2.0
 """s of free simulation before the twin's objects must rest."""
@@ -78,17 +80,23 @@ def validate(
 
 
 def touched(
-    marks: Validation, twin: Scene, template: Scene, recorded: Trace, replay: Replay
+    marks: Validation,
+    twin: Scene,
+    template: Scene,
+    recorded: Trace,
+    replay: Replay,
+    given: Replayed | None = None,
 ) -> Validation:
-    """The marks with the residuals of twin and template."""
+    """The marks with the residuals of twin and template; `given`: the template's replay, where that
+    has begun elsewhere."""
     return replace(
         marks,
-        twin=_residual(_restful(twin), recorded, replay),
-        template=_residual(_restful(template), recorded, replay),
+        twin=_residual(recorded, lambda: replay(restful(twin))),
+        template=_residual(recorded, given or (lambda: replay(restful(template)))),
     )
 
 
-def _restful(scene: Scene) -> mujoco.MjSpec:
+def restful(scene: Scene) -> mujoco.MjSpec:
     """The scene, in which what stands still and is not touched takes no time to simulate."""
     spec = scene.spec()
     spec.option.enableflags |= int(mujoco.mjtEnableBit.mjENBL_SLEEP)
@@ -110,9 +118,9 @@ def settle(scene: Scene) -> tuple[bool, float]:
     return bool(np.isfinite(speed) and speed < REST_SPEED), drift
 
 
-def _residual(spec: mujoco.MjSpec, recorded: Trace, replay: Replay) -> Residual:
+def _residual(recorded: Trace, replay: Replayed) -> Residual:
     try:
-        replayed = replay(spec)
+        replayed = replay()
     except PalpateError as error:
         return Residual(None, None, str(error))
     if len(replayed.recordings) < len(recorded.recordings):

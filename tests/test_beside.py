@@ -1,0 +1,61 @@
+"""Work in a process of its own, beside this one."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import threading
+import time
+
+import pytest
+
+from palpate.beside import Beside, can_copy
+
+ALONE = """
+import os, signal, sys, time
+from palpate.beside import Beside
+def work():
+    os.kill(os.getpid(), signal.SIGINT)
+    return os.getpid(), list(range(100_000))
+with Beside(work) as beside:
+    who, numbers = beside.result()
+assert who != os.getpid() and len(numbers) == 100_000
+def failing():
+    raise ValueError(os.getpid())
+with Beside(failing) as beside:
+    try:
+        beside.result()
+    except ValueError as error:
+        assert error.args == (os.getpid(),)
+    else:
+        raise SystemExit("it did not fail")
+start = time.perf_counter()
+with Beside(lambda: time.sleep(60)):
+    pass
+assert time.perf_counter() - start < 30
+"""
+
+
+@pytest.mark.skipif(
+    sys.platform != "linux" or len(os.sched_getaffinity(0)) < 2,
+    reason="there is no second processor",
+)
+def test_it_is_done_by_another_process_and_fails_in_this_one() -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", ALONE], capture_output=True, text=True, timeout=60, check=False
+    )
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+def test_a_process_with_threads_is_not_copied() -> None:
+    stop = threading.Event()
+    thread = threading.Thread(target=stop.wait)
+    thread.start()
+    try:
+        assert not can_copy()
+        with Beside(lambda: (os.getpid(), time.sleep(0))) as beside:
+            assert beside.result()[0] == os.getpid()
+    finally:
+        stop.set()
+        thread.join()
