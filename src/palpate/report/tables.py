@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from palpate.estimation.estimate import rounded
 from palpate.parameter import Parameter
 from palpate.quantities.catalogue import catalogue
 from palpate.report.data import Measured, ParameterRow
 from palpate.report.evidence.windows import quantity_label
 from palpate.report.numbers import plain, with_unit
+from palpate.runs.figures import in_a_line
 
 UNSTATED = {"known": "–", "missing": "?", "assumed": "as of uniform density"}
 """What stands for a value that there is none of."""
@@ -47,13 +47,7 @@ def _value(row: ParameterRow, found: Mapping[Parameter, Measured]) -> str:
     before = plain(row.value) if row.value else UNSTATED[row.state]
     now = found.get(Parameter(row.object, row.quantity))
     if now is not None:
-        return with_unit(f"{before} → {_measured(now)}", unit)
+        return with_unit(f"{before} → {in_a_line(now.estimate)}", unit)
     if row.value:
         return with_unit(before, unit)
     return before
-
-
-def _measured(measured: Measured) -> str:
-    estimate = measured.estimate
-    pairs = zip(estimate.value.tolist(), estimate.std.tolist(), strict=True)
-    return " ".join(rounded(value, std)[0] for value, std in pairs)

@@ -37,6 +37,17 @@ def figures(estimate: Estimate) -> tuple[Figure, ...]:
     return tuple(found)
 
 
+def in_a_line(estimate: Estimate) -> str:
+    """The values alone, each component by its name: `x 0.0647, y −0.0005`, without a unit."""
+    return ", ".join(f"{figure.axis} {figure.value}".strip() for figure in figures(estimate))
+
+
+def significant(value: float, digits: int, sign: str = "") -> str:
+    """So many significant digits, never in powers of ten where that can be helped."""
+    text = f"{value:{sign}.{digits}g}"
+    return f"{value:{sign}.0f}" if "e+" in text else text
+
+
 def axes_of(count: int) -> tuple[str, ...]:
     """Names of so many components."""
     if count == 1:

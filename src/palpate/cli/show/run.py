@@ -15,6 +15,7 @@ from palpate.cli.show.plan import print_plan, show_notes
 from palpate.display import visible
 from palpate.errors import Unavailable
 from palpate.live.console import SafeConsole
+from palpate.runs.figures import significant
 
 if TYPE_CHECKING:
     from palpate.cli.options.motion import WatchOptions
@@ -238,8 +239,9 @@ def _show_held_out(run: Run) -> None:
 
 def _prediction(motion: Motion) -> str:
     return (
-        f"{motion.motion}: predicted to {1e3 * motion.rms:.2g} mN·m (χ² {motion.chi2:.0f} of "
-        f"{motion.dof}, p {motion.p:.2g}); by the scene as given to {1e3 * motion.rms_template:.3g} mN·m"
+        f"{motion.motion}: predicted to {significant(1e3 * motion.rms, 2)} mN·m (χ² {motion.chi2:.0f} of "
+        f"{motion.dof}, p {motion.p:.2g}); by the scene as given to "
+        f"{significant(1e3 * motion.rms_template, 3)} mN·m"
     )
 
 

@@ -6,8 +6,12 @@ from collections.abc import Callable
 
 from palpate.report.data import Measured
 from palpate.report.evidence.chart import Chart
+from palpate.report.evidence.gripping import centred_charts, gripped_charts
 from palpate.report.evidence.holding import held_charts
+from palpate.report.evidence.leaning import leaned_charts
+from palpate.report.evidence.pressing import pressed_charts
 from palpate.report.evidence.sliding import slid_charts
+from palpate.report.evidence.swinging import swung_charts
 from palpate.report.evidence.touching import touched_charts
 from palpate.report.evidence.weighing import weighed_charts
 from palpate.trace.samples import Trace
@@ -15,8 +19,13 @@ from palpate.trace.samples import Trace
 CHARTS: dict[str, Callable[[Measured, Trace], tuple[Chart, ...]]] = {
     "mass": weighed_charts,
     "com": held_charts,
+    "inertia": swung_charts,
     "friction": slid_charts,
     "height": touched_charts,
+    "tilt": leaned_charts,
+    "stiffness": pressed_charts,
+    "size": gripped_charts,
+    "position": centred_charts,
 }
 """By quantity. A quantity without an entry shows its windows alone."""
 

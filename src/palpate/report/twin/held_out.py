@@ -11,6 +11,7 @@ import numpy as np
 
 from palpate.estimation.estimate import rounded
 from palpate.geometry.pose import Array
+from palpate.runs.figures import significant
 from palpate.twin.held_out import Curve, HeldOut, Motion
 
 SHOWN = 3
@@ -72,8 +73,8 @@ def _said(motion: Motion) -> str:
     way = "more" if motion.weight > 0 else "less"
     weight, std = rounded(1e3 * abs(motion.weight), 1e3 * motion.weight_std)
     return (
-        f"The joint torques were predicted to {1e3 * motion.rms:.2g} mN·m (root mean square), where "
-        f"the scene as given would have been {1e3 * motion.rms_template:.3g} mN·m off. Against what noise "
+        f"The joint torques were predicted to {significant(1e3 * motion.rms, 2)} mN·m (root mean square), where "
+        f"the scene as given would have been {significant(1e3 * motion.rms_template, 3)} mN·m off. Against what noise "
         f"and uncertainty allow, χ² is {motion.chi2:.0f} at {motion.dof} degrees of freedom (p = {motion.p:.2g}), and "
         f"{motion.chi2_template:.0f} for the scene as given. The {motion.object} weighed {weight} ± {std} g "
         f"{way} than predicted."

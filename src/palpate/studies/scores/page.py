@@ -14,6 +14,7 @@ from palpate.redaction import redact
 from palpate.report.assets import plotly, policy, script, template
 from palpate.report.numbers import SMALL, with_unit
 from palpate.report.plots import Figure
+from palpate.runs.figures import significant
 from palpate.studies.accuracy import CRASHED, ScoredEstimate, SeedRun
 from palpate.studies.scores import plots
 from palpate.studies.scores.kept import Group, Runs, grouped, read
@@ -183,7 +184,7 @@ def _card(
     figures[f"{place}-quantiles"] = plots.quantiles(group)
     return Card(
         name,
-        f"truth {with_unit(_digits(scale * row.truth, 4), unit)}, {row.runs} values",
+        f"truth {with_unit(significant(scale * row.truth, 4), unit)}, {row.runs} values",
         (f"{place}-errors", f"{place}-quantiles"),
     )
 
@@ -210,10 +211,10 @@ def _line(name: str, row: Summary) -> Line:
     unit, scale = SMALL.get(row.unit, (row.unit, 1.0))
 
     def shown(value: float | None, sign: str = "") -> Cell:
-        return Cell("–" if value is None else with_unit(_digits(scale * value, 2, sign), unit))
+        return Cell("–" if value is None else with_unit(significant(scale * value, 2, sign), unit))
 
     error = scale * row.sd / row.runs**0.5
-    bias = Cell(shown(row.bias, "+").text, f"± {_digits(error, 2)}")
+    bias = Cell(shown(row.bias, "+").text, f"± {significant(error, 2)}")
     figures = (bias, shown(row.sd), shown(row.rmse), shown(row.claimed), shown(row.bound))
     return Line(name, (measured, *figures, *_score_cells(scores)))
 
@@ -256,9 +257,3 @@ def _names(rows: Sequence[Summary]) -> dict[Key, str]:
             name += f" {AXES[row.component]}" if row.component < len(AXES) else f"[{row.component}]"
         found[row.key] = name
     return found
-
-
-def _digits(value: float, digits: int, sign: str = "") -> str:
-    """So many significant digits, never in powers of ten where that can be helped."""
-    text = f"{value:{sign}.{digits}g}"
-    return f"{value:{sign}.0f}" if "e+" in text else text
