@@ -240,7 +240,7 @@ def test_the_corpus_is_large_and_of_many_kinds():
     ("request_", "named"),
     [
         ("Tell me a joke about the mug.", "joke"),
-        ("What does the bottle opener weigh?", "opener"),
+        ("What does the bottle weigh by the sea?", "sea"),
         ("Put the mug on the red box.", "Put"),
         ("Is the bottle full?", "full"),
         ("What is the mass of the mug's handle?", "handle"),
@@ -251,7 +251,7 @@ def test_a_refusal_names_what_was_not_understood_and_what_can_be_asked(request_:
         said = " ".join(ground(request_, scene("kitchen")).cannot)
     except PlanRejected as rejection:
         said = str(rejection)
-    assert f"'{named.lower()}'" in said or f"{named.lower()} cannot be measured" in said
+    assert f"'{named.lower()}'" in said
     assert "sliding friction" in said
 
 

@@ -1,72 +1,52 @@
-"""What a sentence asks for: from the words of a request to the parameters of a scene.
+"""What a request asks for: from its words to the parameters of a scene.
 
-Deterministic and shallow on purpose: it pairs quantities with the objects they are said of, and
-where it cannot, it says what it understood instead of guessing. Every word is either understood,
-or known to say nothing of what is asked (`words/en.yaml`), or it is named in a refusal.
+A sentence is read only when the grammar derives all of it: every word has a part in what it means,
+or is one that means nothing of it, "please". What is left over is named in a refusal, and so is a
+sentence that may be derived in two ways which ask for different things.
 
 First the words: those of other languages become English ones where they stand (`languages`),
-misspelt ones those that they come near (`spelling`), turns of phrase marks (`lexicon`). Then what
-they stand for (`mentions`), and which of several things stands where it is said to (`whereabouts`):
-"the box beside the red one". Then the grammar, from the outside in:
+misspelt ones those that they come near (`spelling`). Then what each word may be (`lattice`), a noun
+of this scene, a quantity, a relation; all derivations of each sentence by `words/grammar.txt`
+(`grammar`, `chart`); what each means (`meaning`); which things of the scene that is (`things`,
+`whereabouts`); and, sentence after sentence, what is wanted and what is not (`reading`).
 
-    request   = clause { turn clause }
-    turn      = "." | ";" | "?" | "we know" | "is known" | "except" | "do not measure" | "but" | …
-    clause    = { group | filler }           wanted, or, after "we know" and "except", not wanted
-    group     = mention { list mention }     of quantities or of objects, never of both
-    list      = "," | "and" | "or" | "plus", with articles beside it
-    mention   = quantity | unmeasurable property | object | unknown object | pronoun | "everything"
-    object    = { colour | shape | word of its name } noun
+Of several derivations the cheapest count; those that come to the same are one.
 
-An object that fits several bodies is ambiguous, unless it is a plural ("the bottles") or stands
-after "all", "both", "every".
-
-A clause ends where a turn of phrase says that something else begins. "We know the height but not
-the mass": what is known is taken out, and the "not" turns back to what is wanted. "All but the
-bottle", "do not touch the box": taken out.
-
-Which objects a group of quantities is said of, the first that applies:
-
-1. those after it: a linking word stands between ("the mass *of* the bottle and the mug", "how
-   heavy *is* the box"), or nothing but articles ("weigh the mug"), unless an object stands right
-   before ("bottle mass");
-2. those spoken of last that can have the quantity: "the bottle's mass and friction", "bottle
-   mass", "the bottle is new, I need its mass". A pronoun names nothing, so it means the same;
-3. none were spoken of: all that miss the quantity, or, where none does, all that can have it.
-
-Two lists that only look like one are divided. A compound name belongs to the quantity after it:
-in "the mass of the bottle and mug friction" the mug is the friction's. A quantity right after its
-object is that object's: in "what does the cup weigh and how high is the table" the weight is the
-cup's.
-
-What is compared is asked of all that it is compared of: "is the mug heavier than the bottle" is two
-masses, "which box is the lightest" one of every box.
-
-Without any quantity, a deed that is to be simulated asks for what it depends on ("simulate throwing
-it": mass, centre of mass, inertia). Other objects, where something is said to be missing, mean all
-that the scene misses of them, "everything" and a goal ("build a simulation") all that it misses;
-either reading is remarked on. A deed that is asked for is no measurement, and refused. "Where" asks for a
-position only where it opens a question, and not in "tell me where its balance point is".
+A quantity without a thing is said of what was spoken of last that can have it: "The bottle is new.
+I need its mass."; where nothing was, of all that miss it. What is compared is asked of all that it
+is compared of: "is the mug heavier than the bottle" is two masses, "which box is the lightest" one
+of every box. Without any quantity, a deed that is to be simulated asks for what it depends on, and
+things alone for all that the scene misses of them; either is remarked on.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import product
+from typing import cast
 
 from palpate.errors import InputError, PlanRejected
 from palpate.parameter import Parameter
 from palpate.planning.planner import MAX_REQUEST
-from palpate.planning.request.clauses import clauses
-from palpate.planning.request.item import Item
-from palpate.planning.request.languages import in_english
-from palpate.planning.request.mentions import Words
+from palpate.planning.request.languages import colours, in_english, spoken
 from palpate.planning.request.reading import Reading
 from palpate.planning.request.resolver import Resolver
-from palpate.planning.request.standing import understood
-from palpate.planning.request.tokens import tokens
-from palpate.planning.request.whereabouts import located
-from palpate.planning.request.wording import english
+from palpate.planning.request.sentence.actions import ACTIONS
+from palpate.planning.request.sentence.chart import Chart
+from palpate.planning.request.sentence.grammar import grammar
+from palpate.planning.request.sentence.lattice import Lattice
+from palpate.planning.request.sentence.meaning import Act
+from palpate.planning.request.things import Things
+from palpate.planning.request.tokens import sentences, tokens
 from palpate.scene.scene import Scene
+
+LONGEST = 60
+"""Words of the longest sentence that is read."""
+MOST = 24
+"""Readings of a whole request that are looked into; with more it is refused."""
+
+Acts = tuple[Act, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,8 +69,8 @@ def ground(request: str, scene: Scene) -> Grounded:
 
     Raises:
         InputError: empty or too long, or it names an object that the scene does not have (the
-            message lists those it has). PlanRejected: ambiguous, or nothing in it is understood;
-            the message says what to say instead.
+            message lists those it has). PlanRejected: ambiguous, or not understood; the message
+            says what was not, and what to say instead.
     """
     if not request.strip():
         raise InputError("the request is empty; say what is unknown, e.g. 'the mass of the bottle'")
@@ -98,89 +78,112 @@ def ground(request: str, scene: Scene) -> Grounded:
         raise InputError(
             f"the request has {len(request)} characters; say it in at most {MAX_REQUEST}"
         )
-    words = Words(scene)
-    said = tokens(in_english(words.nouns.apart(request), words.nouns.names))
-    slips = words.slips(said)
-    found = located(words.items([slips.get(word, word) for word in said]), scene)
+    language = spoken(request)
+    lattice = Lattice(scene, colours(language))
+    said = tokens(in_english(lattice.nouns.apart(request), lattice.nouns.names, language))
+    slips = lattice.slips(said)
     remarks = [f"'{word}' is read as '{meant}'." for word, meant in slips.items()]
-    remarks += [item.remark for item in found if item.remark]
-    items, unread = understood(found)
-    reading = Reading(Resolver(scene))
-    for clause in clauses(items):
-        reading.read(clause)
-    if not reading.pairs:
-        unread += [item.text for item in found if item.kind == "aside"]
-    return _answer(request, reading, remarks, unread)
-
-
-def _answer(
-    request: str, reading: Reading, remarks: Sequence[str], unread: Sequence[str]
-) -> Grounded:
-    """The parameters of what was understood, less what was excluded."""
-    resolver = reading.resolver
-    excluded: set[Parameter] = set()
-    for quantity, objects in reading.excluded:
-        excluded.update(resolver.exclusions(quantity, objects))
-    read = list(remarks)
-    asked: list[Parameter] = []
-    for quantity, objects in reading.pairs or reading.aims():
-        asked += resolver.parameters(quantity, objects)
-    if not (reading.pairs or asked or resolver.cannot):
-        asked, remark = _unsaid(request, reading, unread)
-        read += [remark] if remark else []
-    elif any(item.kind == "everything" for item in reading.alone) and reading.pairs:
-        found, remark = resolver.everything()
-        asked += found
-        read.append(remark)
-    unknown = [item.text for item in reading.set_aside() if _is_unknown(item)]
-    if unread or unknown:
-        resolver.not_understood([*unread, *unknown])
-    for deed in reading.undone():
-        resolver.cannot.append(resolver.no_deed(deed))
-    if not (asked or resolver.cannot or read):
+    resolver = Resolver(scene)
+    readings: list[list[Acts]] = []
+    for sentence in sentences([slips.get(word, word) for word in said]):
+        readings.append(_derived(sentence, lattice, resolver))
+    if not readings:
         resolver.reject(request)
-    return Grounded(
-        asked=tuple(_less(resolver.ordered(asked), excluded)),
-        cannot=tuple(dict.fromkeys(resolver.cannot)),
-        remarks=tuple(dict.fromkeys(read)),
+    return _agreed(readings, scene, lattice, remarks, request)
+
+
+def _derived(sentence: Sequence[str], lattice: Lattice, resolver: Resolver) -> list[Acts]:
+    """What a sentence may mean.
+
+    Raises:
+        PlanRejected: nothing; the message names what was not understood.
+    """
+    if len(sentence) > LONGEST:
+        raise PlanRejected(
+            f"a sentence of the request has {len(sentence)} words; say it in sentences of at most "
+            f"{LONGEST}"
+        )
+    chart = Chart(grammar(), ACTIONS, lattice.edges(sentence))
+    found = [cast("Acts", acts) for acts in chart.whole("<sentence>")]
+    if found:
+        return found
+    unfelt = lattice.unfelt(sentence)
+    if unfelt is not None:
+        raise PlanRejected(resolver.not_measurable(unfelt))
+    unknown = lattice.unknown(sentence)
+    if not unknown:
+        unknown = [sentence[min(chart.furthest, len(sentence) - 1)]]
+    raise resolver.not_understood(unknown, sentence)
+
+
+def _agreed(
+    readings: Sequence[Sequence[Acts]],
+    scene: Scene,
+    lattice: Lattice,
+    remarks: Sequence[str],
+    request: str,
+) -> Grounded:
+    """What all readings come to.
+
+    Raises:
+        InputError, PlanRejected: none of them can be; or they come to different things.
+    """
+    found: dict[frozenset[Parameter], Grounded] = {}
+    refusal: InputError | PlanRejected | None = None
+    for acts in _all_of(readings):
+        try:
+            grounded = _grounded(acts, scene, lattice, remarks, request)
+        except (InputError, PlanRejected) as refused:
+            refusal = refusal or refused
+            continue
+        found.setdefault(frozenset(grounded.asked), grounded)
+    if len(found) == 1 and refusal is None:
+        return next(iter(found.values()))
+    if refusal is not None:
+        raise refusal
+    first, second = list(found.values())[:2]
+    raise PlanRejected(
+        f"the request may mean {_listed(first.asked)} or {_listed(second.asked)}; say it in two "
+        "sentences"
     )
 
 
-def _unsaid(request: str, reading: Reading, unread: Sequence[str]) -> tuple[list[Parameter], str]:
-    """What a request without a quantity means, and how it was read.
+def _all_of(readings: Sequence[Sequence[Acts]]) -> list[list[Act]]:
+    """Each choice of one reading a sentence.
 
     Raises:
-        InputError: it names only objects that the scene does not have. PlanRejected: it wishes for
-            no measurement.
+        PlanRejected: there are too many.
     """
-    resolver = reading.resolver
-    if reading.commands:
-        raise PlanRejected(resolver.no_deed(reading.commands[0]))
-    quantities = {item.names[0] for item, _ in reading.excluded if item is not None}
-    if unread:
-        resolver.not_understood(unread)
-    named = reading.fragment and bool(reading.alone)
-    # "The red box has 200 g, what about the blue one?", but not "the mug weighs 300 g".
-    others = bool(quantities) and bool(reading.alone)
-    wished = reading.wished or named or others
-    found, remark = resolver.without_quantity(reading.alone, wished, reading.at_large)
-    if quantities and found and not reading.wished:
-        # What is said of the boxes is said of all.
-        found = [parameter for parameter in found if parameter.quantity in quantities]
-    if not (found or remark or resolver.cannot):
-        unknown = [item.text for item in reading.alone if _is_unknown(item)]
-        if unknown:
-            resolver.not_understood(unknown)
+    chosen: list[list[Act]] = []
+    for sentences_ in product(*readings):
+        chosen.append([act for acts in sentences_ for act in acts])
+        if len(chosen) > MOST:
+            raise PlanRejected(
+                "the request can be read in too many ways; say it in short sentences"
+            )
+    return chosen
+
+
+def _grounded(
+    acts: Sequence[Act], scene: Scene, lattice: Lattice, remarks: Sequence[str], request: str
+) -> Grounded:
+    """What one reading asks for."""
+    resolver = Resolver(scene)
+    things = Things(scene, lattice.nouns)
+    reading = Reading(resolver, things)
+    for act in acts:
+        reading.take(act)
+    reading.finish()
+    asked = [one for one in resolver.ordered(reading.asked) if one not in reading.excluded]
+    told = (*remarks, *things.remarks, *reading.remarks)
+    if not (asked or resolver.cannot or reading.remarks):
         resolver.reject(request)
-    return found, remark
+    return Grounded(
+        asked=tuple(asked),
+        cannot=tuple(dict.fromkeys(resolver.cannot)),
+        remarks=tuple(dict.fromkeys(told)),
+    )
 
 
-def _is_unknown(item: Item) -> bool:
-    """Whether nobody knows the word: neither a thing nor a property."""
-    if item.kind == "unmeasurable":
-        return item.text == item.names[0] and item.text not in english().states
-    return item.kind == "unknown"
-
-
-def _less(parameters: Sequence[Parameter], excluded: set[Parameter]) -> list[Parameter]:
-    return [parameter for parameter in parameters if parameter not in excluded]
+def _listed(parameters: Sequence[Parameter]) -> str:
+    return " and ".join(str(parameter) for parameter in parameters) or "nothing"

@@ -7,9 +7,10 @@ Schwerpunkt des Hammers?" becomes "where is the centre of mass of the hammer?".
 from __future__ import annotations
 
 import re
+import unicodedata
 from collections.abc import Iterator, Mapping, Sequence
 
-from palpate.planning.request.lexicon import DETERMINERS, STOP
+from palpate.planning.request.lexicon import COLOURS
 from palpate.planning.request.wording import (
     LANGUAGES,
     Language,
@@ -25,31 +26,43 @@ Names = frozenset[str]
 """Words of the names of bodies: nobody turns them into others."""
 
 
-def in_english(request: str, names: Names) -> str:
-    """The request, lower case, its words turned into English ones."""
-    text = request.lower().replace("’", "'").replace("§", " ")
-    code = _spoken(text)
+def in_english(request: str, names: Names, code: str | None) -> str:
+    """The request, lower case, its words turned from the language `code` into English ones."""
+    text = _plain(request)
     if code is not None:
         text = " ".join(_turned(_words(text), _glossary(code), names, language(code)))
+        text = re.sub(r" , (?=(?:how|what|which|where|that|whether|if)\b)", " ", text)
     apart = re.findall(r"[\w'.,±]*[\w'±]|[^\w\s]", text)
     return " ".join(_turned(apart, english().turned, names))
 
 
-def _spoken(text: str) -> str | None:
+def colours(code: str | None) -> frozenset[str]:
+    """The words of colours in a language, and in English."""
+    if code is None:
+        return COLOURS
+    turned = language(code).turned.items()
+    return COLOURS.union(phrase[0] for phrase, said in turned if not COLOURS.isdisjoint(said))
+
+
+def spoken(request: str) -> str | None:
     """The language with the most words in it that tell it; None is English.
 
     Where there are English words, only languages that something tells are looked into.
     """
-    words = _words(text)
-    of_english = 2 * sum(word in STOP or word in DETERMINERS for word in words)
+    words = _words(_plain(request))
+    of_english = 2 * sum(word in tells()["en"] for word in words)
     best, most = None, of_english
     for code in LANGUAGES:
         told = sum(word in tells()[code] for word in words)
         if told or not of_english:
-            spoken = told + sum((word,) in language(code).turned for word in words)
-            if spoken > most:
-                best, most = code, spoken
+            count = told + sum((word,) in language(code).turned for word in words)
+            if count > most:
+                best, most = code, count
     return best
+
+
+def _plain(request: str) -> str:
+    return request.lower().replace("’", "'").replace("§", " ")
 
 
 def _words(text: str) -> list[str]:
@@ -77,7 +90,7 @@ def _turned(
     while at < len(words):
         for length in range(min(most, len(words) - at), 0, -1):
             phrase = tuple(words[at : at + length])
-            if phrase in glossary and names.isdisjoint(phrase):
+            if phrase in glossary and names.isdisjoint([*phrase, _bare(words[at])]):
                 yield from glossary[phrase]
                 at += length
                 break
@@ -92,6 +105,8 @@ def _inflected(
     """A word that the glossary, or a name, has without its ending or in parts."""
     if spoken is None or word in names:
         return (word,)
+    if _bare(word) in names:
+        return (_bare(word),)
     for stem in _stems(word, spoken):
         if stem in names:
             return (stem,)
@@ -103,6 +118,12 @@ def _inflected(
             if head and tail in glossary:
                 return (*head, *glossary[tail])
     return (word,)
+
+
+def _bare(word: str) -> str:
+    """A word without accents, as names of bodies are written."""
+    apart = unicodedata.normalize("NFD", word)
+    return "".join(letter for letter in apart if not unicodedata.combining(letter))
 
 
 def _inflected_part(

@@ -9,8 +9,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from palpate.mjcf.body import Body
 from palpate.planning.request import lexicon
 from palpate.planning.request.item import GRIPPER
-from palpate.planning.request.lexicon import COLOURS, STOP
-from palpate.planning.request.tokens import is_within, name_words, singulars
+from palpate.planning.request.lexicon import COLOURS
+from palpate.planning.request.tokens import is_further, is_within, name_words, singulars
 from palpate.planning.request.wording import english
 from palpate.scene.scene import Scene
 
@@ -21,9 +21,11 @@ class Nouns:
     Attributes:
         own: the words of each body's name.
         named: which bodies are called so.
+        colours: words of colours, which are no nouns.
     """
 
-    def __init__(self, scene: Scene) -> None:
+    def __init__(self, scene: Scene, colours: frozenset[str] = COLOURS) -> None:
+        self.colours = colours
         self.own = {name: name_words(name) for name in scene.bodies}
         self.named: dict[tuple[str, ...], list[str]] = defaultdict(list)
         for name, own in self.own.items():
@@ -71,7 +73,7 @@ class Nouns:
         called = [name for name in fitting if not set(self.own[name]).isdisjoint(noun)]
         return tuple(called or fitting)
 
-    def matching(self, words: tuple[str, ...], plural: bool) -> tuple[str, ...]:
+    def meant(self, words: tuple[str, ...], plural: bool) -> tuple[str, ...]:
         """The bodies that `words` may mean: the one called exactly so, else those whose name has
         the noun, else those of which all words may be said, else what has another word for it."""
         exact = self.named.get(words)
@@ -79,13 +81,27 @@ class Nouns:
             return tuple(exact)
         if self._is_gripper(words[-1]):
             return (GRIPPER,)
-        return self.fitting(words) or self._otherwise(words)
+        return self._headed(self.fitting(words), words[-1]) or self._otherwise(words)
+
+    def _headed(self, names: Sequence[str], noun: str) -> tuple[str, ...]:
+        """Those of `names` whose noun may be `noun`: the paint is no paint can."""
+        return tuple(name for name in names if self._may_head(name, noun))
+
+    def _may_head(self, name: str, noun: str) -> bool:
+        own = [word for word in self.own[name] if not is_further(word)]
+        own = [word for word in own if word not in self.colours] or own
+        said = set(singulars(noun))
+        return said.isdisjoint(own[:-1]) or not said.isdisjoint(own[-1:])
+
+    def otherwise(self, words: tuple[str, ...]) -> bool:
+        """Whether `words` are other words for a thing, and not its own."""
+        return not self.named.get(words) and not self._headed(self.fitting(words), words[-1])
 
     def _otherwise(self, words: tuple[str, ...]) -> tuple[str, ...]:
         """Those that another word for the noun means: the table where there is only a desk."""
         found: list[str] = []
         for other in _others(words[-1]):
-            found += self.fitting((*words[:-1], other))
+            found += self._headed(self.fitting((*words[:-1], other)), other)
         return tuple(dict.fromkeys(found))
 
     def _said_of(self, body: Body) -> frozenset[str]:
@@ -95,7 +111,7 @@ class Nouns:
         for phrase in body.words:
             said.update(phrase.split())
         for kind, members in english().kinds.items():
-            if any(word == member or _ends(word, member) for word in own for member in members):
+            if any(_ends(word, member) for word in own for member in members):
                 said.add(kind)
         return frozenset(said)
 
@@ -115,8 +131,8 @@ class Nouns:
 
 
 def _ends(own: str, noun: str) -> bool:
-    """Whether the word of a name is a compound of `noun`."""
-    return noun not in STOP and is_within(noun, own)
+    """Whether the word of a name is `noun`, or a compound of it."""
+    return noun == own or (noun in own and is_within(noun, own))
 
 
 def _others(noun: str) -> Iterator[str]:

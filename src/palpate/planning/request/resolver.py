@@ -5,11 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from typing import NoReturn
 
-from palpate.errors import InputError, PlanRejected
+from palpate.errors import PlanRejected
 from palpate.parameter import Parameter
 from palpate.planning.request.item import GRIPPER, Item
+from palpate.planning.request.sentence.meaning import Quantity
 from palpate.quantities.catalogue import Catalogue
 from palpate.scene.scene import Scene
+
+_NOT_SENSED = "no primitive of the robot senses it"
 
 
 class Resolver:
@@ -24,24 +27,19 @@ class Resolver:
         self.catalogue = scene.catalogue
         self.cannot: list[str] = []
 
-    def parameters(self, quantity: Item, objects: Sequence[Item]) -> list[Parameter]:
+    def parameters(self, quantity: Quantity, objects: Sequence[Item]) -> list[Parameter]:
         """The parameters of one quantity said of some objects (of all that miss it, when none is
         named).
 
         Raises:
-            InputError: an object that the scene does not have. PlanRejected: one of several.
+            PlanRejected: one of several.
         """
-        id = self._meant(quantity.names[0], objects)
-        if quantity.kind == "unmeasurable" or not self.catalogue[id].identifiable:
-            self.cannot.append(self._not_measurable(id))
+        id = self._meant(quantity.id, objects)
+        if not quantity.measurable or not self.catalogue[id].identifiable:
+            self.cannot.append(self.not_measurable(quantity))
             return []
         if not objects:
             return self._missing_or_all(id)
-        if any(item.kind == "everything" for item in objects):
-            return self._of_all(id)
-        for item in objects:
-            if item.kind == "unknown":
-                raise self._not_there(item)
         found: list[Parameter] = []
         for item in objects:
             found += _each(self._chosen(item, id), id)
@@ -61,64 +59,48 @@ class Resolver:
     def _any_carries(self, objects: Sequence[Item], id: str) -> bool:
         return any(self._carries(name, id) for item in objects for name in item.names)
 
-    def can_have(self, objects: Sequence[Item], quantity: Item) -> bool:
+    def can_have(self, objects: Sequence[Item], quantity: Quantity) -> bool:
         """Whether one of `objects` can have `quantity`."""
-        id = self._meant(quantity.names[0], objects)
-        for item in objects:
-            if item.kind in ("everything", "unknown") or id not in self.catalogue:
-                return True
-            if any(self._carries(name, id) for name in item.names):
-                return True
-        return False
+        id = self._meant(quantity.id, objects)
+        return id not in self.catalogue or self._any_carries(objects, id)
 
-    def exclusions(self, quantity: Item | None, objects: Sequence[Item]) -> list[Parameter]:
+    def exclusions(self, quantity: Quantity | None, objects: Sequence[Item]) -> list[Parameter]:
         """The parameters that "except …" or "we know …" takes out: of one quantity, or, where none
-        is named, of all."""
-        ids = list(self.catalogue)
-        if quantity is not None:
-            ids = [id for id in quantity.names if id in self.catalogue]
-        excluded: list[Parameter] = []
-        for id in ids:
-            if quantity is not None and not objects:
-                excluded += self._of_all(id)
-            for item in objects:
-                names = self.scene.bodies if item.kind == "everything" else item.names
-                excluded += _each(names, id)
-        return excluded
-
-    def without_quantity(
-        self, alone: Sequence[Item], wished: bool, at_large: bool = False
-    ) -> tuple[list[Parameter], str]:
-        """What a request means that names objects, a wish or "everything", but no quantity, and how
-        it was read. `at_large`: the wish is not for the objects that it names.
+        is named, of all.
 
         Raises:
-            InputError: it names only objects that the scene does not have. PlanRejected: one of
-                several.
+            PlanRejected: one of several things.
         """
-        kinds = {item.kind: item for item in reversed(alone)}  # the first of each kind
-        if "unknown" in kinds and not any(item.names for item in alone):
-            raise self._not_there(kinds["unknown"])
-        if "unmeasurable" in kinds:
-            self._add_unmeasurable(alone)
-            return [], ""
-        if not wished and "everything" not in kinds:
-            return [], ""
-        mentioned: list[str] = []
-        for item in alone:
-            mentioned += self._chosen(item, None)
-        if not mentioned or (at_large and self._holds_all(mentioned)):
-            return self.everything()
-        return self._missing_of(list(dict.fromkeys(mentioned)), list(self.scene.missing))
+        ids = list(self.catalogue)
+        if quantity is not None:
+            meant = self._meant(quantity.id, objects)
+            ids = [id for id in (meant,) if id in self.catalogue]
+        excluded: list[Parameter] = []
+        for id in ids:
+            if not objects:
+                excluded += self._of_all(id)
+            for item in objects:
+                excluded += _each(self._chosen(item, None), id)
+        return excluded
+
+    def missing(self, objects: Sequence[Item], model: bool = False) -> tuple[list[Parameter], str]:
+        """All that the scene misses of some things, or of everything, and how that was read.
+        `model`: a model of them, which is one of all that stands on them.
+
+        Raises:
+            PlanRejected: one of several.
+        """
+        names: list[str] = []
+        for item in objects:
+            names += self._chosen(item, None)
+        if not names or (model and self._holds_all(names)):
+            return list(self.scene.missing), "Everything that the scene misses is meant."
+        return self._missing_of(list(dict.fromkeys(names)), list(self.scene.missing))
 
     def _holds_all(self, names: Sequence[str]) -> bool:
         """Whether these are where everything stands: "a model of my desk" is one of all on it."""
         surfaces = self.scene.surfaces
         return all(name in surfaces for name in names) and len(surfaces) == len(set(names))
-
-    def everything(self) -> tuple[list[Parameter], str]:
-        """All that the scene misses, and that this is how it was read."""
-        return list(self.scene.missing), "Everything that the scene misses is meant."
 
     def ordered(self, parameters: Sequence[Parameter]) -> list[Parameter]:
         """Each once: surfaces first, then objects, both in document order; quantities as in the
@@ -131,24 +113,33 @@ class Resolver:
 
         return sorted(dict.fromkeys(parameters), key=place)
 
-    def not_understood(self, words: Sequence[str]) -> NoReturn:
-        """Something in it was not.
-
-        Raises:
-            PlanRejected: always; it names the words, and says what can be asked.
-        """
+    def not_understood(self, words: Sequence[str], sentence: Sequence[str]) -> PlanRejected:
+        """Something in a sentence was not: names the words, and says what can be asked, and how."""
         listed = ", ".join(f"'{word}'" for word in dict.fromkeys(words))
-        raise PlanRejected(
-            f"I did not understand {listed}; measurable are {_measurable(self.catalogue)} of "
+        said = " ".join(sentence)
+        return PlanRejected(
+            f"I did not understand {listed} in '{said[:80]}'; say it plainly, e.g. "
+            f"'{self._example()}'; measurable are {_measurable(self.catalogue)} of "
             f"{self._listed_bodies()}"
         )
 
-    def no_deed(self, deed: Item) -> str:
+    def _example(self) -> str:
+        """A request that is understood."""
+        if self.scene.objects:
+            return f"mass of the {next(iter(self.scene.objects))}"
+        return "everything that is missing"
+
+    def no_deed(self, word: str) -> str:
         """What to say to somebody who wants the robot to do something."""
         return (
-            f"'{deed.text}' is nothing to measure: the robot touches and weighs, and puts everything back; "
+            f"'{word}' is nothing to measure: the robot touches and weighs, and puts everything back; "
             f"measurable are {_measurable(self.catalogue)}."
         )
+
+    def not_felt(self, word: str) -> str:
+        """What to say to somebody who asks how a thing is."""
+        measurable = _measurable(self.catalogue)
+        return f"Whether it is '{word}' cannot be measured: {_NOT_SENSED}; what can be is {measurable}."
 
     def reject(self, request: str) -> NoReturn:
         """Nothing was understood.
@@ -212,17 +203,14 @@ class Resolver:
             return name in self.scene.objects
         return subject == self.scene.bodies[name].role
 
-    def _add_unmeasurable(self, items: Sequence[Item]) -> None:
-        """Say of every property among `items` that it cannot be measured."""
-        for item in items:
-            if item.kind == "unmeasurable":
-                self.cannot.append(self._not_measurable(item.names[0]))
-
-    def _not_measurable(self, id: str) -> str:
-        reason, label = "no primitive of the robot senses it", id
-        if id in self.catalogue:
-            reason, label = self.catalogue[id].how, self.catalogue[id].label
-        return f"The {label} cannot be measured: {reason}; what can be is {_measurable(self.catalogue)}."
+    def not_measurable(self, quantity: Quantity) -> str:
+        """What to say to somebody who asks for a property that nothing measures."""
+        reason, label = _NOT_SENSED, quantity.id
+        if quantity.id in self.catalogue:
+            reason, label = self.catalogue[quantity.id].how, self.catalogue[quantity.id].label
+        said = f" ('{quantity.word}')" if quantity.word != label else ""
+        measurable = _measurable(self.catalogue)
+        return f"The {label}{said} cannot be measured: {reason}; what can be is {measurable}."
 
     def _wrong_subject(self, id: str, objects: Sequence[Item]) -> str:
         subject = self.catalogue[id].subject
@@ -232,9 +220,6 @@ class Resolver:
             f"The {self.catalogue[id].label} of '{objects[0].text}' cannot be measured: it is measured of "
             f"{article} {subject} ({carriers})."
         )
-
-    def _not_there(self, item: Item) -> InputError:
-        return InputError(f"the scene has no '{item.text}'; it has {self._listed_bodies()}")
 
     def _listed_bodies(self) -> str:
         return ", ".join(self.scene.bodies) or "no objects at all"

@@ -3,22 +3,53 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator, Sequence
 
-from palpate.planning.request.lexicon import MARKS
+from palpate.planning.request.lexicon import AMOUNTS
+
+_APART = (
+    (r"\bcan'?t\b|\bcannot\b", "can not"),
+    (r"\bwon't\b", "will not"),
+    (r"n't\b", " not"),
+    (r"'m\b", " am"),
+    (r"'re\b", " are"),
+    (r"'ve\b", " have"),
+    (r"'ll\b", " will"),
+    (r"'d\b", " would"),
+    (r"\blet's\b", "let us"),
+    (r"\b(what|who|where|there|here|how|it|that)'s\b", r"\1 is"),
+    (r"[&+]", " and "),
+)
+"""What is written as one word and is two."""
 
 
 def tokens(request: str) -> list[str]:
-    """Words, `'s`, punctuation that separates, and the marks §want §know §was_known §neg §amount, of
-    a request in lower case.
+    """Words, `'s`, punctuation that separates, and §amount for a figure with its unit, of a request
+    in lower case.
 
     Names written as identifiers (`light_blue_box`, `bottle.mass`) come apart into their words.
     """
-    text = re.sub(r"n't\b", " not", request)
-    text = re.sub(r"[_\-]+", " ", re.sub(r"\s+", " ", text))
-    for pattern, mark in MARKS:
-        text = re.sub(pattern, mark, text)
+    text = re.sub(r"\s+", " ", request)
+    for pattern, apart in _APART:
+        text = re.sub(pattern, apart, text)
+    for pattern in AMOUNTS:
+        text = re.sub(pattern, " §amount ", text)
+    text = re.sub(r"[_\-]+", " ", text)
     text = re.sub(r"\.(?=\S)|/", " ", text)
     return re.findall(r"§\w+|'s\b|\w+|[,;:.?!]", text)
+
+
+def sentences(tokens: Sequence[str]) -> Iterator[list[str]]:
+    """Each sentence, a question with its mark."""
+    sentence: list[str] = []
+    for token in [*tokens, "."]:
+        if token == "?" and sentence:
+            sentence.append(token)
+        if token not in ".;?!":
+            sentence.append(token)
+        elif sentence:
+            yield sentence
+            sentence = []
 
 
 def name_words(name: str) -> tuple[str, ...]:
@@ -31,6 +62,11 @@ _FURTHER = re.compile(r"(?:body|base|top|link|obj|object|geom|mesh|part|main|roo
 """What authors of models put behind a noun without saying more by it."""
 _BEFORE = re.compile(r"(?=.*[aeiouy])\w{3,}")
 """What may make another noun of the one behind it: `work` of `bench`, but not `sp` of `ring`."""
+
+
+def is_further(word: str) -> bool:
+    """Whether a word of a name says nothing more than the noun before it: `main`, `1`, `a`."""
+    return len(word) == 1 or bool(_FURTHER.fullmatch(word))
 
 
 def is_within(word: str, name: str) -> bool:
@@ -57,3 +93,18 @@ def singulars(word: str) -> tuple[str, ...]:
     if word.endswith("ing"):
         forms.append(word[:-3])
     return tuple(forms)
+
+
+def forms(word: str) -> tuple[tuple[str, str], ...]:
+    """What verb `word` may be a form of, and which: "sliding" is "slide" and `_ING`."""
+    found = [(word, "")]
+    for ending, tag in (("ing", "_ING"), ("es", "_S"), ("ed", "_ED"), ("s", "_S")):
+        stem = word.removesuffix(ending)
+        if stem == word or len(stem) < 2:
+            continue
+        found += [(stem, tag), (stem + "e", tag)]
+        if stem[-1] == stem[-2]:
+            found.append((stem[:-1], tag))
+        if stem.endswith("i"):
+            found.append((stem[:-1] + "y", tag))
+    return tuple(found)

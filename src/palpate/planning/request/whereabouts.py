@@ -6,8 +6,7 @@ its left.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable, Mapping, Sequence
 
 import numpy as np
 
@@ -15,8 +14,6 @@ from palpate.errors import PlanRejected
 from palpate.geometry.pose import Array
 from palpate.mjcf.body import Body
 from palpate.planning.request.item import Item
-from palpate.planning.request.lexicon import DETERMINERS, EVERY, PASSIVE
-from palpate.planning.request.wording import english
 from palpate.scene.scene import Scene
 
 APART = 0.02
@@ -31,54 +28,53 @@ in millimetres."""
 LARGER = 1.1
 """One of several is the large one where it is larger than the next by this."""
 
-_AROUND = DETERMINERS | EVERY | {"that", "which"}
 _VIEWS = ("left", "right")
 
 
-@dataclass(frozen=True, slots=True)
-class Landmark:
-    """What is said of where a thing stands: how, to which things, and at which item that ends."""
-
-    relation: str
-    marks: tuple[Item, ...]
-    end: int
-
-    def bodies(self, scene: Scene) -> list[Body]:
-        """The things themselves."""
-        return _bodies(scene, (name for mark in self.marks for name in mark.names))
-
-
-def located(items: Sequence[Item], scene: Scene) -> list[Item]:
-    """The items; things that are named by where they stand are those things, and what they stand
-    beside is not asked about.
+def farthest(place: str, names: Sequence[str], scene: Scene, said: str) -> tuple[str, str]:
+    """That of several which is farthest to one side, or the largest, and how it was told.
 
     Raises:
-        PlanRejected: nothing stands there, or it cannot be told which does.
+        PlanRejected: two are.
     """
-    found = list(_selected(items, scene))
-    for at in range(len(found) - 1, -1, -1):
-        landmark = _landmark(found, at)
-        if landmark is None:
-            continue
-        placed = [found[at]]
-        if found[at].kind != "deed":
-            placed = [_placed(found[at], landmark, scene)]
-        found[at : landmark.end + 1] = placed
-    return found
+    chosen = _extreme(place, _bodies(scene, names), scene, place, said)
+    return chosen, _as_seen(place, place)
 
 
-def _selected(items: Sequence[Item], scene: Scene) -> Iterator[Item]:
-    """The items; "the left box" is that of the boxes which stands farthest to the left."""
-    for before, item in zip([None, *items], items, strict=False):
-        if item.kind == "selector":
-            continue
-        several = item.kind == "object" and not item.plural and len(item.fitting) > 1
-        if before is None or before.kind != "selector" or not several:
-            yield item
-            continue
-        place = before.names[0]
-        chosen = _extreme(place, _bodies(scene, item.fitting), scene, before.text, item.text)
-        yield replace(item, names=(chosen,), fitting=(chosen,), remark=_as_seen(before.text, place))
+def standing(
+    relation: str, item: Item, marks: Sequence[str], scene: Scene, anything: bool
+) -> tuple[tuple[str, ...], str]:
+    """Those of the item's things that stand so to the marks, and how it was told.
+
+    Raises:
+        PlanRejected: nothing does, or it cannot be told which does.
+    """
+    beside = _bodies(scene, marks)
+    rest = _bodies(scene, scene.objects if anything else item.names)
+    rest = [body for body in rest if all(body is not mark for mark in beside)]
+    on_surface = relation in _STANDING and all(name in scene.surfaces for name in marks)
+    remark = ""
+    if len(item.names) == 1 and on_surface and item.names[0] not in marks:
+        # The believed height of a surface may be what is asked for.
+        return item.names, remark
+    if relation in _STANDING:
+        found = _standing(relation, rest, beside)
+    elif anything or len(rest) > 1:
+        found, remark = _beside(relation, rest, beside, scene)
+    else:
+        found = _on_that_side(relation, rest, beside, scene)
+    if not found:
+        said = " and ".join(f"'{mark}'" for mark in marks)
+        raise PlanRejected(f"no '{item.text}' of this scene is {_SAID[relation]} {said}")
+    return tuple(body.name for body in found), remark
+
+
+def _on_that_side(
+    relation: str, rest: Sequence[Body], marks: Sequence[Body], scene: Scene
+) -> Sequence[Body]:
+    """The only thing of its name, if it stands so."""
+    middle = np.mean([_in_base(mark, scene) for mark in marks], axis=0)
+    return [body for body in rest if _SIDES[relation](_in_base(body, scene) - middle)]
 
 
 def _as_seen(said: str, relation: str) -> str:
@@ -124,73 +120,6 @@ _EXTREMES: Mapping[str, Callable[[Body, Scene], float]] = {
     "tall": lambda body, scene: float(body.size[2]),
     "short": lambda body, scene: -float(body.size[2]),
 }
-
-
-def _landmark(items: Sequence[Item], at: int) -> Landmark | None:
-    """What is said of where item `at` stands."""
-    if not (_is_done(items, at) or _may_stand(items[at])):
-        return None
-    way = at + 1
-    while way < len(items) and items[way].text in english().tying:
-        way += 1
-    if way >= len(items) or items[way].kind != "stop" or not items[way].names:
-        return None
-    relation = items[way].names[0]
-    marks, end = _marks(items, way + 1, 2 if relation == "between" else 1)
-    two = relation == "between" and not any(mark.plural for mark in marks)
-    return Landmark(relation, marks, end) if len(marks) == 1 + two else None
-
-
-def _is_done(items: Sequence[Item], at: int) -> bool:
-    """Whether item `at` is something done to a thing: "is pushed over the table"."""
-    return items[at].kind == "deed" and at > 0 and items[at - 1].text in PASSIVE
-
-
-def _may_stand(item: Item) -> bool:
-    if item.kind == "everything" or item.text in ("what", "whatever"):
-        return True
-    return item.kind == "object" and bool(item.names)
-
-
-def _marks(items: Sequence[Item], start: int, most: int) -> tuple[tuple[Item, ...], int]:
-    """The first `most` things from item `start` on, with nothing else between, and where they end."""
-    marks: list[Item] = []
-    end = start
-    for at in range(start, len(items)):
-        item = items[at]
-        if item.kind == "object":
-            marks.append(item)
-            end = at
-        elif item.text not in _AROUND and not (marks and item.kind == "list"):
-            break
-        if len(marks) == most:
-            break
-    return tuple(marks), end
-
-
-def _placed(item: Item, landmark: Landmark, scene: Scene) -> Item:
-    """The item as the things that it names and that stand so.
-
-    Raises:
-        PlanRejected: nothing does, or it cannot be told which does.
-    """
-    anything = item.kind != "object"
-    marks = landmark.bodies(scene)
-    in_itself = len(item.names) == 1 and any(mark.name in item.names for mark in marks)
-    if len(item.names) == 1 and landmark.relation in _STANDING and not in_itself:
-        return item
-    rest = _bodies(scene, scene.objects if anything else item.names)
-    rest = [body for body in rest if all(body is not mark for mark in marks)]
-    found, remark = rest, ""
-    if landmark.relation in _STANDING:
-        found = _standing(landmark.relation, rest, marks)
-    elif anything or len(rest) > 1:
-        found, remark = _beside(landmark.relation, rest, marks, scene)
-    if not found:
-        said = " and ".join(f"'{mark.text}'" for mark in landmark.marks)
-        raise PlanRejected(f"no '{item.text}' of this scene is {_SAID[landmark.relation]} {said}")
-    names = tuple(body.name for body in found)
-    return Item("object", item.words, names, anything or item.plural, names, remark=remark)
 
 
 _SAID = {

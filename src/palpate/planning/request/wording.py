@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cache
@@ -34,44 +35,50 @@ class Language:
 
 @dataclass(frozen=True, slots=True)
 class English:
-    """What English words are; the keys of `words/en.yaml` tell what each is for."""
+    """What English words are; `words/en.yaml` tells what each is for.
+
+    Attributes:
+        classes: the classes of a phrase, and whether it inflects.
+        single: first words of all phrases.
+        irregular: forms of verbs that no ending tells, with the verb and the form.
+    """
 
     turned: Mapping[Phrase, Phrase]
+    classes: Mapping[Phrase, tuple[tuple[str, bool], ...]]
+    single: frozenset[str]
+    irregular: Mapping[str, tuple[str, str]]
+    numbers: Mapping[str, str]
     compared: Mapping[str, str]
     superlatives: frozenset[str]
-    degrees: frozenset[str]
-    than: frozenset[str]
     relations: Mapping[Phrase, str]
-    tying: frozenset[str]
     selecting: Mapping[str, str]
     kinds: Mapping[str, frozenset[str]]
     collective: frozenset[str]
     same: tuple[frozenset[str], ...]
-    deeds: frozenset[str]
-    handling: frozenset[str]
     purposes: Mapping[str, tuple[str, ...]]
-    states: frozenset[str]
-    harmless: frozenset[str]
-    aside: frozenset[str]
-    nouns: frozenset[str]
-    wishes: frozenset[str]
+    describing: frozenset[str]
+    things: frozenset[str]
 
 
 @cache
 def english() -> English:
     """The words of English requests."""
     said = _read("en")
-    relations: dict[Phrase, str] = {}
+    classes = _classes(said["classes"], said["verbs"])
+    relations: dict[Phrase, Any] = {}
     for relation, phrases in said["relations"].items():
-        for phrase in phrases.split(","):
-            relations[tuple(phrase.split())] = relation
+        relations |= dict.fromkeys(_listed(phrases), relation)
     purposes: dict[str, tuple[str, ...]] = {}
     for quantities, verbs in said["purposes"].items():
         purposes |= dict.fromkeys(verbs.split(), tuple(quantities.split()))
-    sets = ("collective", "superlatives", "degrees", "than", "tying", "deeds", "handling", "states")
-    words = {name: word_set(said[name]) for name in (*sets, "harmless", "aside", "nouns", "wishes")}
+    sets = ("collective", "superlatives", "describing", "things")
+    words = {name: word_set(said[name]) for name in sets}
     return English(
         turned=_phrases(said["turned"]),
+        classes=classes,
+        single=frozenset(phrase[0] for phrase in classes),
+        irregular={form: _form(told) for form, told in said["irregular"].items()},
+        numbers={word: str(number) for word, number in said["numbers"].items()},
         compared=by_word(said["compared"]),
         relations=relations,
         selecting=by_word(said["selecting"]),
@@ -93,8 +100,34 @@ def language(code: str) -> Language:
 
 @cache
 def tells() -> Mapping[str, frozenset[str]]:
-    """Frequent small words by which each of `LANGUAGES` is told from others."""
+    """Frequent small words by which each of `LANGUAGES`, and English, is told from others."""
     return {code: word_set(words) for code, words in _read("tells").items()}
+
+
+def longest(table: Iterable[Phrase]) -> int:
+    """Words of the longest phrase."""
+    return max(map(len, table), default=0)
+
+
+def _classes(
+    plain: Mapping[str, str], verbs: Mapping[str, str]
+) -> dict[Phrase, tuple[tuple[str, bool], ...]]:
+    found: dict[Phrase, list[tuple[str, bool]]] = defaultdict(list)
+    for inflects, classes in ((False, plain), (True, verbs)):
+        for kind, phrases in classes.items():
+            for phrase in dict.fromkeys(_listed(phrases)):
+                found[phrase].append((kind, inflects))
+    return {phrase: tuple(kinds) for phrase, kinds in found.items()}
+
+
+def _listed(phrases: str) -> list[Phrase]:
+    return [tuple(phrase.split()) for phrase in phrases.split(",") if phrase.strip()]
+
+
+def _form(told: str) -> tuple[str, str]:
+    """A verb and its form: "find ED"; the past, which nothing asks for, has none."""
+    verb, _, form = told.partition(" ")
+    return verb, f"_{form}" if form else ""
 
 
 def _read(code: str) -> dict[str, Any]:
@@ -105,8 +138,3 @@ def _read(code: str) -> dict[str, Any]:
 
 def _phrases(turned: Mapping[str, str]) -> dict[Phrase, Phrase]:
     return {tuple(phrase.split()): tuple(said.split()) for phrase, said in turned.items()}
-
-
-def longest(table: Iterable[Phrase]) -> int:
-    """Words of the longest phrase."""
-    return max(map(len, table), default=0)

@@ -1,0 +1,308 @@
+"""What the rules of `words/grammar.txt` make of the meanings of their parts.
+
+Every action there is one of `ACTIONS`; it gets its own arguments and then the meanings, in order.
+One that makes several at once returns them as a tuple.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Hashable, Mapping
+from dataclasses import replace
+
+from palpate.planning.request.item import GRIPPER
+from palpate.planning.request.sentence.meaning import (
+    Absent,
+    Act,
+    Again,
+    But,
+    Chosen,
+    Coloured,
+    Deed,
+    Everything,
+    Handled,
+    It,
+    Marks,
+    Mention,
+    Named,
+    Need,
+    Pair,
+    Placed,
+    Quantity,
+    Say,
+    Several,
+    Simulated,
+    Thing,
+    Top,
+    Unfelt,
+)
+
+Words = tuple[str, ...]
+Part = Quantity | Thing | str
+"""What actions get; a quantity also by its id."""
+
+
+def _several(*things: Thing) -> Thing:
+    return things[0] if len(things) == 1 else Several(things)
+
+
+def _named(many: str, words: Words) -> Named:
+    return Named(words, many)
+
+
+def _named_last(_: Words, words: Words) -> Named:
+    """ "The body called duck"."""
+    return Named(words)
+
+
+def _named_other(words: Words) -> Named:
+    return Named(words, "other")
+
+
+def _gripper() -> Named:
+    return Named((GRIPPER,))
+
+
+def _coloured(many: str, words: Words) -> Coloured:
+    return Coloured(words, many)
+
+
+def _absent(words: Words, _: Thing | None = None) -> Absent:
+    return Absent(words)
+
+
+def _absent_of(_: Thing, words: Words) -> Absent:
+    return Absent(words)
+
+
+def _others() -> Everything:
+    return Everything(others=True)
+
+
+def _select(place: str, words: Words) -> Chosen:
+    """ "The left box"."""
+    return Chosen(place, Named(words, "all"))
+
+
+def _select_last(words: Words, *places: str) -> Chosen:
+    """ "The box on the left", "farthest to the left"."""
+    return Chosen(places[-1], Named(words, "all"))
+
+
+def _marks(relation: str, *marks: Thing) -> Marks:
+    return Marks(relation, marks)
+
+
+def _marks_between(words: Words) -> Marks:
+    """ "Between the boxes"."""
+    return Marks("between", (Named(words, "2"),))
+
+
+def _placed(thing: Thing, place: Marks) -> Placed:
+    return Placed(thing, place.relation, place.marks)
+
+
+def _whatever(place: Marks) -> Placed:
+    return _placed(Everything(), place)
+
+
+def _class(words: Words, place: Marks) -> Placed:
+    """All of a kind that stand so."""
+    return _placed(Named(words, "all"), place)
+
+
+def _class_mention(words: Words, place: Marks) -> Mention:
+    return Mention(_class(words, place))
+
+
+def _class_near(words: Words, place: str, mark: Thing) -> Mention:
+    """ "Which can is closer to the drill?"."""
+    relation = "nearest" if place == "near" else place
+    return Mention(_class(words, Marks(relation, (mark,))))
+
+
+def _but_all(less: Thing) -> But:
+    return But(Everything(), less)
+
+
+def _pair(*parts: Part) -> Pair:
+    """Quantities and the thing that they are of, if any."""
+    quantities = [part for part in parts if isinstance(part, Quantity)]
+    quantities += [Quantity(part, part) for part in parts if isinstance(part, str)]
+    things = [part for part in parts if not isinstance(part, (Quantity, str))]
+    return Pair(tuple(dict.fromkeys(quantities)), things[0] if things else None)
+
+
+def _unfelt_of(words: Words, thing: Thing) -> Pair:
+    """A property that nobody knows."""
+    return Pair((Quantity(" ".join(words), words[-1], measurable=False),), thing)
+
+
+def _listed(*parts: Part | Pair) -> tuple[Pair, ...]:
+    """Quantities of one thing, and what is listed behind."""
+    behind = tuple(part for part in parts if isinstance(part, Pair))
+    first = [part for part in parts if not isinstance(part, Pair)]
+    return (_pair(*first), *behind)
+
+
+def _every(*quantities: Quantity) -> Pair:
+    return Pair(quantities, every=True)
+
+
+def _that(thing: Thing) -> Pair:
+    """ "That of the mug"."""
+    return Pair((), thing, again=True)
+
+
+def _how_large(asked: Quantity, pair: Pair) -> Pair:
+    """ "How high is the friction?"."""
+    return pair if asked.measurable else Pair((asked,), pair.thing)
+
+
+def _say(deed: str, *pairs: Pair) -> Say:
+    return Say(deed, pairs)
+
+
+def _say_of(deed: str, *parts: Part) -> Say:
+    return Say(deed, (_pair(*parts),))
+
+
+def _say_model(deed: str, thing: Thing) -> Say:
+    """A model of a thing is one of all that stands on it."""
+    return Say(deed, (Pair((), thing, every=True),))
+
+
+def _say_every(deed: str, *quantities: Quantity) -> Say:
+    return Say(deed, (_every(*quantities),))
+
+
+def _say_but(*parts: Act | Pair | Thing) -> tuple[Act, ...]:
+    """What is wanted, and of that what is not."""
+    said: list[Act] = []
+    for part in parts:
+        if isinstance(part, Pair):
+            said.append(Say("skip", (part,)))
+        elif isinstance(part, Act):
+            said.append(part)
+        else:
+            said.append(Say("skip", (Pair((), part),)))
+    return tuple(said)
+
+
+def _unsaid(*parts: Act | Thing) -> tuple[Act, ...]:
+    """What is said, as not wanted."""
+    turned = [replace(part, deed="skip") if isinstance(part, Say) else part for part in parts]
+    return _say_but(*turned)
+
+
+def _same(thing: Thing) -> Say:
+    """ "Do the same for the mug"."""
+    return Say("want", (_that(thing),))
+
+
+def _mass() -> Quantity:
+    return Quantity("mass", "mass")
+
+
+def _compared(*parts: Part) -> Say:
+    """What is compared, of all that it is compared of."""
+    things = [part for part in parts if not isinstance(part, (Quantity, str))]
+    thing = _several(*things) if things else Again("all")
+    return Say("want", (replace(_pair(*parts), thing=thing),))
+
+
+def _selected(*parts: Part) -> Say:
+    """Like `_compared`, where one of a class is asked for: all of it are meant, or of the class
+    those that are listed last."""
+    quantities = [part for part in parts if isinstance(part, (Quantity, str))]
+    things = [part for part in parts if not isinstance(part, (Quantity, str))]
+    return _compared(*quantities, *things[-1:])
+
+
+def _simulated(verb: str, *things: Thing) -> Simulated:
+    return Simulated(verb, things[0] if things else None)
+
+
+def _simulated_of(thing: Thing, verb: str) -> Simulated:
+    return Simulated(verb, thing)
+
+
+def _nothing(*_: Hashable) -> tuple[()]:
+    return ()
+
+
+def _marks_of(place: Marks) -> tuple[Thing, ...]:
+    return place.marks
+
+
+def _alone(thing: Thing) -> Mention:
+    return Mention(thing, alone=True)
+
+
+def _deed(word: str, *things: Thing) -> Deed:
+    return Deed(word, things)
+
+
+def _unfelt(_: Thing, word: str) -> Unfelt:
+    return Unfelt(word)
+
+
+def _need(*_: Hashable) -> Need:
+    return Need()
+
+
+def _it(*_: Hashable) -> It:
+    return It()
+
+
+ACTIONS: Mapping[str, Callable[..., Hashable]] = {
+    "several": _several,
+    "named": _named,
+    "named_last": _named_last,
+    "named_other": _named_other,
+    "coloured": _coloured,
+    "gripper": _gripper,
+    "absent": _absent,
+    "absent_of": _absent_of,
+    "again": Again,
+    "everything": Everything,
+    "others": _others,
+    "select": _select,
+    "select_last": _select_last,
+    "whatever": _whatever,
+    "placed": _placed,
+    "class": _class,
+    "class_mention": _class_mention,
+    "class_near": _class_near,
+    "marks": _marks,
+    "marks_between": _marks_between,
+    "marks_of": _marks_of,
+    "surface_of": Top,
+    "but": But,
+    "but_all": _but_all,
+    "pair": _pair,
+    "unfelt_of": _unfelt_of,
+    "listed": _listed,
+    "every": _every,
+    "that": _that,
+    "how_large": _how_large,
+    "say": _say,
+    "say_of": _say_of,
+    "say_model": _say_model,
+    "say_every": _say_every,
+    "say_but": _say_but,
+    "unsaid": _unsaid,
+    "same": _same,
+    "mass": _mass,
+    "compared": _compared,
+    "selected": _selected,
+    "simulated": _simulated,
+    "simulated_of": _simulated_of,
+    "nothing": _nothing,
+    "mention": Mention,
+    "alone": _alone,
+    "deed": _deed,
+    "handled": Handled,
+    "unfelt": _unfelt,
+    "need": _need,
+    "it": _it,
+}

@@ -1,0 +1,252 @@
+"""What each word of a sentence may be: the classes that `words/grammar.txt` speaks of.
+
+A word may be several things, a noun and a verb; the grammar tells which. A word that is nothing of
+all that is unknown, and no part of any reading but of one that names a thing which is not there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+from palpate.planning.request import lexicon, spelling
+from palpate.planning.request.lexicon import COLOURS
+from palpate.planning.request.nouns import Nouns
+from palpate.planning.request.sentence.chart import Meanings
+from palpate.planning.request.sentence.grammar import grammar
+from palpate.planning.request.sentence.meaning import Quantity
+from palpate.planning.request.tokens import forms, singulars
+from palpate.planning.request.wording import Phrase, english, longest
+from palpate.quantities.catalogue import catalogue
+from palpate.scene.scene import Scene
+
+Edge = tuple[str, int, Meanings]
+"""A class, the place where its words end, and what they mean."""
+
+
+class Lattice:
+    """The words that requests about one scene may use.
+
+    Attributes:
+        nouns: of its bodies.
+    """
+
+    def __init__(self, scene: Scene, colours: frozenset[str] = COLOURS) -> None:
+        self.nouns = Nouns(scene, colours)
+        self._quantities = _quantities()
+        self._longest = longest(self._quantities)
+
+    def edges(self, tokens: Sequence[str]) -> list[dict[str, list[tuple[int, Meanings]]]]:
+        """What begins at each word."""
+        lattice: list[dict[str, list[tuple[int, Meanings]]]] = []
+        for at, token in enumerate(tokens):
+            begins: dict[str, list[tuple[int, Meanings]]] = {token: [(at + 1, ())]}
+            for kind, end, meanings in self._edges(tokens, at):
+                begins.setdefault(kind, []).append((end, meanings))
+            lattice.append(begins)
+        return lattice
+
+    def unknown(self, tokens: Sequence[str]) -> list[str]:
+        """The words that are nothing at all here."""
+        return [token for token in dict.fromkeys(tokens) if self._is_unknown(token)]
+
+    def unfelt(self, tokens: Sequence[str]) -> Quantity | None:
+        """The first property among the words that nothing measures."""
+        for at in range(len(tokens)):
+            for _, _, meanings in self._properties(tokens, at):
+                for one in meanings:
+                    if isinstance(one, Quantity) and not one.measurable:
+                        return one
+        return None
+
+    def slips(self, tokens: Sequence[str]) -> dict[str, str]:
+        """What those tokens that mean nothing are a slip of."""
+        known = self.nouns.names | {word for phrase in self._quantities for word in phrase}
+        known = {word for word in known - lexicon.NO_NOUNS | {"weigh"} if word.isalpha()}
+        found: dict[str, str] = {}
+        for token in self.unknown(tokens):
+            meant = spelling.meant(token, known)
+            if meant is not None and token not in english().things:
+                found[token] = meant
+        return found
+
+    def _is_unknown(self, token: str) -> bool:
+        if token in _LITERALS or token.startswith("§") or not token.isalpha():
+            return False
+        if self.nouns.known(token) or token in _SELECTING | _RELATING or token in _QUANTITATIVE:
+            return False
+        if not _PARTS.isdisjoint(singulars(token)):
+            return False
+        said = english()
+        known = said.single | said.irregular.keys() | said.numbers.keys()
+        return not any(lemma in known for lemma, _ in forms(token))
+
+    def _edges(self, tokens: Sequence[str], at: int) -> Iterator[Edge]:
+        yield from _words(tokens, at)
+        yield from self._properties(tokens, at)
+        yield from _comparing(tokens, at)
+        yield from self._things(tokens, at)
+
+    def _properties(self, tokens: Sequence[str], at: int) -> Iterator[Edge]:
+        """The longest synonym of a quantity, and properties that nothing measures."""
+        for length in range(min(self._longest, len(tokens) - at), 0, -1):
+            phrase = tuple(tokens[at : at + length])
+            found = list(self._called(phrase, at + length))
+            if found:
+                yield from found
+                return
+        word = tokens[at]
+        if self.nouns.known(word):
+            return
+        for form in singulars(word):
+            label = lexicon.UNMEASURABLE.get(form)
+            if label is not None:
+                kind = "ADJQ" if form in lexicon.ADJECTIVES else "QUANT"
+                yield kind, at + 1, (Quantity(label, word, measurable=False),)
+                return
+
+    def _called(self, phrase: Phrase, end: int) -> Iterator[Edge]:
+        """The quantity that `phrase` is a synonym of, in the singular or the plural of its first or
+        last word."""
+        for last in singulars(phrase[-1]):
+            first = singulars(phrase[0])[-1] if len(phrase) > 1 else last
+            id = self._quantities.get((*phrase[:-1], last)) or self._quantities.get(
+                (first, *phrase[1:])
+            )
+            if id is None:
+                continue
+            quantity = (Quantity(id, " ".join(phrase)),)
+            if not lexicon.ADJECTIVES.isdisjoint(phrase[:1]):
+                yield "ADJQ", end, quantity
+            else:
+                yield "QUANT", end, quantity
+            return
+
+    def _things(self, tokens: Sequence[str], at: int) -> Iterator[Edge]:
+        """Every run of words that names things of the scene, and one that names what it lacks."""
+        yield from self._whole_names(tokens, at)
+        yield from self._runs(tokens, at)
+        yield from self._described(tokens, at)
+        absent = self._absent(tokens, at)
+        if absent:
+            yield "ABSENT", at + len(absent), (absent,)
+
+    def _described(self, tokens: Sequence[str], at: int) -> Iterator[Edge]:
+        """ "The steel hammer", where no other hammer is."""
+        describes = tokens[at] in english().describing and not self.nouns.known(tokens[at])
+        if not describes or at + 1 == len(tokens):
+            return
+        for kind, end, meanings in self._things(tokens, at + 1):
+            if kind == "OBJ" and len(self.nouns.fitting(tuple(tokens[at + 1 : end]))) <= 1:
+                yield kind, end, meanings
+
+    def _whole_names(self, tokens: Sequence[str], at: int) -> Iterator[Edge]:
+        """Names of several words, together or apart: "redbox", "red box"; and those of one that was
+        said in two, "note book"."""
+        for own in self.nouns.named:
+            if len(own) > 1 and tokens[at] == "".join(own):
+                yield "OBJ", at + 1, (own,)
+            elif len(own) > 1 and tuple(tokens[at : at + len(own)]) == own:
+                yield "OBJ", at + len(own), (own,)
+        two = tuple(tokens[at : at + 2])
+        if len(two) == 2 and ("".join(two),) in self.nouns.named:
+            yield "OBJ", at + 2, (("".join(two),),)
+
+    def _runs(self, tokens: Sequence[str], at: int) -> Iterator[Edge]:
+        for end in range(at + 1, len(tokens) + 1):
+            run = tuple(tokens[at:end])
+            if not self.nouns.known(run[-1]):
+                return
+            if self.nouns.colours.issuperset(run):
+                yield "COLOUR", end, (run,)
+            elif self.nouns.colours.issuperset(run[1:]):
+                run = (*run[1:], run[0])  # as Spanish has it: "caja roja"
+            if self.nouns.meant(run, plural=True):
+                plural = not self.nouns.singular(run[-1]) or run[-1] in english().collective
+                if self.nouns.names.isdisjoint([run]) or run not in self.nouns.named:
+                    yield ("OBJS" if plural else "OBJ"), end, (run,)
+                elif len(run) == 1:
+                    yield "OBJ", end, (run,)
+
+    def _absent(self, tokens: Sequence[str], at: int) -> Phrase:
+        """The longest run that names a thing which is not there."""
+        run: list[str] = []
+        fits = True
+        for token in tokens[at : at + 5]:
+            unknown = self._is_unknown(token)
+            if not (unknown or self.nouns.known(token)):
+                break
+            run.append(token)
+            fits = fits and not unknown
+        if not run or (
+            fits and (self.nouns.meant(tuple(run), True) or self.nouns.colours.issuperset(run))
+        ):
+            return ()
+        return tuple(run)
+
+
+def _words(tokens: Sequence[str], at: int) -> Iterator[Edge]:
+    """The classes of `words/en.yaml` that words here are of, inflected or not."""
+    said = english()
+    irregular = said.irregular.get(tokens[at])
+    for lemma, tag in (*forms(tokens[at]), *([irregular] if irregular else [])):
+        for length in range(1, _LONGEST + 1):
+            phrase = (lemma, *tokens[at + 1 : at + length])
+            if len(phrase) < length:
+                break
+            for kind, inflects in said.classes.get(phrase, ()):
+                if inflects:
+                    valued = (lemma,) if kind in _VALUED else ()
+                    yield kind + tag, at + length, valued
+                elif lemma == tokens[at] or (kind in _PLURAL and tag == "_S"):
+                    yield kind, at + length, (" ".join(phrase),) if kind in _VALUED else ()
+    for length in range(_LONGEST_RELATION, 0, -1):
+        phrase = tuple(tokens[at : at + length])
+        if phrase in said.relations:
+            yield "REL", at + len(phrase), (said.relations[phrase],)
+            break
+    if tokens[at] in said.selecting:
+        yield "SEL", at + 1, (said.selecting[tokens[at]],)
+    if tokens[at] in said.numbers:
+        yield "NUM", at + 1, (said.numbers[tokens[at]],)
+    if tokens[at] == "§amount":
+        yield "AMOUNT", at + 1, ()
+
+
+def _comparing(tokens: Sequence[str], at: int) -> Iterator[Edge]:
+    """Words that compare: "heavier", "heaviest"."""
+    word = tokens[at]
+    id = english().compared.get(word, "")
+    if id in catalogue():
+        kind = "SUPQ" if word in english().superlatives else "CMPQ"
+        yield kind, at + 1, (Quantity(id, word),)
+
+
+_PLURAL = frozenset({"NNOUN", "WORLD"})
+"""Classes of nouns."""
+_VALUED = frozenset({"DEED", "HANDLE", "STATE"})
+_LITERALS = frozenset(
+    part for rules in grammar().named.values() for rule in rules for part in rule.parts
+)
+_PARTS = frozenset(
+    word
+    for quantity in catalogue().values()
+    for s in quantity.words.get("en", ())
+    for word in s.split()
+)
+_SELECTING = english().selecting.keys() | english().describing
+_RELATING = frozenset(word for phrase in english().relations for word in phrase)
+_QUANTITATIVE = english().compared.keys() | lexicon.UNMEASURABLE.keys()
+
+
+def _quantities() -> dict[Phrase, str]:
+    """The words of every synonym to the id of its quantity."""
+    phrases: dict[Phrase, str] = {}
+    for quantity in catalogue().values():
+        for synonym in (*quantity.words.get("en", ()), quantity.id):
+            if synonym not in lexicon.NO_NOUNS:
+                phrases[tuple(synonym.split())] = quantity.id
+    return phrases
+
+
+_LONGEST = longest(english().classes)
+_LONGEST_RELATION = longest(english().relations)

@@ -1,0 +1,227 @@
+"""Which bodies of the scene the things of a request are."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
+
+from palpate.errors import InputError, PlanRejected
+from palpate.planning.request.item import GRIPPER, Item
+from palpate.planning.request.nouns import Nouns
+from palpate.planning.request.sentence.meaning import (
+    Absent,
+    Again,
+    But,
+    Chosen,
+    Coloured,
+    Everything,
+    Named,
+    Placed,
+    Several,
+    Thing,
+    Top,
+)
+from palpate.planning.request.whereabouts import farthest, standing
+from palpate.scene.scene import Scene
+
+Items = tuple[Item, ...]
+
+
+@dataclass
+class Things:
+    """Finds things in a scene, and remembers those spoken of.
+
+    Attributes:
+        spoken: the things of every list so far, which "it" may mean.
+        spared: those that were not wanted.
+        remarks: how things were read that were not quite said so.
+    """
+
+    scene: Scene
+    nouns: Nouns
+    spoken: list[Items] = field(default_factory=list[Items])
+    spared: list[Item] = field(default_factory=list[Item])
+    remarks: list[str] = field(default_factory=list[str])
+
+    def found(self, thing: Thing) -> Items:
+        """The bodies themselves; spoken of from now on.
+
+        Raises:
+            InputError: the scene has no such thing. PlanRejected: it cannot be told which it is.
+        """
+        found = tuple(self._items(thing))
+        self.remarks += [item.remark for item in found if item.remark]
+        if found and not isinstance(thing, Again):
+            self.spoken.append(found)
+        return found
+
+    def _items(self, thing: Thing) -> Iterator[Item]:
+        match thing:
+            case Named():
+                yield self._named(thing)
+            case Coloured():
+                yield self._coloured(thing)
+            case Absent():
+                raise self._not_there(" ".join(thing.words))
+            case Again():
+                yield from self._again(thing.which)
+            case Everything():
+                yield self._everything(thing)
+            case Several():
+                for one in thing.things:
+                    yield from self.found(one)
+            case Chosen():
+                yield self._chosen(thing)
+            case Placed():
+                yield self._placed(thing)
+            case But():
+                yield from self._less(thing)
+            case Top():
+                yield from self._top(thing)
+
+    def _named(self, thing: Named) -> Item:
+        words, several = thing.words, thing.many not in ("one", "any")
+        names = self.nouns.meant(words, plural=several)
+        if GRIPPER in words:
+            names = (GRIPPER,)
+        if not names:
+            raise self._not_there(" ".join(words))
+        if thing.many == "other":
+            names = self._others_of(names)
+        if thing.many.isdigit() and len(names) != int(thing.many):
+            raise PlanRejected(
+                f"the scene has {len(names)} of '{' '.join(words)}', not {thing.many}: "
+                f"{', '.join(names)}; name those that are meant"
+            )
+        remark = ""
+        if self.nouns.otherwise(words):
+            remark = f"'{' '.join(words)}' is taken for {_quoted(names)}."
+        elif several and self.nouns.is_kind(words[-1]):
+            remark = f"'{' '.join(words)}' are taken to be {_quoted(names)}."
+        return Item(words, names, several, remark)
+
+    def _others_of(self, names: Sequence[str]) -> tuple[str, ...]:
+        """Those that were not spoken of.
+
+        Raises:
+            PlanRejected: none was.
+        """
+        before = {name for item in self._before() for name in item.names}
+        others = tuple(name for name in names if name not in before)
+        if not before.intersection(names) or not others:
+            raise PlanRejected(f"which is the other of {', '.join(names)}? name one")
+        return others
+
+    def _before(self) -> list[Item]:
+        return [item for items in self.spoken for item in items] + self.spared
+
+    def _coloured(self, thing: Coloured) -> Item:
+        """ "The red one": of the kind spoken of, where there was one."""
+        for items in reversed(self.spoken):
+            noun = items[-1].words[-1]
+            names = self.nouns.meant((*thing.words, noun), plural=True)
+            if names:
+                return Item((*thing.words, noun), names, thing.many == "all")
+        names = self.nouns.fitting((*thing.words, "object"))
+        if not names:
+            raise self._not_there(f"{' '.join(thing.words)} one")
+        return Item((*thing.words, "one"), names, thing.many == "all")
+
+    def _again(self, which: str) -> Items:
+        """What was spoken of before.
+
+        Raises:
+            PlanRejected: nothing was, or not what the word needs.
+        """
+        if not self.spoken:
+            if which == "all":
+                return (self._everything(Everything()),)
+            raise PlanRejected("'it' stands for nothing that was named; name the object")
+        last = self.spoken[-1]
+        names = [name for item in last for name in item.names]
+        if which == "all" and len(names) < 2:
+            return (self._everything(Everything()),)
+        if which in ("former", "latter"):
+            two = [item for items in self.spoken for item in items][-2:]
+            return (two[0 if which == "former" else -1],)
+        if which == "it" and len(last) > 1:
+            raise PlanRejected(f"'it' may be {' or '.join(item.text for item in last)}; name one")
+        return last
+
+    def _everything(self, thing: Everything) -> Item:
+        names = tuple(self.scene.bodies)
+        if thing.others:
+            before = {name for item in self._before() for name in item.names}
+            names = tuple(name for name in names if name not in before)
+        return Item(("everything",), names, plural=True)
+
+    def _chosen(self, thing: Chosen) -> Item:
+        (item,) = self._items(thing.thing)
+        if len(item.names) == 1:
+            return item
+        name, remark = farthest(thing.place, item.names, self.scene, item.text)
+        return Item(item.words, (name,), remark=remark)
+
+    def _placed(self, thing: Placed) -> Item:
+        (item,) = tuple(self._items(thing.thing))
+        marks = [mark for one in thing.marks for mark in self._marks(one)]
+        anything = isinstance(thing.thing, Everything)
+        names, remark = standing(thing.relation, item, marks, self.scene, anything)
+        return Item(item.words, names, item.plural, remark or item.remark)
+
+    def _marks(self, thing: Thing) -> Iterator[str]:
+        """The landmarks: whichever of them is meant.
+
+        Raises:
+            PlanRejected: it cannot be told.
+        """
+        for item in self._items(thing):
+            if len(item.names) > 1 and not item.plural:
+                raise PlanRejected(f"'the {item.text}' may be {_or(item.names)}; name one")
+            yield from item.names
+
+    def _top(self, thing: Top) -> Iterator[Item]:
+        """A surface; the top of anything else is a part of it.
+
+        Raises:
+            PlanRejected: it is a part.
+        """
+        for item in self._items(thing.thing):
+            if not all(name in self.scene.surfaces for name in item.names):
+                raise PlanRejected(f"the top of '{item.text}' is a part of it; name the whole")
+            yield item
+
+    def _less(self, thing: But) -> Iterator[Item]:
+        items = tuple(self._items(thing.thing))
+        of_all = {name for item in items for name in item.names}
+        less: set[str] = set()
+        for item in self._excepted(thing.less, items):
+            if len(item.names) > 1 and not item.plural:
+                raise PlanRejected(f"'the {item.text}' may be {_or(item.names)}; name one")
+            less.update(item.names)
+        if not all(item.plural for item in items) and not less.isdisjoint(of_all):
+            raise PlanRejected(f"{_quoted(sorted(less & of_all))} is both wanted and not wanted")
+        for item in items:
+            kept = tuple(name for name in item.names if name not in less)
+            if kept:
+                yield replace(item, names=kept)
+
+    def _excepted(self, thing: Thing, items: Items) -> Iterator[Item]:
+        """What is taken out; "the red one" is one of those it is taken out of."""
+        self.spoken.append(items)
+        found = tuple(self._items(thing))
+        self.spoken.pop()
+        self.spared += found
+        yield from found
+
+    def _not_there(self, words: str) -> InputError:
+        listed = ", ".join(self.scene.bodies) or "no objects at all"
+        return InputError(f"the scene has no '{words}'; it has {listed}")
+
+
+def _quoted(names: Iterable[str]) -> str:
+    return " and ".join(f"'{name}'" for name in names)
+
+
+def _or(names: Iterable[str]) -> str:
+    return " or ".join(f"'{name}'" for name in names)
