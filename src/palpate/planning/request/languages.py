@@ -10,6 +10,7 @@ import re
 import unicodedata
 from collections.abc import Iterator, Mapping, Sequence
 
+from palpate.planning.request import spelling
 from palpate.planning.request.lexicon import COLOURS
 from palpate.planning.request.wording import (
     LANGUAGES,
@@ -117,7 +118,17 @@ def _inflected(
             head, tail = _inflected_part(word[:at], glossary, names, spoken), (word[at:],)
             if head and tail in glossary:
                 return (*head, *glossary[tail])
-    return (word,)
+    slip = spelling.meant(word, _often(glossary))
+    return glossary[slip,] if slip else (word,)
+
+
+def _often(glossary: Mapping[Phrase, Phrase]) -> list[str]:
+    """The words of questions, which are looked for where somebody slipped."""
+    found: list[str] = []
+    for phrase, said in glossary.items():
+        if len(phrase) == 1 and len(phrase[0]) > 4 and english().often.issuperset(said):
+            found.append(phrase[0])
+    return found
 
 
 def _bare(word: str) -> str:

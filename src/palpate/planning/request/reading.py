@@ -45,6 +45,7 @@ class Reading:
     remarks: list[str] = field(default_factory=list[str])
     _last: tuple[Quantity, ...] = ()
     _deed: str = ""
+    _turning: bool = False
     _wanted: bool = False
     _needed: bool = False
     _alone: list[Items] = field(default_factory=list[Items])
@@ -87,12 +88,12 @@ class Reading:
         Raises:
             PlanRejected: nothing.
         """
-        if not self._wanted and self.simulated:
+        if self.simulated and not self._wanted:
             self._aim()
-        elif not self._wanted and self._alone:
-            self._read_alone()
-        elif not self._wanted and self._needed:
+        elif self._needed and not self.simulated:
             self._miss(())
+        elif self._alone and not self._wanted:
+            self._read_alone()
         if not self._wanted and self._handled:
             raise PlanRejected(self.resolver.no_deed(self._handled))
 
@@ -101,7 +102,8 @@ class Reading:
 
     def _say(self, act: Say) -> None:
         deed = act.deed
-        if deed == "turn":
+        self._turning = deed == "turn"
+        if self._turning:
             self._require_turn()
             deed = "want"
         for pair in act.pairs:
@@ -121,8 +123,9 @@ class Reading:
             raise PlanRejected("it is not clear what of it is wanted; say e.g. 'measure the mass'")
 
     def _want(self, pair: Pair) -> None:
-        if self.simulated and not pair.quantities and isinstance(pair.thing, Again | None):
-            return  # "simulate a throw of it, measure what is needed"
+        if pair == Pair() or (self.simulated and pair == Pair((), Again("it"))):
+            self._needed = True  # of what is simulated, or of everything
+            return
         self._wanted = True
         if pair.quantities and not any(quantity.measurable for quantity in pair.quantities):
             self.resolver.cannot += map(self.resolver.not_measurable, pair.quantities)
@@ -142,7 +145,7 @@ class Reading:
         Raises:
             PlanRejected: none were.
         """
-        if pair.again or (not pair.quantities and self._deed == "know" and pair.thing):
+        if pair.again or (not pair.quantities and self._turning and pair.thing):
             if not self._last:
                 raise PlanRejected("it is not said which quantity is meant; say e.g. 'the mass'")
             return self._last

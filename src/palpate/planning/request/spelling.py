@@ -14,7 +14,12 @@ a cable is no table."""
 
 def meant(word: str, known: Collection[str]) -> str | None:
     """The one of `known` that `word` is a slip of, None where there is none, or no single one."""
-    if len(word) < SHORTEST or not word.isalpha():
+    if not word.isalpha():
+        return None
+    doubled = [other for other in known if len(other) > 3 and _single(other) == _single(word)]
+    if doubled:
+        return doubled[0] if len(doubled) == 1 else None
+    if len(word) < SHORTEST:
         return None
     found = _nearest(word, (other for other in known if other[0] == word[0]))
     return found[0] if len(found) == 1 else None
@@ -39,3 +44,10 @@ def _alike(word: str, other: str) -> float:
     if sorted(word) == sorted(other):
         return 1.0
     return SequenceMatcher(None, word, other, autojunk=False).ratio()
+
+
+def _single(word: str) -> str:
+    """A word without its doubled letters: "mas" is a slip of "mass"."""
+    return "".join(
+        letter for before, letter in zip(" " + word, word, strict=False) if before != letter
+    )

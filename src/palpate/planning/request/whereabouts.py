@@ -130,6 +130,7 @@ _SAID = {
     "in": "in",
     "beside": "beside",
     "nearest": "nearest to",
+    "farthest": "farthest from",
     "left": "left of",
     "right": "right of",
     "behind": "behind",
@@ -192,15 +193,16 @@ def _beside(
     middle = np.mean([_in_base(mark, scene) for mark in marks], axis=0)
     ways = [(_in_base(body, scene) - middle, body) for body in rest]
     so = [(float(np.hypot(*way[:2])), body) for way, body in ways if _SIDES[relation](way)]
-    so.sort(key=lambda one: one[0])
+    so.sort(key=lambda one: one[0], reverse=relation == "farthest")
     found = [body for _, body in so[:1]]
     if len(so) < 2:
         return found, _as_seen(relation, relation)
     (first, nearest), (second, other) = so[:2]
     told_apart, remark = first < NEARER * second, _as_seen(relation, relation)
-    if relation == "nearest":
-        told_apart = second - first > LEVEL
-        remark = f"The nearest is '{nearest.name}', by {1e3 * (second - first):.0f} mm."
+    if relation in ("nearest", "farthest"):
+        apart = abs(second - first)
+        told_apart = apart > LEVEL
+        remark = f"The {relation} is '{nearest.name}', by {1e3 * apart:.0f} mm."
     if told_apart:
         return found, remark
     names = f"'{nearest.name}' or '{other.name}'"
@@ -210,6 +212,7 @@ def _beside(
 _SIDES: Mapping[str, Callable[[Array], bool]] = {
     "beside": lambda way: True,
     "nearest": lambda way: True,
+    "farthest": lambda way: True,
     "between": lambda way: True,
     "left": lambda way: bool(way[1] > APART),
     "right": lambda way: bool(way[1] < -APART),

@@ -57,6 +57,8 @@ class English:
     same: tuple[frozenset[str], ...]
     purposes: Mapping[str, tuple[str, ...]]
     describing: frozenset[str]
+    asked: Mapping[str, str]
+    often: frozenset[str]
     things: frozenset[str]
 
 
@@ -71,7 +73,7 @@ def english() -> English:
     purposes: dict[str, tuple[str, ...]] = {}
     for quantities, verbs in said["purposes"].items():
         purposes |= dict.fromkeys(verbs.split(), tuple(quantities.split()))
-    sets = ("collective", "superlatives", "describing", "things")
+    sets = ("collective", "superlatives", "describing", "things", "often")
     words = {name: word_set(said[name]) for name in sets}
     return English(
         turned=_phrases(said["turned"]),
@@ -81,6 +83,7 @@ def english() -> English:
         numbers={word: str(number) for word, number in said["numbers"].items()},
         compared=by_word(said["compared"]),
         relations=relations,
+        asked=by_word(said["asked"]),
         selecting=by_word(said["selecting"]),
         kinds={kind: word_set(members) for kind, members in said["kinds"].items()},
         same=tuple(word_set(line) for line in said["same"]),

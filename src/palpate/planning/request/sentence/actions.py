@@ -166,6 +166,10 @@ def _say_of(deed: str, *parts: Part) -> Say:
     return Say(deed, (_pair(*parts),))
 
 
+def _say_of_all(deed: str, *things: Thing) -> Say:
+    return Say(deed, (Pair((), _several(*things)),))
+
+
 def _say_model(deed: str, thing: Thing) -> Say:
     """A model of a thing is one of all that stands on it."""
     return Say(deed, (Pair((), thing, every=True),))
@@ -287,6 +291,7 @@ ACTIONS: Mapping[str, Callable[..., Hashable]] = {
     "how_large": _how_large,
     "say": _say,
     "say_of": _say_of,
+    "say_of_all": _say_of_all,
     "say_model": _say_model,
     "say_every": _say_every,
     "say_but": _say_but,

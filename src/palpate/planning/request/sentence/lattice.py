@@ -61,7 +61,8 @@ class Lattice:
     def slips(self, tokens: Sequence[str]) -> dict[str, str]:
         """What those tokens that mean nothing are a slip of."""
         known = self.nouns.names | {word for phrase in self._quantities for word in phrase}
-        known = {word for word in known - lexicon.NO_NOUNS | {"weigh"} if word.isalpha()}
+        known = (known - lexicon.NO_NOUNS) | english().often | {"weigh"}
+        known = {word for word in known if word.isalpha()}
         found: dict[str, str] = {}
         for token in self.unknown(tokens):
             meant = spelling.meant(token, known)
@@ -96,6 +97,10 @@ class Lattice:
                 return
         word = tokens[at]
         if self.nouns.known(word):
+            return
+        asked = english().asked.get(word, "")
+        if asked in catalogue():
+            yield "ADJQ", at + 1, (Quantity(asked, word),)
             return
         for form in singulars(word):
             label = lexicon.UNMEASURABLE.get(form)
@@ -235,7 +240,7 @@ _PARTS = frozenset(
 )
 _SELECTING = english().selecting.keys() | english().describing
 _RELATING = frozenset(word for phrase in english().relations for word in phrase)
-_QUANTITATIVE = english().compared.keys() | lexicon.UNMEASURABLE.keys()
+_QUANTITATIVE = english().compared.keys() | english().asked.keys() | lexicon.UNMEASURABLE.keys()
 
 
 def _quantities() -> dict[Phrase, str]:
