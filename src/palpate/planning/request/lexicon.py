@@ -48,7 +48,8 @@ UNMEASURABLE = by_word(_NOT_FELT)
 
 ADJECTIVES = word_set(
     "heavy high tall slippery hot warm cold stiff soft hard elastic bouncy viscous full empty rough "
-    "wide long thick big large wet expensive old strong transparent sharp tilted inclined slanted horizontal level sloping uneven"
+    "wide long thick big large wet expensive old strong transparent sharp tilted "
+    "inclined slanted horizontal level sloping uneven"
 )
 """Words that ask for a quantity only after "how"."""
 
