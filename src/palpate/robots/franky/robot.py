@@ -75,11 +75,6 @@ class FrankyRobot(Commanded):
         self._cached: RobotState | None = None
 
     @property
-    def longest_stall(self) -> float:
-        """s of wall time that two cycles were heard apart at most."""
-        return self._drive.longest_stall
-
-    @property
     def cycles(self) -> Sequence[Row]:
         """The last cycles of the control loop."""
         with self._drive.lock:

@@ -28,23 +28,18 @@ class Course:
 
     Attributes:
         path: what they are of; its time begins at 0.
-        bent: (7,) rad, where the null space goes, of a Cartesian motion.
+        posture: (7,) rad, where the null space goes, of a Cartesian motion.
         rows: (m, 7) joint positions, or positions and quaternions xyzw.
         rates: (m, 7) rad/s, or (m, 6) twists.
         poses_world_tcp: (k, 7) commanded TCP poses, one each `every` rows.
     """
 
     path: Path | PosePath
-    bent: Array | None
+    posture: Array | None
     rows: Array
     rates: Array
     poses_world_tcp: Array
     every: int
-
-    @property
-    def cartesian(self) -> bool:
-        """Whether the TCP's springs follow it."""
-        return self.bent is not None
 
     @property
     def last(self) -> int:
@@ -54,7 +49,7 @@ class Course:
     def reference(self, clock: float) -> Any:
         """franky's reference `clock` s after the beginning."""
         i = self.row(clock)
-        if self.bent is None:
+        if self.posture is None:
             return franky().JointReference(q=self.rows[i], dq=self.rates[i])
         module, row, rate = franky(), self.rows[i], self.rates[i]
         twist = module.Twist(rate[:3], rate[3:])
@@ -80,7 +75,7 @@ def joint_course(path: Path, nominal: NominalArm) -> Course:
     return Course(path, None, rows, _rates(rows), poses, COARSE)
 
 
-def pose_course(path: PosePath, bent: Array, pose_world_base: Pose) -> Course:
+def pose_course(path: PosePath, posture: Array, pose_world_base: Pose) -> Course:
     """Of the TCP's springs."""
     coordinates = path.path.sample(_times(path.path))
     quaternions = np.array(turned(path.origin, coordinates[:, 3:]))
@@ -93,7 +88,7 @@ def pose_course(path: PosePath, bent: Array, pose_world_base: Pose) -> Course:
     to_base = into_base @ Pose(np.zeros(3), path.origin).rotation
     twists = np.concatenate([rates[:, :3] @ into_base.T, rates[:, 3:] @ to_base.T], axis=1)
     rows = np.concatenate([positions, turns[:, 1:], turns[:, :1]], axis=1)
-    return Course(path, bent, rows, twists, poses, 1)
+    return Course(path, posture, rows, twists, poses, 1)
 
 
 def _times(path: Path) -> Array:

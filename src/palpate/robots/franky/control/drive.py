@@ -55,18 +55,15 @@ class Drive:
     Attributes:
         log: the last cycles.
         reacted: how the arm stopped itself since the last course was given; None while it did not.
-        stalls: how often, and longest, s, this computer was late.
     """
 
     def __init__(self, arm: Any, springs: Springs, pose_world_base: Pose) -> None:
         self._arm, self._springs = arm, springs
         self._up = pose_world_base.rotation[2]
-        self._turn_of = pose_world_base
         self.lock = threading.RLock()
         """Guards all that follows."""
         self.log: deque[Row] = deque(maxlen=KEPT)
         self.reacted: Reacted | None = None
-        self.longest_stall = 0.0
         self._rows: list[Row] = []
         self._course: Course | None = None
         self._clock = self._last = 0.0
@@ -124,7 +121,8 @@ class Drive:
             before = self._course
             course = make(before, self._clock)
             self._course, self._clock, self.reacted = course, 0.0, None
-            blends = before is None or before.bent is None or course.bent is not before.bent
+            held = None if before is None else before.posture
+            blends = held is None or course.posture is not held
             self._enter(inertia, reflex, blends)
 
     def guard(self, inertia: Inertia, reflex: Reflex) -> None:
@@ -153,7 +151,7 @@ class Drive:
 
     def _controller(self, course: Course, inertia: Inertia, blends: bool) -> Any:
         module = franky()
-        if course.bent is None:
+        if course.posture is None:
             stiffness, damping = self._springs.of_joints(inertia)
             return module.JointImpedanceTrackingMotion(
                 stiffness=stiffness,
@@ -166,7 +164,7 @@ class Drive:
         motion = module.CartesianImpedanceTrackingMotion(
             translational_stiffness=self._springs.stiffness.translation,
             rotational_stiffness=self._springs.stiffness.rotation,
-            posture_task=module.PostureTask(course.bent, share * stiffness, damping),
+            posture_task=module.PostureTask(course.posture, share * stiffness, damping),
             translational_error_clip=CLIPS[0],
             rotational_error_clip=CLIPS[1],
             max_delta_tau=TORQUE_STEP,
@@ -212,7 +210,6 @@ class Drive:
             heard, now = time.perf_counter(), state.time.to_sec()
             gap, self._heard = heard - self._heard, heard
             passed, self._last = now - self._last, now
-            self.longest_stall = max(self.longest_stall, gap)
             self._late = self._late or gap > STALLED
             if self._late:
                 self._late = self._arm.state.time.to_sec() - now > BEHIND

@@ -64,7 +64,7 @@ class Lead:
         def course(before: Course | None, clock: float) -> Course:
             begin = self._pose_motion(before, clock)
             path = swing_path(0.0, begin, about, angle, frequency, cycles)
-            return pose_course(path, self._bent(before), self._base)
+            return pose_course(path, self._posture(before), self._base)
 
         return course
 
@@ -77,7 +77,7 @@ class Lead:
                 path = stopped_joints(self._arm, 0.0, before.path.at(clock))
                 return joint_course(path, self._nominal)
             stopping = stopped_pose(self._arm, 0.0, self._pose_motion(before, clock))
-            return pose_course(stopping, self._bent(before), self._base)
+            return pose_course(stopping, self._posture(before), self._base)
 
         return course
 
@@ -114,5 +114,5 @@ class Lead:
         """(7,) N m that the springs exert at the joints now."""
         return self._readout.commanded if before is not None else np.zeros(7)
 
-    def _bent(self, before: Course | None) -> Array:
-        return self._readout.q if before is None or before.bent is None else before.bent
+    def _posture(self, before: Course | None) -> Array:
+        return self._readout.q if before is None or before.posture is None else before.posture
