@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from palpate.robots.trajectory import SWING_PEAK, Motion, swing
+from palpate.robots.trajectory.path import Motion
+from palpate.robots.trajectory.swing import SWING_PEAK, swing
 
 REST = Motion(np.array([0.4, 0.0]), np.zeros(2), np.zeros(2))
 AMPLITUDE = np.array([0.0, 0.05])

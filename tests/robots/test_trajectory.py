@@ -9,17 +9,9 @@ from hypothesis import strategies as st
 
 from palpate.geometry.pose import Pose
 from palpate.robots import trajectory
-from palpate.robots.trajectory import (
-    Motion,
-    PosePath,
-    Stretch,
-    quintic,
-    rotation_vector,
-    still,
-    stop,
-    straight,
-    turned,
-)
+from palpate.robots.trajectory.path import Motion, quintic, still, stop
+from palpate.robots.trajectory.posed import PosePath, rotation_vector, turned
+from palpate.robots.trajectory.straight import Stretch, straight
 
 ZERO = np.zeros(3)
 

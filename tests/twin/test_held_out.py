@@ -13,7 +13,8 @@ from palpate.report.twin.held_out import predictions
 from palpate.runs.held_out import held_out_from, held_out_json
 from palpate.scene.load import parse_scene
 from palpate.trace.samples import Trace
-from palpate.twin.held_out import BALANCE, WEIGHT, Motion, held_out, with_tests
+from palpate.twin.held_out.judge import held_out, with_tests
+from palpate.twin.held_out.judged import BALANCE, WEIGHT, Motion
 
 TEXT = """<mujoco><worldbody>
   <site name="robot_base"/>

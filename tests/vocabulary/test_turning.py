@@ -11,7 +11,7 @@ from palpate.geometry.pose import Pose
 from palpate.parameter import Parameter
 from palpate.planning.request.grounding import ground
 from palpate.robots.accuracy import rubbing
-from palpate.robots.trajectory import turned
+from palpate.robots.trajectory.posed import turned
 from palpate.runs.run import Run
 from palpate.scene.load import parse_scene
 from palpate.settings import Settings

@@ -30,7 +30,7 @@ TINY = 1e-12
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Source:
-    """An estimate that is identified, the run that it is of, and the arm that made it.
+    """An estimate, the run that it is of, and the arm that made it.
 
     Arms of one name share what is `of` the arm; all arms of which nothing is known have one name.
     """

@@ -9,7 +9,7 @@ from typing import Literal
 from palpate.estimation.estimate import Estimate
 from palpate.planning.plan import Plan
 from palpate.trace.samples import Trace
-from palpate.twin.held_out import HeldOut
+from palpate.twin.held_out.judged import HeldOut
 
 State = Literal["known", "missing", "assumed"]
 

@@ -15,7 +15,9 @@ from palpate.robots.description import Limits, RobotDescription
 from palpate.robots.nominal import NominalArm, wrench
 from palpate.robots.pace import free_speeds, joint_rates
 from palpate.robots.sheet import Stiffness
-from palpate.robots.trajectory import Motion, Path, PosePath, Stretch
+from palpate.robots.trajectory.path import Motion, Path
+from palpate.robots.trajectory.posed import PosePath
+from palpate.robots.trajectory.straight import Stretch
 from palpate.trace.recording import Hand
 
 STANDING = 1e-4

@@ -84,18 +84,29 @@ def fuse_runs(runs: Sequence[Run]) -> Fusion:
     estimates: list[Estimate] = []
     left_out: list[str] = []
     for parameter in parameters_of(runs):
-        found = [
-            (name, run, estimate_of(run, parameter)) for name, run in zip(names, runs, strict=True)
-        ]
-        made = [(name, run, one) for name, run, one in found if one is not None]
-        for name, _, one in made:
-            if not one.identified:
-                left_out.append(f"{parameter} of {name} is {one.verdict}: {_why(one)}")
-        sources = [Source(name, arm_of(run), one) for name, run, one in made if one.identified]
-        told = [one for _, _, one in made]
-        estimates.append(fuse(sources) if sources else _unknown(parameter, told))
+        told = _sources(parameter, runs, names)
+        sources = [source for source in told if source.estimate.identified]
+        left_out += [_left_out(source) for source in told if not source.estimate.identified]
+        estimates.append(fuse(sources) if sources else _unknown(parameter, told[0].estimate.unit))
     twin = build_twin(runs[0].scene, estimates)
     return Fusion(tuple(runs), names, tuple(estimates), tuple(left_out), twin)
+
+
+def _sources(parameter: Parameter, runs: Sequence[Run], names: Sequence[str]) -> list[Source]:
+    """What each run says of a parameter, of those that say anything."""
+    told: list[Source] = []
+    for name, run in zip(names, runs, strict=True):
+        estimate = estimate_of(run, parameter)
+        if estimate is not None:
+            told.append(Source(name, arm_of(run), estimate))
+    return told
+
+
+def _left_out(source: Source) -> str:
+    """What is not counted, and why, in a line."""
+    one = source.estimate
+    why = one.contradiction or one.method
+    return f"{one.parameter} of {source.run} is {one.verdict}: {why}"
 
 
 def arm_of(run: Run) -> str:
@@ -150,12 +161,13 @@ def write_fusion(fusion: Fusion, folder: Path) -> None:
 
 def names_of(runs: Sequence[Run]) -> tuple[str, ...]:
     """Folders by their last part, where those differ."""
-    folders = [run.folder for run in runs]
-    short = [f"run {i + 1}" if at is None else at.name for i, at in enumerate(folders)]
-    if len(set(short)) == len(short):
-        return tuple(short)
-    pairs = zip(short, folders, strict=True)
-    return tuple(name if at is None else str(at) for name, at in pairs)
+    short: list[str] = []
+    long: list[str] = []
+    for i, run in enumerate(runs):
+        unsaved = f"run {i + 1}"
+        short.append(unsaved if run.folder is None else run.folder.name)
+        long.append(unsaved if run.folder is None else str(run.folder))
+    return tuple(short if len(set(short)) == len(short) else long)
 
 
 def parameters_of(runs: Sequence[Run]) -> list[Parameter]:
@@ -165,19 +177,16 @@ def parameters_of(runs: Sequence[Run]) -> list[Parameter]:
 
 
 def estimate_of(run: Run, parameter: Parameter) -> Estimate | None:
+    """What a run says of a parameter; None where it says nothing."""
     for estimate in run.estimates:
         if estimate.parameter == parameter:
             return estimate
     return None
 
 
-def _why(estimate: Estimate) -> str:
-    return estimate.contradiction or estimate.method
-
-
-def _unknown(parameter: Parameter, told: Sequence[Estimate]) -> Estimate:
+def _unknown(parameter: Parameter, unit: str) -> Estimate:
     """What is said where no run identified it. A prior is no evidence: it is not counted at all."""
-    return not_identified(parameter, told[0].unit, "No run identified it.")
+    return not_identified(parameter, unit, "No run identified it.")
 
 
 def differences(one: Run, other: Run) -> Iterator[str]:

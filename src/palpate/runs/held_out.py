@@ -3,27 +3,40 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
 
 from palpate.estimation.agreement import FitTest
-from palpate.twin.held_out import Curve, HeldOut, Motion
+from palpate.twin.held_out.judged import Curve, HeldOut, Motion
 
 
 def held_out_json(held: HeldOut | None) -> dict[str, Any] | None:
     """All motions together, and one by one."""
     if held is None:
         return None
+    together = _together(held.motions)
+    each = [_motion_json(motion) for motion in held.motions]
+    return {**together, "notes": list(held.notes), "motions": each}
+
+
+def _together(motions: Sequence[Motion]) -> dict[str, Any]:
+    """All motions as one: the least probable of them counts, and one that disagrees."""
+    words: list[str] = []
+    findings: list[str] = []
+    probable: list[float] = []
+    for motion in motions:
+        words.append(motion.motion)
+        probable.append(motion.p)
+        if motion.disagreement:
+            findings.append(motion.disagreement)
     return {
-        "motion": "; ".join(motion.motion for motion in held.motions) or None,
-        "chi2": sum(motion.chi2 for motion in held.motions),
-        "dof": sum(motion.dof for motion in held.motions),
-        "p": min((motion.p for motion in held.motions), default=None),
-        "agrees": held.agrees if held.motions else None,
-        "disagreement": " ".join(m.disagreement for m in held.motions).strip() or None,
-        "notes": list(held.notes),
-        "motions": [_motion_json(motion) for motion in held.motions],
+        "motion": "; ".join(words) or None,
+        "chi2": sum(motion.chi2 for motion in motions),
+        "dof": sum(motion.dof for motion in motions),
+        "p": min(probable, default=None),
+        "agrees": all(motion.agrees for motion in motions) if motions else None,
+        "disagreement": " ".join(findings) or None,
     }
 
 

@@ -16,7 +16,7 @@ from palpate.planning.plan import Plan
 from palpate.scene.scene import Scene
 from palpate.trace.mcap import read_mcap
 from palpate.trace.samples import Trace
-from palpate.twin.held_out import HeldOut
+from palpate.twin.held_out.judged import HeldOut
 from palpate.twin.twin import Twin
 
 if TYPE_CHECKING:

@@ -13,7 +13,8 @@ from palpate.parameter import Parameter
 from palpate.quantities.estimators import estimate_all, failed
 from palpate.runs.run import Run
 from palpate.stages.workplace import truths
-from palpate.twin.held_out import HeldOut, held_out, with_tests
+from palpate.twin.held_out.judge import held_out, with_tests
+from palpate.twin.held_out.judged import HeldOut
 
 MADE_UP = "Simulated: the true value was drawn from priors, and is that of no real thing."
 

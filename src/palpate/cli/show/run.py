@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from palpate.live.together import View
     from palpate.runs.run import Run
     from palpate.settings import Settings
-    from palpate.twin.held_out import Motion
+    from palpate.twin.held_out.judged import Motion
 
 
 @contextmanager

@@ -12,7 +12,7 @@ import numpy as np
 from palpate.estimation.estimate import rounded
 from palpate.geometry.pose import Array
 from palpate.runs.figures import significant
-from palpate.twin.held_out import Curve, HeldOut, Motion
+from palpate.twin.held_out.judged import Curve, HeldOut, Motion
 
 SHOWN = 3
 """Panels a motion: the signals that feel most of the object."""

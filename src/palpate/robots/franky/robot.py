@@ -26,7 +26,7 @@ from palpate.robots.franky.session import Session
 from palpate.robots.nominal import NominalArm
 from palpate.robots.reflex import Reflex
 from palpate.robots.robot import RobotState
-from palpate.robots.trajectory import Stretch
+from palpate.robots.trajectory.straight import Stretch
 from palpate.trace.samples import Samples
 
 APPROACH = 0.25

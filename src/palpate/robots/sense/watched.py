@@ -11,7 +11,7 @@ from palpate.robots.reflex import Reflex
 from palpate.robots.robot import Robot, RobotState
 from palpate.robots.sense.fault import Fault
 from palpate.robots.sense.watch import Watch
-from palpate.robots.trajectory import Stretch
+from palpate.robots.trajectory.straight import Stretch
 from palpate.trace.recording import Hand
 from palpate.trace.samples import Samples
 

@@ -47,7 +47,7 @@ from palpate.robots.simulated.setpoints import (
 )
 from palpate.robots.simulated.timing import BLOCK, DAMPING_DELAY, LONGEST_RUN, PERIOD, TIMESTEP
 from palpate.robots.simulated.world import Steps, World
-from palpate.robots.trajectory import Stretch
+from palpate.robots.trajectory.straight import Stretch
 from palpate.trace.samples import Samples
 
 if TYPE_CHECKING:

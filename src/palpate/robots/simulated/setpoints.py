@@ -10,7 +10,8 @@ import numpy as np
 from palpate.geometry.pose import Array, Pose
 from palpate.robots.simulated.impedance import Gains
 from palpate.robots.simulated.timing import BLOCK, LONGEST_RUN, PERIOD, TIMESTEP
-from palpate.robots.trajectory import Path, PosePath, turned
+from palpate.robots.trajectory.path import Path
+from palpate.robots.trajectory.posed import PosePath, turned
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -14,7 +14,8 @@ import numpy as np
 from palpate.geometry.pose import Array, Pose
 from palpate.robots.franky.library import franky
 from palpate.robots.nominal import NominalArm
-from palpate.robots.trajectory import Path, PosePath, turned
+from palpate.robots.trajectory.path import Path
+from palpate.robots.trajectory.posed import PosePath, turned
 
 CYCLE = 0.001
 """s of a control cycle."""

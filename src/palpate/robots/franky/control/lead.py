@@ -21,7 +21,9 @@ from palpate.robots.franky.control.drive import Drive
 from palpate.robots.franky.readout import Readout
 from palpate.robots.nominal import NominalArm
 from palpate.robots.simulated.impedance import Inertia
-from palpate.robots.trajectory import Motion, Path, PosePath, Stretch
+from palpate.robots.trajectory.path import Motion, Path
+from palpate.robots.trajectory.posed import PosePath
+from palpate.robots.trajectory.straight import Stretch
 
 Maker = Callable[[Course | None, float], Course]
 """Makes a course of the present one and of how far, s, it has come."""

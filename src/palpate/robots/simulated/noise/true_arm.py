@@ -13,7 +13,7 @@ from palpate.geometry.pose import Array, Pose
 from palpate.robots.description import RobotDescription, pads_end
 from palpate.robots.simulated.noise.model import Model
 from palpate.robots.simulated.noise.values import Streams
-from palpate.robots.trajectory import turned
+from palpate.robots.trajectory.posed import turned
 
 SHARE = 0.3
 """Share of a body's mass that `_split` may move to put its centre elsewhere."""

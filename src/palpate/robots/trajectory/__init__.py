@@ -1,0 +1,1 @@
+"""Bounded-jerk motions: piecewise quintic polynomials in time, from any state of motion to rest."""
