@@ -8,8 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from palpate.geometry.pose import Pose
-from palpate.robots import trajectory
-from palpate.robots.trajectory.path import Motion, quintic, still, stop
+from palpate.robots.trajectory.path import Motion, Path, quintic, still, stop
 from palpate.robots.trajectory.posed import PosePath, rotation_vector, turned
 from palpate.robots.trajectory.straight import Stretch, straight
 
@@ -24,7 +23,7 @@ def steadily(speed: float) -> list[Stretch]:
     return [Stretch(1.0, speed)]
 
 
-def finely(path: trajectory.Path, step: float = 1e-3) -> tuple[np.ndarray, np.ndarray]:
+def finely(path: Path, step: float = 1e-3) -> tuple[np.ndarray, np.ndarray]:
     t = np.arange(path.knots[0], path.end + step, step)
     return t, path.sample(t)
 

@@ -10,14 +10,14 @@ from collections.abc import Sequence
 import numpy as np
 
 from palpate.geometry.pose import Array, Pose
-from palpate.robots import trajectory
 from palpate.robots.description import Limits, RobotDescription
 from palpate.robots.nominal import NominalArm, wrench
 from palpate.robots.pace import free_speeds, joint_rates
 from palpate.robots.sheet import Stiffness
-from palpate.robots.trajectory.path import Motion, Path
-from palpate.robots.trajectory.posed import PosePath
-from palpate.robots.trajectory.straight import Stretch
+from palpate.robots.trajectory.path import Motion, Path, stop
+from palpate.robots.trajectory.posed import PosePath, rotation_vector, turned
+from palpate.robots.trajectory.straight import Stretch, slowed, straight, stretches
+from palpate.robots.trajectory.swing import swing
 from palpate.trace.recording import Hand
 
 STANDING = 1e-4
@@ -72,7 +72,7 @@ def joint_path(
     pace = arm.pace
     rates = speed * np.array(joint_rates(nominal, arm, now.p, goal))
     acceleration = pace.joint_acceleration / max(float(np.abs(goal - now.p).max()), 1e-6)
-    return trajectory.straight(t, now, goal, trajectory.stretches(rates), acceleration)
+    return straight(t, now, goal, stretches(rates), acceleration)
 
 
 def pose_path(
@@ -91,7 +91,7 @@ def pose_path(
     `begin` is a state of motion, and the orientation (4,) that its rotation vector is relative to.
     """
     now, origin = begin
-    goal = np.concatenate([target.position, trajectory.rotation_vector(origin, target.quaternion)])
+    goal = np.concatenate([target.position, rotation_vector(origin, target.quaternion)])
     way = goal[:3] - now.p[:3]
     distance = max(float(np.linalg.norm(way)), 1e-6)
     angle = max(float(np.linalg.norm(goal[3:])), 1e-6)
@@ -102,11 +102,11 @@ def pose_path(
         free = np.minimum(free_speeds(nominal, arm, (q, bent), way), speed)
     rates = np.minimum(free / distance, pace.turning_speed / angle)
     asked = [Stretch(part.end, part.speed / distance) for part in slower]
-    stretches = trajectory.slowed(trajectory.stretches(rates), asked)
+    parts = slowed(stretches(rates), asked)
     acceleration = min(pace.acceleration / distance, pace.turning_acceleration / angle)
-    path = trajectory.straight(t, now, goal, stretches, acceleration)
+    path = straight(t, now, goal, parts, acceleration)
     resting = Motion(q, np.zeros(7), np.zeros(7))
-    posture = trajectory.straight(t, resting, bent, stretches, acceleration)
+    posture = straight(t, resting, bent, parts, acceleration)
     return PosePath(path, origin), posture
 
 
@@ -121,18 +121,18 @@ def swing_path(
     """To and fro about the unit axis `about` (3,) of the tool; see `Robot.swing`."""
     now, origin = begin
     amplitude = np.concatenate([np.zeros(3), angle * np.asarray(about, dtype=float)])
-    return PosePath(trajectory.swing(t, now, amplitude, frequency, cycles), origin)
+    return PosePath(swing(t, now, amplitude, frequency, cycles), origin)
 
 
 def stopped_joints(arm: RobotDescription, t: float, now: Motion) -> Path:
     """To rest, onwards."""
-    return trajectory.stop(t, now, arm.pace.joint_acceleration)
+    return stop(t, now, arm.pace.joint_acceleration)
 
 
 def stopped_pose(arm: RobotDescription, t: float, begin: tuple[Motion, Array]) -> PosePath:
     """To rest, onwards; a contact keeps the force it had."""
     now, origin = begin
-    return PosePath(trajectory.stop(t, now, 2 * arm.pace.acceleration, GIVING_WAY), origin)
+    return PosePath(stop(t, now, 2 * arm.pace.acceleration, GIVING_WAY), origin)
 
 
 def ahead_of(
@@ -148,7 +148,7 @@ def ahead_of(
     ahead = pose.position + pull[:3] / springs.translation
     into_tool = pose.rotation.T
     turn = into_tool @ pull[3:] / springs.rotation
-    origin = trajectory.turned(pose.quaternion, turn[None])[0]
+    origin = turned(pose.quaternion, turn[None])[0]
     now = Motion(
         np.concatenate([ahead, np.zeros(3)]),
         np.concatenate([twist[:3], into_tool @ twist[3:]]),

@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from palpate.geometry.pose import Array, Pose
-from palpate.robots import trajectory
 from palpate.robots.commanded import (
     Commanded,
     ahead_of,
@@ -47,6 +46,8 @@ from palpate.robots.simulated.setpoints import (
 )
 from palpate.robots.simulated.timing import BLOCK, DAMPING_DELAY, LONGEST_RUN, PERIOD, TIMESTEP
 from palpate.robots.simulated.world import Steps, World
+from palpate.robots.trajectory.path import Motion, Path, still
+from palpate.robots.trajectory.posed import PosePath
 from palpate.robots.trajectory.straight import Stretch
 from palpate.trace.samples import Samples
 
@@ -129,7 +130,7 @@ class MujocoRobot(Commanded):
         self._correction = Correction(self._world, self._readout, self._encoders, askew)
         self._target = self._readout.pose_world_tcp.vector
         self._cached: RobotState | None = None
-        self._follow_joints(trajectory.still(0.0, self._readout.q))
+        self._follow_joints(still(0.0, self._readout.q))
 
     @property
     def world(self) -> World:
@@ -180,7 +181,7 @@ class MujocoRobot(Commanded):
         self._reflex = None
         t, begin = self._world.t, self._pose_motion()
         path = swing_path(t, begin, about, angle, frequency, cycles)
-        self._follow_pose(path, trajectory.still(t, self._readout.q))
+        self._follow_pose(path, still(t, self._readout.q))
 
     def open_gripper(self) -> None:
         """See `Robot`."""
@@ -199,11 +200,11 @@ class MujocoRobot(Commanded):
         t, path = self._world.t, self._path
         if path.end <= t:
             return
-        if isinstance(path, trajectory.Path):
+        if isinstance(path, Path):
             self._follow_joints(stopped_joints(self._arm, t, path.at(t)))
         else:
             stopping = stopped_pose(self._arm, t, self._pose_motion())
-            self._follow_pose(stopping, trajectory.still(t, self._readout.q))
+            self._follow_pose(stopping, still(t, self._readout.q))
 
     def set_reflex(self, thresholds: Reflex) -> None:
         """See `Robot`."""
@@ -226,14 +227,14 @@ class MujocoRobot(Commanded):
         """Nothing to let go of."""
 
     @property
-    def _path(self) -> trajectory.Path | trajectory.PosePath:
+    def _path(self) -> Path | PosePath:
         return self._setpoints.path
 
-    def _follow_joints(self, path: trajectory.Path) -> None:
+    def _follow_joints(self, path: Path) -> None:
         gains = Gains.of_joints(self._arm.stiffness, self._inertia(_halfway(path)))
         self._follow(joint_setpoints(path, self._world.t, gains, self._nominal.poses), gains)
 
-    def _follow_pose(self, path: trajectory.PosePath, posture: trajectory.Path) -> None:
+    def _follow_pose(self, path: PosePath, posture: Path) -> None:
         gains = Gains.of_tcp(self._arm.stiffness, self._inertia(_halfway(posture)))
         self._follow(pose_setpoints(path, posture, self._world.t, gains), gains)
 
@@ -246,28 +247,28 @@ class MujocoRobot(Commanded):
             self._nominal.mass_matrix(q), self._nominal.kinematics(q[None]).jacobian[0]
         )
 
-    def _joint_motion(self) -> trajectory.Motion:
+    def _joint_motion(self) -> Motion:
         """Where a joint motion begins: on the present one, or where the joints' springs pull as the
         TCP's do now."""
         t, path, readout = self._world.t, self._path, self._readout
-        if isinstance(path, trajectory.Path) and not self._yielding:
+        if isinstance(path, Path) and not self._yielding:
             return path.at(t)
         rate = readout.dq if path.end > t else np.zeros(7)
-        return trajectory.Motion(self._leading(), rate, np.zeros(7))
+        return Motion(self._leading(), rate, np.zeros(7))
 
     def _leading(self) -> Array:
         """(7,) rad where the joints' springs would pull as hard as is pulled now: from there on
         nothing jerks."""
         return self._readout.q + self._sprung() / self._arm.stiffness.joints
 
-    def _pose_motion(self) -> tuple[trajectory.Motion, Array]:
+    def _pose_motion(self) -> tuple[Motion, Array]:
         """Where a Cartesian motion begins: on the present one, or where the TCP's springs pull as
         the joints' do now.
 
         Returns the motion, and the orientation (4,) that its rotation vector is relative to.
         """
         t, path = self._world.t, self._path
-        if isinstance(path, trajectory.PosePath):
+        if isinstance(path, PosePath):
             return path.motion(t), path.pose(t).quaternion
         readout = self._readout
         twist = readout.twist if path.end > t else np.zeros(6)
@@ -305,7 +306,7 @@ class MujocoRobot(Commanded):
         if self._guard.fired:
             self._yield(self._guard.fired)
         elif self._yielding and self._rests():
-            self._follow_joints(trajectory.still(world.t, self._leading()))
+            self._follow_joints(still(world.t, self._leading()))
 
     def _feel_fingers(self, steps: Steps) -> None:
         fingers, speeds = steps.fingers[-1] + self._wider / 2, steps.finger_speed[-1]
@@ -339,7 +340,7 @@ class MujocoRobot(Commanded):
     def _yield(self, why: str) -> None:
         """Go where pushed, until the arm rests."""
         self._reflex, self._since = why, self._world.t
-        here = trajectory.still(self._world.t, self._readout.q)
+        here = still(self._world.t, self._readout.q)
         self._follow_joints(here)
         self._gains = self._guard.reaction.gains
         self._world.actuators.set(self._gains)
@@ -374,6 +375,6 @@ class MujocoRobot(Commanded):
         return target
 
 
-def _halfway(path: trajectory.Path) -> Array:
+def _halfway(path: Path) -> Array:
     """The configuration that stands for a whole motion."""
     return path.sample(path.knots[[0, -1]]).mean(0)
