@@ -196,7 +196,11 @@ class Walk:
     def _judge(self, path: str, before: SymbolicState) -> set[str]:
         """Note what speaks against a leaf at its place, with what to do instead; the rules broken."""
         primitive = self.form.primitives[path]
-        found = primitive.violations(before)
+        # No way leads from where the arm cannot be.
+        moves = "arm" in primitive.claims
+        found = (
+            primitive.requires(before) if self._astray and moves else primitive.violations(before)
+        )
         told = [violation for violation in found if not self._follows(primitive, violation)]
         for violation in remedied(primitive, before, told):
             self.findings.append(Finding(path, violation))
@@ -212,4 +216,4 @@ class Walk:
         if self.failed and converts and violation.rule == PRECONDITION:
             return True
         nowhere = self._astray or self._empty
-        return nowhere and "arm" in primitive.claims and violation.rule in OF_THE_WAY
+        return nowhere and violation.rule in OF_THE_WAY and "arm" in primitive.claims

@@ -19,6 +19,7 @@ _APART = re.compile(
     re.DOTALL,
 )
 _TRAILING = re.compile(r'"(?:[^"\\]|\\.)*"|,(?=\s*[}\]])', re.DOTALL)
+_ESCAPED = {code: f"\\u{code:04x}" for code in range(0x20)}
 _LITERALS = {"None": "null", "True": "true", "False": "false"}
 
 _FIELDS = frozenset(
@@ -42,7 +43,8 @@ _FIELDS = frozenset(
 
 def mended(text: str) -> str:
     """The text as JSON, as far as comments, trailing commas, blanks of other kinds and Python's words
-    for null, true and false are what keeps it from being that. Strings are left alone."""
+    for null, true and false are what keeps it from being that. In strings, line ends and the like are
+    escaped, and all else is left alone."""
     if text.count("/*") > MOST_COMMENTS:
         return text
     return _TRAILING.sub(_kept, _APART.sub(_replaced, text))
@@ -67,7 +69,7 @@ def normal(document: Mapping[str, Any]) -> dict[str, Any]:
 def _replaced(match: re.Match[str]) -> str:
     token = match[0]
     if token.startswith('"'):
-        return token
+        return token.translate(_ESCAPED)
     return _LITERALS.get(token, " ")
 
 
