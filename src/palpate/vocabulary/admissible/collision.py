@@ -21,17 +21,9 @@ from palpate.parameter import Parameter
 from palpate.vocabulary.admissible.clearance import STEEP, straddled
 from palpate.vocabulary.admissible.footing import SETTLES, footing
 from palpate.vocabulary.admissible.solids import SIDES, solids
-from palpate.vocabulary.admissible.sweep import (
-    LINK,
-    LOAD,
-    Hit,
-    Part,
-    Sweep,
-    arm_sweep,
-    hand_sweep,
-    opening,
-)
-from palpate.vocabulary.admissible.way import Way, of_fingers, of_joints, straight
+from palpate.vocabulary.admissible.sweep.crowd import LINK, LOAD, arm_sweep, hand_sweep, opening
+from palpate.vocabulary.admissible.sweep.sweep import Hit, Part, Sweep
+from palpate.vocabulary.admissible.sweep.way import Way, of_fingers, of_joints, straight
 from palpate.vocabulary.state import SAME_POSE, SymbolicState
 from palpate.vocabulary.violation import Violation
 

@@ -15,8 +15,8 @@ import numpy as np
 from palpate.geometry.outline import rim, slab
 from palpate.geometry.polygon import clipped, hull
 from palpate.geometry.pose import Array, Pose
-from palpate.vocabulary.admissible.frames import Shape
 from palpate.vocabulary.admissible.solids import ORIGIN, Solids, digits, solids
+from palpate.vocabulary.admissible.sweep.frames import Shape
 from palpate.vocabulary.state import SymbolicState
 
 SETTLES = 0.005

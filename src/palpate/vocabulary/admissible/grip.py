@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from palpate.geometry.pose import Array, Pose
-from palpate.vocabulary.admissible.frames import Cluster, Frames, Shape
 from palpate.vocabulary.admissible.solids import SIDES, Solids, digits
+from palpate.vocabulary.admissible.sweep.frames import Cluster, Frames, Shape
 
 BITE = 0.004
 """m that the pads must have of an object, in height and along it: less is an edge that slips out."""

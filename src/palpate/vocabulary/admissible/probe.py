@@ -12,8 +12,9 @@ from palpate.geometry.pose import Array, Pose
 from palpate.vocabulary.admissible.footing import footing
 from palpate.vocabulary.admissible.solids import SIDES, digits, solids
 from palpate.vocabulary.admissible.support import TIPPING
-from palpate.vocabulary.admissible.sweep import FINEST, Hit, hand_sweep, opening
-from palpate.vocabulary.admissible.way import of_hand
+from palpate.vocabulary.admissible.sweep.crowd import hand_sweep, opening
+from palpate.vocabulary.admissible.sweep.sweep import FINEST, Hit
+from palpate.vocabulary.admissible.sweep.way import of_hand
 from palpate.vocabulary.state import SymbolicState
 from palpate.vocabulary.violation import PRECONDITION, Violation
 

@@ -27,7 +27,7 @@ from palpate.robots.nominal import NominalArm
 from palpate.robots.sheet import Box
 from palpate.scene.armed import compiled_with
 from palpate.scene.scene import Scene
-from palpate.vocabulary.admissible.frames import Cluster, Frames, Shape
+from palpate.vocabulary.admissible.sweep.frames import Cluster, Frames, Shape
 
 LEFT, RIGHT = "left finger", "right finger"
 SIDES = {LEFT: 1.0, RIGHT: -1.0}

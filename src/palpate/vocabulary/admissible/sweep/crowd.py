@@ -1,0 +1,160 @@
+"""What moves with the hand, what bends with the arm, and what stands beside their way."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.geometry.pose import Pose
+from palpate.vocabulary.admissible.grip import grip
+from palpate.vocabulary.admissible.solids import SIDES, Solids, solids
+from palpate.vocabulary.admissible.sweep.frames import Cluster, Frames, Shape
+from palpate.vocabulary.admissible.sweep.sweep import Part, Sweep
+from palpate.vocabulary.admissible.sweep.way import Way, of_hand
+from palpate.vocabulary.state import SymbolicState
+
+HAND = "hand"
+LOAD = "load"
+LINK = "link"
+"""Kinds of parts, beside the two fingers."""
+NEIGHBOURS = 2
+"""Joints: parts of the arm with no more of them between cannot, or always nearly, touch."""
+SPACING = 0.01
+"""m between two moments of `near_spans`."""
+
+
+def hand_sweep(state: SymbolicState, way: Way) -> Sweep:
+    """The hand, its fingers and the load along a way, among everything that is not held."""
+    return _Crowd.of(state).sweep(way)
+
+
+def arm_sweep(state: SymbolicState, way: Way) -> Sweep:
+    """The whole arm with hand and load along a way that says how it is bent, among everything that
+    is not held and its own links."""
+    return _Crowd.of(state).sweep(way, with_links=True)
+
+
+def near_spans(
+    state: SymbolicState, start: Pose, end: Pose, growth: float
+) -> tuple[tuple[float, float], ...]:
+    """Shares (first, last) of the straight way from `start` to `end` of the TCP, world, on which
+    the hand, the fingers or the load may come within `growth` m of anything; in order, apart from
+    each other."""
+    way = of_hand(start, end, opening(state), SPACING)
+    near = hand_sweep(state, way).near(growth)
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], near.astype(int), [0]])))
+    spans: list[tuple[float, float]] = []
+    for first, last in edges.reshape(-1, 2).tolist():
+        spans.append((first / len(near), last / len(near)))
+    return tuple(spans)
+
+
+def opening(state: SymbolicState) -> float:
+    """m between the fingers, as believed: open where nothing is known."""
+    if state.holding is not None and state.pose_tcp_object is not None:
+        held = grip(solids(state.scene), state.holding, state.pose_tcp_object)
+        return held.width if held is not None else 0.0
+    return 0.0 if state.gripper == "closed" else state.scene.arm.hand.opening
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Crowd:
+    """What moves with the hand, what bends with the arm, and what stands."""
+
+    solids: Solids
+    carried: tuple[tuple[Part, Shape], ...]
+    links: tuple[tuple[Part, int], ...]
+    standing: tuple[Part, ...]
+    there: Frames
+
+    @classmethod
+    def of(cls, state: SymbolicState) -> _Crowd:
+        """Everything, as it is in a state."""
+        shapes = solids(state.scene)
+        links = [(Part(g, LINK, shapes.owners[g]), joint) for g, joint in shapes.links.items()]
+        standing = [Part(shape.geom, "", shapes.owners[shape.geom]) for shape in shapes.fixed]
+        there = [shapes.standing]
+        for name in state.scene.objects:
+            if name != state.holding:
+                pose, cluster = state.pose_of(name), shapes.clusters[name]
+                standing += [Part(shape.geom, "", name) for shape in shapes.objects[name]]
+                there.append(cluster.at(pose.position[None], pose.rotation[None]))
+        carried = tuple(_carried(shapes, state))
+        return cls(shapes, carried, tuple(links), tuple(standing), Frames.joined(there))
+
+    def sweep(self, way: Way, with_links: bool = False) -> Sweep:
+        """Of a way, by the hand or by the whole arm."""
+        carried = [part for part, _ in self.carried]
+        links = [part for part, _ in self.links] if with_links else []
+        moving = len(carried) + len(links)
+        meets = np.ones((moving, len(self.standing)), dtype=np.bool_)
+        if with_links:
+            meets[len(carried) :] = self._links_meet()
+        pairs = np.argwhere(meets) + np.array([0, moving])
+        if with_links:
+            own = np.array(list(self._own_pairs()), dtype=np.intp).reshape(-1, 2)
+            pairs = np.concatenate([pairs, own])
+        return Sweep(
+            self.solids,
+            way,
+            (*carried, *links, *self.standing),
+            moving,
+            self._placing(with_links),
+            pairs,
+        )
+
+    def _links_meet(self) -> NDArray[np.bool_]:
+        """(links, standing) whether they can, or are neighbours: the base and the first links."""
+        based = np.array([part.owner == self.solids.base for part in self.standing], dtype=np.bool_)
+        near = np.array([joint <= NEIGHBOURS for _, joint in self.links], dtype=np.bool_)
+        return ~(near[:, None] & based)
+
+    def _own_pairs(self) -> Iterator[tuple[int, int]]:
+        """Parts of the robot that can meet: those with enough joints between them."""
+        first = len(self.carried)
+        last_joint = len(self.solids.scene.arm.joints)
+        for i, (_, joint) in enumerate(self.links):
+            for carried in range(len(self.carried)):
+                if last_joint - joint >= NEIGHBOURS:
+                    yield carried, first + i
+            for j, (_, other) in enumerate(self.links[:i]):
+                if joint - other > NEIGHBOURS:
+                    yield first + i, first + j
+
+    def _placing(self, with_links: bool) -> Callable[[Way], Frames]:
+        carried = Cluster.of([shape for _, shape in self.carried])
+        sides = np.array([SIDES.get(part.kind, 0.0) for part, _ in self.carried]) / 2
+
+        def place(way: Way) -> Frames:
+            rotations = way.rotations()
+            hand = carried.at(way.positions, rotations)
+            # A finger is half the opening beside the tool's axis, along its y.
+            beside = np.einsum("n,k,nj->nkj", way.widths, sides, rotations[:, :, 1])
+            parts = [Frames(hand.positions + beside, hand.rotations)]
+            if with_links:
+                assert way.q is not None
+                parts.append(self.solids.links_at(way.q))
+            return Frames.joined([*parts, self.there.repeated(way.count)])
+
+        return place
+
+
+def _carried(shapes: Solids, state: SymbolicState) -> Iterator[tuple[Part, Shape]]:
+    """The hand, its fingers and what it holds, in the tool's frame."""
+    for shape in shapes.hand:
+        yield Part(shape.geom, HAND, HAND), shape
+    for side, finger in shapes.fingers.items():
+        for shape in finger:
+            yield Part(shape.geom, side, side), shape
+    if state.holding is not None and state.pose_tcp_object is not None:
+        for shape in shapes.objects[state.holding]:
+            held = _within(state.pose_tcp_object, shape)
+            yield Part(shape.geom, LOAD, state.holding), held
+
+
+def _within(carrier: Pose, shape: Shape) -> Shape:
+    """A shape of something whose frame is at a pose, in the frame of that pose."""
+    return Shape(shape.geom, carrier.apply(shape.position), carrier.rotation @ shape.rotation)
