@@ -91,6 +91,24 @@ def test_a_centre_of_mass_takes_three_grasps_and_one_weighing(scene: Scene):
     assert (done.count("MeasureForces"), done.count("Force2Mass")) == (3, 1)
 
 
+@pytest.mark.parametrize(("head", "last"), [("", "+"), ("-", "-")])
+def test_what_is_heavier_on_one_side_is_grasped_there_last(head: str, last: str):
+    """And so it is swung where an error of its centre of mass adds least to its inertia."""
+    scene = parse_scene(f"""<mujoco><worldbody><site name="robot_base"/>
+      <body name="table" pos="0.5 0 -0.03"><geom type="box" size=".3 .3 .03"/></body>
+      <body name="mallet" pos="0.5 0 0.012"><freejoint/>
+        <inertial pos="? ? ?" mass="?" diaginertia="? ? ?"/>
+        <geom type="box" size=".13 .012 .012"/>
+        <geom type="box" pos="{head}.145 0 0" size=".015 .045 .012"/></body>
+    </worldbody></mujoco>""")
+    plan = planned(scene, "the balance point and the inertia of the mallet")
+    done = actions(plan.tree)
+    grasps = [done[i - 1] for i, action in enumerate(done) if action == "CloseGripper"]
+    assert grasps[-1] == f"MovePose mallet_pose {last} x_offset"
+    swung = done.index("Swing")
+    assert done[:swung].count("CloseGripper") == 3
+
+
 def test_without_a_request_all_that_is_missing_is_measured_and_nothing_else(scene: Scene):
     plan = planned(scene, None)
     assert set(plan.parameters) == set(scene.missing)

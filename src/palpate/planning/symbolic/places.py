@@ -11,12 +11,15 @@ from palpate.errors import InputError
 from palpate.parameter import Parameter
 from palpate.planning.symbolic.steps import ASIDE, SLIDE
 from palpate.scene.scene import Scene
+from palpate.vocabulary.admissible.solids import solids
 from palpate.vocabulary.state import SymbolicState
 
 SPOT = 1.5
 """Offsets between the spots of a surface that are touched: 75 mm, of which three make a plane."""
 SIDEWAYS = ("y_offset", "x_offset")
 """Offsets along which things are slid."""
+NEARER = 0.005
+"""m by which a centre of mass must be beside the grasp for one side to be nearer to it."""
 
 
 def places(scene: Scene, parameter: Parameter, state: SymbolicState) -> Iterator[list[str]]:
@@ -47,7 +50,7 @@ def domains(scene: Scene, name: str) -> Iterator[list[str]]:
     else:
         yield [above, spot]
         yield from _slid(scene, above, spot)
-        yield from _beside(above, spot)
+        yield from _beside(scene, name)
 
 
 def corners(scene: Scene, name: str, axis: str, state: SymbolicState, sides: str) -> Iterator[str]:
@@ -93,14 +96,28 @@ def _slid(scene: Scene, above: str, spot: str) -> Iterator[list[str]]:
         yield [above, spot, *(f"{spot} {sign} {factor}*{axis}" for sign in "+-")]
 
 
-def _beside(above: str, spot: str) -> Iterator[list[str]]:
-    """Other places at which an object can be grasped and lifted."""
+def _beside(scene: Scene, name: str) -> Iterator[list[str]]:
+    """Other places at which an object can be grasped and lifted, last those nearer to where its centre of
+    mass is believed: what it is turned for after all grasps turns it least in the fingers there."""
+    above, spot = approach(scene, name)
     for axis in reversed(SIDEWAYS):
         expressions = [above, spot]
-        for sign in "+-":
+        heavier = _towards_centre(scene, name, axis)
+        for sign in "-+" if heavier > NEARER else "+-":
             shifted = f"{spot} {sign} {axis}"
             expressions += [f"{shifted} + z_offset", shifted]
         yield expressions
+
+
+def _towards_centre(scene: Scene, name: str, axis: str) -> float:
+    """m along an offset from where an object is grasped to its centre of mass, as it is believed."""
+    body, spot = scene.body(name), scene.symbols.resolve(f"{name}_pose")
+    offset = scene.symbols.offset(axis, f"{name}_pose")
+    length = float(np.linalg.norm(offset))
+    if length == 0.0:
+        return 0.0
+    centre = body.pose_world.apply(solids(scene).centre_of_mass(name))
+    return float((centre - spot.position) @ offset) / length
 
 
 def _times(scene: Scene, axis: str, spot: str, way: float) -> int:
