@@ -69,10 +69,10 @@ BOMBS = [
 
 @pytest.mark.parametrize(("text", "message"), BOMBS)
 def test_a_line_that_becomes_a_million_things(text: str, message: str) -> None:
-    started = time.perf_counter()
+    started = time.process_time()
     with pytest.raises(InputError, match=message):
         parse_scene(text)
-    assert time.perf_counter() - started < 2
+    assert time.process_time() - started < 2
 
 
 def test_what_keeps_to_the_bounds_is_built() -> None:
@@ -91,10 +91,10 @@ def test_only_what_may_be_large_is_tried_elsewhere_first(monkeypatch: pytest.Mon
 
 def test_a_trial_ends_when_there_is_too_little_memory() -> None:
     grid = '<asset><hfield name="h" nrow="20000" ncol="20000" size="1 1 1 1"/></asset>'
-    started = time.perf_counter()
+    started = time.process_time()
     with pytest.raises(InputError, match="takes more than 2 s or 700 MB; use fewer"):
         require_compiles(scene('<geom type="hfield" hfield="h"/>', grid), None)
-    assert time.perf_counter() - started < 10
+    assert time.process_time() - started < 10
 
 
 def test_a_trial_ends_when_its_processor_time_is_up(tmp_path: Path) -> None:

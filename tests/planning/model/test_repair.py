@@ -6,7 +6,7 @@ from __future__ import annotations
 import json
 
 import pytest
-from faulty import FAULTS, Fault
+from breaches import FAULTS, Fault
 from obedient import Model, served
 from plans import answer, move, sequence
 
