@@ -12,18 +12,21 @@ from palpate.estimation.load.segments import Segment, Weighing
 from palpate.geometry.pose import Array
 
 
-def covariance(weighing: Weighing, maps: Array) -> Array:
-    """(n, n) of all rows without the load: white noise, biases, the arm's inertia, and drift."""
+def covariance(weighing: Weighing, maps: Array, apart: float) -> Array:
+    """(n, n) of all rows without the load: white noise, biases, the arm's inertia, and drift.
+
+    `apart` is the part (1 sigma) of their bias that kinds of segments have of their own.
+    """
     found = weighing.segments
     bins, signals = maps.shape[:2]
     variance = np.concatenate([segment.variance for segment in found])
-    bias = _bias(found)
+    bias = _bias(found, apart)
     t = np.concatenate([segment.t for segment in found])
-    apart = np.abs(t[:, None] - t)
+    between = np.abs(t[:, None] - t)
     moved = _moved(found, weighing.scale)
     out = np.zeros((signals * bins, signals * bins))
     for i, scale in enumerate(weighing.scale.tolist()):
-        block = scale**2 * (bias + _drift(apart)) + weighing.noise.flicker[i] * flicker(apart)
+        block = scale**2 * (bias + _drift(between)) + weighing.noise.flicker[i] * flicker(between)
         block += _empty(found, i) ** 2
         block += moved[i]
         block += np.diag(variance[:, i] + (tuning.FLOOR * scale) ** 2)
@@ -38,9 +41,10 @@ def _empty(found: Sequence[Segment], signal: int) -> float:
     return float(np.mean(shown)) if shown else 0.0
 
 
-def _bias(found: Sequence[Segment]) -> Array:
-    """(bins, bins) N²: of one signal in units of its scale, all that is no noise: a common bias, one
-    of each kind along the path, what the arm's own motion makes, and what a rest was left with."""
+def _bias(found: Sequence[Segment], apart: float) -> Array:
+    """(bins, bins) N²: of one signal in units of its scale, all that is no noise: a constant bias, one
+    along the path of which each kind has a part `apart` of its own, what the arm's own motion makes, and
+    what a rest was left with."""
     path = np.concatenate([segment.path for segment in found])
     kinds = np.concatenate([[segment.kind] * len(segment.t) for segment in found])
     own = np.concatenate([np.full(len(s.t), i) for i, s in enumerate(found)])
@@ -51,9 +55,11 @@ def _bias(found: Sequence[Segment]) -> Array:
     near = np.maximum(0.0, 1.0 - np.abs(path[:, None] - path) * tuning.BINS / (2.0 * half))
     moving = tuning.CENTRIFUGAL**2 * np.outer(speed2, speed2)
     moving += tuning.VISCOUS**2 * np.sqrt(np.outer(speed2, speed2))
-    of_kind = tuning.KIND_BIAS**2 * (powers @ powers.T) + tuning.BIN_BIAS**2 * near + moving
-    out = tuning.FORCE_BIAS**2 + of_kind * (kinds[:, None] == kinds)
-    out += tuning.REST_FRICTION**2 * np.outer(at_rest, at_rest) * (own[:, None] == own)
+    along = tuning.KIND_BIAS**2 * (powers @ powers.T) + tuning.BIN_BIAS**2 * near
+    same = kinds[:, None] == kinds
+    out = tuning.FORCE_BIAS**2 + (1.0 - apart**2) * along + (apart**2 * along + moving) * same
+    rested = (apart * tuning.REST_FRICTION) ** 2
+    out += rested * np.outer(at_rest, at_rest) * (own[:, None] == own)
     return out
 
 

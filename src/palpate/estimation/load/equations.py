@@ -80,6 +80,11 @@ class Rows:
     signal: NDArray[np.intp]
     freedom: float
 
+    @property
+    def volume(self) -> float:
+        """Logarithm of the volume that a unit of all rows becomes by whitening, negative."""
+        return float(np.log(np.diag(self.root)).sum())
+
     def white(self, columns: Array) -> Array:
         """(n, p) in rows of unit variance."""
         whitened: Array = np.linalg.solve(self.root, columns).astype(np.float64)
@@ -129,20 +134,33 @@ class Model:
     def solve(self) -> tuple[Array, Array]:
         """Posterior mean (p,) and covariance (p, p), averaged over what is unsure by what `y` says of
         it (Bayesian model averaging: Hoeting et al., Statistical Science 14, 1999)."""
-        told, gram = self.design.T @ self.y, self.design.T @ self.design
-        choices = list(product(*(range(len(each.factors)) for each in self.unsure)))
-        evidence = np.array([self._solve(choice, told, gram).evidence for choice in choices])
+        every = self._every()
+        evidence = np.array([each.evidence for each in every])
         weights = np.exp(evidence - evidence.max())
         weights /= weights.sum()
         counted = np.flatnonzero(weights > tuning.COUNTED)
         weights = weights[counted] / weights[counted].sum()
-        solved = [self._solve(choices[i], told, gram) for i in counted]
+        solved = [every[i] for i in counted.tolist()]
         means = np.array([each.mean for each in solved])
         mean: Array = weights @ means
         covariance: Array = (means - mean).T @ (weights[:, None] * (means - mean))
         for weight, each in zip(weights, solved, strict=True):
             covariance += weight * each.covariance()
         return mean, covariance
+
+    @property
+    def evidence(self) -> float:
+        """Logarithm of the probability density of `y`, but for a constant."""
+        found = np.array([each.evidence for each in self._every()])
+        likeliest = float(found.max())
+        together = likeliest + float(np.log(np.exp(found - likeliest).sum()))
+        return together - 0.5 * float(self.y @ self.y)
+
+    def _every(self) -> Sequence[_Solved]:
+        """For each choice of what is unsure."""
+        told, gram = self.design.T @ self.y, self.design.T @ self.design
+        choices = product(*(range(len(each.factors)) for each in self.unsure))
+        return [self._solve(choice, told, gram) for choice in choices]
 
     def _solve(self, choice: tuple[int, ...], told: Array, gram: Array) -> _Solved:
         """Where the deviations are off by the chosen factors. The evidence is the logarithm of the
@@ -174,7 +192,9 @@ class Model:
         return replace(self, design=wider, prior=deviations, unsure=tuple(unsure))
 
 
-def equations(weighing: Weighing, gravity: float) -> Rows:
+def equations(weighing: Weighing, gravity: float, apart: float = 1.0) -> Rows:
+    """The rows of a weighing, kinds of segments being `apart` in their biases
+    (`estimation.load.biases`)."""
     found = weighing.segments
     hanging: list[Array] = []
     for segment in found:
@@ -183,7 +203,7 @@ def equations(weighing: Weighing, gravity: float) -> Rows:
     maps = np.concatenate([segment.maps for segment in found])
     path = np.concatenate([segment.path for segment in found])
     signals = int(maps.shape[1])
-    root: Array = np.linalg.cholesky(covariance(weighing, maps)).astype(np.float64)
+    root: Array = np.linalg.cholesky(covariance(weighing, maps, apart)).astype(np.float64)
 
     def each(values: Iterable[float]) -> Array:
         """A number of each segment, in all its rows."""

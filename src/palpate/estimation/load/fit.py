@@ -11,7 +11,8 @@ path of a lift, is modelled as
     m       what moving the arm's links takes (`estimation.load.moving`), which is out of y but for an
             error i of some per cent; where links are not known, the acceleration takes its place
     f, s    friction of a joint, whose state follows its motion (`estimation.load.rubbing`)
-    c       bias of each kind of segment, a cubic along the path x and a bit of its own in each bin
+    c       bias of each kind of segment, a cubic along the path x and a bit of its own in each bin;
+            kinds have some or all of it in common
     d       drift and 1/f noise over time t
     e       what an approach leaves in the joints; n white noise
 
@@ -26,7 +27,9 @@ most, not how much this arm leaves, nor whether motion shakes it off): each rest
 of its own, and each pass may be, by part of that. How much is averaged over by what the recordings
 say: where rests agree it is next to nothing, and so it is where passes do; where they do not,
 intervals are as wide as that asks for. So it is with gains: where the joints do not agree on the
-load, they may be farther off than the datasheet says.
+load, they may be farther off than the datasheet says. And so it is with the biases of rests, of
+passes up and of passes down: where the recordings say that they are one, each tells of all (type II
+maximum likelihood; Bishop, section 3.5), if that evidence is very strong.
 
 The model is one of several, nested in each other: forces to the side, a force that grows with the
 height (a spring), one that changes its sign with the direction (something rubs), one that is there
@@ -157,16 +160,40 @@ def _solved(
     weighings: Sequence[Weighing], gravity: float, hand: Hand
 ) -> tuple[Sequence[Rows], Model, Array, Array]:
     """The equations, their model at what was found, and mean and covariance of its coefficients."""
-    rows = [equations(weighing, gravity) for weighing in weighings]
     grasps = _grasps(weighings)
     count = 1 + 2 * len(grasps)
+    rows = _equations(weighings, gravity, tuning.KINDS_APART[0])
     # What gains and tilts do is in proportion to the load, which is not known at first.
-    model = load_model(rows, grasps, np.zeros(count), hand)
-    mean, covariance = model.solve()
+    mean, covariance = load_model(rows, grasps, np.zeros(count), hand).solve()
+    rows, model = _likeliest(weighings, gravity, mean[:count], hand)
     for _ in range(tuning.LOAD_ITERATIONS):
         model = load_model(rows, grasps, mean[:count], hand)
         mean, covariance = model.solve()
     return rows, model, mean, covariance
+
+
+def _likeliest(
+    weighings: Sequence[Weighing], gravity: float, about: Array, hand: Hand
+) -> tuple[Sequence[Rows], Model]:
+    """The equations and their model with kinds of segments as far apart as they may be, or, where the
+    evidence for that is very strong, less."""
+    ways: list[tuple[Sequence[Rows], Model]] = []
+    for apart in tuning.KINDS_APART:
+        rows = _equations(weighings, gravity, apart)
+        ways.append((rows, load_model(rows, _grasps(weighings), about, hand)))
+    evidence = [_evidence(*way) for way in ways]
+    best = int(np.argmax(evidence))
+    return ways[best if evidence[best] > evidence[0] + tuning.VERY_STRONG else 0]
+
+
+def _equations(weighings: Sequence[Weighing], gravity: float, apart: float) -> Sequence[Rows]:
+    return [equations(weighing, gravity, apart) for weighing in weighings]
+
+
+def _evidence(rows: Sequence[Rows], model: Model) -> float:
+    """Logarithm of the probability density of what was felt, but for a constant: of whitened rows, in
+    units of the volume that whitening makes of them."""
+    return model.evidence - sum(row.volume for row in rows)
 
 
 def _grasps(weighings: Sequence[Weighing]) -> tuple[float, ...]:

@@ -63,6 +63,15 @@ LEFT_SHARES = (1.0 / 64.0, 1.0 / 8.0, 1.0)
 arm, and parts of that which stay while they move, as forces at the hand and in each joint: from next
 to nothing to all of it, each as likely before anything is recorded. Sensitive: mass std ×0.9–1.2."""
 
+KINDS_APART = (1.0, 1.0 / 8.0, 1.0 / 64.0)
+"""parts (1 sigma) of `KIND_BIAS`, `BIN_BIAS` and `REST_FRICTION` that each kind of segment has of its own:
+of all of it, as long as nothing speaks very strongly against that, to next to nothing. Sensitive: mass
+0.3 σ, std ×0.9–1.0 where joints hardly rub."""
+
+VERY_STRONG = 5.0
+"""logarithm of a Bayes factor from which evidence is very strong (Kass and Raftery, Journal of the American
+Statistical Association 90, 1995, section 3.2: 150). Sensitive: no."""
+
 COUNTED = 1e-4
 """Probability from which a choice of what is unsure is averaged over. Sensitive: no."""
 
