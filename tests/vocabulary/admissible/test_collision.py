@@ -9,7 +9,7 @@ from workbench import BOTTLE, bench
 import palpate as pp
 from palpate.geometry.pose import Pose
 from palpate.vocabulary.admissible.collision import collisions
-from palpate.vocabulary.motion import MovePose
+from palpate.vocabulary.motion.move_pose import MovePose
 from palpate.vocabulary.state import SymbolicState
 
 SCENE = bench(BOTTLE, height="?")
