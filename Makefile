@@ -2,6 +2,8 @@
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
+# Wheels alone; Python compiles the modules that are used when they are, and not all that there are.
+PIP := $(BIN)/pip install --quiet --disable-pip-version-check --only-binary :all: --no-compile
 
 .PHONY: demo test test-all bench golden lint docs lock clean
 
@@ -30,12 +32,12 @@ lint: $(VENV)/.dev
 
 $(VENV)/.run: pyproject.toml requirements.txt
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/pip install --quiet --disable-pip-version-check --require-hashes -r requirements.txt
-	$(BIN)/pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation -e .
+	$(PIP) --require-hashes -r requirements.txt
+	$(PIP) --no-deps --no-build-isolation -e .
 	touch $@
 
 $(VENV)/.dev: $(VENV)/.run requirements-dev.txt
-	$(BIN)/pip install --quiet --disable-pip-version-check --require-hashes -r requirements-dev.txt
+	$(PIP) --require-hashes -r requirements-dev.txt
 	touch $@
 
 # The documentation site, in site/; what is wrong with it is an error.
@@ -44,7 +46,7 @@ docs: $(VENV)/.docs
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet --strict
 
 $(VENV)/.docs: $(VENV)/.run requirements-docs.txt
-	$(BIN)/pip install --quiet --disable-pip-version-check --require-hashes -r requirements-docs.txt
+	$(PIP) --require-hashes -r requirements-docs.txt
 	touch $@
 
 # Pins with hashes, from pyproject.toml. Needs uv.
