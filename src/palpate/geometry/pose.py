@@ -13,6 +13,11 @@ from numpy.typing import ArrayLike, NDArray
 Array = NDArray[np.float64]
 
 
+def digits(values: Array) -> bytes:
+    """Numbers to a millionth, for a key."""
+    return values.round(6).tobytes()
+
+
 @dataclass(frozen=True, eq=False)
 class Pose:
     """A frame's pose in another: `position` (3,) in m and `quaternion` (4,) wxyz, of unit length.
@@ -54,6 +59,11 @@ class Pose:
     def vector(self) -> Array:
         """(7,) position then quaternion."""
         return np.concatenate([self.position, self.quaternion])
+
+    @cached_property
+    def digits(self) -> bytes:
+        """The `vector` to a millionth, for a key: a search asks for the same poses again and again."""
+        return digits(self.vector)
 
     def __matmul__(self, other: Pose) -> Pose:
         """Composition: `pose_a_b @ pose_b_c` is `pose_a_c`."""

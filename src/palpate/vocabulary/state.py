@@ -13,14 +13,14 @@ from typing import TYPE_CHECKING, Any, Literal, TypeVar, cast
 
 import numpy as np
 
-from palpate.geometry.pose import Array, Pose
+from palpate.geometry.pose import Array, Pose, digits
 from palpate.mjcf.body import Body
 from palpate.parameter import Parameter
 from palpate.robots.kinematics import forward_kinematics
 from palpate.scene.scene import Scene
 from palpate.trace.recording import Activity, Context
 from palpate.vocabulary.admissible.grip import Grip, grip
-from palpate.vocabulary.admissible.solids import digits, solids
+from palpate.vocabulary.admissible.solids import solids
 
 if TYPE_CHECKING:
     from palpate.vocabulary.base import Primitive
@@ -126,25 +126,25 @@ class SymbolicState:
     def placed(self) -> tuple[tuple[str, bytes], ...]:
         """The objects that were moved and where they are, for a key."""
         moved = sorted(self.moved.items())
-        return tuple((name, digits(pose.vector)) for name, pose in moved)
+        return tuple((name, pose.digits) for name, pose in moved)
 
     @property
     def arrangement(self) -> tuple[object, ...]:
         """What tells two arrangements of arm, hand and things apart, for a key."""
         pose, held = self.pose_world_tcp, self.pose_tcp_object
         return (
-            None if pose is None else digits(pose.vector),
+            None if pose is None else pose.digits,
             digits(self.joints) if self.is_bent and self.joints is not None else None,
             self.gripper,
             self.holding,
-            None if held is None else digits(held.vector),
+            None if held is None else held.digits,
             *self.placed,
         )
 
     def object_at(self, pose_world_tcp: Pose) -> Body | None:
         """The object that closing the fingers at this pose would grasp: the one between the pads,
         of several the one in their middle."""
-        key = ("between", digits(pose_world_tcp.vector), *self.placed)
+        key = ("between", pose_world_tcp.digits, *self.placed)
         return solids(self.scene).remembered(key, lambda: self._between(pose_world_tcp))
 
     def grip_of(self, body: Body, pose_world_tcp: Pose) -> Grip | None:

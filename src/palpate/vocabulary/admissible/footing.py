@@ -15,7 +15,7 @@ import numpy as np
 from palpate.geometry.outline import rim, slab
 from palpate.geometry.polygon import clipped, hull
 from palpate.geometry.pose import Array, Pose
-from palpate.vocabulary.admissible.solids import ORIGIN, Solids, digits, solids
+from palpate.vocabulary.admissible.solids import ORIGIN, Solids, solids
 from palpate.vocabulary.admissible.sweep.frames import Shape
 from palpate.vocabulary.state import SymbolicState
 
@@ -74,7 +74,7 @@ def footing(state: SymbolicState, name: str, pose_world_object: Pose) -> Footing
     """The footing of an object at a pose, among everything that is not held, and itself left out."""
     shapes = solids(state.scene)
     placed = [entry for entry in state.placed if entry[0] != name]
-    key = ("footing", name, digits(pose_world_object.vector), state.holding, *placed)
+    key = ("footing", name, pose_world_object.digits, state.holding, *placed)
     return shapes.remembered(key, lambda: _footing(shapes, state, name, pose_world_object))
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from palpate.geometry.pose import Array, Pose
-from palpate.vocabulary.admissible.solids import SIDES, Solids, digits
+from palpate.vocabulary.admissible.solids import SIDES, Solids
 from palpate.vocabulary.admissible.sweep.frames import Cluster, Frames, Shape
 
 BITE = 0.004
@@ -34,7 +34,7 @@ class Grip:
 def grip(shapes: Solids, name: str, pose_tcp_object: Pose) -> Grip | None:
     """How the pads would have an object that is at a pose in the tool frame; None where it is not
     between them: where they would close beside it, above it, or have hardly an edge of it."""
-    key = ("grip", name, digits(pose_tcp_object.vector))
+    key = ("grip", name, pose_tcp_object.digits)
     return shapes.remembered(key, lambda: _grip(shapes, name, pose_tcp_object))
 
 

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from palpate.geometry.polygon import depth
-from palpate.geometry.pose import Array, Pose
+from palpate.geometry.pose import Array, Pose, digits
 from palpate.vocabulary.admissible.footing import footing
-from palpate.vocabulary.admissible.solids import SIDES, digits, solids
+from palpate.vocabulary.admissible.solids import SIDES, solids
 from palpate.vocabulary.admissible.support import TIPPING
 from palpate.vocabulary.admissible.sweep.crowd import hand_sweep, opening
 from palpate.vocabulary.admissible.sweep.sweep import FINEST, Hit

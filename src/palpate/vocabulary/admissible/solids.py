@@ -125,7 +125,7 @@ class Solids:
     def configuration(self, pose_world_tcp: Pose) -> Array | None:
         """(7,) rad: how the controller bends the arm at a pose; None where the arm does not get
         there."""
-        key = digits(pose_world_tcp.vector)
+        key = pose_world_tcp.digits
         if key not in self._bent:
             self._bent[key] = self._bend(pose_world_tcp)
         return self._bent[key]
@@ -188,11 +188,6 @@ class Solids:
     @cached_property
     def _segment(self) -> Array:
         return np.zeros(6)
-
-
-def digits(values: Array) -> bytes:
-    """Numbers to a millionth, for a key."""
-    return values.round(6).tobytes()
 
 
 @lru_cache(CACHED_SCENES)
