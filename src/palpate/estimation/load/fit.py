@@ -175,15 +175,19 @@ def _solved(
 def _likeliest(
     weighings: Sequence[Weighing], gravity: float, about: Array, hand: Hand
 ) -> tuple[Sequence[Rows], Model]:
-    """The equations and their model with kinds of segments as far apart as they may be, or, where the
-    evidence for that is very strong, less."""
+    """The equations and their model with kinds of segments as far apart as they may be, or less, where
+    the evidence for that is very strong and the load is then known better: what turns round with the
+    direction could pass for something that each approach leaves."""
     ways: list[tuple[Sequence[Rows], Model]] = []
     for apart in tuning.KINDS_APART:
         rows = _equations(weighings, gravity, apart)
         ways.append((rows, load_model(rows, _grasps(weighings), about, hand)))
     evidence = [_evidence(*way) for way in ways]
     best = int(np.argmax(evidence))
-    return ways[best if evidence[best] > evidence[0] + tuning.VERY_STRONG else 0]
+    if evidence[best] <= evidence[0] + tuning.VERY_STRONG:
+        return ways[0]
+    apart, alike = (model.solve()[1][0, 0] for _, model in (ways[0], ways[best]))
+    return ways[best] if alike < apart else ways[0]
 
 
 def _equations(weighings: Sequence[Weighing], gravity: float, apart: float) -> Sequence[Rows]:
