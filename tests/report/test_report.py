@@ -345,3 +345,29 @@ def test_a_simulated_run_says_so_and_how_to_do_it_again(data: ReportData, tmp_pa
     made_up = page_of(replace(data, simulated=True, drawn=True), tmp_path)
     assert "Simulated, and made up" in made_up.texts
     assert "Simulated" not in page_of(data, tmp_path).texts
+
+
+def source_of(data: ReportData, folder: Path) -> str:
+    write_report(folder / "report.html", data)
+    return (folder / "report.html").read_text(encoding="utf-8")
+
+
+def test_of_many_things_the_rows_and_motions_are_folded_and_the_contents_come_first(
+    data: ReportData, tmp_path: Path
+) -> None:
+    many = tuple(ParameterRow(f"thing {i}", "mass", "missing", False) for i in range(6))
+    few = source_of(data, tmp_path)
+    assert 'retraced" open>' in few
+    assert few.index('class="estimates"') < few.index('aria-label="Contents"')
+    more = source_of(replace(data, parameters=many, measured=data.measured * 3), tmp_path)
+    assert "6 things, 6 quantities" in more
+    assert 'retraced" open>' not in more
+    assert more.index('aria-label="Contents"') < more.index('class="estimates"')
+
+
+def test_a_twin_without_a_measured_value_is_the_scene_as_it_was_given(
+    data: ReportData, tmp_path: Path
+) -> None:
+    page = page_of(replace(complete(data), twin_diff="", after=picture()), tmp_path)
+    assert "Nothing was measured: the twin is that scene." in page.text
+    assert "as it was given." in page.text

@@ -211,8 +211,8 @@ def _shown(residual: Residual) -> str:
         parts.append(f"{residual.force:.3f} N")
     if residual.position is not None:
         parts.append(f"{1e3 * residual.position:.2f} mm")
+    if not parts:
+        return residual.note or "nothing to compare"
     if residual.note:
         parts.append(residual.note)
-    if not parts:
-        return "nothing to compare"
     return f"off by {', '.join(parts)}"

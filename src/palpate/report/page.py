@@ -12,7 +12,7 @@ from palpate.report.assets import picture_uri, plotly, policy, script, template,
 from palpate.report.cards import cards, in_words
 from palpate.report.data import ReportData
 from palpate.report.evidence.windows import windows
-from palpate.report.forest import forest
+from palpate.report.forest import FEW, forest
 from palpate.report.plots import FAILED, GROUPS, Figure, timeline
 from palpate.report.tables import parameter_groups
 from palpate.report.tree import aftermath, branches, first_failure, primitive_groups
@@ -48,6 +48,7 @@ def render_report(data: ReportData) -> str:
         actions=_actions(data),
         cards=made,
         forest=forest(made),
+        FEW=FEW,
         retraced=any(card.evidence or card.charts for card in made),
         captions=in_words(data.measured),
         parameters=parameter_groups(data.parameters, data.measured),

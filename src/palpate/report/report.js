@@ -1,4 +1,11 @@
 "use strict";
+const unfold = () => {
+  const place = location.hash.length > 1 && document.getElementById(location.hash.slice(1));
+  if (place && place.tagName === "DETAILS") place.open = true;
+};
+addEventListener("hashchange", unfold);
+addEventListener("DOMContentLoaded", unfold);
+addEventListener("beforeprint", () => { for (const part of document.querySelectorAll("details")) part.open = true; });
 (async () => {
   const places = document.querySelectorAll("[data-figure]");
   if (!places.length) return;

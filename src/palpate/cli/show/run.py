@@ -31,6 +31,10 @@ if TYPE_CHECKING:
     from palpate.twin.held_out.judged import Motion
 
 
+MANY_MOTIONS = 4
+"""More motions that agree are told in one line."""
+
+
 @contextmanager
 def live_view(*others: View | None) -> Generator[tuple[Observer, Callable[[str], None]]]:
     """The live view on stderr, and on the others that there are, and a way to name the present
@@ -223,10 +227,21 @@ def _show_measured(run: Run) -> None:
 
 
 def _show_held_out(run: Run) -> None:
-    """How well motions were predicted that nothing was fitted to, a line each."""
+    """How well motions were predicted that nothing was fitted to: a line each, or one for many that
+    agree."""
     if run.held_out is None:
         return
+    agreeing = [motion for motion in run.held_out.motions if motion.agrees]
+    if len(agreeing) > MANY_MOTIONS:
+        worst = max(motion.rms for motion in agreeing)
+        out.print(
+            f"[green]validation agrees[/] {len(agreeing)} motions, after what they show was measured: predicted to "
+            f"{significant(1e3 * worst, 2)} mN·m or better",
+            soft_wrap=True,
+        )
     for motion in run.held_out.motions:
+        if motion.agrees and len(agreeing) > MANY_MOTIONS:
+            continue
         heading, said = "[green]validation agrees[/]", _prediction(motion)
         if motion.disagreement:
             said += f". {motion.disagreement}"
