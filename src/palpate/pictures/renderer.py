@@ -14,7 +14,6 @@ import subprocess
 import sys
 from copy import copy
 from functools import cache
-from types import TracebackType
 
 import mujoco
 import numpy as np
@@ -156,12 +155,7 @@ class Painter:
     def __enter__(self) -> Painter:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
 

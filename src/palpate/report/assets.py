@@ -50,7 +50,7 @@ def style() -> str:
 
 @cache
 def template(package: str, name: str) -> Template:
-    """A page's template, from its package; `style.css` is there for all."""
+    """A page's template, from its package; `style.css`, and `study.html` for studies, are there for all."""
     from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined, select_autoescape
 
     own, shared = PackageLoader(package, "."), PackageLoader("palpate.report", ".")
