@@ -127,6 +127,12 @@ class MjVisual:
         offwidth: int
         offheight: int
 
+    class Map:
+        znear: float
+        zfar: float
+        shadowclip: float
+        shadowscale: float
+
     class Quality:
         shadowsize: int
         numslices: int
@@ -139,6 +145,7 @@ class MjVisual:
 
     global_: Global
     quality: Quality
+    map: Map
     headlight: Headlight
 
 class _Named:
@@ -239,6 +246,7 @@ class MjModel:
     geom_rbound: _Doubles
     geom_dataid: _Ints
     geom_group: _Ints
+    site_group: _Ints
     geom_matid: _Ints
     geom_pos: _Doubles
     geom_quat: _Doubles
@@ -398,6 +406,8 @@ class MjsGeom(_SpecElement):
     solimp: _Doubles
     meshname: str
     material: str
+    quat: _Doubles
+    rgba: _Vector
 
 class MjsCamera(_SpecElement): ...
 class MjsSkin(_SpecElement): ...
@@ -439,6 +449,7 @@ class MjsText(_SpecElement):
     data: str
 
 class MjsMaterial(_SpecElement):
+    rgba: _Vector
     texuniform: bool
     textures: list[str]
 
@@ -506,7 +517,8 @@ class MjsBody(_SpecElement):
     def add_geom(self, *, name: str | None = None, type: _Int | None = None, pos: _Vector | None = None,
                  size: _Vector | None = None, group: _Int | None = None, mass: _Float | None = None,
                  contype: _Int | None = None, conaffinity: _Int | None = None, material: str | None = None,
-                 meshname: str | None = None) -> MjsGeom: ...
+                 meshname: str | None = None, quat: _Vector | None = None,
+                 rgba: _Vector | None = None) -> MjsGeom: ...
     def add_frame(self, *, name: str | None = None, pos: _Vector | None = None,
                   quat: _Vector | None = None) -> MjsFrame: ...
     def add_site(self, default: MjsDefault | None = None, *, name: str | None = None, pos: _Vector | None = None, quat: _Vector | None = None,
@@ -530,6 +542,7 @@ class _SpecCompiler:
 class MjSpec:
     modelfiledir: str
     modelname: str
+    meshdir: str
     @property
     def cameras(self) -> list[MjsCamera]: ...
     @property
@@ -589,6 +602,8 @@ class MjSpec:
     def attach(self, child: MjSpec, prefix: str | None = None, suffix: str | None = None,
                site: MjsSite | str | None = None, frame: MjsFrame | str | None = None) -> MjsFrame: ...
     def body(self, name: str, /) -> MjsBody: ...
+    def mesh(self, name: str, /) -> MjsMesh | None: ...
+    def material(self, name: str, /) -> MjsMaterial | None: ...
     def joint(self, name: str, /) -> MjsJoint: ...
     def find_default(self, name: str, /) -> MjsDefault: ...
     def add_actuator(self, default: MjsDefault | None = None, *, name: str | None = None,

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from palpate.pictures.annotate import Ground, annotated, camera_of, ruled
+from palpate.pictures.annotate import MARGIN, STEP, Ground, annotated, camera_of, ruled
 from palpate.pictures.renderer import Painter, png
-from palpate.pictures.stage import ground_level, loose_things, staged
+from palpate.pictures.stage import free_bodies, ground_level, loose_things, staged
 
 if TYPE_CHECKING:
     from mujoco import MjData, MjModel, MjSpec
@@ -66,7 +66,9 @@ def closer_png(world: MjSpec, names: Mapping[str, Array]) -> bytes:
         RuntimeError: no usable OpenGL.
     """
     things = loose_things(world)
-    ground = Ground.under(things, ground_level(world, things))
+    # Where nothing is loose, the things are the table, and the grid stays on it.
+    margin = MARGIN if free_bodies(world.compile()) else -STEP
+    ground = Ground.under(things, ground_level(world, things), margin)
     spec = world.copy()
     ruled(spec, ground)
     model = staged(spec)

@@ -18,6 +18,8 @@ STEP = 0.1
 """m between two lines of the grid."""
 LINE, RAISED = 0.0006, 0.0004
 """m: half the width of a line, and how far it lies above the table."""
+MARGIN = 0.12
+"""m of ground around what stands on it."""
 GRID = "palpate_grid"
 INK, HALO = (18, 22, 28), (255, 255, 255)
 AXES = {"x": (196, 30, 34), "y": (22, 130, 52), "z": (28, 84, 196)}
@@ -25,8 +27,14 @@ ARROW = 0.08
 """m: how long an axis is drawn."""
 HIDDEN = 0.05
 """m below the ground: what the picture cannot show."""
-TAG = 20
-"""Pixels of a name's letters."""
+TAG, SMALL_TAG, MANY = 20, 15, 8
+"""Pixels of a name's letters, and where there are more names than that many."""
+FIGURES = 6
+"""Lines of the grid, each way, that at most have a figure."""
+CORNER = (-0.13, 0.0)
+"""m from the grid's corner to where the axes are drawn, clear of its figures."""
+PLACES = ((0.0, -1.0), (-1.0, -0.6), (1.0, -0.6), (-1.2, 0.2), (1.2, 0.2), (0.0, -2.2))
+"""Where a name may stand: so many half widths beside what it names, and heights above; best first."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,7 +46,7 @@ class Ground:
     high: tuple[float, float]
 
     @classmethod
-    def under(cls, points: Array, level: float, margin: float = 0.12) -> Ground:
+    def under(cls, points: Array, level: float, margin: float = MARGIN) -> Ground:
         """The ground of `points` (n, 3) and `margin` m around, at world z `level`, m."""
         low, high = points.min(axis=0), points.max(axis=0)
         west, south = (STEP * np.floor((low[:2] - margin) / STEP)).tolist()
@@ -102,12 +110,13 @@ def annotated(pixels: Pixels, camera: Camera, names: Mapping[str, Array], ground
     draw = ImageDraw.Draw(image)
     _figures(draw, camera, ground)
     _axes(draw, camera, ground)
-    for name, (foot, box) in _tags(draw, camera, names, image.size).items():
+    size = SMALL_TAG if len(names) > MANY else TAG
+    for name, (foot, box) in _tags(pixels, draw, camera, names, size).items():
         left, top, right, bottom = box
-        draw.line((*foot, (left + right) / 2, bottom), fill=INK, width=2)
-        draw.rounded_rectangle(box, 6, fill=HALO, outline=INK, width=2)
         middle = ((left + right) / 2, (top + bottom) / 2)
-        draw.text(middle, name, font=_font(TAG), fill=INK, anchor="mm")
+        draw.line((*foot, *middle), fill=INK, width=2)
+        draw.rounded_rectangle(box, 6, fill=HALO, outline=INK, width=2)
+        draw.text(middle, name, font=_font(size), fill=INK, anchor="mm")
     return np.asarray(image)
 
 
@@ -115,23 +124,57 @@ Box = tuple[float, float, float, float]
 
 
 def _tags(
-    draw: ImageDraw.ImageDraw, camera: Camera, names: Mapping[str, Array], size: tuple[int, int]
+    pixels: Pixels,
+    draw: ImageDraw.ImageDraw,
+    camera: Camera,
+    names: Mapping[str, Array],
+    size: int,
 ) -> dict[str, tuple[tuple[float, float], Box]]:
-    """For each name the pixel that it points at, and the box that it stands in, none over another."""
+    """For each name the pixel that it points at, and the box that it stands in, none over another, and
+    where the picture is calm, so that it hides no thing."""
+    height, width = pixels.shape[:2]
     placed: dict[str, tuple[tuple[float, float], Box]] = {}
     seen = {name: camera.project(point) for name, point in names.items()}
     # What is lowest in the picture is nearest: its name is placed first, the others give way upwards.
     for name, foot in sorted(seen.items(), key=lambda item: -(item[1] or (0, 0))[1]):
-        if foot is None or not (0 <= foot[0] < size[0] and 0 <= foot[1] < size[1]):
+        if foot is None or not (0 <= foot[0] < width and 0 <= foot[1] < height):
             continue
-        half = draw.textlength(name, font=_font(TAG)) / 2 + 8
-        middle = min(max(foot[0], half + 4), size[0] - half - 4)
-        bottom = foot[1] - 22
-        box = (middle - half, bottom - TAG - 10, middle + half, bottom)
-        while any(_overlap(box, other) for _, other in placed.values()) and box[1] > TAG + 14:
-            box = (box[0], box[1] - 6, box[2], box[3] - 6)
+        half = (draw.textlength(name, font=_font(size)) / 2 + 8, size / 2 + 5)
+        taken = [box for _, box in placed.values()]
+        boxes = [_box(foot, half, place, (width, height)) for place in PLACES]
+        free = [box for box in boxes if not any(_overlap(box, other) for other in taken)]
+        calm = min(free, key=lambda box: _busy(pixels, box), default=None)
+        box = calm or _above(boxes[0], taken)
         placed[name] = (foot, box)
     return placed
+
+
+def _box(
+    foot: tuple[float, float],
+    half: tuple[float, float],
+    place: tuple[float, float],
+    size: tuple[int, int],
+) -> Box:
+    """A name's box at a place beside what it names, within the picture."""
+    beside, above = place
+    x = foot[0] + beside * (half[0] + 16)
+    y = foot[1] + above * (2 * half[1] + 6)
+    x = min(max(x, half[0] + 4), size[0] - half[0] - 4)
+    y = min(max(y, half[1] + 4), size[1] - half[1] - 4)
+    return x - half[0], y - half[1], x + half[0], y + half[1]
+
+
+def _above(box: Box, taken: list[Box]) -> Box:
+    """The box moved up to where it is free, if there is such a place."""
+    while any(_overlap(box, other) for other in taken) and box[1] > box[3] - box[1]:
+        box = (box[0], box[1] - 6, box[2], box[3] - 6)
+    return box
+
+
+def _busy(pixels: Pixels, box: Box) -> float:
+    """How much there is to see where a box would hide it: the spread of the colours, 0 to 255."""
+    left, top, right, bottom = (max(0, round(edge)) for edge in box)
+    return float(np.std(pixels[top:bottom, left:right].astype(np.float64), axis=(0, 1)).sum())
 
 
 def _overlap(one: Box, other: Box) -> bool:
@@ -146,15 +189,20 @@ def _figures(draw: ImageDraw.ImageDraw, camera: Camera, ground: Ground) -> None:
     near = [ground.high[i] if eye[i] > ground.low[i] else ground.low[i] for i in (0, 1)]
     out = [0.025 if near[i] == ground.high[i] else -0.025 for i in (0, 1)]
     # The corner that both have is left to neither.
-    for x in ground.lines(0)[:-1]:
+    for x in _every(ground.lines(0)[:-1]):
         _write(draw, camera, (x, near[1] + out[1], ground.z), f"x={x:.1f}", AXES["x"])
-    for y in ground.lines(1)[1:]:
+    for y in _every(ground.lines(1)[1:]):
         _write(draw, camera, (near[0] + out[0], y, ground.z), f"y={y:.1f}", AXES["y"])
+
+
+def _every(lines: list[float]) -> list[float]:
+    """So many of them, evenly, that their figures have room."""
+    return lines[:: -(-len(lines) // FIGURES)]
 
 
 def _axes(draw: ImageDraw.ImageDraw, camera: Camera, ground: Ground) -> None:
     """The world's directions, at the corner of the ground that is nearest to the arm."""
-    origin = np.array([ground.low[0], ground.low[1], ground.z])
+    origin = np.array([ground.low[0] + CORNER[0], ground.low[1] + CORNER[1], ground.z])
     start = camera.project(origin)
     for (name, colour), way in zip(AXES.items(), np.eye(3), strict=True):
         end = camera.project(origin + ARROW * way)

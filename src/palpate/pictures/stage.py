@@ -8,7 +8,10 @@ from palpate.geometry.pose import Array
 from palpate.pictures.dress import Looks, dress, looks_in
 from palpate.pictures.framing import extent
 from palpate.pictures.lab import LAB, ROOM, furnish
+from palpate.pictures.menagerie import shape_arm
 
+UNSEEN = 5
+"""The group of what is not drawn."""
 TABLE = "table"
 """The look of what things stand on."""
 
@@ -25,13 +28,17 @@ def staged(spec: mujoco.MjSpec, looks: Looks | None = None, *, soft: bool = True
     worn = looks_in(spec) if looks is None else looks
     things = loose_things(spec)
     dress(drawn, worn)
+    shape_arm(drawn)
     if worn.get(ROOM) == LAB:
         furnish(drawn, things, soft)
     elif _is_bare(drawn):
         furnish(drawn, things, soft=False)
     else:
         _light(drawn)
-    return drawn.compile()
+    model = drawn.compile()
+    # Sites mark places: there is nothing to be seen of them.
+    model.site_group[:] = UNSEEN
+    return model
 
 
 def loose_things(spec: mujoco.MjSpec) -> Array:
