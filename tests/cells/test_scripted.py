@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from bench import DESK, MASS, Bench
+from installed import install
 
 import palpate as pp
 from palpate.cells.registry import drivers
@@ -25,11 +26,8 @@ driver = Driver("scripted", lambda url, scene: Bench(url))
 @pytest.fixture
 def registered(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     """One line in the registry, as an installed package brings it."""
-    metadata = tmp_path / "scripted-1.0.dist-info"
-    metadata.mkdir()
-    (metadata / "METADATA").write_text("Metadata-Version: 2.1\nName: scripted\nVersion: 1.0\n")
-    (metadata / "entry_points.txt").write_text("[palpate.cells]\nscripted = scripted_driver\n")
-    (tmp_path / "scripted_driver.py").write_text(PACKAGE)
+    point = {"palpate.cells": "scripted = scripted_driver"}
+    install(tmp_path, "scripted", point, {"scripted_driver": PACKAGE})
     monkeypatch.syspath_prepend(tmp_path)
     monkeypatch.delitem(sys.modules, "scripted_driver", raising=False)
     drivers.cache_clear()

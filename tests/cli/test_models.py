@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
+from installed import install
 from loopback import Fails, Loopback, Request, Says
 from PIL import Image
 
@@ -305,11 +306,8 @@ driver = Driver("bench", connect)
 @pytest.fixture
 def driver(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     """It is installed, as an installer leaves it."""
-    metadata = tmp_path / "bench_arm-1.0.dist-info"
-    metadata.mkdir()
-    (metadata / "METADATA").write_text("Metadata-Version: 2.1\nName: bench-arm\nVersion: 1.0\n")
-    (metadata / "entry_points.txt").write_text("[palpate.cells]\nbench = bench_arm_driver\n")
-    (tmp_path / "bench_arm_driver.py").write_text(GONE)
+    point = {"palpate.cells": "bench = bench_arm_driver"}
+    install(tmp_path, "bench_arm", point, {"bench_arm_driver": GONE})
     monkeypatch.syspath_prepend(tmp_path)
     monkeypatch.delitem(sys.modules, "bench_arm_driver", raising=False)
     drivers.cache_clear()

@@ -11,6 +11,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from installed import install
 
 from palpate.trace.mcap import read_mcap
 
@@ -59,14 +60,11 @@ planner = Slow
 @pytest.fixture
 def desk(tmp_path: Path) -> Path:
     """A folder with a scene, and with a package that brings a scripted arm."""
-    metadata = tmp_path / "scripted-1.0.dist-info"
-    metadata.mkdir()
-    (metadata / "METADATA").write_text("Metadata-Version: 2.1\nName: scripted\nVersion: 1.0\n")
-    (metadata / "entry_points.txt").write_text(
-        "[palpate.cells]\nscripted = scripted_driver\n[palpate.planners]\nslow = slow_planner\n"
-    )
-    (tmp_path / "scripted_driver.py").write_text(DRIVER)
-    (tmp_path / "slow_planner.py").write_text(PLANNER)
+    points = {
+        "palpate.cells": "scripted = scripted_driver",
+        "palpate.planners": "slow = slow_planner",
+    }
+    install(tmp_path, "scripted", points, {"scripted_driver": DRIVER, "slow_planner": PLANNER})
     (tmp_path / "desk.xml").write_text(SCENE)
     return tmp_path
 

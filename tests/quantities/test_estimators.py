@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from installed import install
 
 from palpate.errors import InputError
 from palpate.estimation.estimate import Estimate
@@ -53,13 +54,8 @@ def bodies():
 def installed(tmp_path, monkeypatch):
     """A package with an estimator of its own, as an installer leaves it: one file, and metadata
     with its entry point."""
-    (tmp_path / "my_estimator.py").write_text(MINE, encoding="utf-8")
-    metadata = tmp_path / "my_estimator-1.0.dist-info"
-    metadata.mkdir()
-    (metadata / "METADATA").write_text("Metadata-Version: 2.1\nName: my-estimator\nVersion: 1.0\n")
-    (metadata / "entry_points.txt").write_text(
-        "[palpate.estimators]\nmass.mine = my_estimator:estimate_mass\n"
-    )
+    point = {"palpate.estimators": "mass.mine = my_estimator:estimate_mass"}
+    install(tmp_path, "my_estimator", point, {"my_estimator": MINE})
     monkeypatch.syspath_prepend(tmp_path)
     known_estimators.cache_clear()
     yield

@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from installed import install
 
 from palpate.errors import InputError
 from palpate.estimation.estimate import Estimate
@@ -38,10 +39,7 @@ def forget() -> None:
 @pytest.fixture
 def installed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     """The package with its entry point; it is gone after the test."""
-    info = tmp_path / "palpate_rolling-1.0.dist-info"
-    info.mkdir()
-    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: palpate-rolling\nVersion: 1.0\n")
-    (info / "entry_points.txt").write_text("[palpate.quantities]\nrolling = palpate_rolling\n")
+    install(tmp_path, "palpate_rolling", {"palpate.quantities": "rolling = palpate_rolling"}, {})
     monkeypatch.syspath_prepend(tmp_path)
     monkeypatch.syspath_prepend(PACKAGE)
     monkeypatch.delitem(sys.modules, "palpate_rolling", raising=False)

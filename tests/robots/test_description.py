@@ -8,6 +8,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
+from installed import install
 from own_arm import SHEET, write_arm
 
 from palpate.errors import InputError
@@ -114,10 +115,7 @@ def test_a_package_brings_an_arm_by_its_entry_point(
 ) -> None:
     folder = write_arm(tmp_path / "their_arm")
     (folder / "__init__.py").write_text("")
-    info = tmp_path / "their_arm-1.0.dist-info"
-    info.mkdir()
-    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: their_arm\nVersion: 1.0\n")
-    (info / "entry_points.txt").write_text("[palpate.robots]\nany = their_arm\n")
+    install(tmp_path, "their_arm", {"palpate.robots": "any = their_arm"}, {})
     monkeypatch.syspath_prepend(tmp_path)
     monkeypatch.delitem(sys.modules, "their_arm", raising=False)
     arms.cache_clear()

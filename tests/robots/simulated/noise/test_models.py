@@ -11,6 +11,7 @@ import pytest
 import yaml
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from installed import install
 from noises import ARM
 from pydantic import BaseModel
 
@@ -384,11 +385,7 @@ none = NoiseModel.model_validate({"name": "none", "torque": {"white": 1.0}})
 def test_a_noise_model_of_ones_own_is_one_file_and_an_entry_point(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    info = tmp_path / "noisy-1.0.dist-info"
-    info.mkdir()
-    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: noisy\nVersion: 1.0\n")
-    (info / "entry_points.txt").write_text("[palpate.noise]\nworn = noisy_bench\n")
-    (tmp_path / "noisy_bench.py").write_text(NOISY)
+    install(tmp_path, "noisy", {"palpate.noise": "worn = noisy_bench"}, {"noisy_bench": NOISY})
     monkeypatch.syspath_prepend(tmp_path)
     noise_models.cache_clear()
     try:
