@@ -80,6 +80,9 @@ def of_friction(
     """Least standard deviation of the coefficient with which an object slid, beside its weight and
     all that the support did to it but the force along the motion; None where it did not slide.
 
+    It is that of one who knows that the support is level, that nothing else holds the object, and that
+    joints rub alike everywhere, of which no estimator is told.
+
     `about`: the true mass (kg) and friction, where the equations are linearised.
     """
     mass, friction = about
