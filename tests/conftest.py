@@ -34,6 +34,7 @@ LONG = (
     "tests/examples/test_thermometer.py::test_a_thermometer_that_cannot_be_read_ends*",
     "tests/examples/test_rolling_friction.py::*",
     "tests/live/test_page.py::*",
+    "tests/test_tutorial.py::test_the_mug_is_measured_and_its_twin_is_read",
     "tests/cli/test_live.py::test_the_stop_button_stops_the_arm",
     "tests/vocabulary/test_turning.py::test_a_centre_of_mass_is_found_along_gravity",
     "tests/test_api.py::test_where_the_scenes_file_is_gone_the_measurement_is_still_there",
