@@ -35,6 +35,13 @@ PROVIDERS = {
 }
 """Models' providers: the distribution of the client, and the environment variable of the key."""
 
+EXTRAS = {
+    "live": ("page for --live", "viser"),
+    "groot": ("Groot2 for --groot", "pyzmq"),
+    "export": ("export to USD", "mujoco-usd-converter"),
+}
+"""What else can be installed: what it is for, and its distribution."""
+
 
 class Line(NamedTuple):
     """Whether a thing is available, what it is, and its version or the remedy."""
@@ -48,7 +55,7 @@ def examine() -> int:
     """Print the table; 0 when the embedded robot and the symbolic planner can work, else 5."""
     core = [_core(name) for name in CORE]
     table = Table(box=None, show_header=False, pad_edge=False)
-    for line in (_palpate(), *core, _pictures(), *_robots_and_planners(), _usd()):
+    for line in (_palpate(), *core, _pictures(), *_robots_and_planners(), *_extras()):
         mark = "[green]✓[/]" if line.good else "[yellow]–[/]"
         table.add_row(mark, line.what, f"[dim]{escape(line.detail)}[/]")
     out.print(table)
@@ -118,10 +125,10 @@ def _provider(provider: str, distribution: str, key: str) -> Line:
     return Line(True, what, f"{key} is set")
 
 
-def _usd() -> Line:
-    found = _installed("mujoco-usd-converter")
-    what = "export to USD"
-    return Line(bool(found), what, found or "missing: pip install 'palpate[export]'")
+def _extras() -> Iterator[Line]:
+    for extra, (what, distribution) in EXTRAS.items():
+        found = _installed(distribution)
+        yield Line(bool(found), what, found or f"missing: pip install 'palpate[{extra}]'")
 
 
 def _installed(distribution: str) -> str | None:

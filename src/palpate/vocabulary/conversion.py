@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import ClassVar
 
+from palpate.estimation.estimate import rounded
 from palpate.parameter import Parameter
 from palpate.quantities.estimators import estimate_all
 from palpate.quantities.height import Height
@@ -80,7 +81,8 @@ class _Conversion(ConversionPrimitive):
         blackboard.recorder.conversions.append(conversion)
         scene = blackboard.scene.learned(parameter, tuple(found.value.tolist()))
         blackboard.state = replace(blackboard.state, scene=scene)
-        shown = ", ".join(f"{v:.4g} ± {s:.2g}" for v, s in zip(found.value, found.std, strict=True))
+        pairs = zip(found.value.tolist(), found.std.tolist(), strict=True)
+        shown = ", ".join(" ± ".join(rounded(value, std)) for value, std in pairs)
         return f"{subject} {quantity.label} {shown} {quantity.unit}"
 
 
