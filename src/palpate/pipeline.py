@@ -29,6 +29,7 @@ from palpate.stages.loading import load, preflight
 from palpate.stages.planning import plan
 from palpate.stages.rehearsing import confirm, rehearse
 from palpate.stages.saving import (
+    await_film,
     darkroom_for,
     folder_for,
     reopen,
@@ -107,6 +108,7 @@ def carry_out(
         keeper = Keeper(folder, signals)
         made = keeper.begin(made, request_json(made.settings))
         with touched_beside(made, cell) as given:
+            await_film(made)
             made = keeper.executed(_Steps(keeper, audience, cell).execution, made)
             with darkroom_for(made) as darkroom:
                 return _Steps(keeper, audience, cell, darkroom, given).finished(made)

@@ -45,8 +45,10 @@ def test_framing_has_all_points_in_view_and_touches_the_edge(azimuth: float, asp
     assert max(vertical.max(), horizontal.max()) == pytest.approx(1.0)
 
 
-def available_under(**environment: str) -> str:
-    code = "from palpate.pictures.renderer import gl_available; print(*gl_available())"
+ASK = "from palpate.pictures.renderer import gl_available, look_ahead; print(*gl_available())"
+
+
+def available_under(code: str = ASK, **environment: str) -> str:
     return subprocess.run(
         [sys.executable, "-c", code],
         env={**os.environ, **environment},
@@ -67,3 +69,10 @@ def test_without_opengl_one_line_says_how_to_get_it() -> None:
     assert answer.startswith("False no usable OpenGL (egl:")
     assert "apt-get install" in answer
     assert answer.count("\n") == 1
+
+
+def test_what_was_tried_ahead_says_the_same() -> None:
+    ahead = ASK.replace("print", "look_ahead(); look_ahead(); print")
+    answer = available_under(ahead, MUJOCO_GL="egl", MUJOCO_EGL_DEVICE_ID="77")
+    assert answer.startswith("False no usable OpenGL (egl:")
+    assert available_under(ahead, MUJOCO_GL="disable").startswith("False MUJOCO_GL=disable")

@@ -50,6 +50,15 @@ def gl_available() -> tuple[bool, str]:
     return _usable()
 
 
+def look_ahead() -> None:
+    """Begin to try the first backend, beside other work; `gl_available` waits for what comes of it."""
+    chosen = _chosen()
+    backend = _backends(chosen)[0]
+    known = _usable.cache_info().currsize or backend in _begun
+    if chosen not in _OFF and not known:
+        _begun[backend] = _trial(backend)
+
+
 def _chosen() -> str:
     """The backend that the environment names, if any."""
     return os.environ.get("MUJOCO_GL", "").lower().strip()
@@ -82,25 +91,43 @@ def _backends(chosen: str) -> tuple[str, ...]:
 
 def _probe(backend: str) -> str | None:
     """None when a context can be made, else the last line of what went wrong."""
+    try:
+        trial = _begun.pop(backend, None) or _trial(backend)
+    except OSError as error:
+        return str(error)
+    with trial:
+        try:
+            _, told = trial.communicate(timeout=60)
+        except subprocess.TimeoutExpired as error:
+            trial.kill()
+            return str(error)
+    if trial.returncode == 0:
+        return None
+    return (told.strip().splitlines() or [f"exit {trial.returncode}"])[-1][:160]
+
+
+_begun: dict[str, subprocess.Popen[str]] = {}
+"""Trials of backends that nobody has waited for yet."""
+
+
+def _trial(backend: str) -> subprocess.Popen[str]:
+    """A process that makes a context.
+
+    Raises:
+        OSError: it cannot be started.
+    """
     environment = dict(os.environ)
     if backend:
         environment["MUJOCO_GL"] = backend
     if backend in ("egl", "osmesa"):
         environment["PYOPENGL_PLATFORM"] = backend
-    try:
-        done = subprocess.run(
-            [sys.executable, "-c", _PROBE],
-            env=environment,
-            capture_output=True,
-            text=True,
-            timeout=60,
-            check=False,
-        )
-    except (OSError, subprocess.TimeoutExpired) as error:
-        return str(error)
-    if done.returncode == 0:
-        return None
-    return (done.stderr.strip().splitlines() or [f"exit {done.returncode}"])[-1][:160]
+    return subprocess.Popen(
+        [sys.executable, "-c", _PROBE],
+        env=environment,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
 
 
 def _select(backend: str) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Generator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -23,6 +23,17 @@ def folder_for(settings: Settings) -> Path:
     if settings.out is not None:
         return settings.out
     return default_folder(settings.scene.resolve().parent.name if settings.scene else "")
+
+
+def await_film(made: Run) -> None:
+    """See whether there can be pictures while the arm moves, where a film of that is to be made."""
+    if made.folder is None or not made.simulated or made.settings.fast:
+        return
+    from palpate.pictures.renderer import look_ahead
+
+    # Without pictures a run goes on, as it does without OpenGL.
+    with suppress(OSError):
+        look_ahead()
 
 
 @contextmanager

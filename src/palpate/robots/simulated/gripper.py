@@ -101,7 +101,7 @@ class Gripper:
     def setpoints(self, t: Array) -> Array | float:
         """Each finger's commanded way from the middle at times `t` (n,), m, until the fingers are
         observed next."""
-        if t[0] - self._since > abs(self._goal - self._from) / self._speed:
+        if self._there(t[0]):
             return self._goal
         way = self._speed * (t - self._since)
         if self._goal > self._from:
@@ -119,7 +119,7 @@ class Gripper:
         middle, speed = sum(fingers) / 2, max(map(abs, speeds))
         commanded, lead = self._commanded(t), self._lead(speed)
         pressed = commanded == self._goal or commanded < middle - lead
-        self._from, self._since = float(np.clip(commanded, middle - lead, middle + lead)), t
+        self._from, self._since = min(max(commanded, middle - lead), middle + lead), t
         if not self.moving:
             return
         if speed > STANDSTILL or not pressed:
@@ -131,7 +131,16 @@ class Gripper:
         return LAG * (self.force / self._damping + speed)
 
     def _commanded(self, t: float) -> float:
-        return float(np.asarray(self.setpoints(np.array([t]))).flat[0])
+        """As `setpoints`, at one time, which is asked for every tick."""
+        if self._there(t):
+            return self._goal
+        way = self._speed * (t - self._since)
+        if self._goal > self._from:
+            return min(self._from + way, self._goal)
+        return max(self._from - way, self._goal)
+
+    def _there(self, t: float) -> bool:
+        return t - self._since > abs(self._goal - self._from) / self._speed
 
     def _start(self, t: float, goal: float, force: float) -> None:
         self._from, self._since, self._last_moved = self._commanded(t), t, t
