@@ -18,9 +18,6 @@ MAX_NAME = 60
 UNKNOWN = {"box": [60, 60, 80]}
 """mm: what a thing of no known kind is drawn as."""
 
-SHAPES = {"box": 3, "cylinder": 2, "sphere": 1}
-"""How many extents each shape has."""
-
 _COLOURS = {
     "red": ".80 .18 .16",
     "blue": ".16 .42 .80",

@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
+from palpate.cli.commands.asking import unless
 from palpate.cli.options.model import BaseUrl, Seconds
 from palpate.cli.options.motion import ArmOptions, RobotConfig, RobotUrl, Yes
 from palpate.cli.options.results import AsJson
 from palpate.cli.options.scene import DEFAULT_ARM, Arm, Poses, Root
-
-if TYPE_CHECKING:
-    from palpate.runs.run import Run
 
 
 def calibrate(
@@ -44,12 +42,8 @@ def calibrate(
     from palpate.cli.show.run import confirm_plan, live_view
 
     asked = wanted(weight, gauge, own_weight)
-
-    def confirm(run: Run) -> bool:
-        return yes or confirm_plan(run)
-
     with live_view() as (observer, say):
-        audience = Audience(observer, say, confirm)
+        audience = Audience(observer, say, unless(yes, confirm_plan))
         done = carry_out_calibration(which.settings(), asked, out, audience)
     show_calibration(done, as_json)
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from palpate.cli.commands.asking import resuming, unless
 from palpate.cli.options.model import ModelOptions, Planner, Remeasure, Without
 from palpate.cli.options.motion import (
     Cautious,
@@ -24,7 +25,6 @@ from palpate.cli.options.scene import DEFAULT_ARM, Arm, GivenScene, SceneOptions
 from palpate.interrupt import interrupts
 
 if TYPE_CHECKING:
-    from palpate.runs.run import Run
     from palpate.settings import Settings
 
 
@@ -127,7 +127,6 @@ def carry_out(settings: Settings, as_json: bool, watch: WatchOptions, yes: bool 
     from palpate.cli.show.run import (
         ValuesFirst,
         confirm_plan,
-        confirm_resuming,
         groot,
         live_page,
         live_view,
@@ -143,20 +142,11 @@ def carry_out(settings: Settings, as_json: bool, watch: WatchOptions, yes: bool 
         live_page(watch.live) as page,
         groot(watch) as publisher,
     ):
-        ask = page.confirm if page else confirm_plan
-
-        def confirm(run: Run) -> bool:
-            return yes or ask(run)
-
         warn_of_invented(settings)
+        may_move = unless(yes, page.confirm if page else confirm_plan)
         with live_view(page, publisher, pace(watch, settings)) as (observer, say):
-
-            def may_resume(why: str) -> bool:
-                say("the robot was stopped")
-                return confirm_resuming(why)
-
             values = ValuesFirst(as_json)
-            audience = Audience(observer, say, confirm, may_resume, values)
+            audience = Audience(observer, say, may_move, resuming(say), values)
             done = run_settings(settings, audience)
         status = show_ended(done, as_json, values.shown)
         if page and not signals.count:
