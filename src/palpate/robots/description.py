@@ -192,7 +192,6 @@ def read_description(folder: Path, name: str, known: Mapping[str, Path]) -> Robo
     model = compiled(mjcf)
     require_arm(folder / FILE, sheet, model)
     links = _links(model, sheet.joints)
-    accuracy = sheet.accuracy
     return RobotDescription(
         name=name,
         label=sheet.label,
@@ -203,25 +202,31 @@ def read_description(folder: Path, name: str, known: Mapping[str, Path]) -> Robo
         home=sheet.home,
         limits=_limits(folder / FILE, sheet, model),
         hand=sheet.hand,
-        nominal=Hand(
-            tip_offset=pads_end(model, sheet.hand),
-            force_repeatability=accuracy.force_repeatability,
-            torque_gain=accuracy.torque_gain,
-            pose_repeatability=accuracy.pose_repeatability,
-            joints=sheet.joints,
-            fingers=sheet.hand.fingers,
-            force_resolution=accuracy.force_resolution,
-            force_accuracy=accuracy.force_accuracy,
-            tip_offset_std=accuracy.tip_offset_std,
-            chain=chain(model, sheet),
-        ),
-        accuracy=accuracy,
+        nominal=_nominal(sheet, model),
+        accuracy=sheet.accuracy,
         reach=sheet.reach,
         stiffness=sheet.stiffness,
         pace=sheet.pace,
         sensors=sheet.sensors,
         postures=sheet.postures,
         hardware=sheet.hardware,
+    )
+
+
+def _nominal(sheet: Sheet, model: mujoco.MjModel) -> Hand:
+    """What estimators need of the arm, as its datasheet tells."""
+    accuracy = sheet.accuracy
+    return Hand(
+        tip_offset=pads_end(model, sheet.hand),
+        force_repeatability=accuracy.force_repeatability,
+        torque_gain=accuracy.torque_gain,
+        pose_repeatability=accuracy.pose_repeatability,
+        joints=sheet.joints,
+        fingers=sheet.hand.fingers,
+        force_resolution=accuracy.force_resolution,
+        force_accuracy=accuracy.force_accuracy,
+        tip_offset_std=accuracy.tip_offset_std,
+        chain=chain(model, sheet),
     )
 
 

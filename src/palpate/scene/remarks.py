@@ -23,7 +23,18 @@ SITE = f'<site name="{BASE_SITE}" pos="x y z"/>'
 
 def remarks(scene: Scene) -> tuple[str, ...]:
     """Sentences for whoever wonders what palpate made of the file."""
-    found = (*_robots(scene), *_base(scene), *_others(scene), *_why_nothing(scene), *_files(scene))
+    found: list[str] = []
+    for told in (
+        _robots,
+        _base,
+        _others,
+        _otherwise,
+        _replicated,
+        _refused,
+        _why_nothing,
+        _files,
+    ):
+        found += told(scene)
     return tuple(found)
 
 
@@ -85,6 +96,11 @@ def _others(scene: Scene) -> Iterator[str]:
             "Of what is attached more than once, the first stands for all, as one file states it: not "
             f"{_names(copies)}. Where one of them differs, give it a file of its own."
         )
+
+
+def _otherwise(scene: Scene) -> Iterator[str]:
+    """What is taken otherwise than the file has it."""
+    description = scene.resolved.description
     for name in scene.objects:
         if reason := scene.catalogue["mass"].overruled(description.bodies[name]):
             yield f"What is measured of '{name}' in the hand would not be its own: {reason}."
@@ -93,6 +109,11 @@ def _others(scene: Scene) -> Iterator[str]:
             "Placed a little above what they stand on, and let down onto it: "
             f"{_names(map(_quoted, description.lowered))}."
         )
+
+
+def _replicated(scene: Scene) -> Iterator[str]:
+    """What `<replicate>` makes."""
+    description = scene.resolved.description
     copied = [name for name, body in description.bodies.items() if _is_replicated(body.elements)]
     if copied:
         yield (
@@ -103,8 +124,13 @@ def _others(scene: Scene) -> Iterator[str]:
             "No objects, as <replicate> makes their parts of one line: "
             f"{_names(map(_called, description.roles.replicated))}."
         )
-    if description.refused:
-        told = [f"'{name}' ({reason})" for name, reason in description.refused.items()]
+
+
+def _refused(scene: Scene) -> Iterator[str]:
+    """What might have been a surface."""
+    refused = scene.resolved.description.refused
+    if refused:
+        told = [f"'{name}' ({reason})" for name, reason in refused.items()]
         yield f"Stands still and is no surface: {_names(told)}."
 
 

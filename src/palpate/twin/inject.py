@@ -76,6 +76,36 @@ def complete(
     """The scene's texts with the estimates in them, as MuJoCo reads them back. What an estimate says
     in passing of a quantity that was `asked` for is not written in the place of its own estimate."""
     estimates = [_in_its_place(estimate, scene.catalogue) for estimate in estimates]
+    values, notes = _values(scene, estimates, asked)
+    description = _without_poses(scene)
+    marked = _marked(description, scene.catalogue)
+    reasons: dict[Parameter, str] = {}
+    for parameter in values:
+        if reason := _unfit(scene, parameter, values, marked):
+            reasons[parameter] = reason
+    fitting = _but_for(values, reasons)
+    texts, filled = _filled(scene, description, marked, fitting, estimates)
+    wrong = dict(_misread(scene, texts, fitting, estimates))
+    if wrong:
+        reasons |= wrong
+        fitting = _but_for(fitting, wrong)
+        texts, filled = _filled(scene, description, marked, fitting, estimates)
+    for parameter, reason in reasons.items():
+        notes.append(f"{parameter} is not in the twin: {reason}")
+    for parameter in marked:
+        if parameter not in fitting:
+            held = f"the twin holds the assumed value {as_text(filled[parameter])}"
+            notes.append(f"{parameter} was not measured; {held}")
+    if _keyframes_state_places(scene, fitting):
+        notes.append("the keyframes state places of their own, which were left as they are")
+    unwritten = tuple(parameter for parameter in reasons if parameter.object in scene.bodies)
+    return Completed(texts, tuple(notes), unwritten)
+
+
+def _values(
+    scene: Scene, estimates: Sequence[Estimate], asked: Collection[Parameter]
+) -> tuple[dict[Parameter, tuple[float, ...]], list[str]]:
+    """What is to be written, and remarks on what was found besides."""
     values: dict[Parameter, tuple[float, ...]] = {}
     for estimate in estimates:
         values[estimate.parameter] = tuple(estimate.value.tolist())
@@ -83,36 +113,14 @@ def complete(
     for parameter, found in _found_besides(scene, estimates):
         if parameter not in values and parameter not in asked:
             values[parameter] = tuple(part.value for part in found)
-            notes.append(
-                f"{parameter} was not asked for; the twin holds {_told(found)}, found besides"
-            )
-    description = _without_poses(scene)
-    marked = _marked(description, scene.catalogue)
-    reasons: dict[Parameter, str] = {}
-    for parameter in values:
-        if reason := _unfit(scene, parameter, values, marked):
-            reasons[parameter] = reason
-    fitting = {parameter: value for parameter, value in values.items() if parameter not in reasons}
-    texts, filled = _filled(scene, description, marked, fitting, estimates)
-    wrong = dict(_misread(scene, texts, fitting, estimates))
-    if wrong:
-        reasons |= wrong
-        fitting = {
-            parameter: value for parameter, value in fitting.items() if parameter not in wrong
-        }
-        texts, filled = _filled(scene, description, marked, fitting, estimates)
-    for parameter, reason in reasons.items():
-        notes.append(f"{parameter} is not in the twin: {reason}")
-    for parameter in marked:
-        if parameter not in fitting:
-            assumed = as_text(filled[parameter])
-            notes.append(
-                f"{parameter} was not measured; the twin holds the assumed value {assumed}"
-            )
-    if _keyframes_state_places(scene, fitting):
-        notes.append("the keyframes state places of their own, which were left as they are")
-    unwritten = tuple(parameter for parameter in reasons if parameter.object in scene.bodies)
-    return Completed(texts, tuple(notes), unwritten)
+            held = f"the twin holds {_told(found)}, found besides"
+            notes.append(f"{parameter} was not asked for; {held}")
+    return values, notes
+
+
+def _but_for(values: Values, without: Collection[Parameter]) -> dict[Parameter, tuple[float, ...]]:
+    """The values of all other parameters."""
+    return {parameter: value for parameter, value in values.items() if parameter not in without}
 
 
 def _keyframes_state_places(scene: Scene, values: Values) -> bool:

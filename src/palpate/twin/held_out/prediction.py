@@ -23,10 +23,14 @@ from numpy.typing import NDArray
 
 from palpate.estimation import tuning
 from palpate.estimation.gains import gain_root
-from palpate.estimation.load.equations import FORCE_Z, SIDEWAYS, TORQUE_X, TORQUE_Y, equations
+from palpate.estimation.load.equations import FORCE_Z, SIDEWAYS, TORQUE_X, TORQUE_Y, Rows, equations
 from palpate.estimation.load.segments import Segment, Weighing
 from palpate.geometry.pose import Array
 from palpate.trace.recording import Hand
+
+LOAD = (FORCE_Z, TORQUE_X, TORQUE_Y)
+"""Columns of a wrench that a weight has."""
+Mask = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -107,24 +111,10 @@ def predicted(
     if not told.any():
         return None
 
-    design = rows.wrench[:, (FORCE_Z, TORQUE_X, TORQUE_Y)]
-    tilt = tuning.TILT * abs(float(wrench.value[0])) + tuning.FLOOR
-    aside = rows.wrench[:, SIDEWAYS] * np.array([tilt, tilt, tilt * tuning.TORQUE_LEVER])
-    borne = (design @ wrench.value)[:, None] * gain_root(hand, signals)[rows.signal]
-    gained = borne - design @ wrench.gains
-    rubbed = tuning.JOINT_LEVEL * rows.rubbed
-    bias = rows.root @ rows.root.T
-    stuck = hand.force_repeatability * rows.left.stuck
-    for causes in (aside, gained, rubbed, stuck):
-        bias += causes @ causes.T
-
-    solved: Array = np.linalg.solve(bias[np.ix_(other, other)], bias[np.ix_(other, told)]).astype(
-        np.float64
-    )
-    carried = solved.T
+    bias = _bias(rows, wrench, hand, signals)
+    carried, left = _conditional(bias, told, other)
     felt = rows.felt[told] - carried @ rows.felt[other]
-    design = design[told]
-    left = bias[np.ix_(told, told)] - carried @ bias[np.ix_(other, told)]
+    design = rows.wrench[:, LOAD][told]
     shape = (signals, -1)
     expected = design @ wrench.value
     return Predicted(
@@ -136,6 +126,32 @@ def predicted(
         design,
         rows.freedom,
     )
+
+
+def _bias(rows: Rows, wrench: Wrench, hand: Hand, signals: int) -> Array:
+    """(n, n) covariance of what the arm adds to each of n rows: noise and drift, friction, gains, and
+    what it is pushed aside by."""
+    design = rows.wrench[:, LOAD]
+    tilt = tuning.TILT * abs(float(wrench.value[0])) + tuning.FLOOR
+    aside = rows.wrench[:, SIDEWAYS] * np.array([tilt, tilt, tilt * tuning.TORQUE_LEVER])
+    borne = (design @ wrench.value)[:, None] * gain_root(hand, signals)[rows.signal]
+    gained = borne - design @ wrench.gains
+    rubbed = tuning.JOINT_LEVEL * rows.rubbed
+    stuck = hand.force_repeatability * rows.left.stuck
+    bias = rows.root @ rows.root.T
+    for causes in (aside, gained, rubbed, stuck):
+        bias += causes @ causes.T
+    return bias
+
+
+def _conditional(bias: Array, told: Mask, other: Mask) -> tuple[Array, Array]:
+    """What the rows `other` say of those `told`: (t, o) by which their values are carried over, and the
+    covariance (t, t) that is left; Bishop, equations 2.81 and 2.82."""
+    solved: Array = np.linalg.solve(bias[np.ix_(other, other)], bias[np.ix_(other, told)]).astype(
+        np.float64
+    )
+    carried = solved.T
+    return carried, bias[np.ix_(told, told)] - carried @ bias[np.ix_(other, told)]
 
 
 def _each(segments: Sequence[Segment], of: Callable[[Segment], NDArray[Any]]) -> NDArray[Any]:
