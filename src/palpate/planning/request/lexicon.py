@@ -67,13 +67,18 @@ OBJECT_NOUNS = word_set("object thing item body")
 SURFACE_NOUNS = word_set("surface")
 GRIPPER_NOUNS = word_set("gripper hand arm robot")
 
+MASSES = r"kg|kilos?|kilograms?|kilogrammes?|g|grams?|grammes?|mg|milligrams?|lbs?|pounds?|oz|ounces?"
 UNITS = (
-    r"kg|kilos?|kilograms?|g|grams?|mg|milligrams?|lbs?|pounds?|oz|ounces?|mm|cm|m|km|millimet(?:re|er)s?|"
+    r"mm|cm|m|km|millimet(?:re|er)s?|"
     r"centimet(?:re|er)s?|met(?:re|er)s?|inch(?:es)?|n|newtons?|n/m|n/mm|kn/m|%|percent|degrees?"
 )
 
+_NUMBER = r"\b\d+(?:[.,]\d+)? *"
+_WORD = r"\b(?:(?:half )?an?|one|two|three|five|ten) "
 AMOUNTS = (
-    r"\b(\d+(?:[.,]\d+)?) *(?:" + UNITS + r")(?!\w)",
-    r"\b(?:half )?(?:a|an) (?:kilo|kilogram|gram|pound|ounce|newton|met(?:re|er)|inch)\b",
+    (_NUMBER + rf"(?:{MASSES})(?!\w)", "§mass"),
+    (_NUMBER + rf"(?:{UNITS})(?!\w)", "§amount"),
+    (_WORD + rf"(?=\w{{4}})(?:{MASSES})(?!\w)", "§mass"),
+    (_WORD + rf"(?=\w{{4}})(?:{UNITS})(?!\w)", "§amount"),
 )
 """What says how much, with its unit."""

@@ -94,6 +94,7 @@ class Reading:
             self._miss(())
         elif self._alone and not self._wanted:
             self._read_alone()
+        self._require_alone()
         if not self._wanted and self._handled:
             raise PlanRejected(self.resolver.no_deed(self._handled))
 
@@ -135,7 +136,10 @@ class Reading:
             of = objects
             if pair.thing is None and not pair.every:
                 of = self._meant(quantity)
-            self.asked += self.resolver.parameters(quantity, of)
+            asked = self.resolver.parameters(quantity, of)
+            self.asked += asked
+            if self._turning:  # "we know all masses except that of the mug"
+                self.excluded.difference_update(asked)
         if not self._quantities(pair):
             self._miss(objects, model=pair.every)
 
@@ -195,6 +199,17 @@ class Reading:
         if len(self._alone) > 1 or self.things.spared:
             raise PlanRejected("it is not said what to measure of them; say e.g. 'their masses'")
         self._miss(self._alone[0])
+
+    def _require_alone(self) -> None:
+        """That nothing was named and then left aside.
+
+        Raises:
+            PlanRejected: something was.
+        """
+        asked = {parameter.object for parameter in self.asked}
+        for item in (item for items in self._alone for item in items):
+            if not asked.issuperset(item.names):
+                raise PlanRejected(f"it is not said what to measure of '{item.text}'")
 
     def _do(self, act: Deed) -> None:
         """A deed may follow a measurement, which it does not change; it is not done.

@@ -12,6 +12,7 @@ from palpate.planning.request.sentence.meaning import (
     Absent,
     Again,
     But,
+    Choice,
     Chosen,
     Coloured,
     Everything,
@@ -67,6 +68,8 @@ class Things:
                 yield from self._again(thing.which)
             case Everything():
                 yield self._everything(thing)
+            case Choice():
+                raise PlanRejected("'or' leaves it open which is meant; say 'and', or name one")
             case Several():
                 for one in thing.things:
                     yield from self.found(one)
@@ -193,14 +196,14 @@ class Things:
 
     def _less(self, thing: But) -> Iterator[Item]:
         items = tuple(self._items(thing.thing))
-        of_all = {name for item in items for name in item.names}
         less: set[str] = set()
         for item in self._excepted(thing.less, items):
             if len(item.names) > 1 and not item.plural:
                 raise PlanRejected(f"'the {item.text}' may be {_or(item.names)}; name one")
             less.update(item.names)
-        if not all(item.plural for item in items) and not less.isdisjoint(of_all):
-            raise PlanRejected(f"{_quoted(sorted(less & of_all))} is both wanted and not wanted")
+        single = {name for item in items if not item.plural for name in item.names}
+        if not less.isdisjoint(single):
+            raise PlanRejected(f"{_quoted(sorted(less & single))} is both wanted and not wanted")
         for item in items:
             kept = tuple(name for name in item.names if name not in less)
             if kept:

@@ -19,6 +19,7 @@ _APART = (
     (r"\blet's\b", "let us"),
     (r"\b(what|who|where|there|here|how|it|that)'s\b", r"\1 is"),
     (r"[&+]", " and "),
+    (r"(?<!\S)\(?\d ?\) ", " ; "),
 )
 """What is written as one word and is two."""
 
@@ -32,8 +33,8 @@ def tokens(request: str) -> list[str]:
     text = re.sub(r"\s+", " ", request)
     for pattern, apart in _APART:
         text = re.sub(pattern, apart, text)
-    for pattern in AMOUNTS:
-        text = re.sub(pattern, " §amount ", text)
+    for pattern, amount in AMOUNTS:
+        text = re.sub(pattern, f" {amount} ", text)
     text = re.sub(r"[_\-]+", " ", text)
     text = re.sub(r"\.(?=\S)|/", " ", text)
     return re.findall(r"§\w+|'s\b|\w+|[,;:.?!]", text)
@@ -90,8 +91,6 @@ def singulars(word: str) -> tuple[str, ...]:
         forms.append(word[:-2])
     if word.endswith("s") and not word.endswith("ss"):
         forms.append(word[:-1])
-    if word.endswith("ing"):
-        forms.append(word[:-3])
     return tuple(forms)
 
 

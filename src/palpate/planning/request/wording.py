@@ -59,6 +59,7 @@ class English:
     describing: frozenset[str]
     asked: Mapping[str, str]
     often: frozenset[str]
+    turning: frozenset[str]
     things: frozenset[str]
 
 
@@ -73,7 +74,7 @@ def english() -> English:
     purposes: dict[str, tuple[str, ...]] = {}
     for quantities, verbs in said["purposes"].items():
         purposes |= dict.fromkeys(verbs.split(), tuple(quantities.split()))
-    sets = ("collective", "superlatives", "describing", "things", "often")
+    sets = ("collective", "superlatives", "describing", "things", "often", "turning")
     words = {name: word_set(said[name]) for name in sets}
     return English(
         turned=_phrases(said["turned"]),

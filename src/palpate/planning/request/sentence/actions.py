@@ -15,6 +15,7 @@ from palpate.planning.request.sentence.meaning import (
     Act,
     Again,
     But,
+    Choice,
     Chosen,
     Coloured,
     Deed,
@@ -43,6 +44,14 @@ Part = Quantity | Thing | str
 
 def _several(*things: Thing) -> Thing:
     return things[0] if len(things) == 1 else Several(things)
+
+
+def _choice(*things: Thing) -> Choice:
+    return Choice(things)
+
+
+def _do_others() -> Say:
+    return Say("want", (Pair((), Everything(others=True)),))
 
 
 def _named(many: str, words: Words) -> Named:
@@ -121,7 +130,7 @@ def _class_near(words: Words, place: str, mark: Thing) -> Mention:
 
 
 def _but_all(less: Thing) -> But:
-    return But(Everything(), less)
+    return _but(Everything(), less)
 
 
 def _pair(*parts: Part) -> Pair:
@@ -163,6 +172,8 @@ def _say(deed: str, *pairs: Pair) -> Say:
 
 
 def _say_of(deed: str, *parts: Part) -> Say:
+    if deed == "skip":
+        parts = tuple(part if isinstance(part, str) else _all_of(part) for part in parts)
     return Say(deed, (_pair(*parts),))
 
 
@@ -207,9 +218,18 @@ def _mass() -> Quantity:
     return Quantity("mass", "mass")
 
 
+def _all_of(thing: Thing) -> Thing:
+    """All of a choice, where it is compared or not wanted."""
+    return Several(thing.things) if isinstance(thing, Choice) else thing
+
+
+def _but(thing: Thing, less: Thing) -> But:
+    return But(thing, _all_of(less))
+
+
 def _compared(*parts: Part) -> Say:
     """What is compared, of all that it is compared of."""
-    things = [part for part in parts if not isinstance(part, (Quantity, str))]
+    things = [_all_of(part) for part in parts if not isinstance(part, (Quantity, str))]
     thing = _several(*things) if things else Again("all")
     return Say("want", (replace(_pair(*parts), thing=thing),))
 
@@ -220,6 +240,16 @@ def _selected(*parts: Part) -> Say:
     quantities = [part for part in parts if isinstance(part, (Quantity, str))]
     things = [part for part in parts if not isinstance(part, (Quantity, str))]
     return _compared(*quantities, *things[-1:])
+
+
+def _selected_among(thing: Thing, *parts: Part) -> Say:
+    """ "Is the wrench the lightest tool?"."""
+    return _selected(*parts) if len(parts) > 1 else _selected_all(thing, *parts)
+
+
+def _selected_all(thing: Thing, *quantities: Part) -> Say:
+    """ "Is the wrench lighter than all others?"."""
+    return _compared(*quantities, Everything())
 
 
 def _simulated(verb: str, *things: Thing) -> Simulated:
@@ -236,6 +266,10 @@ def _nothing(*_: Hashable) -> tuple[()]:
 
 def _marks_of(place: Marks) -> tuple[Thing, ...]:
     return place.marks
+
+
+def _mention(thing: Thing, place: Marks | None = None) -> Mention:
+    return Mention(thing if place is None else _placed(thing, place))
 
 
 def _alone(thing: Thing) -> Mention:
@@ -260,6 +294,8 @@ def _it(*_: Hashable) -> It:
 
 ACTIONS: Mapping[str, Callable[..., Hashable]] = {
     "several": _several,
+    "choice": _choice,
+    "do_others": _do_others,
     "named": _named,
     "named_last": _named_last,
     "named_other": _named_other,
@@ -281,7 +317,7 @@ ACTIONS: Mapping[str, Callable[..., Hashable]] = {
     "marks_between": _marks_between,
     "marks_of": _marks_of,
     "surface_of": Top,
-    "but": But,
+    "but": _but,
     "but_all": _but_all,
     "pair": _pair,
     "unfelt_of": _unfelt_of,
@@ -300,10 +336,12 @@ ACTIONS: Mapping[str, Callable[..., Hashable]] = {
     "mass": _mass,
     "compared": _compared,
     "selected": _selected,
+    "selected_among": _selected_among,
+    "selected_all": _selected_all,
     "simulated": _simulated,
     "simulated_of": _simulated_of,
     "nothing": _nothing,
-    "mention": Mention,
+    "mention": _mention,
     "alone": _alone,
     "deed": _deed,
     "handled": Handled,

@@ -178,7 +178,9 @@ class Lattice:
         fits = True
         for token in tokens[at : at + 5]:
             unknown = self._is_unknown(token)
-            if not (unknown or self.nouns.known(token)):
+            if not (unknown or self.nouns.known(token)) or token in english().selecting:
+                break
+            if token in english().turning:
                 break
             run.append(token)
             fits = fits and not unknown
@@ -213,8 +215,10 @@ def _words(tokens: Sequence[str], at: int) -> Iterator[Edge]:
         yield "SEL", at + 1, (said.selecting[tokens[at]],)
     if tokens[at] in said.numbers:
         yield "NUM", at + 1, (said.numbers[tokens[at]],)
-    if tokens[at] == "§amount":
+    if tokens[at] in ("§amount", "§mass"):
         yield "AMOUNT", at + 1, ()
+    if tokens[at] == "§mass":
+        yield "MASS", at + 1, ()
 
 
 def _comparing(tokens: Sequence[str], at: int) -> Iterator[Edge]:

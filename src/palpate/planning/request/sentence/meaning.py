@@ -75,13 +75,20 @@ class Several:
 
 
 @dataclass(frozen=True, slots=True)
+class Choice:
+    """One of several, whichever: "the mug or the bottle"."""
+
+    things: tuple[Thing, ...]
+
+
+@dataclass(frozen=True, slots=True)
 class Top:
     """The top of a thing, which is no part of it where it is a surface."""
 
     thing: Thing
 
 
-Thing = Top | Named | Absent | Again | Everything | Coloured | Chosen | Placed | But | Several
+Thing = Choice | Top | Named | Absent | Again | Everything | Coloured | Chosen | Placed | But | Several
 
 
 @dataclass(frozen=True, slots=True)
