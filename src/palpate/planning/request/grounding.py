@@ -176,7 +176,7 @@ def _grounded(
     reading.finish()
     asked = [one for one in resolver.ordered(reading.asked) if one not in reading.excluded]
     told = (*remarks, *things.remarks, *reading.remarks)
-    if not (asked or resolver.cannot or reading.remarks):
+    if not (asked or resolver.cannot or reading.looked):
         resolver.reject(request)
     return Grounded(
         asked=tuple(asked),

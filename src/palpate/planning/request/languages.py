@@ -110,7 +110,7 @@ def _inflected(
         return (_bare(word),)
     for stem in _stems(word, spoken):
         if stem in names:
-            return (stem,)
+            return (stem if spoken.compounds else stem + "s",)
         if (stem,) in glossary:
             return glossary[stem,]
     if spoken.compounds:
@@ -152,3 +152,6 @@ def _stems(word: str, spoken: Language) -> Iterator[str]:
     for ending in spoken.endings:
         if word.endswith(ending) and len(word) > len(ending) + 2:
             yield word.removesuffix(ending)
+    for plural, singular in spoken.plurals.items():
+        if word.endswith(plural) and len(word) > len(plural) + 2:
+            yield word.removesuffix(plural) + singular

@@ -10,6 +10,7 @@ from palpate.planning.request.resolver import Resolver
 from palpate.planning.request.sentence.meaning import (
     Act,
     Again,
+    Aside,
     Deed,
     Handled,
     It,
@@ -35,6 +36,7 @@ class Reading:
         asked: the parameters that are wanted, excluded: those that are not.
         simulated: deeds that are to be simulated, and with what.
         remarks: how something was read that was not quite said so.
+        looked: whether it asks for what is missing, be there any or not.
     """
 
     resolver: Resolver
@@ -43,6 +45,7 @@ class Reading:
     excluded: set[Parameter] = field(default_factory=set[Parameter])
     simulated: list[tuple[str, Items]] = field(default_factory=list[tuple[str, Items]])
     remarks: list[str] = field(default_factory=list[str])
+    looked: bool = False
     _last: tuple[Quantity, ...] = ()
     _deed: str = ""
     _turning: bool = False
@@ -78,6 +81,9 @@ class Reading:
                 self.resolver.cannot.append(self.resolver.not_felt(act.word))
             case Need():
                 self._needed = True
+            case Aside():
+                self.things.unsure = True
+                self.remarks.append(f"'{act.said}' is taken for a side remark.")
             case It():
                 if not (self._wanted or self._needed):
                     raise PlanRejected("'it' stands for nothing that was asked; name the quantity")
@@ -181,6 +187,7 @@ class Reading:
 
     def _meant(self, quantity: Quantity) -> Items:
         """What was spoken of last that can have it: the meaning of "it", or of saying nothing."""
+        self.things.require_sure()
         for objects in reversed(self.things.spoken):
             if self.resolver.can_have(objects, quantity):
                 return objects
@@ -192,6 +199,7 @@ class Reading:
         self._wanted = True
         found, remark = self.resolver.missing(objects, model)
         self.asked += found
+        self.looked = True
         self.remarks.append(remark)
 
     def _read_alone(self) -> None:

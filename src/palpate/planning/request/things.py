@@ -36,6 +36,7 @@ class Things:
         spoken: the things of every list so far, which "it" may mean.
         spared: those that were not wanted.
         remarks: how things were read that were not quite said so.
+        unsure: whether something was said since that nobody looked into.
     """
 
     scene: Scene
@@ -43,6 +44,7 @@ class Things:
     spoken: list[Items] = field(default_factory=list[Items])
     spared: list[Item] = field(default_factory=list[Item])
     remarks: list[str] = field(default_factory=list[str])
+    unsure: bool = False
 
     def found(self, thing: Thing) -> Items:
         """The bodies themselves; spoken of from now on.
@@ -54,6 +56,7 @@ class Things:
         self.remarks += [item.remark for item in found if item.remark]
         if found and not isinstance(thing, Again):
             self.spoken.append(found)
+            self.unsure = False
         return found
 
     def _items(self, thing: Thing) -> Iterator[Item]:
@@ -109,6 +112,7 @@ class Things:
         Raises:
             PlanRejected: none was.
         """
+        self.require_sure()
         before = {name for item in self._before() for name in item.names}
         others = tuple(name for name in names if name not in before)
         if not before.intersection(names) or not others:
@@ -136,6 +140,7 @@ class Things:
         Raises:
             PlanRejected: nothing was, or not what the word needs.
         """
+        self.require_sure()
         if not self.spoken:
             if which == "all":
                 return (self._everything(Everything()),)
@@ -151,9 +156,19 @@ class Things:
             raise PlanRejected(f"'it' may be {' or '.join(item.text for item in last)}; name one")
         return last
 
+    def require_sure(self) -> None:
+        """That what was said last was looked into.
+
+        Raises:
+            PlanRejected: it was a side remark, and may be meant.
+        """
+        if self.unsure:
+            raise PlanRejected("it is not clear what 'it' stands for here; name the object")
+
     def _everything(self, thing: Everything) -> Item:
         names = tuple(self.scene.bodies)
         if thing.others:
+            self.require_sure()
             before = {name for item in self._before() for name in item.names}
             names = tuple(name for name in names if name not in before)
         return Item(("everything",), names, plural=True)

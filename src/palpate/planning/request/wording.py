@@ -26,11 +26,13 @@ class Language:
         turned: its phrases in English.
         endings: of inflected words, which may be left away.
         compounds: whether it writes several nouns in one word.
+        plurals: endings of plurals, and what they are of.
     """
 
     turned: Mapping[Phrase, Phrase]
     endings: tuple[str, ...]
     compounds: bool
+    plurals: Mapping[str, str]
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,6 +62,9 @@ class English:
     asked: Mapping[str, str]
     often: frozenset[str]
     turning: frozenset[str]
+    remarking: frozenset[str]
+    telling: frozenset[str]
+    asking: frozenset[str]
     things: frozenset[str]
 
 
@@ -74,7 +79,7 @@ def english() -> English:
     purposes: dict[str, tuple[str, ...]] = {}
     for quantities, verbs in said["purposes"].items():
         purposes |= dict.fromkeys(verbs.split(), tuple(quantities.split()))
-    sets = ("collective", "superlatives", "describing", "things", "often", "turning")
+    sets = ("collective", "superlatives", "describing", "things", "often", "turning", "remarking", "telling", "asking")
     words = {name: word_set(said[name]) for name in sets}
     return English(
         turned=_phrases(said["turned"]),
@@ -99,7 +104,8 @@ def language(code: str) -> Language:
     said = _read(code)
     endings = tuple(said["endings"].split())
     compounds = bool(said.get("compounds", False))
-    return Language(_phrases(said["turned"]), endings, compounds)
+    plurals = dict(said.get("plurals", {}))
+    return Language(_phrases(said["turned"]), endings, compounds, plurals)
 
 
 @cache

@@ -32,6 +32,7 @@ class Lattice:
 
     def __init__(self, scene: Scene, colours: frozenset[str] = COLOURS) -> None:
         self.nouns = Nouns(scene, colours)
+        self._remarkable = colours == COLOURS  # in English, whose small words are all known
         self._quantities = _quantities()
         self._longest = longest(self._quantities)
 
@@ -86,6 +87,40 @@ class Lattice:
         yield from self._properties(tokens, at)
         yield from _comparing(tokens, at)
         yield from self._things(tokens, at)
+        yield from self._remarks(tokens, at)
+
+    def _remarks(self, tokens: Sequence[str], at: int) -> Iterator[Edge]:
+        """What may be said beside a request without changing it: "a customer is waiting"."""
+        if not self._remarkable or (at and tokens[at - 1] not in _APART):
+            return
+        for end in range(at + 1, len(tokens) + 1):
+            if not self._says_nothing(tokens, end - 1):
+                return
+            if end == len(tokens) or tokens[end] in _APART:
+                said = (" ".join(tokens[at:end]),)
+                yield "REST", end, said
+                if end - at > 2 and tokens[at] in english().remarking:
+                    yield "REMARK", end, said
+        yield from self._reasons(tokens, at)
+
+    def _reasons(self, tokens: Sequence[str], at: int) -> Iterator[Edge]:
+        """What may be said behind "because", up to the end."""
+        behind = range(at, len(tokens))
+        asking = english().asking
+        says = any(tokens[i] in asking or any(True for _ in self._properties(tokens, i)) for i in behind)
+        if at and tokens[at - 1] in ("because", "since") and not says:
+            yield "REST", len(tokens), (" ".join(tokens[at:]),)
+
+    def _says_nothing(self, tokens: Sequence[str], at: int) -> bool:
+        """Whether a word names neither a thing of the scene nor a property, nor tells anything of
+        what is wanted."""
+        token = tokens[at]
+        if token in english().telling or not token.isalpha() or token in _QUANTITATIVE:
+            return False
+        named = self.nouns.meant((token,), True) and not self.nouns.otherwise((token,))
+        if named or not self.nouns.names.isdisjoint(singulars(token)):
+            return False
+        return not any(True for _ in self._properties(tokens, at))
 
     def _properties(self, tokens: Sequence[str], at: int) -> Iterator[Edge]:
         """The longest synonym of a quantity, and properties that nothing measures."""
@@ -232,6 +267,8 @@ def _comparing(tokens: Sequence[str], at: int) -> Iterator[Edge]:
 
 _PLURAL = frozenset({"NNOUN", "WORLD"})
 """Classes of nouns."""
+_APART = frozenset({",", "and", "so", "but", "because", "since", "as", "which", "who", "?"})
+"""What stands before and behind a side remark."""
 _VALUED = frozenset({"DEED", "HANDLE", "STATE"})
 _LITERALS = frozenset(
     part for rules in grammar().named.values() for rule in rules for part in rule.parts

@@ -169,7 +169,14 @@ class It:
     """ "Measure it", after what is wanted."""
 
 
-Act = Say | Mention | Simulated | Deed | Handled | Unfelt | Need | It
+@dataclass(frozen=True, slots=True)
+class Aside:
+    """A side remark, which nobody looks into."""
+
+    said: str
+
+
+Act = Aside | Say | Mention | Simulated | Deed | Handled | Unfelt | Need | It
 
 
 @dataclass(frozen=True, slots=True)
