@@ -20,6 +20,7 @@ from palpate.planning.request.sentence.meaning import (
     Quantity,
     Say,
     Simulated,
+    Told,
     Unfelt,
 )
 from palpate.planning.request.things import Items, Things
@@ -53,6 +54,7 @@ class Reading:
     _needed: bool = False
     _alone: list[Items] = field(default_factory=list[Items])
     _handled: str = ""
+    _told: bool = False
 
     def take(self, act: Act) -> None:
         """The next clause.
@@ -84,6 +86,9 @@ class Reading:
             case Aside():
                 self.things.unsure = True
                 self.remarks.append(f"'{act.said}' is taken for a side remark.")
+            case Told():
+                self._told = True
+                self.remarks.append(f"'{act.said}' is taken for a side remark.")
             case It():
                 if not (self._wanted or self._needed):
                     raise PlanRejected("'it' stands for nothing that was asked; name the quantity")
@@ -98,7 +103,7 @@ class Reading:
             self._aim()
         elif self._needed and not self.simulated:
             self._miss(())
-        elif self._alone and not self._wanted:
+        elif self._alone and not self._wanted and not self._told:
             self._read_alone()
         self._require_alone()
         if not self._wanted and self._handled:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 
 from palpate.errors import InputError, PlanRejected
 from palpate.planning.request.item import GRIPPER, Item
+from palpate.planning.request.lexicon import OBJECT_NOUNS
 from palpate.planning.request.nouns import Nouns
 from palpate.planning.request.sentence.meaning import (
     Absent,
@@ -94,6 +95,8 @@ class Things:
             raise self._not_there(" ".join(words))
         if thing.many == "other":
             names = self._others_of(names)
+        if not several and len(names) > 1 and words[-1] in OBJECT_NOUNS and len(words) == 1:
+            names = self._last(names)
         if thing.many.isdigit() and len(names) != int(thing.many):
             raise PlanRejected(
                 f"the scene has {len(names)} of '{' '.join(words)}', not {thing.many}: "
@@ -105,6 +108,12 @@ class Things:
         elif several and self.nouns.is_kind(words[-1]):
             remark = f"'{' '.join(words)}' are taken to be {_quoted(names)}."
         return Item(words, names, several, remark)
+
+    def _last(self, names: tuple[str, ...]) -> tuple[str, ...]:
+        """ "That thing": the one that was spoken of last."""
+        if not self.spoken or self.unsure or len(self.spoken[-1]) > 1:
+            return names
+        return self.spoken[-1][0].names
 
     def _others_of(self, names: Sequence[str]) -> tuple[str, ...]:
         """Those that were not spoken of.

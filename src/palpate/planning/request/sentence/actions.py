@@ -34,6 +34,7 @@ from palpate.planning.request.sentence.meaning import (
     Several,
     Simulated,
     Thing,
+    Told,
     Top,
     Unfelt,
 )
@@ -273,6 +274,11 @@ def _mention(thing: Thing, place: Marks | None = None) -> Mention:
     return Mention(thing if place is None else _placed(thing, place))
 
 
+def _told(thing: Thing, said: str) -> tuple[Act, ...]:
+    """Something of a thing that is then asked about."""
+    return Mention(thing, alone=True), Told(said)
+
+
 def _alone(thing: Thing) -> Mention:
     return Mention(thing, alone=True)
 
@@ -345,6 +351,7 @@ ACTIONS: Mapping[str, Callable[..., Hashable]] = {
     "mention": _mention,
     "alone": _alone,
     "aside": Aside,
+    "told": _told,
     "deed": _deed,
     "handled": Handled,
     "unfelt": _unfelt,

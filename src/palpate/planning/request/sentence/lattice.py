@@ -83,11 +83,26 @@ class Lattice:
         return not any(lemma in known for lemma, _ in forms(token))
 
     def _edges(self, tokens: Sequence[str], at: int) -> Iterator[Edge]:
-        yield from _words(tokens, at)
+        named = any(len(run) > 1 for _, _, (run,) in self._whole_names(tokens, at))
+        for edge in _words(tokens, at):
+            if not (named and edge[0] == "SEL"):  # "the large parcel" may be its name
+                yield edge
         yield from self._properties(tokens, at)
         yield from _comparing(tokens, at)
         yield from self._things(tokens, at)
         yield from self._remarks(tokens, at)
+        yield from self._reasons(tokens, at)
+        yield from self._tellings(tokens, at)
+
+    def _tellings(self, tokens: Sequence[str], at: int) -> Iterator[Edge]:
+        """What may be told of a thing that is then asked about: "the two belong together"."""
+        if not self._remarkable or at == 0:
+            return
+        for end in range(at + 1, len(tokens) + 1):
+            if not self._says_nothing(tokens, end - 1) or tokens[end - 1] in _APART:
+                return
+            if end == len(tokens) or tokens[end] in _APART:
+                yield "TELLS", end, (" ".join(tokens[at:end]),)
 
     def _remarks(self, tokens: Sequence[str], at: int) -> Iterator[Edge]:
         """What may be said beside a request without changing it: "a customer is waiting"."""
@@ -96,20 +111,22 @@ class Lattice:
         for end in range(at + 1, len(tokens) + 1):
             if not self._says_nothing(tokens, end - 1):
                 return
-            if end == len(tokens) or tokens[end] in _APART:
+            if end == len(tokens) or tokens[end] in _APART or tokens[end] in ("i", "we", "please"):
                 said = (" ".join(tokens[at:end]),)
                 yield "REST", end, said
                 if end - at > 2 and tokens[at] in english().remarking:
                     yield "REMARK", end, said
-        yield from self._reasons(tokens, at)
 
     def _reasons(self, tokens: Sequence[str], at: int) -> Iterator[Edge]:
         """What may be said behind "because", up to the end."""
-        behind = range(at, len(tokens))
-        asking = english().asking
-        says = any(tokens[i] in asking or any(True for _ in self._properties(tokens, i)) for i in behind)
-        if at and tokens[at - 1] in ("because", "since") and not says:
-            yield "REST", len(tokens), (" ".join(tokens[at:]),)
+        if not self._remarkable or not at or tokens[at - 1] not in ("because", "since"):
+            return
+        for i in range(at, len(tokens)):
+            named = not self.nouns.names.isdisjoint(singulars(tokens[i]))
+            asks = tokens[i] in english().asking or any(True for _ in self._properties(tokens, i))
+            if named or asks:
+                return
+        yield "REST", len(tokens), (" ".join(tokens[at:]),)
 
     def _says_nothing(self, tokens: Sequence[str], at: int) -> bool:
         """Whether a word names neither a thing of the scene nor a property, nor tells anything of

@@ -176,7 +176,14 @@ class Aside:
     said: str
 
 
-Act = Aside | Say | Mention | Simulated | Deed | Handled | Unfelt | Need | It
+@dataclass(frozen=True, slots=True)
+class Told:
+    """What was told of the thing that was named last, and is no part of what is asked."""
+
+    said: str
+
+
+Act = Aside | Told | Say | Mention | Simulated | Deed | Handled | Unfelt | Need | It
 
 
 @dataclass(frozen=True, slots=True)
