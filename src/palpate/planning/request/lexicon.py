@@ -67,7 +67,9 @@ OBJECT_NOUNS = word_set("object thing item body")
 SURFACE_NOUNS = word_set("surface")
 GRIPPER_NOUNS = word_set("gripper hand arm robot")
 
-MASSES = r"kg|kilos?|kilograms?|kilogrammes?|g|grams?|grammes?|mg|milligrams?|lbs?|pounds?|oz|ounces?"
+MASSES = (
+    r"kg|kilos?|kilograms?|kilogrammes?|g|grams?|grammes?|mg|milligrams?|lbs?|pounds?|oz|ounces?"
+)
 UNITS = (
     r"mm|cm|m|km|millimet(?:re|er)s?|"
     r"centimet(?:re|er)s?|met(?:re|er)s?|inch(?:es)?|n|newtons?|n/m|n/mm|kn/m|%|percent|degrees?"

@@ -79,7 +79,17 @@ def english() -> English:
     purposes: dict[str, tuple[str, ...]] = {}
     for quantities, verbs in said["purposes"].items():
         purposes |= dict.fromkeys(verbs.split(), tuple(quantities.split()))
-    sets = ("collective", "superlatives", "describing", "things", "often", "turning", "remarking", "telling", "asking")
+    sets = (
+        "collective",
+        "superlatives",
+        "describing",
+        "things",
+        "often",
+        "turning",
+        "remarking",
+        "telling",
+        "asking",
+    )
     words = {name: word_set(said[name]) for name in sets}
     return English(
         turned=_phrases(said["turned"]),

@@ -88,7 +88,9 @@ class Top:
     thing: Thing
 
 
-Thing = Choice | Top | Named | Absent | Again | Everything | Coloured | Chosen | Placed | But | Several
+Thing = (
+    Choice | Top | Named | Absent | Again | Everything | Coloured | Chosen | Placed | But | Several
+)
 
 
 @dataclass(frozen=True, slots=True)

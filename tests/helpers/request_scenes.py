@@ -1,0 +1,178 @@
+"""Scenes that requests are made about."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import NamedTuple
+
+from palpate.scene.load import parse_scene
+from palpate.scene.scene import Scene
+
+BOX, ROUND = "box", "cylinder"
+GREY = "0.5 0.5 0.5"
+RED, BLUE, GREEN, YELLOW = "0.8 0.1 0.1", "0.1 0.2 0.8", "0.1 0.6 0.1", "0.9 0.8 0.2"
+
+
+class Thing(NamedTuple):
+    """A free body that stands at (x, y) m, its foot at `z`."""
+
+    name: str
+    x: float
+    y: float
+    colour: str = GREY
+    shape: str = ROUND
+    z: float = 0.0
+
+    def mjcf(self) -> str:
+        size = ".02 .02 .03" if self.shape == BOX else ".02 .03"
+        return (
+            f'<body name="{self.name}" pos="{self.x} {self.y} {self.z + 0.03}"><freejoint/><geom '
+            f'type="{self.shape}" size="{size}" rgba="{self.colour} 1" friction="0.5"/></body>'
+        )
+
+
+SCENES: dict[str, tuple[str, tuple[Thing, ...]]] = {
+    "kitchen": (
+        "table",
+        (
+            Thing("bottle", 0.5, -0.3),
+            Thing("mug", 0.5, 0.3),
+            Thing("red_box", 0.4, 0.0, RED, BOX),
+            Thing("blue_box", 0.5, 0.0, BLUE, BOX),
+        ),
+    ),
+    "workshop": (
+        "workbench",
+        (
+            Thing("hammer", 0.5, -0.3, shape=BOX),
+            Thing("screwdriver", 0.5, 0.0, shape=BOX),
+            Thing("block", 0.5, 0.2, shape=BOX),
+            Thing("battery", 0.5, 0.3),
+        ),
+    ),
+    "shop": (
+        "shelf",
+        (
+            Thing("blue_bottle", 0.5, -0.3, BLUE),
+            Thing("green_bottle", 0.5, 0.0, GREEN),
+            Thing("yellow_can", 0.5, 0.1, YELLOW),
+        ),
+    ),
+    "vials": (
+        "lab_bench",
+        (
+            Thing("beaker", 0.5, -0.3),
+            Thing("vial_1", 0.5, 0.2),
+            Thing("vial_2", 0.5, 0.1),
+            Thing("vial_3", 0.5, -0.2),
+        ),
+    ),
+    "boxes": (
+        "floor_plate",
+        (
+            Thing("red_box", 0.4, 0.0, RED, BOX),
+            Thing("box", 0.4, 0.1, shape=BOX),
+            Thing("crate", 0.6, -0.3, shape=BOX),
+            Thing("tin", 0.4, -0.3),
+        ),
+    ),
+    "foam": ("foam", (Thing("duck", 0.5, 0.0, YELLOW, BOX),)),
+    "werkstatt": ("tisch", (Thing("flasche", 0.5, -0.2), Thing("becher", 0.5, 0.2))),
+    "office": (
+        "desk",
+        (
+            Thing("stapler", 0.5, -0.2, shape=BOX),
+            Thing("notebook", 0.5, 0.0, shape=BOX),
+            Thing("tape", 0.5, 0.2),
+        ),
+    ),
+    "fruit": (
+        "counter",
+        (
+            Thing("apple", 0.5, -0.3, RED),
+            Thing("pear", 0.5, -0.1, GREEN),
+            Thing("left_bowl", 0.5, 0.3),
+            Thing("right_bowl", 0.5, 0.1),
+        ),
+    ),
+    "garage": (
+        "bench",
+        (
+            Thing("wrench", 0.5, -0.3, shape=BOX),
+            Thing("drill", 0.5, -0.05, shape=BOX),
+            Thing("paint_can", 0.5, 0.15, GREEN),
+            Thing("oil_can", 0.5, 0.3, "0.1 0.1 0.1"),
+        ),
+    ),
+    "picnic": (
+        "picnic_table",
+        (
+            Thing("thermos", 0.4, -0.2),
+            Thing("juice_carton", 0.4, 0.0, shape=BOX),
+            Thing("sandwich_box", 0.6, 0.0, BLUE, BOX),
+            Thing("orange_ball", 0.4, 0.25, "0.9 0.5 0.1"),
+        ),
+    ),
+    "bath": (
+        "washstand",
+        (
+            Thing("soap", 0.5, 0.1, shape=BOX),
+            Thing("sponge", 0.5, 0.25, YELLOW, BOX),
+            Thing("shampoo_bottle", 0.5, -0.1),
+            Thing("cup", 0.5, -0.3),
+        ),
+    ),
+    "tower": (
+        "table",
+        (
+            Thing("crate", 0.5, -0.2, "0.6 0.4 0.2", BOX),
+            Thing("radio", 0.5, -0.2, shape=BOX, z=0.06),
+            Thing("vase", 0.5, 0.2),
+            Thing("candle", 0.5, 0.35),
+        ),
+    ),
+    "taller": (
+        "mesa",
+        (
+            Thing("botella", 0.5, -0.2),
+            Thing("caja_roja", 0.5, 0.0, RED, BOX),
+            Thing("caja_azul", 0.5, 0.25, BLUE, BOX),
+        ),
+    ),
+    "atelier": (
+        "etabli",
+        (
+            Thing("marteau", 0.5, -0.2, shape=BOX),
+            Thing("pince", 0.5, 0.0, shape=BOX),
+            Thing("bouteille", 0.5, 0.2),
+        ),
+    ),
+    "cucina": (
+        "tavolo",
+        (Thing("bottiglia", 0.5, -0.2), Thing("tazza", 0.5, 0.0), Thing("mela", 0.5, 0.2, RED)),
+    ),
+}
+STACK = """
+  <body name="table" pos=".5 0 ?"><geom name="plate" type="box" size=".5 .5 .02" friction="0.5"/></body>
+  <body name="board" pos=".5 .25 0.01"><geom type="box" size=".1 .1 .01" friction="0.5"/></body>
+  {things}"""
+PILED = (
+    Thing("wooden_block", 0.5, -0.2, "0.6 0.4 0.2", BOX),
+    Thing("red_cube", 0.5, -0.2, RED, BOX, 0.06),
+    Thing("can", 0.5, 0.0),
+    Thing("jar", 0.5, 0.25, z=0.02),
+)
+
+
+@cache
+def scene(name: str) -> Scene:
+    """One of the scenes; heights of surfaces and all masses are missing."""
+    if name == "stack":
+        inside = STACK.format(things="".join(thing.mjcf() for thing in PILED))
+    else:
+        surface, things = SCENES[name]
+        inside = (
+            f'<body name="{surface}" pos=".5 0 ?"><geom type="box" size=".5 .5 .02" friction="0.5"/>'
+            "</body>" + "".join(thing.mjcf() for thing in things)
+        )
+    return parse_scene(f'<mujoco><worldbody><site name="robot_base"/>{inside}</worldbody></mujoco>')

@@ -1,0 +1,133 @@
+"""Requests whose meaning is known because they are made of parts, and what one word more does."""
+
+from __future__ import annotations
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from request_scenes import scene
+
+from palpate.errors import InputError, PlanRejected
+from palpate.planning.request.grounding import Grounded, ground
+
+THINGS = {
+    "the mug": {"mug"},
+    "my mug": {"mug"},
+    "the red box": {"red_box"},
+    "both boxes": {"red_box", "blue_box"},
+    "the two boxes": {"red_box", "blue_box"},
+    "the bottle and the mug": {"bottle", "mug"},
+    "the bottle on the table": {"bottle"},
+    "all objects except the boxes": {"bottle", "mug"},
+    "everything but the bottle": {"mug", "red_box", "blue_box"},
+    "the box closest to the mug": {"blue_box"},
+}
+QUANTITIES = {
+    "the mass": {"mass"},
+    "the weight": {"mass"},
+    "the coefficient of friction": {"friction"},
+    "the centre of gravity": {"com"},
+    "the mass and the friction": {"mass", "friction"},
+}
+OF = (
+    "{q} of {t}",
+    "I need {q} of {t}",
+    "Could you please measure {q} of {t}?",
+    "We don't know {q} of {t}",
+    "What is {q} of {t}?",
+    "I would like to know {q} of {t}, please",
+    "My simulator asks for {q} of {t}",
+    "Hello, tell me {q} of {t}, thanks",
+    "{q} of {t} has never been measured",
+    "For my thesis I want to find out {q} of {t}",
+)
+WEIGHINGS = (
+    "weigh {t}",
+    "what does {t} weigh?",
+    "how much does {t} weigh in grams?",
+    "I want to know how heavy {t} is",
+    "have you any idea how heavy {t} is?",
+    "please tell us what {t} weighs",
+    "{t} should be weighed",
+)
+ASIDE = ("", "", "Please, ", "For our simulation, ", "The phone rang all night, so ")
+
+
+@st.composite
+def requests(draw: st.DrawFn) -> tuple[str, frozenset[str]]:
+    """A sentence and what it asks for."""
+    thing = draw(st.sampled_from(list(THINGS)))
+    quantity = draw(st.sampled_from(list(QUANTITIES)))
+    pattern = draw(st.sampled_from([*OF, *WEIGHINGS[:4], *WEIGHINGS[5:]]))
+    quantities = QUANTITIES[quantity] if pattern in OF else {"mass"}
+    said = draw(st.sampled_from(ASIDE)) + pattern.format(q=quantity, t=thing)
+    return said, frozenset(f"{name}.{id}" for name in THINGS[thing] for id in quantities)
+
+
+def asked(found: Grounded) -> frozenset[str]:
+    return frozenset(map(str, found.asked))
+
+
+def read(request: str) -> Grounded | None:
+    """What is understood; None where it is refused."""
+    try:
+        return ground(request, scene("kitchen"))
+    except (InputError, PlanRejected):
+        return None
+
+
+@given(requests())
+@settings(max_examples=60, deadline=None)
+def test_parts_that_are_understood_are_understood_together(made: tuple[str, frozenset[str]]):
+    request, meant = made
+    found = read(request)
+    assert found is not None
+    assert asked(found) == meant
+
+
+@given(requests(), st.integers(0, 30))
+@settings(max_examples=60, deadline=None)
+def test_a_word_that_nobody_knows_is_never_passed_over(
+    made: tuple[str, frozenset[str]], place: int
+):
+    words = made[0].split()
+    words.insert(place % (len(words) + 1), "zorblax")
+    found = read(" ".join(words))
+    assert found is None or any("zorblax" in remark for remark in found.remarks)
+
+
+@given(
+    requests(),
+    st.integers(0, 30),
+    st.sampled_from(["not", "never", "unless", "if", "instead", "than", "or", "nor"]),
+)
+@settings(max_examples=80, deadline=None)
+def test_a_word_that_turns_what_is_said_is_never_passed_over(
+    made: tuple[str, frozenset[str]], place: int, turning: str
+):
+    words = made[0].split()
+    words.insert(place % (len(words) + 1), turning)
+    found = read(" ".join(words))
+    assert found is None or asked(found) != made[1]
+
+
+@pytest.mark.parametrize(
+    "request_",
+    [
+        "Weigh the mug or the bottle.",
+        "If the mug is empty, weigh it.",
+        "Weigh the mug unless it is hot.",
+        "How heavy was the mug yesterday?",
+        "How heavy will the mug be?",
+        "He said 'weigh the mug'.",
+        "Weigh the top of the mug.",
+        "mass of the mug minus the mass of the bottle",
+        "What is mass?",
+        "Set the mass of the mug to 300 g.",
+        "Weigh three boxes.",
+        "My friend brought something. How heavy is it?",
+        "The mug belongs to my aunt. Weigh everything.",
+    ],
+)
+def test_what_is_not_a_plain_wish_is_refused(request_: str):
+    assert read(request_) is None
