@@ -50,7 +50,7 @@ WEIGHINGS = (
     "please tell us what {t} weighs",
     "{t} should be weighed",
 )
-ASIDE = ("", "", "Please, ", "For our simulation, ", "The phone rang all night, so ")
+ASIDE = ("", "", "Please, ", "For our simulation, ")
 
 
 @st.composite

@@ -113,7 +113,7 @@ class Things:
         """ "That thing": the one that was spoken of last."""
         if not self.spoken or self.unsure or len(self.spoken[-1]) > 1:
             return names
-        return self.spoken[-1][0].names
+        return tuple(name for item in self.spoken[-1] for name in item.names)
 
     def _others_of(self, names: Sequence[str]) -> tuple[str, ...]:
         """Those that were not spoken of.

@@ -9,130 +9,50 @@ from __future__ import annotations
 from collections.abc import Callable, Hashable, Mapping
 from dataclasses import replace
 
-from palpate.planning.request.item import GRIPPER
 from palpate.planning.request.sentence.meaning import (
-    Absent,
     Act,
     Again,
     Aside,
-    But,
-    Choice,
-    Chosen,
-    Coloured,
     Deed,
     Everything,
     Handled,
     It,
     Marks,
     Mention,
-    Named,
     Need,
     Pair,
-    Placed,
     Quantity,
     Say,
-    Several,
     Simulated,
     Thing,
     Told,
-    Top,
     Unfelt,
 )
+from palpate.planning.request.sentence.noun_actions import (
+    OF_THINGS,
+    Words,
+    all_of,
+    of_class,
+    placed,
+    several,
+)
 
-Words = tuple[str, ...]
 Part = Quantity | Thing | str
 """What actions get; a quantity also by its id."""
-
-
-def _several(*things: Thing) -> Thing:
-    return things[0] if len(things) == 1 else Several(things)
-
-
-def _choice(*things: Thing) -> Choice:
-    return Choice(things)
 
 
 def _do_others() -> Say:
     return Say("want", (Pair((), Everything(others=True)),))
 
 
-def _named(many: str, words: Words) -> Named:
-    return Named(words, many)
-
-
-def _named_last(_: Words, words: Words) -> Named:
-    """ "The body called duck"."""
-    return Named(words)
-
-
-def _named_other(words: Words) -> Named:
-    return Named(words, "other")
-
-
-def _gripper() -> Named:
-    return Named((GRIPPER,))
-
-
-def _coloured(many: str, words: Words) -> Coloured:
-    return Coloured(words, many)
-
-
-def _absent(words: Words, _: Thing | None = None) -> Absent:
-    return Absent(words)
-
-
-def _absent_of(_: Thing, words: Words) -> Absent:
-    return Absent(words)
-
-
-def _others() -> Everything:
-    return Everything(others=True)
-
-
-def _select(place: str, words: Words) -> Chosen:
-    """ "The left box"."""
-    return Chosen(place, Named(words, "all"))
-
-
-def _select_last(words: Words, *places: str) -> Chosen:
-    """ "The box on the left", "farthest to the left"."""
-    return Chosen(places[-1], Named(words, "all"))
-
-
-def _marks(relation: str, *marks: Thing) -> Marks:
-    return Marks(relation, marks)
-
-
-def _marks_between(words: Words) -> Marks:
-    """ "Between the boxes"."""
-    return Marks("between", (Named(words, "2"),))
-
-
-def _placed(thing: Thing, place: Marks) -> Placed:
-    return Placed(thing, place.relation, place.marks)
-
-
-def _whatever(place: Marks) -> Placed:
-    return _placed(Everything(), place)
-
-
-def _class(words: Words, place: Marks) -> Placed:
-    """All of a kind that stand so."""
-    return _placed(Named(words, "all"), place)
-
-
 def _class_mention(words: Words, place: Marks) -> Mention:
-    return Mention(_class(words, place))
+    return Mention(of_class(words, place))
 
 
 def _class_near(words: Words, place: str, mark: Thing) -> Mention:
     """ "Which can is closer to the drill?"."""
     relation = "nearest" if place == "near" else place
-    return Mention(_class(words, Marks(relation, (mark,))))
-
-
-def _but_all(less: Thing) -> But:
-    return _but(Everything(), less)
+    return Mention(of_class(words, Marks(relation, (mark,))))
 
 
 def _pair(*parts: Part) -> Pair:
@@ -175,12 +95,16 @@ def _say(deed: str, *pairs: Pair) -> Say:
 
 def _say_of(deed: str, *parts: Part) -> Say:
     if deed == "skip":
-        parts = tuple(part if isinstance(part, str) else _all_of(part) for part in parts)
+        parts = tuple(_each(part) for part in parts)
     return Say(deed, (_pair(*parts),))
 
 
+def _each(part: Part) -> Part:
+    return part if isinstance(part, (Quantity, str)) else all_of(part)
+
+
 def _say_of_all(deed: str, *things: Thing) -> Say:
-    return Say(deed, (Pair((), _several(*things)),))
+    return Say(deed, (Pair((), several(*things)),))
 
 
 def _say_model(deed: str, thing: Thing) -> Say:
@@ -220,19 +144,10 @@ def _mass() -> Quantity:
     return Quantity("mass", "mass")
 
 
-def _all_of(thing: Thing) -> Thing:
-    """All of a choice, where it is compared or not wanted."""
-    return Several(thing.things) if isinstance(thing, Choice) else thing
-
-
-def _but(thing: Thing, less: Thing) -> But:
-    return But(thing, _all_of(less))
-
-
 def _compared(*parts: Part) -> Say:
     """What is compared, of all that it is compared of."""
-    things = [_all_of(part) for part in parts if not isinstance(part, (Quantity, str))]
-    thing = _several(*things) if things else Again("all")
+    things = [all_of(part) for part in parts if not isinstance(part, (Quantity, str))]
+    thing = several(*things) if things else Again("all")
     return Say("want", (replace(_pair(*parts), thing=thing),))
 
 
@@ -271,7 +186,7 @@ def _marks_of(place: Marks) -> tuple[Thing, ...]:
 
 
 def _mention(thing: Thing, place: Marks | None = None) -> Mention:
-    return Mention(thing if place is None else _placed(thing, place))
+    return Mention(thing if place is None else placed(thing, place))
 
 
 def _told(thing: Thing, said: str) -> tuple[Act, ...]:
@@ -300,32 +215,11 @@ def _it(*_: Hashable) -> It:
 
 
 ACTIONS: Mapping[str, Callable[..., Hashable]] = {
-    "several": _several,
-    "choice": _choice,
+    **OF_THINGS,
     "do_others": _do_others,
-    "named": _named,
-    "named_last": _named_last,
-    "named_other": _named_other,
-    "coloured": _coloured,
-    "gripper": _gripper,
-    "absent": _absent,
-    "absent_of": _absent_of,
-    "again": Again,
-    "everything": Everything,
-    "others": _others,
-    "select": _select,
-    "select_last": _select_last,
-    "whatever": _whatever,
-    "placed": _placed,
-    "class": _class,
     "class_mention": _class_mention,
     "class_near": _class_near,
-    "marks": _marks,
-    "marks_between": _marks_between,
     "marks_of": _marks_of,
-    "surface_of": Top,
-    "but": _but,
-    "but_all": _but_all,
     "pair": _pair,
     "unfelt_of": _unfelt_of,
     "listed": _listed,

@@ -14,6 +14,7 @@ from palpate.planning.request.nouns import Nouns
 from palpate.planning.request.sentence.chart import Meanings
 from palpate.planning.request.sentence.grammar import grammar
 from palpate.planning.request.sentence.meaning import Quantity
+from palpate.planning.request.sentence.remarks import remarks
 from palpate.planning.request.tokens import forms, singulars
 from palpate.planning.request.wording import Phrase, english, longest
 from palpate.quantities.catalogue import catalogue
@@ -83,50 +84,15 @@ class Lattice:
         return not any(lemma in known for lemma, _ in forms(token))
 
     def _edges(self, tokens: Sequence[str], at: int) -> Iterator[Edge]:
-        named = any(len(run) > 1 for _, _, (run,) in self._whole_names(tokens, at))
+        named = any(end > at + 1 for _, end, _ in self._whole_names(tokens, at))
         for edge in _words(tokens, at):
             if not (named and edge[0] == "SEL"):  # "the large parcel" may be its name
                 yield edge
         yield from self._properties(tokens, at)
         yield from _comparing(tokens, at)
         yield from self._things(tokens, at)
-        yield from self._remarks(tokens, at)
-        yield from self._reasons(tokens, at)
-        yield from self._tellings(tokens, at)
-
-    def _tellings(self, tokens: Sequence[str], at: int) -> Iterator[Edge]:
-        """What may be told of a thing that is then asked about: "the two belong together"."""
-        if not self._remarkable or at == 0:
-            return
-        for end in range(at + 1, len(tokens) + 1):
-            if not self._says_nothing(tokens, end - 1) or tokens[end - 1] in _APART:
-                return
-            if end == len(tokens) or tokens[end] in _APART:
-                yield "TELLS", end, (" ".join(tokens[at:end]),)
-
-    def _remarks(self, tokens: Sequence[str], at: int) -> Iterator[Edge]:
-        """What may be said beside a request without changing it: "a customer is waiting"."""
-        if not self._remarkable or (at and tokens[at - 1] not in _APART):
-            return
-        for end in range(at + 1, len(tokens) + 1):
-            if not self._says_nothing(tokens, end - 1):
-                return
-            if end == len(tokens) or tokens[end] in _APART or tokens[end] in ("i", "we", "please"):
-                said = (" ".join(tokens[at:end]),)
-                yield "REST", end, said
-                if end - at > 2 and tokens[at] in english().remarking:
-                    yield "REMARK", end, said
-
-    def _reasons(self, tokens: Sequence[str], at: int) -> Iterator[Edge]:
-        """What may be said behind "because", up to the end."""
-        if not self._remarkable or not at or tokens[at - 1] not in ("because", "since"):
-            return
-        for i in range(at, len(tokens)):
-            named = not self.nouns.names.isdisjoint(singulars(tokens[i]))
-            asks = tokens[i] in english().asking or any(True for _ in self._properties(tokens, i))
-            if named or asks:
-                return
-        yield "REST", len(tokens), (" ".join(tokens[at:]),)
+        if self._remarkable:
+            yield from remarks(tokens, at, self._says_nothing, self._asks)
 
     def _says_nothing(self, tokens: Sequence[str], at: int) -> bool:
         """Whether a word names neither a thing of the scene nor a property, nor tells anything of
@@ -138,6 +104,12 @@ class Lattice:
         if named or not self.nouns.names.isdisjoint(singulars(token)):
             return False
         return not any(True for _ in self._properties(tokens, at))
+
+    def _asks(self, tokens: Sequence[str], at: int) -> bool:
+        """Whether a word asks for something of its own, or names a thing of the scene."""
+        named = not self.nouns.names.isdisjoint(singulars(tokens[at]))
+        asks = tokens[at] in english().asking
+        return named or asks or any(True for _ in self._properties(tokens, at))
 
     def _properties(self, tokens: Sequence[str], at: int) -> Iterator[Edge]:
         """The longest synonym of a quantity, and properties that nothing measures."""
@@ -284,8 +256,6 @@ def _comparing(tokens: Sequence[str], at: int) -> Iterator[Edge]:
 
 _PLURAL = frozenset({"NNOUN", "WORLD"})
 """Classes of nouns."""
-_APART = frozenset({",", "and", "so", "but", "because", "since", "as", "which", "who", "?"})
-"""What stands before and behind a side remark."""
 _VALUED = frozenset({"DEED", "HANDLE", "STATE"})
 _LITERALS = frozenset(
     part for rules in grammar().named.values() for rule in rules for part in rule.parts

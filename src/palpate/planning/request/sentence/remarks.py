@@ -1,0 +1,52 @@
+"""What may be said beside a request without changing it: "a customer is waiting".
+
+No word of it may name a thing of the scene or a property, or say what is wanted, known or left out
+(`telling` in `words/en.yaml`). Nobody looks into it: it is named in a remark, and nothing said later
+may lean on it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+
+from palpate.planning.request.sentence.chart import Meanings
+from palpate.planning.request.wording import english
+
+Judged = Callable[[Sequence[str], int], bool]
+"""What holds of the word at one place."""
+
+_APART = frozenset({",", "and", "so", "but", "because", "since", "as", "which", "who", "?"})
+"""What stands before and behind a side remark."""
+_BEGINS = frozenset({"i", "we", "please"})
+"""What a request begins with, right behind one."""
+_WORDS = 3
+"""Words of the shortest remark that is a sentence."""
+
+
+def remarks(
+    tokens: Sequence[str], at: int, says_nothing: Judged, asks: Judged
+) -> Iterator[tuple[str, int, Meanings]]:
+    """The remarks that begin at one word: a sentence (REMARK), what follows "which" or "because"
+    (REST), what is told of a thing before it (TELLS)."""
+    before = tokens[at - 1] if at else ","
+    for end in _ends(tokens, at, says_nothing):
+        said = (" ".join(tokens[at:end]),)
+        following = (*tokens, ",")[end]
+        if at and following in _APART:
+            yield "TELLS", end, said
+        if before not in _APART:
+            continue
+        yield "REST", end, said
+        if end - at >= _WORDS and tokens[at] in english().remarking:
+            yield "REMARK", end, said
+    if before in ("because", "since") and not any(asks(tokens, i) for i in range(at, len(tokens))):
+        yield "REST", len(tokens), (" ".join(tokens[at:]),)
+
+
+def _ends(tokens: Sequence[str], at: int, says_nothing: Judged) -> Iterator[int]:
+    """Where words end that say nothing and stand together."""
+    for end in range(at + 1, len(tokens) + 1):
+        if not says_nothing(tokens, end - 1):
+            return
+        if end == len(tokens) or tokens[end] in _APART or tokens[end] in _BEGINS:
+            yield end
