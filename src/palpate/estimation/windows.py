@@ -136,7 +136,10 @@ class Path:
     """The straight line on which the object was lifted: from the grasp to where it was measured.
 
     Attributes:
-        origin: (3,) world, the grasp. axis: (3,) unit. length: m. pose: where it was measured.
+        origin: (3,) world, the grasp.
+        axis: (3,) unit.
+        length: m.
+        pose: where it was measured.
     """
 
     origin: Array

@@ -18,7 +18,10 @@ class Player:
     """Moves the cell to any instant of a trace.
 
     Args:
-        gui: where the slider goes. trace: what is played. cell: what is posed. drawn: how it is seen.
+        gui: where the slider goes.
+        trace: what is played.
+        cell: what is posed.
+        drawn: how it is seen.
         tree: where the leaves are listed.
     """
 

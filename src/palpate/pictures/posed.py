@@ -47,7 +47,9 @@ class PosedCell:
         """Pose everything.
 
         Args:
-            q: (7,) rad. width: m between the fingers. pose_world_tcp: where the TCP is.
+            q: (7,) rad.
+            width: m between the fingers.
+            pose_world_tcp: where the TCP is.
             holding: the object between the fingers, which moves along with them.
         """
         self.carry(pose_world_tcp, holding)
@@ -87,7 +89,8 @@ class Replay:
     begins anew.
 
     Args:
-        cell: what is posed. trace: what is played.
+        cell: what is posed.
+        trace: what is played.
     """
 
     def __init__(self, cell: PosedCell, trace: Trace) -> None:

@@ -50,8 +50,8 @@ class ReportData:
         stopped_by: why the robot stopped early.
         robot_seconds, wall_seconds: how long the execution took.
         workspace, before, after: PNG or JPEG.
-        video: MP4, played `video_speed` times faster than robot time; `video_believed`: no camera saw it,
-            it is the trace, played again.
+        video: MP4, played `video_speed` times faster than robot time.
+        `video_believed`: no camera saw it, it is the trace, played again.
         twin_diff: unified diff from the user's MJCF to the twin.
         twin_checks: label to value, e.g. the residual of the replayed measurement.
         held_out: how well motions were predicted that nothing was fitted to.

@@ -48,7 +48,9 @@ class Comparison:
     """Several runs beside each other: `comparison["mug.mass"]` has a row of each run.
 
     Attributes:
-        runs: in the order given. names: of their folders. rows: by parameter.
+        runs: in the order given.
+        names: of their folders.
+        rows: by parameter.
         remarks: in what the runs are not alike.
     """
 

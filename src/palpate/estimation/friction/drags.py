@@ -38,8 +38,11 @@ class Hanging:
     """What was so while the object hung free, to which a drag is referred.
 
     Attributes:
-        force: (3,) N. q: (7,) rad. turned: (7,) which way each joint was turned last.
-        friction: (7,) N m in each joint, as free motions show it; unsure: its standard deviation.
+        force: (3,) N.
+        q: (7,) rad.
+        turned: (7,) which way each joint was turned last.
+        friction: (7,) N m in each joint, as free motions show it.
+        unsure: its standard deviation.
         flicker: (m,) of each signal, as in `load.noise`.
     """
 
@@ -56,13 +59,18 @@ class Drag:
     """One drag, row by row.
 
     Attributes:
-        t: s. way: (2,) its direction, world. place: (n, 2) m, of the hand, world.
+        t: s.
+        way: (2,) its direction, world.
+        place: (n, 2) m, of the hand, world.
         tangential, normal: N, along the drag and on the support; what moves the arm's links and the
             object is taken off.
-        acceleration: m/s², along the drag. speed: m/s, commanded.
-        q: (n, 7) rad. torque: (n, 7) N m, beyond the arm's own.
+        acceleration: m/s², along the drag.
+        speed: m/s, commanded.
+        q: (n, 7) rad.
+        torque: (n, 7) N m, beyond the arm's own.
         turned: (n, 7) which way each joint was turned last: -1 to 1, between them as it turns round.
-        cruising: the motion is commanded at its full speed. moving: the hand follows it.
+        cruising: the motion is commanded at its full speed.
+        moving: the hand follows it.
         unsure_mass: kg (1 sigma), what the arm may have besides what was taken off.
         quiet: N², what `noise` is of the force in this direction while the object hangs at rest.
         hanging: what it is referred to.

@@ -27,7 +27,8 @@ class Feeling:
     Attributes:
         signals: (n, m) N m of m joints; or the wrench, N and N m.
         scale: (m,) of each: what a newton at the TCP makes of it, roughly.
-        chain: None where the signals are the wrench. turn: (3, 3) base axes in world axes.
+        chain: None where the signals are the wrench.
+        turn: (3, 3) base axes in world axes.
     """
 
     signals: Array

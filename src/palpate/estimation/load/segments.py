@@ -45,10 +45,13 @@ class Segment:
 
     Attributes:
         kind: `up`, `down` (passes) or `rest ...` with how the arm came to rest.
-        loaded: with the object in the hand. grasp: s, when the hand took or left something last.
-        start, end: s. t: (k,) mean time, s.
-        path: (k,) m along the path. acceleration: (k,) vertical, m/s². speed2: (k,) m²/s², squared
-            speed.
+        loaded: with the object in the hand.
+        grasp: s, when the hand took or left something last.
+        start, end: s.
+        t: (k,) mean time, s.
+        path: (k,) m along the path.
+        acceleration: (k,) vertical, m/s².
+        speed2: (k,) m²/s², squared speed.
         maps: (k, m, 6) what unit wrenches make of the m signals (`estimation.load.feeling`).
         felt, variance: (k, m) the signals' means, and what white noise leaves of it in them.
         motion: (k, m) N m that the arm's own links took to move, which is out of `felt`; nothing, (k, 0),
@@ -92,7 +95,8 @@ class Weighing:
 
     Attributes:
         segments: rests and passes with the load and without.
-        noise: of the signals. scale: (m,) of the signals, see `estimation.load.feeling`.
+        noise: of the signals.
+        scale: (m,) of the signals, see `estimation.load.feeling`.
     """
 
     segments: Sequence[Segment]
