@@ -28,7 +28,7 @@ def faults(
     folder --out, where a page shows them; run again to go on. Forces come from MuJoCo's own state
     at every physics step.
     """
-    from palpate.cli.show.studies import show_campaign, show_case, show_endings
+    from palpate.cli.show.studies.faults import show_campaign, show_case, show_endings
     from palpate.studies import faults
     from palpate.studies.campaign.campaign import conduct, repeat
 
@@ -70,7 +70,7 @@ def deceptions(
     contradicted or not identified just as well, an innocent one may not. Rows are appended to the
     folder --out, where a page shows them; run again to go on.
     """
-    from palpate.cli.show.studies import show_deceptions
+    from palpate.cli.show.studies.faults import show_deceptions
     from palpate.studies.deceptions import study, world
 
     chosen = study.cases(names or world.deceptions(), noise, range(seed, seed + seeds))

@@ -39,7 +39,7 @@ def ablation(
 
     A page beside the results shows the paper's tables and these.
     """
-    from palpate.cli.show.studies import show_trials
+    from palpate.cli.show.studies.planners import show_trials
     from palpate.studies.planners import ablation
 
     configurations = configuration or ablation.CONFIGURATIONS
@@ -73,7 +73,7 @@ def repeatability(
 
     A page beside the results shows the paper's tables and these.
     """
-    from palpate.cli.show.studies import show_trials
+    from palpate.cli.show.studies.planners import show_trials
     from palpate.studies.planners import repeatability
 
     conditions = shared.conditions()

@@ -26,7 +26,7 @@ def accuracy(
 
     With --out every run is kept as soon as it is done, and what is there is not run again.
     """
-    from palpate.cli.show.studies import show_seed_runs
+    from palpate.cli.show.studies.scores import show_seed_runs
     from palpate.studies.accuracy import Question
     from palpate.studies.efficiency import comparable
 
@@ -44,7 +44,7 @@ def variety(
     *, noise: NoiseLevel = "lab", seed: Seed = 0, workers: Workers = CORES, as_json: AsJson = False
 ) -> None:
     """Ten scenes of other objects, heights and gaps, one run each."""
-    from palpate.cli.show.studies import show_seed_runs
+    from palpate.cli.show.studies.scores import show_seed_runs
     from palpate.studies.variety import run_all
 
     runs = {name: [run] for name, run in run_all(noise, seed, workers).items()}
@@ -60,7 +60,7 @@ def efficiency(
     as_json: AsJson = False,
 ) -> None:
     """Actions and robot time of the symbolic planner against the exhaustive one."""
-    from palpate.cli.show.studies import show_comparisons
+    from palpate.cli.show.studies.scores import show_comparisons
     from palpate.studies import efficiency
 
     found = efficiency.efficiency(names or efficiency.comparable(), noise, seed)

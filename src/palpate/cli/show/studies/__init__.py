@@ -1,0 +1,1 @@
+"""The studies' results: tables on the terminal, or one JSON object."""
