@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from palpate.report.axis import Axis
 from palpate.report.data import Measured
 from palpate.report.evidence.chart import Chart
 from palpate.report.evidence.charts import charts
@@ -81,8 +82,8 @@ class _Bar:
 
     def place(self, value: float) -> float:
         """Per cent from the left end, at one of the ends where the value is off the bar."""
-        share = 50 + 50 * (value - self.middle) / self.reach
-        return round(min(max(share, 0.0), 100.0), 2)
+        axis = Axis(self.middle - self.reach, self.middle + self.reach)
+        return min(max(axis.per_cent(value), 0.0), 100.0)
 
 
 def cards(measured: Sequence[Measured], trace: Trace | None) -> list[Card]:

@@ -5,6 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
+from palpate.report.axis import Axis
 from palpate.report.cards import Card, Interval
 
 FEW = 4
@@ -56,21 +59,17 @@ def _scale(quantity: str, unit: str, cards: Sequence[Card]) -> Scale:
         rows += [(card, interval) for interval in card.intervals]
     rows.sort(key=lambda row: row[1].number, reverse=True)
     ends = [end for _, interval in rows for end in interval.reach]
-    low, high = min(ends, default=0.0), max(ends, default=1.0)
-    air = AIR * ((high - low) or abs(high) or 1.0)
-    low, high = low - air, high + air
-
-    def place(value: float) -> float:
-        return round(100 * (value - low) / (high - low), 2)
-
+    axis = Axis.around(np.array(ends or [0.0, 1.0]), AIR)
     entries: list[Entry] = []
     for card, interval in rows:
-        first, last = (place(end) for end in interval.bounds)
-        truth = None if interval.truth is None else place(interval.truth.number)
+        first, last = (axis.per_cent(end) for end in interval.bounds)
+        truth = None if interval.truth is None else axis.per_cent(interval.truth.number)
         name = f"{card.object} {interval.axis}".strip()
         told = (name, card.anchor, interval.value, interval.std, interval.verdict)
-        entries.append(Entry(*told, place(interval.number), first, round(last - first, 2), truth))
-    return Scale(quantity, unit, f"{low:.3g}", f"{high:.3g}", tuple(entries), tuple(_empty(cards)))
+        at = axis.per_cent(interval.number)
+        entries.append(Entry(*told, at, first, round(last - first, 2), truth))
+    ends_told = f"{axis.low:.3g}", f"{axis.high:.3g}"
+    return Scale(quantity, unit, *ends_told, tuple(entries), tuple(_empty(cards)))
 
 
 def _empty(cards: Iterable[Card]) -> list[Card]:

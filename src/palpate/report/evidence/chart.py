@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from palpate.geometry.pose import Array
+from palpate.report.axis import Axis
 
 POINTS = 400
 """Of a line: its shape on a wide screen."""
@@ -133,20 +134,18 @@ class Sheet:
         )
 
     def _across(self, value: float) -> float:
-        low, high = self.x
-        return round(100.0 * (value - low) / (high - low), 2)
+        return Axis(*self.x).per_cent(value)
 
     def _down(self, value: float) -> float:
         low, high = self.y
         # Far outside is as good as outside, and browsers dislike huge numbers.
-        return round(min(max(100.0 * (high - value) / (high - low), -1e4), 1e4), 2)
+        return min(max(Axis(high, low).per_cent(value), -1e4), 1e4)
 
 
 def span(values: Array, air: float = 0.12) -> tuple[float, float]:
     """Ends of an axis that holds all `values`, with some air."""
-    low, high = float(np.min(values)), float(np.max(values))
-    margin = air * (high - low) or 0.1 * abs(high) or 1.0
-    return low - margin, high + margin
+    axis = Axis.around(values, air)
+    return axis.low, axis.high
 
 
 def _ticks(low: float, high: float) -> list[tuple[float, str]]:
