@@ -30,7 +30,7 @@ class Settings:
         root: folder outside of which none of the scene's files is read; None: see
             `mjcf.reading.read_document`.
         robot_body: bodies that the scene's own robots begin with, which the arm takes the place of;
-            `none`: it has none. Left empty, they are recognized (`mjcf.robots`).
+            `none`: it has none. Left empty, they are recognized (`mjcf.roles.robots`).
         poses: poses.yaml.
         images: I, picture files.
         world: MJCF of the hidden simulated world; None simulates D with its unknowns drawn from

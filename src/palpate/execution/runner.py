@@ -62,7 +62,7 @@ class Execution:
         final_state: what is believed about the cell now.
         actions: leaves of the plan that were started.
         robot_seconds, wall_seconds: how long it took.
-        setbacks: why earlier attempts stopped that were gone on from (see `palpate.recovery`).
+        setbacks: why earlier attempts stopped that were gone on from (see `palpate.execution.recovery`).
         asked: whether somebody wanted it to stop.
         fault: why the robot's signals cannot be believed any more, or why it does not move any more;
             None while all is well.

@@ -31,7 +31,7 @@ def load_scene(
     """Read an MJCF file, and optionally `poses.yaml`; `arm` is what touches it, None the default;
     `quantities` are all that are installed unless given; `root` is the folder outside of which no
     file is read (default: `mjcf.reading.read_document`); `robot_body` names the bodies that the
-    scene's own robots begin with (default: `mjcf.robots`), or `none`.
+    scene's own robots begin with (default: `mjcf.roles.robots`), or `none`.
 
     Raises:
         InputError: malformed XML, entities, missing or escaping files, names that do not match.
