@@ -151,6 +151,181 @@ SCENES: dict[str, tuple[str, tuple[Thing, ...]]] = {
         "tavolo",
         (Thing("bottiglia", 0.5, -0.2), Thing("tazza", 0.5, 0.0), Thing("mela", 0.5, 0.2, RED)),
     ),
+    "dentist": (
+        "tray",
+        (
+            Thing("mirror", 0.4, -0.3),
+            Thing("probe", 0.4, -0.1),
+            Thing("tweezers", 0.4, 0.1, shape=BOX),
+            Thing("red_cup", 0.55, 0.25, RED),
+            Thing("blue_cup", 0.55, -0.2, BLUE),
+        ),
+    ),
+    "bakery": (
+        "pastry_board",
+        (
+            Thing("loaf", 0.5, -0.3, "0.6 0.4 0.2", BOX),
+            Thing("bun", 0.5, -0.15, "0.7 0.5 0.3"),
+            Thing("flour_jar", 0.5, 0.05),
+            Thing("sugar_jar", 0.5, 0.2),
+            Thing("rolling_pin", 0.4, 0.32),
+        ),
+    ),
+    "aquarium": (
+        "rack",
+        (
+            Thing("green_bucket", 0.45, -0.25, GREEN),
+            Thing("yellow_bucket", 0.45, 0.25, YELLOW),
+            Thing("filter", 0.45, 0.0, shape=BOX),
+            Thing("pump", 0.6, 0.0, shape=BOX),
+            Thing("food_tin", 0.62, -0.2),
+        ),
+    ),
+    "praxis": (
+        "regal",
+        (
+            Thing("dose", 0.5, -0.2),
+            Thing("schachtel", 0.5, 0.0, shape=BOX),
+            Thing("kanne", 0.5, 0.2),
+        ),
+    ),
+    "farmacia": (
+        "mostrador",
+        (
+            Thing("frasco", 0.5, -0.2),
+            Thing("caja_verde", 0.5, 0.0, GREEN, BOX),
+            Thing("caja_amarilla", 0.5, 0.2, YELLOW, BOX),
+        ),
+    ),
+    "boulangerie": (
+        "comptoir",
+        (
+            Thing("pot", 0.5, -0.2),
+            Thing("boite_rouge", 0.5, 0.0, RED, BOX),
+            Thing("boite_bleue", 0.5, 0.2, BLUE, BOX),
+        ),
+    ),
+    "acquario": (
+        "mensola",
+        (
+            Thing("barattolo", 0.5, -0.2),
+            Thing("secchio", 0.5, 0.0),
+            Thing("scatola", 0.5, 0.2, shape=BOX),
+        ),
+    ),
+    "post_office": (
+        "mail_desk",
+        (
+            Thing("large_parcel", 0.55, -0.3, "0.6 0.4 0.2", BOX),
+            Thing("small_parcel", 0.55, -0.1, "0.6 0.4 0.2", BOX),
+            Thing("stamp_pad", 0.4, 0.05, shape=BOX),
+            Thing("glue_bottle", 0.55, 0.1),
+            Thing("tape_dispenser", 0.55, 0.32, shape=BOX),
+        ),
+    ),
+    "music_room": (
+        "sideboard",
+        (
+            Thing("metronome", 0.5, -0.3, shape=BOX),
+            Thing("rosin_tin", 0.5, -0.15),
+            Thing("tambourine", 0.5, 0.02),
+            Thing("red_maraca", 0.5, 0.18, RED),
+            Thing("blue_maraca", 0.5, 0.33, BLUE),
+        ),
+    ),
+    "balcony": (
+        "garden_table",
+        (
+            Thing("wooden_crate", 0.5, -0.25, "0.6 0.4 0.2", BOX),
+            Thing("lantern", 0.5, -0.25, z=0.06),
+            Thing("clay_pot", 0.5, 0.0, "0.7 0.35 0.2"),
+            Thing("plastic_pot", 0.5, 0.15, GREEN),
+            Thing("watering_can", 0.5, 0.32),
+            Thing("trowel", 0.38, -0.1, shape=BOX),
+        ),
+    ),
+    "postamt": (
+        "tresen",
+        (
+            Thing("paket", 0.5, -0.2, shape=BOX),
+            Thing("stempel", 0.5, 0.0),
+            Thing("leimflasche", 0.5, 0.2),
+        ),
+    ),
+    "balcon": (
+        "repisa",
+        (
+            Thing("maceta", 0.5, -0.2),
+            Thing("regadera", 0.5, 0.0),
+            Thing("pala", 0.5, 0.2, shape=BOX),
+        ),
+    ),
+    "musique": (
+        "commode",
+        (
+            Thing("tambour", 0.5, -0.2),
+            Thing("flute", 0.5, 0.0),
+            Thing("metronome", 0.5, 0.2, shape=BOX),
+        ),
+    ),
+    "ufficio_postale": (
+        "bancone",
+        (
+            Thing("pacco_grande", 0.5, -0.2, shape=BOX),
+            Thing("pacco_piccolo", 0.5, 0.0, shape=BOX),
+            Thing("timbro", 0.5, 0.2),
+        ),
+    ),
+    "climbing_gym": (
+        "front_desk",
+        (
+            Thing("chalk_bag", 0.5, -0.32),
+            Thing("can", 0.5, -0.16),
+            Thing("carabiner", 0.5, 0.0, shape=BOX),
+            Thing("red_helmet", 0.5, 0.16, RED),
+            Thing("blue_helmet", 0.5, 0.32, BLUE),
+        ),
+    ),
+    "model_railway": (
+        "baseboard",
+        (
+            Thing("red_engine", 0.42, -0.25, RED, BOX),
+            Thing("green_engine", 0.42, 0.25, GREEN, BOX),
+            Thing("tanker", 0.42, 0.0),
+            Thing("signal_box", 0.6, 0.0, shape=BOX),
+            Thing("water_tower", 0.6, -0.25),
+        ),
+    ),
+    "pharmacy": (
+        "dispensary_shelf",
+        (
+            Thing("pill_box", 0.5, -0.33, shape=BOX),
+            Thing("syrup_bottle", 0.5, -0.17, "0.4 0.2 0.1"),
+            Thing("litre_jug", 0.5, 0.0),
+            Thing("brass_weight", 0.5, 0.16, "0.8 0.6 0.2"),
+            Thing("inch_ruler", 0.5, 0.33, shape=BOX),
+        ),
+    ),
+    "kletterhalle": (
+        "theke",
+        (Thing("helm", 0.5, -0.2), Thing("dose", 0.5, 0.0), Thing("beutel", 0.5, 0.2)),
+    ),
+    "maqueta": (
+        "tablero",
+        (
+            Thing("vagon", 0.5, -0.2, shape=BOX),
+            Thing("locomotora", 0.5, 0.0, shape=BOX),
+            Thing("caja", 0.5, 0.2, shape=BOX),
+        ),
+    ),
+    "pharmacie": (
+        "etagere",
+        (Thing("flacon", 0.5, -0.2), Thing("bocal", 0.5, 0.0), Thing("tube", 0.5, 0.2)),
+    ),
+    "palestra": (
+        "scaffale",
+        (Thing("casco", 0.5, -0.2), Thing("corda", 0.5, 0.0), Thing("lattina", 0.5, 0.2)),
+    ),
 }
 STACK = """
   <body name="table" pos=".5 0 ?"><geom name="plate" type="box" size=".5 .5 .02" friction="0.5"/></body>

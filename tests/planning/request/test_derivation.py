@@ -38,7 +38,7 @@ OF = (
     "I would like to know {q} of {t}, please",
     "My simulator asks for {q} of {t}",
     "Hello, tell me {q} of {t}, thanks",
-    "{q} of {t} has never been measured",
+    "{q} of {t} is missing",
     "For my thesis I want to find out {q} of {t}",
 )
 WEIGHINGS = (

@@ -1,7 +1,16 @@
 """Requests as people write them, in many scenes: what each asks for, or that it is refused.
 
-`requests/before.txt` was written before the grammar that reads it, `requests/after.txt` and
-`requests/later.txt` afterwards; what is in these was not looked at while the words were chosen.
+`before.txt`, `after.txt` and `later.txt` in `requests/` were there when the grammar was written.
+The other three came afterwards, from three pens: short ones (`everyday.txt`), long ones in which
+most is said beside the request (`polite.txt`), and such as are easily misread (`tricky.txt`). On
+them the grammar's first try, before any of them was looked at:
+
+    everyday   115 requests, 57 of  75 measurable ones read, 18 refused, none misread
+    polite     113 requests,  5 of  70 measurable ones read, 65 refused, none misread
+    tricky     129 requests, 16 of  79 measurable ones read, 63 refused, none misread
+
+that is 78 accepted, all of them rightly; recall 76, 7 and 20 %. What could be mended in kind has
+been since: `LEAST` is what is read at least.
 """
 
 from __future__ import annotations
@@ -45,7 +54,18 @@ def read(line: Line) -> frozenset[str]:
     return frozenset(str(parameter) for parameter in found.asked)
 
 
-@pytest.mark.parametrize("file", ["before.txt", "after.txt", "later.txt"])
+LEAST = {
+    "before.txt": 0.98,
+    "after.txt": 0.98,
+    "later.txt": 0.95,
+    "everyday.txt": 0.95,
+    "polite.txt": 0.45,
+    "tricky.txt": 0.3,
+}
+"""Share of the measurable requests of each file that is understood."""
+
+
+@pytest.mark.parametrize("file", LEAST)
 def test_what_is_read_is_what_was_asked_and_else_it_is_refused(file: str):
     asked = [line for line in lines(file) if line.asked]
     wrong: list[str] = []
@@ -55,12 +75,12 @@ def test_what_is_read_is_what_was_asked_and_else_it_is_refused(file: str):
         if found and found != line.asked:
             wrong.append(f"{line.request} -> {' '.join(sorted(found))}")
         missed += bool(line.asked and not found)
-    assert len(wrong) <= 0.01 * len(asked), "\n".join(wrong)
-    assert missed <= 0.05 * len(asked)
+    assert not wrong, "\n".join(wrong)
+    assert len(asked) - missed >= LEAST[file] * len(asked)
 
 
 def test_the_corpus_is_large_and_of_many_kinds():
-    everything = [*lines("before.txt"), *lines("after.txt"), *lines("later.txt")]
+    everything = [line for file in LEAST for line in lines(file)]
     assert len(everything) >= 400
     assert len({line.scene for line in everything}) >= 10
     assert len({line.kind for line in everything}) >= 14
@@ -105,3 +125,23 @@ def test_what_is_not_quite_what_was_said_is_remarked_on(request_: str, remark: s
 )
 def test_inflected_words_are_no_slips(request_: str):
     assert ground(request_, scene("kitchen")).remarks == ()
+
+
+@pytest.mark.parametrize(
+    "request_", ["Quanto pesa il mostro?", "Is the mug 3 kg wide of the mark?"]
+)
+def test_a_refusal_shows_the_words_of_the_request(request_: str):
+    with pytest.raises((PlanRejected, InputError)) as refusal:
+        ground(request_, scene("kitchen"))
+    assert "§" not in str(refusal.value)
+    assert request_ in str(refusal.value) or "the scene has no" in str(refusal.value)
+
+
+def test_a_side_remark_is_told_and_is_not_what_a_pronoun_means():
+    told = "The phone is ringing, so please weigh the mug."
+    assert (
+        "'the phone is ringing' is taken for a side remark."
+        in ground(told, scene("kitchen")).remarks
+    )
+    with pytest.raises(PlanRejected, match="it is not clear"):
+        ground("My aunt brought something. How heavy is it?", scene("kitchen"))

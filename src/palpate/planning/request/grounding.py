@@ -21,6 +21,7 @@ things alone for all that the scene misses of them; either is remarked on.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
@@ -85,15 +86,23 @@ def ground(request: str, scene: Scene) -> Grounded:
     remarks = [f"'{word}' is read as '{meant}'." for word, meant in slips.items()]
     resolver = Resolver(scene)
     readings: list[list[Acts]] = []
-    for sentence in sentences([slips.get(word, word) for word in said]):
-        readings.append(_derived(sentence, lattice, resolver))
+    parts = list(sentences([slips.get(word, word) for word in said]))
+    for sentence, own in zip(parts, _own(request, len(parts)), strict=True):
+        readings.append(_derived(sentence, own, lattice, resolver))
     if not readings:
         resolver.reject(request)
     return _agreed(readings, scene, lattice, remarks, request)
 
 
-def _derived(sentence: Sequence[str], lattice: Lattice, resolver: Resolver) -> list[Acts]:
-    """What a sentence may mean.
+def _own(request: str, count: int) -> list[str]:
+    """The sentences of a request as they were written, or all of it for each where they cannot be
+    told apart."""
+    own = [part.strip() for part in re.split(r"(?<=[.;?!])\s+", request) if part.strip()]
+    return own if len(own) == count else [request] * count
+
+
+def _derived(sentence: Sequence[str], own: str, lattice: Lattice, resolver: Resolver) -> list[Acts]:
+    """What a sentence may mean, which the user wrote as `own`.
 
     Raises:
         PlanRejected: nothing; the message names what was not understood.
@@ -111,9 +120,10 @@ def _derived(sentence: Sequence[str], lattice: Lattice, resolver: Resolver) -> l
     if unfelt is not None:
         raise PlanRejected(resolver.not_measurable(unfelt))
     unknown = lattice.unknown(sentence)
+    unknown = [word for word in unknown if word in own.lower()]
     if not unknown:
         unknown = [sentence[min(chart.furthest, len(sentence) - 1)]]
-    raise resolver.not_understood(unknown, sentence)
+    raise resolver.not_understood(unknown, own)
 
 
 def _agreed(

@@ -113,12 +113,14 @@ class Resolver:
 
         return sorted(dict.fromkeys(parameters), key=place)
 
-    def not_understood(self, words: Sequence[str], sentence: Sequence[str]) -> PlanRejected:
+    def not_understood(self, words: Sequence[str], sentence: str) -> PlanRejected:
         """Something in a sentence was not: names the words, and says what can be asked, and how."""
-        listed = ", ".join(f"'{word}'" for word in dict.fromkeys(words))
-        said = " ".join(sentence)
+        said = " ".join(sentence.split())
+        told = [word for word in dict.fromkeys(words) if word in said.lower()]
+        listed = ", ".join(f"'{word}'" for word in told)
+        listed = f"{listed} in '{said[:80]}'" if told else f"'{said[:80]}'"
         return PlanRejected(
-            f"I did not understand {listed} in '{said[:80]}'; say it plainly, e.g. "
+            f"I did not understand {listed}; say it plainly, e.g. "
             f"'{self._example()}'; measurable are {_measurable(self.catalogue)} of "
             f"{self._listed_bodies()}"
         )
