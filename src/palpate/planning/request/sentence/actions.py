@@ -173,6 +173,11 @@ def _simulated(verb: str, *things: Thing) -> Simulated:
     return Simulated(verb, things[0] if things else None)
 
 
+def _simulated_by(_: Words, verb: str, *things: Thing) -> Simulated:
+    """ "A child pushing the cube": whoever does it is no matter of the thing."""
+    return _simulated(verb, *things)
+
+
 def _simulated_of(thing: Thing, verb: str) -> Simulated:
     return Simulated(verb, thing)
 
@@ -240,6 +245,7 @@ ACTIONS: Mapping[str, Callable[..., Hashable]] = {
     "selected_among": _selected_among,
     "selected_all": _selected_all,
     "simulated": _simulated,
+    "simulated_by": _simulated_by,
     "simulated_of": _simulated_of,
     "nothing": _nothing,
     "mention": _mention,

@@ -33,7 +33,7 @@ class Lattice:
 
     def __init__(self, scene: Scene, colours: frozenset[str] = COLOURS) -> None:
         self.nouns = Nouns(scene, colours)
-        self._remarkable = colours == COLOURS  # in English, whose small words are all known
+        self._english = colours == COLOURS  # in English, whose small words are all known
         self._quantities = _quantities()
         self._longest = longest(self._quantities)
 
@@ -91,7 +91,7 @@ class Lattice:
         yield from self._properties(tokens, at)
         yield from _comparing(tokens, at)
         yield from self._things(tokens, at)
-        if self._remarkable:
+        if self._english:
             yield from remarks(tokens, at, self._says_nothing, self._asks)
 
     def _says_nothing(self, tokens: Sequence[str], at: int) -> bool:
@@ -187,14 +187,20 @@ class Lattice:
                 return
             if self.nouns.colours.issuperset(run):
                 yield "COLOUR", end, (run,)
-            elif self.nouns.colours.issuperset(run[1:]):
-                run = (*run[1:], run[0])  # as Spanish has it: "caja roja"
+            elif self._is_behind(run):
+                run = (*run[1:], run[0])
             if self.nouns.meant(run, plural=True):
                 plural = not self.nouns.singular(run[-1]) or run[-1] in english().collective
                 if self.nouns.names.isdisjoint([run]) or run not in self.nouns.named:
                     yield ("OBJS" if plural else "OBJ"), end, (run,)
                 elif len(run) == 1:
                     yield "OBJ", end, (run,)
+
+    def _is_behind(self, run: Phrase) -> bool:
+        """Whether the adjectives stand behind their noun, as in Spanish: "caja roja"."""
+        if len(run) == 1 or self.nouns.meant(run, plural=True):
+            return False
+        return self.nouns.colours.issuperset(run[1:]) or not self._english
 
     def _absent(self, tokens: Sequence[str], at: int) -> Phrase:
         """The longest run that names a thing which is not there."""
@@ -208,6 +214,8 @@ class Lattice:
                 break
             run.append(token)
             fits = fits and not unknown
+        if fits and run and self._is_behind(tuple(run)):
+            run = [*run[1:], run[0]]
         if not run or (
             fits and (self.nouns.meant(tuple(run), True) or self.nouns.colours.issuperset(run))
         ):
