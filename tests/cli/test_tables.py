@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from collections.abc import Callable
 from pathlib import Path
@@ -13,7 +14,7 @@ from palpate.cli.show.estimates import show_estimates
 from palpate.estimation.estimate import Estimate, not_identified
 from palpate.parameter import Parameter
 
-from .conftest import Answer, cube
+from .conftest import TABLE, Answer, cube
 
 HEIGHT, COM, LOST = (
     Parameter("table_with_a_long_name", "height"),
@@ -89,3 +90,21 @@ def test_an_empty_scene_says_what_it_lacks(palpate: Callable[..., Answer], tmp_p
     said = palpate("gap", empty).out
     assert "no object and no surface" in said
     assert "palpate run" not in said
+
+
+def test_a_run_of_which_nothing_was_asked_says_so(
+    palpate: Callable[..., Answer], tmp_path: Path
+) -> None:
+    plan = {
+        "parameters": [],
+        "explanation": "The dial is to be read by a person.",
+        "tree": {"type": "Sequence", "children": [{"type": "MoveJoints", "joints": "home_config"}]},
+    }
+    (tmp_path / "scene.xml").write_text(TABLE.format(bodies=cube()), encoding="utf-8")
+    (tmp_path / "plan.json").write_text(json.dumps(plan), encoding="utf-8")
+    ended = palpate(
+        *("run", "scene.xml", "-r", "move home", "--planner", "replay:plan.json", "--fast"),
+        *("--out", "folder"),
+    )
+    assert ended.status == 0
+    assert "nothing was to be estimated: The dial is to be read by a person." in ended.out

@@ -219,6 +219,10 @@ def _explain_live(run: Run) -> None:
 def _show_measured(run: Run) -> None:
     if run.estimates:
         show_estimates(run.estimates, run.truth)
+    elif not run.plan.parameters:
+        out.print(
+            "[bold]nothing was to be estimated[/]:", escape(run.plan.explanation), soft_wrap=True
+        )
     else:
         out.print("[bold red]no estimates[/]: the run ended before any was made")
     for estimate in run.estimates:
