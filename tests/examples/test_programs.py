@@ -30,7 +30,7 @@ PRINTED = {
         r"<Plan by symbolic: mug\.mass, 12 actions>",
         r"  MovePose\(mug_pose \+ z_offset\)",
         r"findings of the check: none",
-        r"None The temperature cannot be measured",
+        r"None The temperature \('warm'\) cannot be measured",
     ),
     "04_own_planner": (
         r"lazy: 2 actions, [1-9]\d* findings",

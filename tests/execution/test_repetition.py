@@ -87,6 +87,10 @@ def test_the_result_says_what_was_asked_and_what_came_of_it(narrowed) -> None:
     assert again.settings.within == narrowed.settings.within
 
 
+NARROWER = "1.7g"
+"""Less than one weighing of the cup reaches, 2.0 g, and more than the floor that the joints' gains set."""
+
+
 @dataclass(frozen=True)
 class Weighed:
     """A cup that was weighed once, with no width asked."""
@@ -149,7 +153,7 @@ def test_a_round_that_fails_leaves_what_the_first_one_measured(weighed) -> None:
             weighed.execution, trace=nothing, status="stopped", stopped_by=why, fault=why
         )
 
-    whole, mass = weighed.again(failing, weighed.execution, "2g")
+    whole, mass = weighed.again(failing, weighed.execution, NARROWER)
     assert whole.status == "stopped"
     assert whole.stopped_by == "the torques are frozen"
     assert mass.identified
@@ -171,6 +175,6 @@ def test_rounds_end_however_much_more_would_narrow_it(
         empty = replace(trace, samples=nothing, leaves=(), recordings=(), conversions=())
         return replace(weighed.execution, trace=empty, robot_seconds=seconds)
 
-    _, mass = weighed.again(idle, weighed.execution, "2g")
+    _, mass = weighed.again(idle, weighed.execution, NARROWER)
     assert len(gone) == rounds
     assert "more work would narrow it" in mass.method
