@@ -132,3 +132,42 @@ def test_a_word_that_turns_what_is_said_is_never_passed_over(
 )
 def test_what_is_not_a_plain_wish_is_refused(request_: str):
     assert read(request_) is None
+
+
+@pytest.mark.parametrize(
+    ("request_", "meant"),
+    [
+        ("Measure both the mass and the friction of the mug.", "mug.mass mug.friction"),
+        ("I know neither the mass nor the friction of the mug.", "mug.mass mug.friction"),
+        ("J'ai besoin de la masse et du frottement de la tasse.", "mug.mass mug.friction"),
+        ("Identify the inertial parameters of the mug.", "mug.mass mug.com mug.inertia"),
+        ("How heavy is the mug? What about the bottle?", "mug.mass bottle.mass"),
+        ("Weigh the mug. Also the bottle.", "mug.mass bottle.mass"),
+        ("Run a mass estimation on the mug.", "mug.mass"),
+        ("How heavy is the bottle made of glass?", "bottle.mass"),
+        ("Please weigh the mug which we bought last week.", "mug.mass"),
+        ("Although it is late, could you weigh the mug?", "mug.mass"),
+        ("- mass of the mug\n- height of the table", "mug.mass table.height"),
+    ],
+)
+def test_what_is_said_together_is_meant_together(request_: str, meant: str):
+    found = read(request_)
+    assert found is not None
+    assert asked(found) == frozenset(meant.split())
+
+
+@pytest.mark.parametrize(
+    "request_",
+    [
+        "I need the mass, but not the friction of the mug.",
+        "We know the mass of the mug. Also the bottle.",
+        "Do not weigh the mug. And the bottle.",
+        "Weigh the box which I bought yesterday.",
+        "Weigh everything that belongs to my aunt.",
+        "Weigh the mug, which you should not touch.",
+        "Weigh everything because I am busy except those on the left.",
+        "Weigh the mug after it has cooled.",
+    ],
+)
+def test_what_beside_a_wish_may_change_it_is_refused(request_: str):
+    assert read(request_) is None

@@ -23,6 +23,9 @@ from palpate.planning.request.wording import (
 )
 from palpate.quantities.catalogue import catalogue
 
+_BULLET = re.compile(r"(?:^|\n)\s*(?:[-*•–]|\d{1,2}\.)\s+")
+"""What begins a line of a list."""
+
 Names = frozenset[str]
 """Words of the names of bodies: nobody turns them into others."""
 
@@ -63,7 +66,7 @@ def spoken(request: str) -> str | None:
 
 
 def _plain(request: str) -> str:
-    return request.lower().replace("’", "'").replace("§", " ")
+    return _BULLET.sub(" ; ", request).lower().replace("’", "'").replace("§", " ")
 
 
 def _words(text: str) -> list[str]:

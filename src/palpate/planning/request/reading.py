@@ -55,6 +55,7 @@ class Reading:
     _alone: list[Items] = field(default_factory=list[Items])
     _handled: str = ""
     _told: bool = False
+    _of_all: set[str] = field(default_factory=set[str])
 
     def take(self, act: Act) -> None:
         """The next clause.
@@ -118,12 +119,42 @@ class Reading:
         if self._turning:
             self._require_turn()
             deed = "want"
+        if deed in ("also", "about"):
+            self._require_last(deed)
+            deed = "want"
         for pair in act.pairs:
+            self._require_no_other(pair)
             if deed == "want":
                 self._want(pair)
             else:
                 self._spare(pair)
         self._deed = deed
+
+    def _require_no_other(self, pair: Pair) -> None:
+        """That no quantity which was taken to be wanted of all is one of the thing that is named
+        only now: "the mass, but not the friction of the mug".
+
+        Raises:
+            PlanRejected: it may be.
+        """
+        ids = {quantity.id for quantity in pair.quantities}
+        if pair.thing is None or not ids or pair.again:
+            return
+        for id in self._of_all:
+            may_be = self.resolver.can_have(self.things.found(pair.thing), Quantity(id, id))
+            if id not in ids and may_be:
+                raise PlanRejected(f"it is not clear of what the {id} is wanted; name it")
+
+    def _require_last(self, deed: str) -> None:
+        """That something was wanted that "also the bottle" says again. "What about the bottle?" also
+        turns what was known or not wanted.
+
+        Raises:
+            PlanRejected: nothing was.
+        """
+        self._turning = deed == "about" and self._deed in ("know", "skip")
+        if self._deed != "want" and not self._turning:
+            raise PlanRejected("it is not clear what of it is wanted; say e.g. 'its mass'")
 
     def _require_turn(self) -> None:
         """That something was said of which "that of the other is not" says the opposite.
@@ -147,6 +178,8 @@ class Reading:
             of = objects
             if pair.thing is None and not pair.every:
                 of = self._meant(quantity)
+                if not of:
+                    self._of_all.add(quantity.id)
             asked = self.resolver.parameters(quantity, of)
             self.asked += asked
             if self._turning:  # "we know all masses except that of the mug"

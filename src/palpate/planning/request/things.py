@@ -102,12 +102,27 @@ class Things:
                 f"the scene has {len(names)} of '{' '.join(words)}', not {thing.many}: "
                 f"{', '.join(names)}; name those that are meant"
             )
+        if thing.told:
+            self._require_only(words, thing.told)
+            self.remarks.append(f"'{thing.told}' is taken for a side remark.")
         remark = ""
         if self.nouns.otherwise(words):
             remark = f"'{' '.join(words)}' is taken for {_quoted(names)}."
         elif several and self.nouns.is_kind(words[-1]):
             remark = f"'{' '.join(words)}' are taken to be {_quoted(names)}."
         return Item(words, names, several, remark)
+
+    def _require_only(self, words: tuple[str, ...], told: str) -> None:
+        """That what was told of a thing need not tell it from others.
+
+        Raises:
+            PlanRejected: it does: "the box that I like best".
+        """
+        names = self.nouns.meant(words, plural=True)
+        if len(names) > 1:
+            raise PlanRejected(
+                f"'{told}' does not tell which of {', '.join(names)} is meant; name it"
+            )
 
     def _last(self, names: tuple[str, ...]) -> tuple[str, ...]:
         """ "That thing": the one that was spoken of last."""

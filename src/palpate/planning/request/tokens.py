@@ -19,7 +19,7 @@ _APART = (
     (r"\blet's\b", "let us"),
     (r"\b(what|who|where|there|here|how|it|that)'s\b", r"\1 is"),
     (r"[&+]", " and "),
-    (r"(?<!\S)\(?\d ?\) ", " ; "),
+    (r"(?<!\S)\(?[\da-h] ?\) ", " ; "),
 )
 """What is written as one word and is two."""
 

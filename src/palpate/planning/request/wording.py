@@ -65,6 +65,8 @@ class English:
     remarking: frozenset[str]
     telling: frozenset[str]
     asking: frozenset[str]
+    bearing: frozenset[str]
+    materials: Mapping[str, str]
     things: frozenset[str]
 
 
@@ -89,6 +91,7 @@ def english() -> English:
         "remarking",
         "telling",
         "asking",
+        "bearing",
     )
     words = {name: word_set(said[name]) for name in sets}
     return English(
@@ -104,6 +107,7 @@ def english() -> English:
         kinds={kind: word_set(members) for kind, members in said["kinds"].items()},
         same=tuple(word_set(line) for line in said["same"]),
         purposes=purposes,
+        materials=said["materials"],
         **words,
     )
 

@@ -90,7 +90,17 @@ def _how_large(asked: Quantity, pair: Pair) -> Pair:
 
 
 def _say(deed: str, *pairs: Pair) -> Say:
-    return Say(deed, pairs)
+    """Quantities that no thing follows are of the thing of those behind them: "both the mass and the
+    friction of the mug"."""
+    said: list[Pair] = []
+    thing: Thing | None = None
+    for pair in reversed(pairs):
+        thing = pair.thing or thing
+        said.insert(
+            0,
+            pair if pair.every or not pair.quantities else replace(pair, thing=pair.thing or thing),
+        )
+    return Say(deed, tuple(said))
 
 
 def _say_of(deed: str, *parts: Part) -> Say:
@@ -140,8 +150,18 @@ def _same(thing: Thing) -> Say:
     return Say("want", (_that(thing),))
 
 
+def _repeated(deed: str, thing: Thing) -> Say:
+    """ "Weigh the mug. What about the bottle?"."""
+    return Say(deed, (_that(thing),))
+
+
 def _mass() -> Quantity:
     return Quantity("mass", "mass")
+
+
+def _inertial() -> tuple[Quantity, ...]:
+    """The inertial parameters of a rigid body, as system identification calls them."""
+    return tuple(Quantity(id, id) for id in ("mass", "com", "inertia"))
 
 
 def _compared(*parts: Part) -> Say:
@@ -239,7 +259,9 @@ ACTIONS: Mapping[str, Callable[..., Hashable]] = {
     "say_but": _say_but,
     "unsaid": _unsaid,
     "same": _same,
+    "repeated": _repeated,
     "mass": _mass,
+    "inertial": _inertial,
     "compared": _compared,
     "selected": _selected,
     "selected_among": _selected_among,

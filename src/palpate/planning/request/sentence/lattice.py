@@ -7,6 +7,7 @@ all that is unknown, and no part of any reading but of one that names a thing wh
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from typing import cast
 
 from palpate.planning.request import lexicon, spelling
 from palpate.planning.request.lexicon import COLOURS
@@ -92,7 +93,7 @@ class Lattice:
         yield from _comparing(tokens, at)
         yield from self._things(tokens, at)
         if self._english:
-            yield from remarks(tokens, at, self._says_nothing, self._asks)
+            yield from remarks(tokens, at, self._says_nothing, self._bears, self._asks)
 
     def _says_nothing(self, tokens: Sequence[str], at: int) -> bool:
         """Whether a word names neither a thing of the scene nor a property, nor tells anything of
@@ -104,6 +105,11 @@ class Lattice:
         if named or not self.nouns.names.isdisjoint(singulars(token)):
             return False
         return not any(True for _ in self._properties(tokens, at))
+
+    def _bears(self, tokens: Sequence[str], at: int) -> bool:
+        """Whether a word says nothing of what is wanted in a clause that tells why or when."""
+        bearing = tokens[at] in english().bearing and not self._asks(tokens, at)
+        return bearing or self._says_nothing(tokens, at)
 
     def _asks(self, tokens: Sequence[str], at: int) -> bool:
         """Whether a word asks for something of its own, or names a thing of the scene."""
@@ -155,6 +161,7 @@ class Lattice:
         yield from self._whole_names(tokens, at)
         yield from self._runs(tokens, at)
         yield from self._described(tokens, at)
+        yield from self._made(tokens, at)
         absent = self._absent(tokens, at)
         if absent:
             yield "ABSENT", at + len(absent), (absent,)
@@ -167,6 +174,19 @@ class Lattice:
         for kind, end, meanings in self._things(tokens, at + 1):
             if kind == "OBJ" and len(self.nouns.fitting(tuple(tokens[at + 1 : end]))) <= 1:
                 yield kind, end, meanings
+
+    def _made(self, tokens: Sequence[str], at: int) -> Iterator[Edge]:
+        """ "The bottle made of glass": one whose name says so, or the only one."""
+        for kind, end, meanings in [*self._whole_names(tokens, at), *self._runs(tokens, at)]:
+            run = cast("Phrase", meanings[0])
+            behind = tuple(tokens[end : end + 3])
+            material = english().materials.get(behind[-1] if behind else "", "")
+            if kind != "OBJ" or behind[:2] != ("made", "of") or not material:
+                continue
+            told = [(word, *run) for word in (material, behind[-1])]
+            named = [words for words in told if self.nouns.fitting(words)]
+            if named or len(self.nouns.fitting(run)) == 1:
+                yield "OBJ", end + 3, (named[0] if named else run,)
 
     def _whole_names(self, tokens: Sequence[str], at: int) -> Iterator[Edge]:
         """Names of several words, together or apart: "redbox", "red box"; and those of one that was

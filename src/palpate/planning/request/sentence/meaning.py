@@ -7,10 +7,12 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class Named:
-    """Things by a noun. `many`: how many are meant, "one", "all", "any", or the number."""
+    """Things by a noun. `many`: how many are meant, "one", "all", "any", or the number.
+    `told`: what was said of it beside, "which my aunt gave us"."""
 
     words: tuple[str, ...]
     many: str = "one"
+    told: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,7 +118,7 @@ class Pair:
 @dataclass(frozen=True, slots=True)
 class Say:
     """What a clause does with its pairs: "want", "know", "skip", or, where only what came before
-    tells, "turn"."""
+    tells, "turn" (the opposite), "also" (the same), "about" (whatever was not said)."""
 
     deed: str
     pairs: tuple[Pair, ...]

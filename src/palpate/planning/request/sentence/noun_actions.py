@@ -45,6 +45,11 @@ def _named(many: str, words: Words) -> Named:
     return Named(words, many)
 
 
+def _named_told(words: Words, told: str) -> Named:
+    """ "The mug, which my aunt gave us,"."""
+    return Named(words, told=told)
+
+
 def _named_last(_: Words, words: Words) -> Named:
     """ "The body called duck"."""
     return Named(words)
@@ -114,6 +119,7 @@ OF_THINGS: Mapping[str, Callable[..., Hashable]] = {
     "several": several,
     "choice": _choice,
     "named": _named,
+    "named_told": _named_told,
     "named_last": _named_last,
     "named_other": _named_other,
     "coloured": _coloured,

@@ -15,8 +15,11 @@ from palpate.planning.request.wording import english
 Judged = Callable[[Sequence[str], int], bool]
 """What holds of the word at one place."""
 
-_APART = frozenset({",", "and", "so", "but", "because", "since", "as", "which", "who", "?"})
+_REASONS = frozenset({"because", "since", "as", "before", "although", "though", "while"})
+"""What clauses begin with that tell why or when."""
+_APART = frozenset({",", "and", "so", "but", "which", "who", "that", "?"}) | _REASONS
 """What stands before and behind a side remark."""
+_PURPOSES = frozenset({("so", "that"), ("now", "that")})
 _BEGINS = frozenset({"i", "we", "please"})
 """What a request begins with, right behind one."""
 _WORDS = 3
@@ -24,10 +27,10 @@ _WORDS = 3
 
 
 def remarks(
-    tokens: Sequence[str], at: int, says_nothing: Judged, asks: Judged
+    tokens: Sequence[str], at: int, says_nothing: Judged, bears: Judged, asks: Judged
 ) -> Iterator[tuple[str, int, Meanings]]:
     """The remarks that begin at one word: a sentence (REMARK), what follows "which" or "because"
-    (REST), what is told of a thing before it (TELLS)."""
+    (REST, or WHY where it tells why or when), what is told of a thing before it (TELLS)."""
     before = tokens[at - 1] if at else ","
     for end in _ends(tokens, at, says_nothing):
         said = (" ".join(tokens[at:end]),)
@@ -39,8 +42,17 @@ def remarks(
         yield "REST", end, said
         if end - at >= _WORDS and tokens[at] in english().remarking:
             yield "REMARK", end, said
-    if before in ("because", "since") and not any(asks(tokens, i) for i in range(at, len(tokens))):
+    if _reasoned(tokens, at):
+        for end in _ends(tokens, at, bears):
+            yield "WHY", end, (" ".join(tokens[at:end]),)
+    if _reasoned(tokens, at) and not any(asks(tokens, i) for i in range(at, len(tokens))):
         yield "REST", len(tokens), (" ".join(tokens[at:]),)
+
+
+def _reasoned(tokens: Sequence[str], at: int) -> bool:
+    """Whether a clause that tells why or when begins here."""
+    before = tuple(tokens[max(at - 2, 0) : at])
+    return before[-1:] != () and (before[-1] in _REASONS or before in _PURPOSES)
 
 
 def _ends(tokens: Sequence[str], at: int, says_nothing: Judged) -> Iterator[int]:
