@@ -12,6 +12,10 @@ from palpate.planning.request.sentence.meaning import Quantity
 from palpate.quantities.catalogue import Catalogue
 from palpate.scene.scene import Scene
 
+SHOWN = 6
+"""Bodies that a refusal lists."""
+LONG = 60
+"""Characters of a sentence that a refusal shows."""
 _NOT_SENSED = "no primitive of the robot senses it"
 
 
@@ -116,11 +120,13 @@ class Resolver:
     def not_understood(self, words: Sequence[str], sentence: str) -> PlanRejected:
         """Something in a sentence was not: names the words, and says what can be asked, and how."""
         said = " ".join(sentence.split())
-        told = [word for word in dict.fromkeys(words) if word in said.lower()]
+        told = [word for word in dict.fromkeys(words) if word in said.lower()][:4]
         listed = ", ".join(f"'{word}'" for word in told)
-        listed = f"{listed} in '{said[:80]}'" if told else f"'{said[:80]}'"
+        if len(said) > LONG:
+            said = f"{said[:LONG].rsplit(' ', 1)[0]} …"
+        listed = f"{listed} in '{said}'" if told else f"'{said}'"
         return PlanRejected(
-            f"I did not understand {listed}; say it plainly, e.g. "
+            f"I did not understand {listed}; say e.g. "
             f"'{self._example()}'; measurable are {_measurable(self.catalogue)} of "
             f"{self._listed_bodies()}"
         )
@@ -224,7 +230,10 @@ class Resolver:
         )
 
     def _listed_bodies(self) -> str:
-        return ", ".join(self.scene.bodies) or "no objects at all"
+        bodies = list(self.scene.bodies)
+        if len(bodies) > SHOWN + 1:
+            return f"{', '.join(bodies[:SHOWN])} and {len(bodies) - SHOWN} more"
+        return ", ".join(bodies) or "no objects at all"
 
 
 def _each(names: Iterable[str], id: str) -> list[Parameter]:

@@ -7,6 +7,7 @@ all that is unknown, and no part of any reading but of one that names a thing wh
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from functools import cache
 from typing import cast
 
 from palpate.planning.request import lexicon, spelling
@@ -74,11 +75,11 @@ class Lattice:
         return found
 
     def _is_unknown(self, token: str) -> bool:
-        if token in _LITERALS or token.startswith("§") or not token.isalpha():
+        if token in _small_words() or token.startswith("§") or not token.isalpha():
             return False
-        if self.nouns.known(token) or token in _SELECTING | _RELATING or token in _QUANTITATIVE:
+        if self.nouns.known(token) or token in _quantitative():
             return False
-        if not _PARTS.isdisjoint(singulars(token)):
+        if not _parts().isdisjoint(singulars(token)):
             return False
         said = english()
         known = said.single | said.irregular.keys() | said.numbers.keys()
@@ -99,7 +100,7 @@ class Lattice:
         """Whether a word names neither a thing of the scene nor a property, nor tells anything of
         what is wanted."""
         token = tokens[at]
-        if token in english().telling or not token.isalpha() or token in _QUANTITATIVE:
+        if token in english().telling or not token.isalpha() or token in _quantitative():
             return False
         named = self.nouns.meant((token,), True) and not self.nouns.otherwise((token,))
         if named or not self.nouns.names.isdisjoint(singulars(token)):
@@ -247,8 +248,9 @@ def _words(tokens: Sequence[str], at: int) -> Iterator[Edge]:
     """The classes of `words/en.yaml` that words here are of, inflected or not."""
     said = english()
     irregular = said.irregular.get(tokens[at])
+    most = _longest_class()
     for lemma, tag in (*forms(tokens[at]), *([irregular] if irregular else [])):
-        for length in range(1, _LONGEST + 1):
+        for length in range(1, most + 1):
             phrase = (lemma, *tokens[at + 1 : at + length])
             if len(phrase) < length:
                 break
@@ -258,7 +260,7 @@ def _words(tokens: Sequence[str], at: int) -> Iterator[Edge]:
                     yield kind + tag, at + length, valued
                 elif lemma == tokens[at] or (kind in _PLURAL and tag == "_S"):
                     yield kind, at + length, (" ".join(phrase),) if kind in _VALUED else ()
-    for length in range(_LONGEST_RELATION, 0, -1):
+    for length in range(_longest_relation(), 0, -1):
         phrase = tuple(tokens[at : at + length])
         if phrase in said.relations:
             yield "REL", at + len(phrase), (said.relations[phrase],)
@@ -285,18 +287,40 @@ def _comparing(tokens: Sequence[str], at: int) -> Iterator[Edge]:
 _PLURAL = frozenset({"NNOUN", "WORLD"})
 """Classes of nouns."""
 _VALUED = frozenset({"DEED", "HANDLE", "STATE"})
-_LITERALS = frozenset(
-    part for rules in grammar().named.values() for rule in rules for part in rule.parts
-)
-_PARTS = frozenset(
-    word
-    for quantity in catalogue().values()
-    for s in quantity.words.get("en", ())
-    for word in s.split()
-)
-_SELECTING = english().selecting.keys() | english().describing
-_RELATING = frozenset(word for phrase in english().relations for word in phrase)
-_QUANTITATIVE = english().compared.keys() | english().asked.keys() | lexicon.UNMEASURABLE.keys()
+
+
+@cache
+def _small_words() -> frozenset[str]:
+    """Words that the grammar speaks of itself, and those that tell which thing is meant."""
+    said = english()
+    rules = [rule for rules in grammar().named.values() for rule in rules]
+    literals = {part for rule in rules for part in rule.parts}
+    relating = {word for phrase in said.relations for word in phrase}
+    return frozenset(literals | relating | said.selecting.keys() | said.describing)
+
+
+@cache
+def _quantitative() -> frozenset[str]:
+    """Words that compare things, or ask for what they are like."""
+    said = english()
+    return frozenset([*said.compared, *said.asked, *lexicon.UNMEASURABLE])
+
+
+@cache
+def _longest_class() -> int:
+    return longest(english().classes)
+
+
+@cache
+def _longest_relation() -> int:
+    return longest(english().relations)
+
+
+@cache
+def _parts() -> frozenset[str]:
+    """Words of the synonyms of quantities."""
+    phrases = [s for q in catalogue().values() for s in q.words.get("en", ())]
+    return frozenset(word for phrase in phrases for word in phrase.split())
 
 
 def _quantities() -> dict[Phrase, str]:
@@ -307,7 +331,3 @@ def _quantities() -> dict[Phrase, str]:
             if synonym not in lexicon.NO_NOUNS:
                 phrases[tuple(synonym.split())] = quantity.id
     return phrases
-
-
-_LONGEST = longest(english().classes)
-_LONGEST_RELATION = longest(english().relations)
