@@ -326,6 +326,54 @@ SCENES: dict[str, tuple[str, tuple[Thing, ...]]] = {
         "scaffale",
         (Thing("casco", 0.5, -0.2), Thing("corda", 0.5, 0.0), Thing("lattina", 0.5, 0.2)),
     ),
+    "cafe": (
+        "coffee_table",
+        (
+            Thing("teapot", 0.5, 0.3),
+            Thing("paper_cup", 0.5, 0.15, "0.95 0.95 0.95"),
+            Thing("milk_jug", 0.5, -0.05, BLUE),
+            Thing("sugar_bowl", 0.5, -0.2),
+            Thing("biscuit_tin", 0.6, -0.33, RED, BOX),
+        ),
+    ),
+    "greenhouse": (
+        "potting_bench",
+        (
+            Thing("watering_can", 0.5, 0.25, GREEN),
+            Thing("flower_pot", 0.5, 0.0, "0.7 0.35 0.2"),
+            Thing("trowel", 0.5, -0.15, shape=BOX),
+            Thing("seed_packet", 0.5, -0.3, YELLOW, BOX),
+        ),
+    ),
+    "nursery": (
+        "play_table",
+        (
+            Thing("toy_car", 0.5, -0.3, YELLOW, BOX),
+            Thing("red_cube", 0.5, -0.1, RED, BOX),
+            Thing("blue_cube", 0.5, 0.05, BLUE, BOX),
+            Thing("rattle", 0.4, 0.3),
+            Thing("toy_train", 0.6, 0.3, GREEN, BOX),
+        ),
+    ),
+    "camping": (
+        "camp_table",
+        (
+            Thing("lantern", 0.45, -0.3),
+            Thing("gas_canister", 0.45, -0.1, BLUE),
+            Thing("mallet", 0.45, 0.1, shape=BOX),
+            Thing("steel_mug", 0.45, 0.3),
+            Thing("plastic_mug", 0.6, 0.3, RED),
+        ),
+    ),
+    "buero": (
+        "schreibtisch",
+        (
+            Thing("locher", 0.5, -0.3, shape=BOX),
+            Thing("tasse", 0.5, -0.1),
+            Thing("blaue_dose", 0.5, 0.1, BLUE),
+            Thing("gruene_dose", 0.5, 0.25, GREEN),
+        ),
+    ),
 }
 STACK = """
   <body name="table" pos=".5 0 ?"><geom name="plate" type="box" size=".5 .5 .02" friction="0.5"/></body>

@@ -171,3 +171,18 @@ def test_what_is_said_together_is_meant_together(request_: str, meant: str):
 )
 def test_what_beside_a_wish_may_change_it_is_refused(request_: str):
     assert read(request_) is None
+
+
+@pytest.mark.parametrize(
+    "request_",
+    [
+        "Weigh everything but not the mug and not the bottle.",
+        "all masses, not the mug and not the bottle",
+        "Weigh all objects, not the mug, not the bottle.",
+        "masses of all objects, but not the mug and not the bottle",
+    ],
+)
+def test_each_of_several_exceptions_is_left_out(request_: str):
+    found = read(request_)
+    assert found is not None
+    assert asked(found) == {"red_box.mass", "blue_box.mass"}

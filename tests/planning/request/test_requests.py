@@ -1,7 +1,7 @@
 """Requests as people write them, in many scenes: what each asks for, or that it is refused.
 
 `before.txt`, `after.txt` and `later.txt` in `requests/` were there when the grammar was written.
-The other three came afterwards, from three pens: short ones (`everyday.txt`), long ones in which
+The others came afterwards, from three pens: short ones (`everyday.txt`), long ones in which
 most is said beside the request (`polite.txt`), and such as are easily misread (`tricky.txt`). On
 them the grammar's first try, before any of them was looked at:
 
@@ -9,8 +9,14 @@ them the grammar's first try, before any of them was looked at:
     polite     113 requests,  5 of  70 measurable ones read, 65 refused, none misread
     tricky     129 requests, 16 of  79 measurable ones read, 63 refused, none misread
 
-that is 78 accepted, all of them rightly; recall 76, 7 and 20 %. What could be mended in kind has
-been since: `LEAST` is what is read at least.
+that is 78 accepted, all of them rightly; recall 76, 7 and 20 %. A fourth batch came when these had
+been mended, of what people type into a command line (`ordinary.txt`):
+
+    ordinary   150 requests, 84 of 108 measurable ones read, 24 refused, none misread
+
+of the other 42 one was weighed, "weigh the cubes and put them back in the toy box", and told that it
+is not put anywhere; there is no toy box, so it was to be refused. 84 of 85 accepted were right, recall
+was 78 %. What could be mended in kind has been since: `LEAST` is what is read at least.
 """
 
 from __future__ import annotations
@@ -61,6 +67,7 @@ LEAST = {
     "everyday.txt": 0.95,
     "polite.txt": 0.45,
     "tricky.txt": 0.3,
+    "ordinary.txt": 0.85,
 }
 """Share of the measurable requests of each file that is understood."""
 

@@ -12,6 +12,7 @@ from collections.abc import Iterator, Mapping, Sequence
 
 from palpate.planning.request import spelling
 from palpate.planning.request.lexicon import COLOURS
+from palpate.planning.request.tokens import is_within
 from palpate.planning.request.wording import (
     LANGUAGES,
     Language,
@@ -94,6 +95,10 @@ def _turned(
     while at < len(words):
         for length in range(min(most, len(words) - at), 0, -1):
             phrase = tuple(words[at : at + length])
+            if spoken is not None and spoken.compounds and _is_noun_of(words[at], names):
+                yield words[at]
+                at += 1
+                break
             if phrase in glossary and names.isdisjoint([*phrase, _bare(words[at])]):
                 yield from glossary[phrase]
                 at += length
@@ -101,6 +106,11 @@ def _turned(
         else:
             yield from _inflected(words[at], glossary, names, spoken)
             at += 1
+
+
+def _is_noun_of(word: str, names: Names) -> bool:
+    """Whether a compound among the names is one of it: "Tisch" where there is a "schreibtisch"."""
+    return word not in names and any(is_within(word, name) for name in names)
 
 
 def _inflected(

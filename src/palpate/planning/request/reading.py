@@ -264,7 +264,7 @@ class Reading:
             PlanRejected: it comes first.
         """
         for thing in act.things:
-            self.things.found(thing)
+            self.resolver.require_one(self.things.found(thing))
         if not self._wanted:
             raise PlanRejected(self.resolver.no_deed(act.word))
         self.resolver.cannot.append(self.resolver.no_deed(act.word))

@@ -106,6 +106,15 @@ class Resolver:
         surfaces = self.scene.surfaces
         return all(name in surfaces for name in names) and len(surfaces) == len(set(names))
 
+    def require_one(self, objects: Sequence[Item]) -> None:
+        """That each of some things is told from others.
+
+        Raises:
+            PlanRejected: one is not.
+        """
+        for item in objects:
+            self._chosen(item, None)
+
     def ordered(self, parameters: Sequence[Parameter]) -> list[Parameter]:
         """Each once: surfaces first, then objects, both in document order; quantities as in the
         catalogue."""

@@ -219,6 +219,11 @@ def _told(thing: Thing, said: str) -> tuple[Act, ...]:
     return Mention(thing, alone=True), Told(said)
 
 
+def _told_of(said: str, thing: Thing) -> tuple[Act, ...]:
+    """What somebody did with a thing that is then asked about."""
+    return _told(thing, said)
+
+
 def _alone(thing: Thing) -> Mention:
     return Mention(thing, alone=True)
 
@@ -274,6 +279,7 @@ ACTIONS: Mapping[str, Callable[..., Hashable]] = {
     "alone": _alone,
     "aside": Aside,
     "told": _told,
+    "told_of": _told_of,
     "deed": _deed,
     "handled": Handled,
     "unfelt": _unfelt,

@@ -206,7 +206,7 @@ class Lattice:
             run = tuple(tokens[at:end])
             if not self.nouns.known(run[-1]):
                 return
-            if self.nouns.colours.issuperset(run):
+            if self.nouns.colours.issuperset(run) or self._tells(run):
                 yield "COLOUR", end, (run,)
             elif self._is_behind(run):
                 run = (*run[1:], run[0])
@@ -216,6 +216,10 @@ class Lattice:
                     yield ("OBJS" if plural else "OBJ"), end, (run,)
                 elif len(run) == 1:
                     yield "OBJ", end, (run,)
+
+    def _tells(self, run: Phrase) -> bool:
+        """Whether an adjective is part of the names of things: "the plastic one"."""
+        return len(run) == 1 and run[0] in english().describing and run[0] in self.nouns.names
 
     def _is_behind(self, run: Phrase) -> bool:
         """Whether the adjectives stand behind their noun, as in Spanish: "caja roja"."""

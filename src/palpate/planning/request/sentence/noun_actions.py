@@ -50,6 +50,11 @@ def _named_told(words: Words, told: str) -> Named:
     return Named(words, told=told)
 
 
+def _counted(number: str) -> Named:
+    """ "Which of the five"."""
+    return Named(("object",), number)
+
+
 def _named_last(_: Words, words: Words) -> Named:
     """ "The body called duck"."""
     return Named(words)
@@ -120,6 +125,7 @@ OF_THINGS: Mapping[str, Callable[..., Hashable]] = {
     "choice": _choice,
     "named": _named,
     "named_told": _named_told,
+    "counted": _counted,
     "named_last": _named_last,
     "named_other": _named_other,
     "coloured": _coloured,

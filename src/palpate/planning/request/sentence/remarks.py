@@ -22,6 +22,8 @@ _APART = frozenset({",", "and", "so", "but", "which", "who", "that", "?"}) | _RE
 _PURPOSES = frozenset({("so", "that"), ("now", "that")})
 _BEGINS = frozenset({"i", "we", "please"})
 """What a request begins with, right behind one."""
+_NAMING = frozenset({"the", "my", "our", "this", "that", "a", "an", "some", "his", "her", "their"})
+"""What a noun begins with."""
 _WORDS = 3
 """Words of the shortest remark that is a sentence."""
 
@@ -30,8 +32,10 @@ def remarks(
     tokens: Sequence[str], at: int, says_nothing: Judged, bears: Judged, asks: Judged
 ) -> Iterator[tuple[str, int, Meanings]]:
     """The remarks that begin at one word: a sentence (REMARK), what follows "which" or "because"
-    (REST, or WHY where it tells why or when), what is told of a thing before it (TELLS)."""
+    (SAYING; REST, or WHY where it tells why or when), what is told of a thing before it (TELLS)."""
     before = tokens[at - 1] if at else ","
+    if before not in _NAMING:
+        yield from _sayings(tokens, at, says_nothing)
     for end in _ends(tokens, at, says_nothing):
         said = (" ".join(tokens[at:end]),)
         following = (*tokens, ",")[end]
@@ -47,6 +51,17 @@ def remarks(
             yield "WHY", end, (" ".join(tokens[at:end]),)
     if _reasoned(tokens, at) and not any(asks(tokens, i) for i in range(at, len(tokens))):
         yield "REST", len(tokens), (" ".join(tokens[at:]),)
+
+
+def _sayings(
+    tokens: Sequence[str], at: int, says_nothing: Judged
+) -> Iterator[tuple[str, int, Meanings]]:
+    """What somebody did with the thing that is named next, and with nothing else (SAYING)."""
+    for end in range(at + 1, min(at + _WORDS, len(tokens))):
+        if tokens[end - 1] in _NAMING or not says_nothing(tokens, end - 1):
+            return
+        if tokens[end] in _NAMING:
+            yield "SAYING", end, (" ".join(tokens[at:end]),)
 
 
 def _reasoned(tokens: Sequence[str], at: int) -> bool:
