@@ -164,7 +164,8 @@ class Drag:
     def parting(self) -> slice | None:
         """The short stretch of rows at whose end the object breaks away; None where it was not seen to
         stick before."""
-        if self.breakaway is None or not self._strained:
+        # At its first row nothing was seen to rise.
+        if not self.breakaway:
             return None
         first = max(0, self.breakaway - self._smooth // 2)
         return slice(first, first + self._smooth)
