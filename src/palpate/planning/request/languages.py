@@ -95,7 +95,8 @@ def _turned(
     while at < len(words):
         for length in range(min(most, len(words) - at), 0, -1):
             phrase = tuple(words[at : at + length])
-            if spoken is not None and spoken.compounds and _is_noun_of(words[at], names):
+            compounds = spoken is not None and spoken.compounds
+            if compounds and _is_noun_of(words[at], names, glossary):
                 yield words[at]
                 at += 1
                 break
@@ -108,9 +109,12 @@ def _turned(
             at += 1
 
 
-def _is_noun_of(word: str, names: Names) -> bool:
-    """Whether a compound among the names is one of it: "Tisch" where there is a "schreibtisch"."""
-    return word not in names and any(is_within(word, name) for name in names)
+def _is_noun_of(word: str, names: Names, glossary: Mapping[Phrase, Phrase]) -> bool:
+    """Whether a compound among the names is one of it: "Tisch" where there is a "schreibtisch", but
+    not "der" where there is "powder"."""
+    if word in names or english().joining.issuperset(glossary.get((word,), ("",))):
+        return False
+    return any(is_within(word, name) for name in names)
 
 
 def _inflected(
