@@ -120,8 +120,9 @@ def test_before_anything_moves(
 
 @pytest.mark.parametrize("others", [(), (signal.SIGINT,)], ids=["one", "two"])
 def test_while_the_arm_moves(desk: Path, others: tuple[signal.Signals, ...]) -> None:
-    """One puts down what is held, two hold it."""
-    process, out, err = interrupted(desk, "CloseGripper", signal.SIGTERM, *others)
+    """One puts down what is held, two hold it. The latest is told: of two that wait together, Python
+    takes SIGINT first."""
+    process, out, err = interrupted(desk, "CloseGripper", *others, signal.SIGTERM)
     assert process.returncode == 4
     assert "interrupted by SIGTERM" in err.splitlines()[-1]
     assert "what there is, is in 'run'" in err.splitlines()[-1]
