@@ -35,7 +35,7 @@ def in_english(request: str, names: Names, code: str | None) -> str:
     """The request, lower case, its words turned from the language `code` into English ones."""
     text = _plain(request)
     if code is not None:
-        text = " ".join(_turned(_words(text), _glossary(code), names, language(code)))
+        text = " ".join(_turned(_words(text), _glossary(code), names, code))
         text = re.sub(r" , (?=(?:how|what|which|where|that|whether|if)\b)", " ", text)
     apart = re.findall(r"[\w'.,±]*[\w'±]|[^\w\s]", text)
     return " ".join(_turned(apart, english().turned, names))
@@ -88,18 +88,18 @@ def _turned(
     words: Sequence[str],
     glossary: Mapping[Phrase, Phrase],
     names: Names,
-    spoken: Language | None = None,
+    code: str | None = None,
 ) -> Iterator[str]:
     """The longest phrases of the glossary as what it turns them into, all else as it is."""
     at, most = 0, longest(glossary)
+    spoken = None if code is None else language(code)
     while at < len(words):
+        if code is not None and _is_noun_of(words[at], names, code):
+            yield words[at]
+            at += 1
+            continue
         for length in range(min(most, len(words) - at), 0, -1):
             phrase = tuple(words[at : at + length])
-            compounds = spoken is not None and spoken.compounds
-            if compounds and _is_noun_of(words[at], names, glossary):
-                yield words[at]
-                at += 1
-                break
             if phrase in glossary and names.isdisjoint([*phrase, _bare(words[at])]):
                 yield from glossary[phrase]
                 at += length
@@ -109,10 +109,10 @@ def _turned(
             at += 1
 
 
-def _is_noun_of(word: str, names: Names, glossary: Mapping[Phrase, Phrase]) -> bool:
+def _is_noun_of(word: str, names: Names, code: str) -> bool:
     """Whether a compound among the names is one of it: "Tisch" where there is a "schreibtisch", but
     not "der" where there is "powder"."""
-    if word in names or english().joining.issuperset(glossary.get((word,), ("",))):
+    if not language(code).compounds or word in names or word in tells()[code]:
         return False
     return any(is_within(word, name) for name in names)
 

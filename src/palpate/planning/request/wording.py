@@ -59,7 +59,6 @@ class English:
     same: tuple[frozenset[str], ...]
     purposes: Mapping[str, tuple[str, ...]]
     describing: frozenset[str]
-    joining: frozenset[str]
     asked: Mapping[str, str]
     often: frozenset[str]
     turning: frozenset[str]
@@ -86,7 +85,6 @@ def english() -> English:
         "collective",
         "superlatives",
         "describing",
-        "joining",
         "things",
         "often",
         "turning",
