@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import resource
+import os
 import struct
-import time
 import zlib
 from pathlib import Path
 
@@ -31,6 +30,12 @@ def replicated(count: str, inner: str = '<geom size="0.01"/>') -> str:
 
 def flexible(count: str) -> str:
     return f'<flexcomp name="cloth" type="grid" count="{count}" spacing="1 1 1"/>'
+
+
+def computed() -> float:
+    """s of processor time that this process and those that it waited for have used."""
+    times = os.times()
+    return times.user + times.system + times.children_user + times.children_system
 
 
 BOMBS = [
@@ -69,10 +74,10 @@ BOMBS = [
 
 @pytest.mark.parametrize(("text", "message"), BOMBS)
 def test_a_line_that_becomes_a_million_things(text: str, message: str) -> None:
-    started = time.process_time()
+    started = computed()
     with pytest.raises(InputError, match=message):
         parse_scene(text)
-    assert time.process_time() - started < 2
+    assert computed() - started < 2
 
 
 def test_what_keeps_to_the_bounds_is_built() -> None:
@@ -91,10 +96,10 @@ def test_only_what_may_be_large_is_tried_elsewhere_first(monkeypatch: pytest.Mon
 
 def test_a_trial_ends_when_there_is_too_little_memory() -> None:
     grid = '<asset><hfield name="h" nrow="20000" ncol="20000" size="1 1 1 1"/></asset>'
-    started = time.process_time()
+    started = computed()
     with pytest.raises(InputError, match="takes more than 2 s or 700 MB; use fewer"):
         require_compiles(scene('<geom type="hfield" hfield="h"/>', grid), None)
-    assert time.process_time() - started < 10
+    assert computed() - started < 10
 
 
 def test_a_trial_ends_when_its_processor_time_is_up(tmp_path: Path) -> None:
@@ -106,11 +111,10 @@ def test_a_trial_ends_when_its_processor_time_is_up(tmp_path: Path) -> None:
     text = scene(
         '<geom type="mesh" mesh="m"/>', '<asset><mesh name="m" file="shards.stl"/></asset>'
     )
-    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    started = computed()
     with pytest.raises(InputError, match="takes more than 2 s"):
         require_compiles(text, tmp_path)
-    after = resource.getrusage(resource.RUSAGE_CHILDREN)
-    assert after.ru_utime - before.ru_utime < trial.SECONDS + 2.0
+    assert computed() - started < trial.SECONDS + 2.0
 
 
 def test_what_mujoco_refuses_is_not_the_trials_business() -> None:
