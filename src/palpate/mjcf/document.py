@@ -266,9 +266,12 @@ def with_tokens(value: str, changes: Mapping[int, str]) -> str:
 
 def has_unknown(element: Element | None, attribute: str, *indices: int) -> bool:
     """Whether one of the attribute's numbers (all, when no index is given) is written `?`."""
-    parts = tokens(element.get(attribute)) if element is not None else []
-    chosen = indices or range(len(parts))
-    return any(i < len(parts) and parts[i] == UNKNOWN for i in chosen)
+    if element is None:
+        return False
+    unknown = [part == UNKNOWN for part in tokens(element.get(attribute))]
+    if not indices:
+        return any(unknown)
+    return any(unknown[i] for i in indices if i < len(unknown))
 
 
 def copy_root(document: Document) -> tuple[Element, dict[Element, Element]]:

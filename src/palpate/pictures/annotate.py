@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import mujoco
@@ -133,20 +133,31 @@ def _tags(
     """For each name the pixel that it points at, and the box that it stands in, none over another, and
     where the picture is calm, so that it hides no thing."""
     height, width = pixels.shape[:2]
-    placed: dict[str, tuple[tuple[float, float], Box]] = {}
-    seen = {name: camera.project(point) for name, point in names.items()}
+    seen: list[tuple[tuple[float, float], str]] = []
+    for name, point in names.items():
+        foot = camera.project(point)
+        if foot is not None and 0 <= foot[0] < width and 0 <= foot[1] < height:
+            seen.append((foot, name))
     # What is lowest in the picture is nearest: its name is placed first, the others give way upwards.
-    for name, foot in sorted(seen.items(), key=lambda item: -(item[1] or (0, 0))[1]):
-        if foot is None or not (0 <= foot[0] < width and 0 <= foot[1] < height):
-            continue
+    seen.sort(key=lambda item: -item[0][1])
+    placed: dict[str, tuple[tuple[float, float], Box]] = {}
+    for foot, name in seen:
         half = (draw.textlength(name, font=_font(size)) / 2 + 8, size / 2 + 5)
-        taken = [box for _, box in placed.values()]
         boxes = [_box(foot, half, place, (width, height)) for place in PLACES]
-        free = [box for box in boxes if not any(_overlap(box, other) for other in taken)]
-        calm = min(free, key=lambda box: _busy(pixels, box), default=None)
-        box = calm or _above(boxes[0], taken)
-        placed[name] = (foot, box)
+        placed[name] = (foot, _calmest(pixels, boxes, [box for _, box in placed.values()]))
     return placed
+
+
+def _calmest(pixels: Pixels, boxes: Sequence[Box], taken: Sequence[Box]) -> Box:
+    """The box where the picture is calmest, of those that stand over none that is taken; where all do,
+    one above them."""
+    free: list[Box] = []
+    for box in boxes:
+        if not any(_overlap(box, other) for other in taken):
+            free.append(box)
+    if not free:
+        return _above(boxes[0], taken)
+    return min(free, key=lambda box: _busy(pixels, box))
 
 
 def _box(
@@ -164,7 +175,7 @@ def _box(
     return x - half[0], y - half[1], x + half[0], y + half[1]
 
 
-def _above(box: Box, taken: list[Box]) -> Box:
+def _above(box: Box, taken: Sequence[Box]) -> Box:
     """The box moved up to where it is free, if there is such a place."""
     while any(_overlap(box, other) for other in taken) and box[1] > box[3] - box[1]:
         box = (box[0], box[1] - 6, box[2], box[3] - 6)

@@ -11,7 +11,7 @@ from hallucinated import FOUND, KEY, MEANT
 from loopback import Loopback, Says
 from plans import GOOD, REQUEST, SCENE
 
-from palpate.planning.model.conversation import feedback
+from palpate.planning.model.dialogue.rounds import feedback
 from palpate.planning.model.planner import VlmPlanner
 from palpate.planning.model.settings import ModelSettings
 from palpate.planning.plan import parse_plan

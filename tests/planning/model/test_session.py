@@ -10,7 +10,7 @@ from loopback import MODEL, Fails, Loopback, Reply, Says, Sends, Stalls, wire
 from palpate.cli.exits import exit_status
 from palpate.errors import Unavailable
 from palpate.planning.model import session as session_module
-from palpate.planning.model.conversation import Conversation
+from palpate.planning.model.dialogue.conversation import Conversation
 from palpate.planning.model.flat import flat_schema
 from palpate.planning.model.picture import Picture
 from palpate.planning.model.provider import Endpoint, find_provider

@@ -246,6 +246,8 @@ def _beginning(robots: Iterable[Element], document: Document) -> Iterator[str]:
     """Names that bodies of robots have in the scene."""
     for robot in robots:
         part = brought(robot, document, ()) if robot.tag == ATTACH else None
-        bodies = (robot,) if part is None else part.content.iter("body")
-        for body in bodies:
-            yield ("" if part is None else part.prefix) + (body.get("name") or "")
+        if part is None:
+            yield robot.get("name", "")
+            continue
+        for body in part.content.iter("body"):
+            yield part.prefix + body.get("name", "")

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from typing import Any, cast
 
 from palpate.errors import Unavailable
-from palpate.planning.model.conversation import Answer
+from palpate.planning.model.dialogue.conversation import Answer
 from palpate.planning.model.picture import Picture
 from palpate.planning.model.prompt.compose import fenced, system_prompt
 from palpate.planning.model.provider import PROVIDERS, Endpoint, Provider

@@ -15,8 +15,9 @@ from palpate.errors import InputError
 from palpate.parameter import Parameter
 from palpate.planning.model import flat
 from palpate.planning.model.answer import Proposal, read_answer
-from palpate.planning.model.conversation import Conversation, converse
-from palpate.planning.model.critic import Critic
+from palpate.planning.model.dialogue.conversation import Conversation
+from palpate.planning.model.dialogue.critic import Critic
+from palpate.planning.model.dialogue.rounds import converse
 from palpate.planning.model.picture import picture
 from palpate.planning.model.prompt.compose import Prompt, compose
 from palpate.planning.model.provider import Endpoint

@@ -18,7 +18,7 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 from palpate.errors import PalpateError, Unavailable
-from palpate.planning.model.conversation import Answer
+from palpate.planning.model.dialogue.conversation import Answer
 from palpate.planning.model.failures import NOT_THE_API, TOO_LARGE, may_pass, reason
 from palpate.planning.model.picture import Picture
 from palpate.planning.model.provider import Endpoint

@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from palpate.planning.model.conversation import FEEDBACK_ROUNDS, Conversation
+from palpate.planning.model.dialogue.conversation import Conversation
+from palpate.planning.model.dialogue.rounds import FEEDBACK_ROUNDS
 
 if TYPE_CHECKING:
     from palpate.planning.model.prompt.compose import Style

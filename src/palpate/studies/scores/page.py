@@ -192,13 +192,16 @@ def _card(
 def _facts(runs: Sequence[SeedRun]) -> dict[str, str]:
     """What is said of all seeds, by its label."""
     seeds = sorted(run.seed for run in runs)
-    ended = Counter(run.status for run in runs)
+    endings = Counter(run.status for run in runs).most_common()
+    ended = ", ".join(f"{count} {status}" for status, count in endings)
     whole = [run for run in runs if run.status != CRASHED] or runs
+    robot = fmean(run.robot_seconds for run in whole)
+    processor = fmean(run.cpu_seconds for run in whole)
     return {
         "Seeds": f"{len(seeds)}: {seeds[0]} … {seeds[-1]}",
-        "Ended": ", ".join(f"{count} {status}" for status, count in ended.most_common()),
-        "Robot time": f"{fmean(run.robot_seconds for run in whole):.1f} s",
-        "Processor time": f"{fmean(run.cpu_seconds for run in whole):.1f} s",
+        "Ended": ended,
+        "Robot time": f"{robot:.1f} s",
+        "Processor time": f"{processor:.1f} s",
     }
 
 

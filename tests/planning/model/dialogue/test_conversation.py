@@ -6,13 +6,11 @@ import pytest
 
 from palpate.errors import InputError, PlanRejected
 from palpate.parameter import Parameter
-from palpate.planning.model.conversation import (
+from palpate.planning.model.dialogue.conversation import Answer, Conversation, load
+from palpate.planning.model.dialogue.rounds import (
     MAX_FINDINGS,
-    Answer,
-    Conversation,
     converse,
     feedback,
-    load,
     recorded,
     replayed,
 )

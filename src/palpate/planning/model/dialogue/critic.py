@@ -13,7 +13,7 @@ from importlib import resources
 
 from palpate.errors import Unavailable
 from palpate.planning.model.answer import json_objects
-from palpate.planning.model.conversation import Conversation, Critique
+from palpate.planning.model.dialogue.conversation import Conversation, Critique
 from palpate.planning.model.picture import Picture
 from palpate.planning.model.prompt.compose import fenced
 from palpate.planning.model.provider import Endpoint
