@@ -89,7 +89,9 @@ def _planned_again(
 ) -> tuple[Plan, Scene] | None:
     """See `replan`; what was executed outlives a planning that fails."""
     try:
-        return replan(rest, rearranged(scene, done.final_state.not_restored()), planner)
+        return replan(
+            rest, rearranged(scene, done.final_state.not_restored(), done.final_state.tops), planner
+        )
     except Exception as error:
         log.warning("no further attempt, planning it failed: %s: %s", type(error).__name__, error)
         return None

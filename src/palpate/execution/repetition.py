@@ -127,7 +127,7 @@ def _planned(
     if not efforts:
         return None
     try:
-        around = rearranged(scene, done.final_state.not_restored())
+        around = rearranged(scene, done.final_state.not_restored(), done.final_state.tops)
         made = assemble(around, efforts, None, efforts, mirrored)
         if made.tree is None:
             return None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
 
@@ -79,10 +80,12 @@ def scene_from_text(
     return _scene(document, like.path, poses, like.arm, like.catalogue)
 
 
-def rearranged(scene: Scene, poses: Mapping[str, Pose]) -> Scene:
-    """The scene with some objects standing elsewhere: `poses` are of their body frames in the
-    world."""
-    return scene_from_text(scene.text, scene, poses)
+def rearranged(
+    scene: Scene, poses: Mapping[str, Pose], felt: Mapping[str, float] | None = None
+) -> Scene:
+    """The scene with some objects standing elsewhere, `poses` of their body frames in the world, and
+    with what was `felt` of its surfaces (`Scene.felt`)."""
+    return replace(scene_from_text(scene.text, scene, poses), felt=felt or scene.felt)
 
 
 def _entry(pose: Pose) -> PoseEntry:

@@ -38,6 +38,7 @@ class Scene:
         resolved: the file it was read from, which can be completed: for `spec` and the twin.
         refit: of a scene seen in a picture: the scene anew, when contact has told a surface's
             height (m).
+        felt: surface to the world z, m, that its top reaches at most, by what was felt of it.
     """
 
     text: str
@@ -50,6 +51,7 @@ class Scene:
     priors: Mapping[Parameter, tuple[float, ...]]
     resolved: ResolvedScene
     refit: Callable[[str, float], Scene] | None = None
+    felt: Mapping[str, float] = field(default_factory=dict[str, float])
 
     objects: Mapping[str, Body] = field(init=False)
     """Bodies with a free joint."""

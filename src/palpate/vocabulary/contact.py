@@ -66,6 +66,8 @@ SIDE_FORCE = 2.0
 from the joints' friction for certain."""
 CONTACT_TORQUE = 3.0
 """N m, likewise."""
+SURE = 2.0
+"""Standard deviations by which a top may be higher than it was felt."""
 PROBE_TRAVEL = 0.30
 """m."""
 
@@ -164,7 +166,10 @@ class MoveUntilContact(Primitive):
 
     def observed(self, after: SymbolicState, robot: RobotState) -> SymbolicState:
         # What was touched is where it was felt, not where it was believed to be.
-        return replace(after, pose_world_tcp=robot.pose_world_tcp)
+        there = replace(after, pose_world_tcp=robot.pose_world_tcp)
+        if after.contact not in after.scene.surfaces:
+            return there
+        return replace(there, felt={**after.felt, after.contact: _reached(after, robot)})
 
     def expectation(self, state: SymbolicState) -> Expectation:
         return Expectation(contact=True, holding=state.holding is not None)
@@ -218,11 +223,18 @@ class MoveUntilContact(Primitive):
         below = state.surface_below(state.pose_world_tcp) if state.pose_world_tcp else None
         if self.axis != "-z" or below is None:
             return [(PROBE_SPEED, PROBE_TRAVEL)]
-        top = below.top_z(state.pose_of(below.name))
-        far = z - state.scene.arm.tip - top - EXPECTED_WITHIN
+        far = z - state.scene.arm.tip - state.top_of(below) - EXPECTED_WITHIN
         if far < EXPECTED_WITHIN:
             return [(PROBE_SPEED, PROBE_TRAVEL)]
         return [(APPROACH_SPEED, far), (PROBE_SPEED, PROBE_TRAVEL - far)]
+
+
+def _reached(state: SymbolicState, robot: RobotState) -> float:
+    """World z, m, that the top under the fingertips reaches at most, as surely as two standard
+    deviations of the arm's repeatability make it."""
+    arm = state.scene.arm
+    felt = float(robot.pose_world_tcp.position[2]) - arm.tip
+    return felt + SURE * arm.accuracy.pose_repeatability
 
 
 def withstands(state: SymbolicState, name: str, z: float) -> float:

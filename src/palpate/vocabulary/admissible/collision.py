@@ -19,9 +19,16 @@ from palpate.errors import InputError
 from palpate.geometry.pose import Array, Pose
 from palpate.parameter import Parameter
 from palpate.vocabulary.admissible.clearance import STEEP, straddled
-from palpate.vocabulary.admissible.footing import SETTLES, footing
+from palpate.vocabulary.admissible.footing import SETTLES, footing, higher, origins
 from palpate.vocabulary.admissible.solids import SIDES, solids
-from palpate.vocabulary.admissible.sweep.crowd import LINK, LOAD, arm_sweep, hand_sweep, opening
+from palpate.vocabulary.admissible.sweep.crowd import (
+    FELT,
+    LINK,
+    LOAD,
+    arm_sweep,
+    hand_sweep,
+    opening,
+)
 from palpate.vocabulary.admissible.sweep.sweep import Hit, Part, Sweep
 from palpate.vocabulary.admissible.sweep.way import Way, of_fingers, of_joints, straight
 from palpate.vocabulary.state import SAME_POSE, SymbolicState
@@ -52,6 +59,7 @@ class Passing:
         carriers: what the load stands on at its end. As high as that is, so high are the fingers that
             hold it: as high above it as where they took it.
         touched: what a probe touches.
+        origins: what the load stood on at first: it is as much higher as that was felt to be.
         left: the surface that the hand was felt to come down on, and that it leaves by the way it came:
             wherever that was believed to be, the hand has just been there.
     """
@@ -60,6 +68,7 @@ class Passing:
     carriers: frozenset[str]
     touched: str | None
     left: str | None = None
+    origins: frozenset[str] = frozenset()
 
 
 def collisions(before: SymbolicState, after: SymbolicState) -> tuple[Violation, ...]:
@@ -114,7 +123,9 @@ def _passing(before: SymbolicState, after: SymbolicState) -> Passing:
     held, pose = before.holding, after.pose_world_tcp
     if held is not None:
         lying = footing(before, held, after.pose_of(held)).carriers
-        return Passing(frozenset(), frozenset(top.owner for top in lying), None)
+        carriers = frozenset(top.owner for top in lying)
+        own = origins(before, held) if before.tops else frozenset[str]()
+        return Passing(frozenset(), carriers, None, origins=own)
     ends = {straddled(before, before.pose_world_tcp), straddled(before, pose)} - {None}
     between = frozenset(name for name in ends if name)
     touched = after.contact if after.activity == "contact" else None
@@ -189,6 +200,8 @@ def _margin(
         return ARM
     if name == passing.touched and part.kind in SIDES:
         return -np.inf
+    if other.kind == FELT:
+        return -np.inf if part.kind == LOAD and name in passing.origins else BESIDE
     if part.kind == LOAD and name in passing.carriers:
         return -SETTLES
     if name in passing.between:
@@ -201,7 +214,9 @@ def _margin(
 
 
 def _unsure(state: SymbolicState, name: str) -> float:
-    """m that the top of a surface may be higher than believed."""
+    """m that the top of a surface may be higher than believed, where it was not felt yet."""
+    if name in state.tops:
+        return 0.0
     prior = state.scene.resolved.priors.get(Parameter(name, "height"))
     return min(SURE * prior.std[0], UNSURE) if prior is not None else 0.0
 
@@ -211,6 +226,11 @@ def _told(hit: Hit, before: SymbolicState, after: SymbolicState, passing: Passin
     where = "joint motion" if after.is_bent else f"way to '{after.at}'"
     how = f"run {-1e3 * hit.distance:.0f} mm into" if hit.distance < 0 else "come too near to"
     met = f"on the {where} {part} would {how} '{name}' at {_place(hit)}"
+    if hit.other.kind == FELT:
+        rise = 1e3 * higher(before)[name]
+        return Violation(
+            "collision", f"{met}, which was felt to be {rise:.0f} mm higher than believed"
+        )
     if hit.other.kind == LINK or name == after.scene.arm.base:
         return Violation("self-collision", f"{met}; go by way of 'home_config', or nearer poses")
     if hit.part.kind == LINK:

@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.geometry.pose import Pose
+from palpate.vocabulary.admissible.footing import higher
 from palpate.vocabulary.admissible.grip import grip
-from palpate.vocabulary.admissible.solids import SIDES, Solids, solids
+from palpate.vocabulary.admissible.solids import ORIGIN, SIDES, Solids, solids
 from palpate.vocabulary.admissible.sweep.frames import Cluster, Frames, Shape
 from palpate.vocabulary.admissible.sweep.sweep import Part, Sweep
 from palpate.vocabulary.admissible.sweep.way import Way, of_hand
@@ -19,7 +20,9 @@ from palpate.vocabulary.state import SymbolicState
 HAND = "hand"
 LOAD = "load"
 LINK = "link"
-"""Kinds of parts, beside the two fingers."""
+FELT = "felt"
+"""Kinds of parts, beside the two fingers; the last is of what stands, where it was felt to be higher
+than believed."""
 NEIGHBOURS = 2
 """Joints: parts of the arm with no more of them between cannot, or always nearly, touch."""
 SPACING = 0.01
@@ -82,6 +85,9 @@ class _Crowd:
                 pose, cluster = state.pose_of(name), shapes.clusters[name]
                 standing += [Part(shape.geom, "", name) for shape in shapes.objects[name]]
                 there.append(cluster.at(pose.position[None], pose.rotation[None]))
+        for part, frames in _raised(shapes, state):
+            standing.append(part)
+            there.append(frames)
         carried = tuple(_carried(shapes, state))
         return cls(shapes, carried, tuple(links), tuple(standing), Frames.joined(there))
 
@@ -153,6 +159,23 @@ def _carried(shapes: Solids, state: SymbolicState) -> Iterator[tuple[Part, Shape
         for shape in shapes.objects[state.holding]:
             held = _within(state.pose_tcp_object, shape)
             yield Part(shape.geom, LOAD, state.holding), held
+
+
+def _raised(shapes: Solids, state: SymbolicState) -> Iterator[tuple[Part, Frames]]:
+    """What was felt to be higher than believed, once more, that much higher."""
+    for name, rise in higher(state).items():
+        if name == state.holding:
+            continue
+        own, pose = shapes.objects.get(name), state.pose_of(name)
+        if own is None:
+            own, pose = (
+                [shape for shape in shapes.fixed if shapes.owners[shape.geom] == name],
+                ORIGIN,
+            )
+        there = pose.translated((0.0, 0.0, rise))
+        for shape in own:
+            frames = Cluster.of([shape]).at(there.position[None], there.rotation[None])
+            yield Part(shape.geom, FELT, name), frames
 
 
 def _within(carrier: Pose, shape: Shape) -> Shape:
