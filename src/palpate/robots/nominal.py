@@ -166,7 +166,9 @@ class NominalArm:
         """Joint-space inertia (7, 7) with the motors' reflected one, kg m^2."""
         model, data = self._model, self._data
         self._q[:] = q
-        mujoco.mj_fwdPosition(model, data)
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_comPos(model, data)
+        mujoco.mj_crb(model, data)
         full = np.empty((model.nv, model.nv))
         mujoco.mj_fullM(model, data, full)
         return full[:7, :7]

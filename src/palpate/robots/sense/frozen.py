@@ -71,7 +71,7 @@ class Constancy:
 
     def stands(self, t: float) -> bool:
         """Whether any column has been the same for so long that it may be frozen."""
-        return bool((t - self._since >= FROZEN).any())
+        return t - float(self._since.min()) >= FROZEN
 
     def since(self, name: str) -> Array:
         """(n,) s, robot time, since when each column of a signal has been the same."""

@@ -44,8 +44,9 @@ def not_finite(samples: Samples) -> Fault | None:
 
 
 def impossible(samples: Samples, last: Samples, limits: Limits) -> Fault | None:
-    """Joints that jump, and torques that no joint bears; `last` is the last known sample."""
-    t, q = np.concatenate([last.t, samples.t]), np.concatenate([last.q, samples.q])
+    """Joints that jump, and torques that no joint bears; `last` are the samples before."""
+    t = np.concatenate([last.t[-1:], samples.t])
+    q = np.concatenate([last.q[-1:], samples.q])
     dt = np.maximum(t[1:] - t[:-1], 0.0)[:, None]
     steps = np.abs(q[1:] - q[:-1])
     beyond = steps - OVERSPEED * limits.dq_max * dt - ENCODER_SLACK

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from dataclasses import replace
 
@@ -66,7 +67,9 @@ class Spikes:
         """How far apart two states' forces are, in units of what is believed at once."""
         scale = self._scale.copy()
         if self._believed is not None:
-            scale[:6] = np.maximum(scale[:6], _sizes(self._believed.contact))
+            contact = self._believed.contact
+            scale[:3] = max(FORCE, _norm(contact[:3]))
+            scale[3:6] = max(TORQUE, _norm(contact[3:]))
         return float(np.abs((_felt(state) - _felt(other)) / scale).max())
 
 
@@ -75,7 +78,5 @@ def _felt(state: RobotState) -> Array:
     return np.concatenate([state.contact, state.tau])
 
 
-def _sizes(wrench: Array) -> Array:
-    """(6,) the sizes of a wrench's force and torque, for each of their components."""
-    force, torque = np.linalg.norm(wrench[:3]), np.linalg.norm(wrench[3:])
-    return np.repeat([float(force), float(torque)], 3).astype(np.float64)
+def _norm(v: Array) -> float:
+    return math.sqrt(v @ v)

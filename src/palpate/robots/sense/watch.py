@@ -90,7 +90,7 @@ class Watch:
         if self.fault is None:
             jumps = impossible(samples, self._last, self._limits)
             self._find([jumps, self._stands(samples), self._disagree(samples)])
-            self._last = samples.where(slice(-1, None))
+            self._last = samples
 
     def _find(self, faults: Iterable[Fault | None]) -> None:
         for fault in faults:
@@ -110,7 +110,8 @@ class Watch:
 
     def _disagree(self, samples: Samples) -> Fault | None:
         """Encoders that go elsewhere than their speeds."""
-        t, q = np.concatenate([self._last.t, samples.t]), np.concatenate([self._last.q, samples.q])
+        t = np.concatenate([self._last.t[-1:], samples.t])
+        q = np.concatenate([self._last.q[-1:], samples.q])
         dt = t[1:] - t[:-1]
         self._way = self._way + (q[-1] - q[0])
         self._integral = self._integral + dt @ samples.dq[len(samples) - len(dt) :]

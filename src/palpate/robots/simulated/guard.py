@@ -17,7 +17,7 @@ from palpate.geometry.pose import Array
 from palpate.robots.nominal import RIDGE
 from palpate.robots.reflex import Reflex
 from palpate.robots.simulated.impedance import Gains
-from palpate.robots.simulated.timing import TIMESTEP
+from palpate.robots.simulated.timing import BLOCK, LONGEST_RUN, TIMESTEP
 
 OBSERVER_TIME = 0.005
 """s: time constant of the observer; Franka states that its arms detect a collision within 2 ms
@@ -30,6 +30,16 @@ in these is not for the post to bear."""
 _KEEP = math.exp(-TIMESTEP / OBSERVER_TIME)
 _BLEND = 1.0 - _KEEP
 _ANYTHING = Reflex(math.inf, math.inf)
+
+
+def _faded(cycles: int) -> tuple[Array, Array]:
+    """What the observer keeps of its wrench (cycles, 1), and of each input (cycles, cycles), after each
+    of some cycles."""
+    age = np.arange(cycles)[:, None] - np.arange(cycles)
+    return _KEEP ** np.arange(1.0, cycles + 1)[:, None], np.tril(_KEEP ** np.maximum(age, 0))
+
+
+_WRENCH_KEPT, _INPUT_KEPT = _faded(LONGEST_RUN * BLOCK)
 
 
 class Reaction(NamedTuple):
@@ -61,16 +71,16 @@ class Reaction(NamedTuple):
 
 
 class Guard:
-    """Follows the external wrench while the control loop runs, and says when it is too much.
+    """Follows the external wrench through the cycles of the control loop, and says in which of them it
+    is too much: the arm gives way from the next one on.
 
     Within a run of at most 40 ms inertia and Jacobian are those of its beginning; what the arm
     turns meanwhile is below 0.04 rad.
     """
 
     def __init__(self) -> None:
-        self._wrench, self._dq = np.zeros(6), np.zeros(7)
-        self._input = np.zeros(14)
-        self._torque, self._gained = self._input[:7], self._input[7:]
+        self._wrench: Array = np.zeros(6)
+        self._dq: Array = np.zeros(7)
         self.yielding = False
         """Whether the arm gives way now."""
         self.fired: str | None = None
@@ -97,10 +107,9 @@ class Guard:
                 less Coriolis and centrifugal torques.
         """
         to_wrench = _BLEND * dposv(jacobian @ jacobian.T + RIDGE, jacobian)[1]
-        to_momentum = to_wrench @ inertia / TIMESTEP
-        self._to_wrench = np.concatenate([to_wrench, -to_momentum], axis=1)
-        self._known = deviation @ to_wrench.T
-        self._dq[:] = dq
+        self._to_wrench, self._to_momentum = to_wrench.T, (to_wrench @ inertia / TIMESTEP).T
+        self._known = deviation @ self._to_wrench
+        self._dq = dq
         self._thresholds = thresholds or _ANYTHING
         self._little = self._thresholds.least**2
         self._look, self._reaction = 0, reaction
@@ -108,23 +117,28 @@ class Guard:
         if self.yielding:
             self.reaction = reaction()
 
-    def feels(self, commanded: Array, weight: Array, dq: Array) -> bool:
-        """A cycle later: whether it is too much, and the arm gives way from now on.
+    def feels(self, torque: Array, dq: Array) -> int | None:
+        """The first of the next n cycles in which too much was felt; None where there is none.
 
-        `commanded` (7,) N m at the joints, of which `weight` holds the nominal arm up.
+        After it the wrench is followed no further: the arm gives way.
+
+        Args:
+            torque: (n, 7) N m commanded at the joints, less what holds the nominal arm up.
+            dq: (n, 7) rad/s at the end of each cycle.
         """
-        wrench = self._wrench
-        np.subtract(commanded, weight, out=self._torque)
-        np.subtract(dq, self._dq, out=self._gained)
-        self._dq[:] = dq
-        wrench *= _KEEP
-        wrench += self._to_wrench.dot(self._input)
-        wrench += self._known[self._look]
-        self._look += 1
-        if wrench.dot(wrench) <= self._little:
-            return False
-        self.fired = self._thresholds.fired(wrench)
-        if self.fired is None:
-            return False
-        self.yielding, self.reaction = True, self._reaction()
-        return True
+        count = len(dq)
+        gained = dq.copy()
+        gained[0] -= self._dq
+        gained[1:] -= dq[:-1]
+        new = torque @ self._to_wrench - gained @ self._to_momentum
+        new += self._known[self._look : self._look + count]
+        wrenches: Array = _INPUT_KEPT[:count, :count] @ new + _WRENCH_KEPT[:count] * self._wrench
+        self._look += count
+        self._wrench, self._dq = wrenches[-1], dq[-1]
+        sizes = np.einsum("ij,ij->i", wrenches, wrenches)
+        for i in np.flatnonzero(sizes > self._little).tolist():
+            self.fired = self._thresholds.fired(wrenches[i])
+            if self.fired is not None:
+                self._wrench, self.yielding, self.reaction = wrenches[i], True, self._reaction()
+                return i
+        return None

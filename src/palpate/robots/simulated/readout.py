@@ -4,8 +4,10 @@ model."""
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from palpate.geometry.pose import Array, Pose
 from palpate.robots.nominal import NominalArm, wrenches
@@ -14,14 +16,48 @@ from palpate.robots.simulated.noise.encoders import Encoders
 from palpate.robots.simulated.noise.motion import Motion
 from palpate.robots.simulated.noise.sensors import Sensors
 from palpate.robots.simulated.noise.stamps import Stamps
+from palpate.robots.simulated.steps import Steps
 from palpate.robots.simulated.timing import DAMPING_DELAY, PERIOD
-from palpate.robots.simulated.world import Steps
 from palpate.trace.samples import Samples
 
 OBSERVER_TIME = 0.01
 """s: time constant of the momentum observer, two log periods."""
 LOAD_TIME = 0.2
 """s: a vertical force that lasts so long is taken for a load."""
+
+
+class _Way(NamedTuple):
+    """How the arm went through n log periods.
+
+    Attributes:
+        mean: (n, 21) joint angles, rad, the TCP's pose, and N m that hold the nominal arm up.
+        dq: (n, 7) rad/s.
+        gained: (n, 7) rad/s.
+        jacobian: (n, 6, 7) in the end.
+        inertia_torque: (n, 7) N m, as `Kinematics`.
+    """
+
+    mean: Array
+    dq: Array
+    gained: Array
+    jacobian: Array
+    inertia_torque: Array
+
+
+class _Felt(NamedTuple):
+    """What was measured on it.
+
+    Attributes:
+        torque, tau_ext: (n, 7) N m.
+        wrench, contact: (n, 6).
+        arrived: (n,) which of the samples do; None for all.
+    """
+
+    torque: Array
+    tau_ext: Array
+    wrench: Array
+    contact: Array
+    arrived: NDArray[np.bool_] | None
 
 
 class Readout:
@@ -95,57 +131,64 @@ class Readout:
 
         Positions, torques and all that follows are means over a sample's block.
         """
-        n, gained = len(steps.q), self._gained(steps.dq)
+        way = self._follow(steps)
+        felt = self._feel(steps, way, gains)
+        self._encoders.pass_time(len(steps.q))
+        way.mean[:, 7:10] += self._encoders.pose_error
+        dq = way.dq if self._encoders.clean else self._blur(way)
+        samples = Samples(
+            self._stamps.of(t - PERIOD * np.arange(len(dq) - 1.0, -1.0, -1.0)),
+            way.mean[:, :7],
+            dq,
+            felt.tau_ext,
+            felt.wrench,
+            way.mean[:, 7:14],
+            np.matmul(way.jacobian, dq[:, :, None])[:, :, 0],
+            target,
+            steps.fingers.sum(1),
+        )
+        return self._arriving(samples, felt)
+
+    def _follow(self, steps: Steps) -> _Way:
+        """Where the arm went, as its encoders have it but for their noise."""
+        gained = self._gained(steps.dq)
         q = self._reported(steps)
         here = self._nominal.kinematics(q, steps.dq, gained / PERIOD)
-        rows = np.empty((n + 1, 21))
+        rows = np.empty((len(q) + 1, 21))
         rows[0], rows[1:, :7] = self._last, q
         rows[1:, 7:14], rows[1:, 14:] = here.pose_world_tcp, here.gravity_torque
         mean = rows[1:] + rows[:-1]
         mean *= 0.5
         dq = (rows[1:, :7] - rows[:-1, :7]) / PERIOD
-        jacobian = here.jacobian
-        true = self._link_torque(steps, gained, gains, jacobian[-1])
-        motion = Motion(mean[:, :7], dq, jacobian[-1], mean[:, 7:10])
+        self._last, self.jacobian, self.astray = rows[-1], here.jacobian[-1], q[-1] - steps.q[-1]
+        return _Way(mean, dq, gained, here.jacobian, here.inertia_torque)
+
+    def _feel(self, steps: Steps, way: _Way, gains: Gains) -> _Felt:
+        """What its torque sensors say on it."""
+        true = self._link_torque(steps, way.gained, gains)
+        motion = Motion(way.mean[:, :7], way.dq, self.jacobian, way.mean[:, 7:10])
         torque, arrived, shown = self._sensors.measure(true, motion)
-        torque, shown = self._corrected(torque), self._corrected(shown)
-        self.deviation = shown - true[-1]
-        tau_ext = torque - mean[:, 14:]
-        external = self._observe(tau_ext - here.inertia_torque)
-        both = wrenches(jacobian, np.stack([tau_ext, external], axis=2))
-        self._encoders.pass_time(n)
-        mean[:, 7:10] += self._encoders.pose_error
-        if not self._encoders.clean:
-            dq = self._blur(mean, dq, jacobian)
-        twist = np.matmul(jacobian, dq[:, :, None])[:, :, 0]
-        self._last, self.commanded = rows[-1], steps.torque[-1]
-        self.astray = q[-1] - steps.q[-1]
-        self.jacobian = jacobian[-1]
-        self.load += (both[-1, 2, 1] - self.load) * -math.expm1(-n * PERIOD / LOAD_TIME)
-        ends = t - PERIOD * np.arange(n - 1.0, -1.0, -1.0)
-        samples = Samples(
-            self._stamps.of(ends),
-            mean[:, :7],
-            dq,
-            tau_ext,
-            both[:, :, 0],
-            mean[:, 7:14],
-            twist,
-            target,
-            steps.fingers.sum(1),
-        )
-        if arrived is not None and not arrived.all():
-            samples, torque, both = samples.where(arrived), torque[arrived], both[arrived]
-        if len(samples):
-            self.stamp, self.dq, self.twist = (
-                float(samples.t[-1]),
-                samples.dq[-1],
-                samples.twist[-1],
-            )
-            self.tau, self.tau_ext = torque[-1], samples.tau_ext[-1]
-            self.wrench, self.contact = both[-1, :, 0], both[-1, :, 1]
+        torque = self._corrected(torque)
+        self.commanded, self.deviation = steps.torque[-1], self._corrected(shown) - true[-1]
+        tau_ext = torque - way.mean[:, 14:]
+        external = self._observe(tau_ext - way.inertia_torque)
+        both = wrenches(way.jacobian, np.stack([tau_ext, external], axis=2))
+        wrench, contact = both[:, :, 0], both[:, :, 1]
+        newer = -math.expm1(-len(torque) * PERIOD / LOAD_TIME)
+        self.load += (contact[-1, 2] - self.load) * newer
+        return _Felt(torque, tau_ext, wrench, contact, arrived)
+
+    def _arriving(self, samples: Samples, felt: _Felt) -> Samples:
+        """Those of the samples that arrive; the newest of them is what is known of the arm."""
+        torque, contact, arrived = felt.torque, felt.contact, felt.arrived
         if arrived is None or arrived[-1]:
             self.told = (self.q, self.pose_world_tcp)
+        if arrived is not None and not arrived.all():
+            samples, torque, contact = samples.where(arrived), torque[arrived], contact[arrived]
+        if len(samples):
+            self.stamp = float(samples.t[-1])
+            self.dq, self.twist, self.wrench = samples.dq[-1], samples.twist[-1], samples.wrench[-1]
+            self.tau, self.tau_ext, self.contact = torque[-1], samples.tau_ext[-1], contact[-1]
         return samples
 
     def _corrected(self, torque: Array) -> Array:
@@ -164,13 +207,13 @@ class Readout:
             q = q + encoders.pressed(self.jacobian, -felt @ tool, tool)
         return q
 
-    def _blur(self, mean: Array, dq: Array, jacobian: Array) -> Array:
-        """Give the angles (in `mean`) and the poses that follow from them the encoders' noise;
-        returns the rates, rad/s, that they have with it."""
-        noise = self._encoders.noise(len(mean))
+    def _blur(self, way: _Way) -> Array:
+        """Give the angles (in `way.mean`) and the poses that follow from them the encoders' noise;
+        returns the rates (n, 7), rad/s, that they have with it."""
+        mean, dq, noise = way.mean, way.dq, self._encoders.noise(len(way.mean))
         if noise is not None:
             mean[:, :7] += noise
-            mean[:, 7:10] += np.matmul(jacobian[:, :3], noise[:, :, None])[:, :, 0]
+            mean[:, 7:10] += np.matmul(way.jacobian[:, :3], noise[:, :, None])[:, :, 0]
             before = np.concatenate([self._stray[None], noise[:-1]])
             dq = dq + (noise - before) / PERIOD
             self._stray = noise[-1]
@@ -201,12 +244,12 @@ class Readout:
             out[i] = self._external
         return out
 
-    def _link_torque(self, steps: Steps, gained: Array, gains: Gains, jacobian: Array) -> Array:
+    def _link_torque(self, steps: Steps, gained: Array, gains: Gains) -> Array:
         """Mean torque behind the gears in each sample's block (n, 7): less what turns the motors
         themselves.
 
         The integrator is implicit in the dampers: in the mean they act with the speed that the arm
         has `DAMPING_DELAY` after the torque was sampled.
         """
-        late = gains.joint_damping(jacobian) * DAMPING_DELAY
+        late = gains.joint_damping(self.jacobian) * DAMPING_DELAY
         return steps.torque - (gained @ late + gained * self._reflected) / PERIOD

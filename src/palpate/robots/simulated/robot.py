@@ -44,8 +44,9 @@ from palpate.robots.simulated.setpoints import (
     joint_setpoints,
     pose_setpoints,
 )
+from palpate.robots.simulated.steps import Steps
 from palpate.robots.simulated.timing import BLOCK, DAMPING_DELAY, LONGEST_RUN, PERIOD, TIMESTEP
-from palpate.robots.simulated.world import Steps, World
+from palpate.robots.simulated.world import World
 from palpate.robots.trajectory.path import Motion, Path, still
 from palpate.robots.trajectory.posed import PosePath
 from palpate.robots.trajectory.straight import Stretch

@@ -8,7 +8,6 @@ are made.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import mujoco
 import numpy as np
@@ -18,10 +17,11 @@ from palpate.geometry.pose import Array, Pose
 from palpate.robots.description import RobotDescription
 from palpate.robots.model import PREFIX, neighbours
 from palpate.robots.simulated.gripper import DRIVE, add_drive, round_fingers
-from palpate.robots.simulated.guard import Guard
+from palpate.robots.simulated.guard import Guard, Reaction
 from palpate.robots.simulated.impedance import Actuators, add_actuators
 from palpate.robots.simulated.noise.true_arm import Truth
 from palpate.robots.simulated.softness import keep_softness
+from palpate.robots.simulated.steps import Cycles, Steps, block_means
 from palpate.robots.simulated.stiction import declared
 from palpate.robots.simulated.timing import BLOCK, PERIOD, SUBSTEPS, TIMESTEP
 from palpate.robots.simulated.touchable import let_touch
@@ -43,25 +43,6 @@ NEEDED = (
     _OFF.mjDSBL_DAMPER,
 )
 """What MuJoCo can leave out and a robot cannot."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Steps:
-    """What some blocks of steps did to the robot.
-
-    Attributes:
-        q, dq: (n, 7) at the end of each block.
-        torque: (n, 7) mean commanded joint torques, N m.
-        contact: (n, 7) mean N m that contacts exert at the joints, where the world `feels`.
-        fingers, finger_speed: (n, 2) at the end of each block, m, m/s.
-    """
-
-    q: Array
-    dq: Array
-    torque: Array
-    contact: Array
-    fingers: Array
-    finger_speed: Array
 
 
 class World:
@@ -101,7 +82,11 @@ class World:
         self._drive = int(self.model.actuator(PREFIX + DRIVE).id)
         self._fingers_control = int(self.model.actuator_ctrladr[self._drive])
         self._data.qpos[self._q], self._data.qpos[self._finger_q] = arm.home, arm.hand.opening / 2
-        self._seen = mujoco.MjData(self.model)
+        self._seen, self._before = mujoco.MjData(self.model), mujoco.MjData(self.model)
+        self._control, self._dq = self._data.ctrl, self._data.qvel[self._v]
+        self._torque = self._data.qfrc_actuator[self._v]
+        self._weight = self._data.qfrc_gravcomp[self._v]
+        self._contact = self._data.qfrc_constraint[self._v]
         self.actuators = Actuators(self.model)
         self.rest_control = np.zeros(self.model.nu)
         self.rest_control[self.actuators.orientation.start] = 1.0
@@ -118,51 +103,88 @@ class World:
         Raises:
             ExecutionAborted: the physics became unstable.
         """
-        model, data, n = self.model, self._data, len(control) // BLOCK
-        qpos, qvel, torque, contact = (
-            np.empty((n, model.nq)),
-            np.empty((n, model.nv)),
-            np.empty((n, BLOCK, 7)),
-            np.zeros((n, 7)),
-        )
-        now, speed, inputs, commanded = data.qpos, data.qvel, data.ctrl, data.qfrc_actuator[self._v]
-        dq, weight, done = data.qvel[self._v], data.qfrc_gravcomp[self._v], n
-        touched = data.qfrc_constraint[self._v]
-        drives = self.actuators.drives
-        for block, rows in enumerate(control.reshape(n, BLOCK, -1)):
-            for stiction in self._stiction:
-                stiction.apply(model, data)
-            for i in range(BLOCK):
-                inputs[:] = rows[i]
-                if guard.yielding:
-                    inputs[drives] = guard.reaction.torque(dq)
-                self._substeps()
-                torque[block, i] = commanded
-                if self.feels:
-                    contact[block] += touched
-                if not guard.yielding and guard.feels(commanded, weight, dq):
-                    self.actuators.set(guard.reaction.gains)
-            qpos[block], qvel[block] = now, speed
-            if guard.fired:
-                done = block + 1
-                break
-        n, qpos, qvel, torque = done, qpos[:done], qvel[:done], torque[:done]
+        cycles = Cycles(len(control), self.model.nq, self.model.nv)
+        count = self._follow(control, guard, cycles)
+        blocks = count // BLOCK
+        qpos, qvel = cycles.qpos[:blocks], cycles.qvel[:blocks]
         self._film(qpos)
-        self.t = round(self.t + n * PERIOD, 9)
-        if abs(data.time - self.t) > TIMESTEP / 2:  # MuJoCo starts over when it diverges
+        self.t = round(self.t + count * TIMESTEP, 9)
+        self._require_stable()
+        return Steps(
+            qpos[:, self._q],
+            qvel[:, self._v],
+            block_means(cycles.torque[:count]),
+            block_means(cycles.contact[:count]),
+            qpos[:, self._finger_q],
+            qvel[:, self._finger_v],
+        )
+
+    def _follow(self, control: Array, guard: Guard, cycles: Cycles) -> int:
+        """Go through the cycles of `control` until the guard feels too much, and then give way for what
+        is left of that block; returns how many cycles that were."""
+        if guard.yielding:
+            self._cycle(control, cycles, 0, len(control), guard.reaction)
+            return len(control)
+        look = self._all_at_once if self.watch is None else self._one_by_one
+        fired = look(control, guard, cycles)
+        if fired is None:
+            return len(control)
+        self.actuators.set(guard.reaction.gains)
+        end = (fired // BLOCK + 1) * BLOCK
+        self._cycle(control, cycles, fired + 1, end, guard.reaction)
+        return end
+
+    def _all_at_once(self, control: Array, guard: Guard, cycles: Cycles) -> int | None:
+        """Go through all cycles before the guard looks at them; what came after the one in which it
+        feels too much, which is returned, is taken back."""
+        _copy(self.model, self._data, self._before)
+        self._cycle(control, cycles, 0, len(control))
+        fired = guard.feels(*cycles.felt(0, len(control)))
+        if fired is not None:
+            _copy(self.model, self._before, self._data)
+            self._cycle(control, cycles, 0, fired + 1)
+        return fired
+
+    def _one_by_one(self, control: Array, guard: Guard, cycles: Cycles) -> int | None:
+        """The same for somebody who watches, and would see what is taken back."""
+        for i in range(len(control)):
+            self._cycle(control, cycles, i, i + 1)
+            if guard.feels(*cycles.felt(i, i + 1)) is not None:
+                return i
+        return None
+
+    def _cycle(
+        self,
+        control: Array,
+        cycles: Cycles,
+        first: int,
+        last: int,
+        reaction: Reaction | None = None,
+    ) -> None:
+        """Go through the cycles from `first` to `last`, and write down what happens. With a `reaction`
+        the arm gives way in them."""
+        for i in range(first, last):
+            if i % BLOCK == 0:
+                for stiction in self._stiction:
+                    stiction.apply(self.model, self._data)
+            self._control[:] = control[i]
+            if reaction is not None:
+                self._control[self.actuators.drives] = reaction.torque(self._dq)
+            self._substeps()
+            cycles.torque[i], cycles.weight[i] = self._torque, self._weight
+            cycles.dq[i] = self._dq
+            if self.feels:
+                cycles.contact[i] = self._contact
+            if i % BLOCK == BLOCK - 1:
+                cycles.qpos[i // BLOCK], cycles.qvel[i // BLOCK] = self._data.qpos, self._data.qvel
+
+    def _require_stable(self) -> None:
+        """MuJoCo starts over when it diverges."""
+        if abs(self._data.time - self.t) > TIMESTEP / 2:
             raise ExecutionAborted(
                 f"the simulated world became unstable before {self.t:.2f} s of robot time: "
                 "check its masses, sizes and contact parameters"
             )
-        mean = np.add.reduce(torque, axis=1) / BLOCK
-        return Steps(
-            qpos[:, self._q],
-            qvel[:, self._v],
-            mean,
-            contact[:n] / BLOCK,
-            qpos[:, self._finger_q],
-            qvel[:, self._finger_v],
-        )
 
     def _substeps(self) -> None:
         """One control cycle, under the eyes of whoever watches."""
@@ -306,3 +328,9 @@ def _require_physics(spec: mujoco.MjSpec) -> None:
 
 def _run(first: int, count: int) -> slice:
     return slice(int(first), int(first) + count)
+
+
+def _copy(model: mujoco.MjModel, data: mujoco.MjData, into: mujoco.MjData) -> None:
+    """All of the data, contacts included, into other data of the same model."""
+    # MuJoCo's stubs leave it out.
+    mujoco.mj_copyData(into, model, data)  # pyright: ignore[reportUnknownMemberType, reportAttributeAccessIssue]
