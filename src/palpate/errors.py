@@ -30,7 +30,7 @@ class PlanRejected(PalpateError):
 
 
 class ExecutionAborted(PalpateError):
-    """The robot stopped safely before the plan was finished, or was not allowed to move."""
+    """The robot stopped before the plan was finished, or was not allowed to move."""
 
 
 class Unavailable(PalpateError):
@@ -55,7 +55,11 @@ def unknown_name(
 
 
 def perhaps(name: str, names: Iterable[str]) -> str:
-    """` did you mean 'bottle'?` where one of `names` is nearly `name`; else nothing."""
-    by_letters = {known.lower(): known for known in names}
+    """` did you mean 'bottle'?` where one of `names` is nearly `name`, or what stands behind its last
+    slash; else nothing."""
+    by_letters: dict[str, str] = {}
+    for known in names:
+        by_letters.setdefault(known.lower().rpartition("/")[2], known)
+        by_letters[known.lower()] = known
     near = get_close_matches(name[:80].lower(), by_letters, n=1, cutoff=0.6)
     return f" did you mean '{by_letters[near[0]]}'?" if near else ""

@@ -7,6 +7,7 @@ import re
 import numpy as np
 import pytest
 
+from palpate.execution.held import Held
 from palpate.execution.runner import run
 from palpate.planning.plan import Node, Plan
 from palpate.robots.simulated.robot import MujocoRobot
@@ -92,6 +93,7 @@ def test_too_heavy_an_object_is_put_down():
     done, robot = execute(cup='mass="4"')
     assert "more than the payload of 3 kg" in str(done.stopped_by)
     assert done.trace.leaves[-1].message == "put cup down"
+    assert done.held == Held("cup", "put down")
     assert displacement(robot) < 0.005
 
 
@@ -99,6 +101,8 @@ def test_a_slippery_object_is_noticed_when_it_is_lost():
     done, robot = execute(cup='mass="1" priority="2" friction="0.05 0.005 0.0001"')
     assert "slip" in str(done.stopped_by)
     assert done.final_state.holding is None
+    assert done.held == Held("cup", "lost")
+    assert str(done.stopped_by).endswith("is not in the fingers any more: see where it is")
     assert displacement(robot) < 0.01
 
 
@@ -116,6 +120,17 @@ def test_an_unknown_obstacle_stops_the_arm_and_is_not_pressed_on(wall):
     assert np.linalg.norm(robot.state.wrench[:3]) < robot.limits.free_force
     assert np.abs(robot.state.dq).max() < 0.05
     assert displacement(robot) < 0.001
+
+
+def test_fingers_that_were_opening_on_its_support_have_put_it_down():
+    def opening(robot):
+        closed = robot.state.t > 12.0 and robot.state.gripper_moving
+        return closed and robot.state.width > 0.065
+
+    done, robot = execute(stop_when=opening)
+    assert (done.stopped_by, done.held) == ("stop requested", Held("cup", "put down"))
+    assert done.final_state.moved["cup"].distance_to(SCENE.body("cup").pose_world) < 0.005
+    assert displacement(robot) < 0.005
 
 
 def test_a_missing_object_is_noticed():
@@ -171,4 +186,5 @@ def test_an_object_that_would_tip_stays_in_the_fingers():
     assert done.stopped_by == "stop requested; the fingers still hold 'cup'"
     assert "would tip over the edge of 'table'" in done.trace.leaves[-1].message
     assert robot.state.gripping
+    assert done.held == Held("cup", "held")
     assert robot.world.true_pose("cup").position[2] > 0.2

@@ -16,6 +16,7 @@ from PIL import Image
 
 from palpate.estimation.agreement import FitTest
 from palpate.estimation.estimate import Estimate, Part, not_identified
+from palpate.execution.held import Held
 from palpate.parameter import Parameter
 from palpate.pictures.renderer import png
 from palpate.planning.plan import Node, Plan
@@ -242,6 +243,23 @@ def test_an_aborted_run_says_why_and_shows_the_stop(data: ReportData, tmp_path: 
         if "node" in attributes.get("class", "")
     ]
     assert fates[:6] == ["failure", "success", "success", "success", "failure", "waiting"]
+
+
+@pytest.mark.parametrize(
+    ("held", "headline"),
+    [
+        (None, "Stopped safely"),
+        (Held("cup", "put down"), "Stopped safely"),
+        (Held("cup", "held"), "Stopped: the hand still holds 'cup'"),
+        (Held("cup", "lost"), "Stopped: the hand lost 'cup'"),
+        (Held(None, "held"), "Stopped: the hand still holds what was grasped"),
+    ],
+)
+def test_the_headline_says_what_became_of_what_was_held(
+    data: ReportData, held: Held | None, headline: str, tmp_path: Path
+) -> None:
+    stopped = replace(data, status="aborted", stopped_by="interrupted", held=held, trace=None)
+    assert headline in page_of(stopped, tmp_path).text
 
 
 def test_what_disagrees_is_said_beside_the_value(data: ReportData, tmp_path: Path) -> None:

@@ -88,6 +88,7 @@ def test_a_complete_run(tmp_path: Path) -> None:
         "wall_seconds": 4.0,
         "stopped_by": None,
         "setbacks": ["bad luck"],
+        "held": None,
     }
     assert found["twin"] == {
         "notes": ["a note"],

@@ -16,8 +16,9 @@ from py_trees.common import Status
 
 from palpate.errors import InputError
 from palpate.execution.build import build
+from palpate.execution.held import Fate, Held
 from palpate.execution.leaf import PrimitiveLeaf
-from palpate.execution.stop import PutDown, lost
+from palpate.execution.stop import PutDown, lost, released
 from palpate.interrupt import Interrupts, interrupts
 from palpate.planning.plan import Plan
 from palpate.robots.robot import Robot, RobotState
@@ -67,6 +68,7 @@ class Execution:
         fault: why the robot's signals cannot be believed any more, or why it does not move any more;
             None while all is well.
         reflex: why the arm stopped itself, and so the run; None if it did not.
+        held: what the fingers held when it was stopped, and what became of it; None for nothing.
     """
 
     trace: Trace
@@ -80,6 +82,7 @@ class Execution:
     asked: bool = False
     fault: str | None = None
     reflex: str | None = None
+    held: Held | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -165,6 +168,7 @@ class _Loop:
     signals: Interrupts
     stopping: str | None = None
     reflex: str | None = None
+    held: Held | None = None
     start: float | None = None
     now: float = 0.0
 
@@ -199,18 +203,40 @@ class _Loop:
 
     def stop(self) -> None:
         """Bring everything to rest, then put down what is held."""
+        name = self.blackboard.state.holding
+        holds = name is not None or self.blackboard.robot.state.gripping
+        try:
+            self._bring_to_rest()
+        finally:
+            if holds:
+                self.held = Held(name, self._fate())
+
+    def _bring_to_rest(self) -> None:
         try:
             self._interrupt()
         finally:
             self.blackboard.robot.hold()
         if not self.hurried():
             self._come_to_rest()
-        if self.hurried():
-            return
-        if self.blackboard.robot.state.gripping:
+        if not self.hurried() and self.blackboard.robot.state.gripping:
             self._put_down()
-        if self.blackboard.state.holding and not self._gripping():
-            self.blackboard.state = lost(self.blackboard)
+
+    def _fate(self) -> Fate:
+        """What became of what was held; one that slipped out is believed at its place again."""
+        if self._gripping():
+            return "held"
+        if self.blackboard.state.holding is None:
+            return "put down"
+        if self._let_go():
+            self.blackboard.state = released(self.blackboard)
+            return "put down"
+        self.blackboard.state = lost(self.blackboard)
+        return "lost"
+
+    def _let_go(self) -> bool:
+        """Whether the fingers were opening: they do where a support is proven alone. Those that lose
+        something close further."""
+        return self.blackboard.robot.state.width > self.blackboard.load.width
 
     def execution(self, wall_seconds: float, asked: bool) -> Execution:
         """The result as it stands."""
@@ -228,6 +254,7 @@ class _Loop:
             asked=asked,
             fault=fault or self._lost(),
             reflex=self.reflex,
+            held=self.held,
         )
 
     def _lost(self) -> str | None:
@@ -330,10 +357,10 @@ class _Loop:
         return f"{failed.label}: {failed.message}"
 
     def _stopped_by(self) -> str | None:
-        held = self.blackboard.state.holding
-        if self.stopping is None or held is None or not self._gripping():
+        warning = self.held.warning if self.held else None
+        if self.stopping is None or warning is None:
             return self.stopping
-        return f"{self.stopping}; the fingers still hold '{held}'"
+        return f"{self.stopping}; {warning}"
 
     def _gripping(self) -> bool:
         """Whether the fingers hold something; they do, as far as is known, when nobody answers."""

@@ -161,6 +161,7 @@ def _with_execution(data: ReportData, done: Ending) -> ReportData:
     return replace(
         data,
         stopped_by=done.stopped_by,
+        held=done.held,
         robot_seconds=done.robot_seconds,
         wall_seconds=done.wall_seconds,
     )

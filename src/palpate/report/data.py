@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from palpate.estimation.estimate import Estimate
+from palpate.execution.held import Held
 from palpate.planning.plan import Plan
 from palpate.trace.samples import Trace
 from palpate.twin.held_out.judged import HeldOut
@@ -48,6 +49,7 @@ class ReportData:
         findings: why the plan did not pass the check, one line each.
         trace: None when nothing was executed.
         stopped_by: why the robot stopped early.
+        held: what the fingers held then, and what became of it.
         robot_seconds, wall_seconds: how long the execution took.
         workspace, before, after: PNG or JPEG.
         video: MP4, played `video_speed` times faster than robot time.
@@ -74,6 +76,7 @@ class ReportData:
     findings: tuple[str, ...] = ()
     trace: Trace | None = None
     stopped_by: str | None = None
+    held: Held | None = None
     robot_seconds: float | None = None
     wall_seconds: float | None = None
     workspace: bytes | None = None

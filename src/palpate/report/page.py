@@ -43,7 +43,7 @@ def render_report(data: ReportData) -> str:
     tree = branches(data.plan, data.trace)
     return template("palpate.report", "template.html").render(
         data=data,
-        verdict=VERDICTS[data.status],
+        verdict=_verdict(data),
         verdict_line=_verdict_line(data),
         actions=_actions(data),
         cards=made,
@@ -65,6 +65,14 @@ def render_report(data: ReportData) -> str:
         **_pictures(data),
         **_figure(data),
     )
+
+
+def _verdict(data: ReportData) -> str:
+    """The headline."""
+    if data.status == "aborted" and data.held is not None and data.held.became != "put down":
+        how = "still holds" if data.held.became == "held" else "lost"
+        return f"Stopped: the hand {how} {data.held.name}"
+    return VERDICTS[data.status]
 
 
 def _verdict_line(data: ReportData) -> str:

@@ -13,6 +13,7 @@ import numpy as np
 from palpate import __version__
 from palpate.errors import InputError
 from palpate.estimation.estimate import Estimate, Part, Shared
+from palpate.execution.held import Held
 from palpate.execution.rehearsal import Rehearsal
 from palpate.geometry.pose import Array
 from palpate.mjcf.document import read_text
@@ -158,6 +159,7 @@ def _ending(document: dict[str, Any] | None) -> Ending | None:
         document["robot_seconds"],
         document["wall_seconds"],
         tuple(document["setbacks"]),
+        Held(**held) if (held := document.get("held")) else None,
     )
 
 

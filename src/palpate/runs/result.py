@@ -152,6 +152,7 @@ def _execution_json(run: Run) -> dict[str, Any] | None:
         "wall_seconds": round(done.wall_seconds, 3),
         "stopped_by": done.stopped_by,
         "setbacks": list(done.setbacks),
+        "held": None if done.held is None else asdict(done.held),
     }
 
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Literal
 
 from palpate.cells.simulated import DRAWN
 from palpate.estimation.estimate import Estimate
+from palpate.execution.held import Held
 from palpate.parameter import Parameter
 from palpate.planning.check.check import Finding
 from palpate.planning.plan import Plan
@@ -45,6 +46,7 @@ class Ending:
         actions: leaves of the plan that were started.
         robot_seconds, wall_seconds: how long it took, s.
         setbacks: why earlier attempts stopped that were gone on from.
+        held: what the fingers held when it was stopped, and what became of it; None for nothing.
     """
 
     status: Literal["complete", "stopped"]
@@ -53,6 +55,7 @@ class Ending:
     robot_seconds: float
     wall_seconds: float
     setbacks: tuple[str, ...] = ()
+    held: Held | None = None
 
     @classmethod
     def of(cls, done: Execution) -> Ending:
@@ -64,6 +67,7 @@ class Ending:
             done.robot_seconds,
             done.wall_seconds,
             done.setbacks,
+            done.held,
         )
 
 
