@@ -191,7 +191,7 @@ def test_a_centre_of_mass_is_found_along_gravity(tmp_path):
     )
     assert [leaf.primitive for leaf in run.trace.leaves].count("Tilt") == 2
     (found,) = run.estimates
-    assert found.value[:2] == pytest.approx([0.02, 0.0], abs=0.003)
+    assert found.value[:2] == pytest.approx([0.02, 0.0], abs=0.002)
     assert found.value[2] == pytest.approx(0.006, abs=2 * found.std[2])
     assert found.value[2] > 0.002
     assert found.std[2] < 0.004

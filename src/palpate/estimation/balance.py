@@ -12,9 +12,10 @@ from palpate.estimation import tuning
 from palpate.estimation.agreement import FitTest, chi_squared
 from palpate.estimation.droop import SPREAD
 from palpate.estimation.estimate import Shared
-from palpate.estimation.holds import Held
+from palpate.estimation.holds import Held, Hold
 from palpate.estimation.load.fit import Load
 from palpate.estimation.load.weighing import shared_gains
+from palpate.estimation.slip import before, slid
 from palpate.geometry.pose import Array
 from palpate.mjcf.body import Body
 from palpate.trace.recording import Hand, Recording
@@ -73,8 +74,8 @@ def grasps_of(trace: Trace, held: Held, body: Body, about: Array) -> Grasps:
     covariance += _shifted(held, trace.hand.pose_repeatability)
     for place in places:
         covariance += np.outer(place.effect, place.effect)
-    turned = _turned(held, about) * SPREAD
-    covariance += turned @ turned.T
+    for effect in (_turned(held, body, about) * SPREAD, _slid(held) * tuning.GRIP_SLIDE):
+        covariance += effect @ effect.T
     shared = (*shared_gains(slopes @ load.gains), *places)
     loose = tuning.ARM_WEIGHT * trace.hand.pose_repeatability / load.force
     return Grasps(
@@ -120,24 +121,49 @@ def _agreement(grasps: Grasps, left: Array, freedom: int) -> FitTest:
 
 
 def _shifted(held: Held, repeatability: float) -> Array:
-    """(2n, 2n) m² of where the object is in the hand: the arm grips it, and has put it down, as exactly
-    as it repeats a pose, and in putting down it slips. The same however it is tilted."""
+    """(2n, 2n) m² of where the object is in the hand: the arm grips it, and has put it down before, as
+    exactly as it repeats a pose, and in putting down it slips along the fingers, which centre it
+    between them. It is gripped where it was put down: that adds up."""
     grasps = np.array([hold.grasp for hold in held.holds])
     same = np.repeat(np.repeat(grasps[:, None] == grasps, 2, axis=0), 2, axis=1)
-    shift = tuning.GRASP_SHIFT**2 + 2.0 * repeatability**2
     axes = np.vstack([hold.pose_world_tcp.rotation[:2] for hold in held.holds])
-    return shift * (axes @ axes.T) * same
+    gripped = repeatability**2 * (axes @ axes.T) * same
+    times = np.repeat([len(before(grasp, held.put_down)) for grasp in grasps], 2)
+    put = tuning.GRASP_SHIFT**2 + repeatability**2
+    along = axes[:, 0]
+    return gripped + put * np.minimum.outer(times, times) * np.outer(along, along)
 
 
-def _turned(held: Held, about: Array) -> Array:
+def _turned(held: Held, body: Body, about: Array) -> Array:
     """(2n, 2) m by which where the load hangs is another, seen from above, for each unit of what is not
-    known of how the pads let it turn: the same in all grasps, as far as the load turns it in each."""
+    known of how the pads let it turn: the same in all grasps, as far as the load turns it in each, and
+    has turned it before it was put down."""
     effects: list[Array] = []
     for hold in held.holds:
         closing = hold.pose_world_tcp.rotation[:, 1]
         lever = hold.pose_world_tcp.rotation @ hold.pose_tcp_body.apply(about)
-        effects.append(np.outer(np.cross(closing, lever)[:2], hold.droop.turns))
+        effect = np.outer(np.cross(closing, lever)[:2], hold.droop.turns)
+        for one in before(hold.grasp, held.put_down):
+            effect += _seen(hold) @ one.levelled(body)
+        effects.append(effect)
     return np.vstack(effects)
+
+
+def _slid(held: Held) -> Array:
+    """(2n, 2) m likewise for each metre that a radian of a tilt lets the object slide along the tool's
+    x and z."""
+    effects: list[Array] = []
+    for hold in held.holds:
+        effect = slid(hold.pose_tcp_body, hold.swept)
+        for one in before(hold.grasp, held.put_down):
+            effect += one.slid
+        effects.append(_seen(hold) @ effect)
+    return np.vstack(effects)
+
+
+def _seen(hold: Hold) -> Array:
+    """(2, 3) the object's axes, seen from above."""
+    return (hold.pose_world_tcp @ hold.pose_tcp_body).rotation[:2]
 
 
 def accuracy(body: Body) -> float:

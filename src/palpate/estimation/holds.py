@@ -13,6 +13,7 @@ from palpate.estimation import tuning
 from palpate.estimation.droop import Droop
 from palpate.estimation.load.fit import Load, fit_load
 from palpate.estimation.load.segments import Cut, Segment, Weighing, compared, weighings
+from palpate.estimation.slip import PutDown
 from palpate.estimation.windows import at_rest, commanded, load_of, mean_pose, runs
 from palpate.geometry.pose import Array, Pose
 from palpate.mjcf.body import Body
@@ -31,6 +32,7 @@ class Hold:
         pose_tcp_body: the object in the hand: where it was believed to stand when the measured hand
             closed on it.
         droop: what has turned it since.
+        swept: rad by which tilts have turned the hand with it since.
     """
 
     recording: Recording
@@ -38,6 +40,7 @@ class Hold:
     pose_world_tcp: Pose
     pose_tcp_body: Pose
     droop: Droop
+    swept: float
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -47,11 +50,13 @@ class Held:
     Attributes:
         load: what hung on the hand; of its `grasps`, each is one of the holds.
         weighings: what that rests on.
+        put_down: each time that a grasp in which it was held still came to its end.
     """
 
     load: Load
     holds: Sequence[Hold]
     weighings: Sequence[Weighing]
+    put_down: Sequence[PutDown]
 
     def droop(self, grasp: float, time: float) -> Droop:
         """What has turned the object in a grasp by a time, s."""
@@ -83,8 +88,33 @@ def held(trace: Trace, body: Body) -> Held | None:
         closing = level.setdefault(time, float(here.rotation[:2, 1] @ moment))
         middle = (recording.start + recording.end) / 2.0
         droop = Droop.since(time, middle, closing)
-        holds.append(Hold(recording, time, here, in_hand, droop))
-    return Held(load, holds, found)
+        swept = _swept(trace, body.name, time, middle)
+        holds.append(Hold(recording, time, here, in_hand, droop, swept))
+    return Held(load, holds, found, tuple(_put_down(trace, body.name, holds)))
+
+
+def _put_down(trace: Trace, name: str, holds: Sequence[Hold]) -> Iterator[PutDown]:
+    changes = load_of(trace, name).grasps
+    first = {hold.grasp: hold for hold in reversed(holds)}
+    for hold in sorted(first.values(), key=lambda each: each.grasp):
+        opened = next((time for time in changes if time > hold.grasp), np.inf)
+        if np.isfinite(opened):
+            droop = Droop.since(hold.grasp, opened, hold.droop.moment)
+            swept = _swept(trace, name, hold.grasp, opened)
+            yield PutDown(hold.grasp, hold.pose_tcp_body, droop, swept)
+
+
+def _swept(trace: Trace, name: str, since: float, until: float) -> float:
+    """rad by which tilts turned the hand with an object meanwhile, s, to and fro alike."""
+    samples = trace.samples
+    t, told = samples.t, commanded(samples)
+    swept = 0.0
+    for recording in _recordings(trace, name, "tilting"):
+        start, end = max(since, recording.start), min(until, recording.end)
+        rows = told & (t >= start) & (t <= end)
+        speeds = np.linalg.norm(samples.twist[rows, 3:], axis=1)
+        swept += float(speeds @ np.gradient(t)[rows])
+    return swept
 
 
 def _before(trace: Trace, name: str, found: Weighing) -> Weighing:

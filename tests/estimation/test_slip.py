@@ -1,0 +1,43 @@
+"""Where an object has come to between the pads."""
+
+import numpy as np
+import pytest
+
+from palpate.estimation.droop import Droop
+from palpate.estimation.slip import PutDown, before, slid
+from palpate.geometry.pose import Pose
+from palpate.scene.load import parse_scene
+
+SCENE = """<mujoco><worldbody>
+  <body name="table" pos="0.4 0 -0.03"><geom type="box" size=".6 .6 .03"/></body>
+  <body name="bar" pos="0.5 0 0.012"><freejoint/><geom type="box" size=".12 .01 .012"/></body>
+</worldbody></mujoco>"""
+HIGHER = 0.002
+FROM_ABOVE = Pose.of(np.array([0.0, 0.0, HIGHER]), (0.0, 1.0, 0.0, 0.0))
+
+
+def put_down(time, moment=0.1, age=10.0):
+    return PutDown(time, FROM_ABOVE, Droop(moment, age), swept=2.0)
+
+
+@pytest.fixture(scope="module")
+def body():
+    return parse_scene(SCENE).body("bar")
+
+
+def test_a_drooping_end_that_meets_the_support_carries_it_along(body):
+    """By the height of the hand over the support times the angle, the way it droops."""
+    per_rad, per_rad_s = put_down(1.0).levelled(body).T
+    assert per_rad == pytest.approx([-0.1 * (0.012 + HIGHER), 0.0, 0.0], abs=1e-9)
+    assert per_rad_s == pytest.approx(10.0 * per_rad)
+
+
+def test_what_it_slides_along_the_fingers_stays_and_what_it_sinks_is_gone():
+    assert slid(FROM_ABOVE, 2.0).T == pytest.approx(np.array([[2.0, 0, 0], [0, 0, -2.0]]))
+    assert put_down(1.0).slid.T == pytest.approx(np.array([[2.0, 0, 0], [0, 0, 0]]))
+
+
+def test_only_what_was_put_down_before_counts():
+    first, second = put_down(1.0), put_down(5.0)
+    assert before(1.0, [first, second]) == []
+    assert before(5.0, [first, second]) == [first]
