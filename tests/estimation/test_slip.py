@@ -33,8 +33,10 @@ def test_a_drooping_end_that_meets_the_support_carries_it_along(body):
 
 
 def test_what_it_slides_along_the_fingers_stays_and_what_it_sinks_is_gone():
-    assert slid(FROM_ABOVE, 2.0).T == pytest.approx(np.array([[2.0, 0, 0], [0, 0, -2.0]]))
-    assert put_down(1.0).slid.T == pytest.approx(np.array([[2.0, 0, 0], [0, 0, 0]]))
+    in_hand = slid(FROM_ABOVE, 2.0).T
+    assert in_hand == pytest.approx(np.array([[2.0, 0, 0], [0, 0, -2.0]]))
+    lying = put_down(1.0).slid.T
+    assert lying == pytest.approx(np.array([[2.0, 0, 0], [0, 0, 0]]))
 
 
 def test_only_what_was_put_down_before_counts():
