@@ -48,7 +48,7 @@ class Swing:
         angle: rad, amplitude.
         rate: rad/s.
         felt: (m,) amplitudes of the signals, N m.
-        variance: (m,) that white noise has in them.
+        variance: (m,) that the sensors' noise has in them.
         own: (m,) of them, what moves the arm's own links, by their nominal inertias; 0 where these are
             not known.
         load: (m, 10) what unit mass, first moment and inertia (about the TCP, tool axes) make of them.
@@ -145,7 +145,7 @@ def _swing(samples: Samples, signals: Array, felt: Feeling, noise: Noise, gravit
 
     made = felt.maps(samples.q) @ _unit_loads(samples, motion, gravity)
     links = felt.links_motion(samples.q, samples.dq, motion.joints)
-    variance = 2.0 * noise.white / len(samples.t)
+    variance = _amplitude_variance(noise, samples.t, rate)
     return Swing(
         float(samples.t.mean()),
         pose,
@@ -157,6 +157,15 @@ def _swing(samples: Samples, signals: Array, felt: Feeling, noise: Noise, gravit
         in_phase(links),
         in_phase(made),
     )
+
+
+def _amplitude_variance(noise: Noise, t: Array, rate: float) -> Array:
+    """(m,) of the amplitude in one phase at `rate`, rad/s: the density at that frequency over the time.
+
+    White noise has 2 s² dt, slower noise h²/f: at some hertz a sensor that wanders has more of it.
+    """
+    duration = float(t[-1] - t[0])
+    return 2.0 * noise.white / len(t) + 2.0 * np.pi * noise.flicker / (rate * duration)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -217,18 +217,27 @@ def _fit(found: _Evidence, body: Body) -> tuple[Array, Array, FitTest]:
     solved: Any = least_squares(misfit, start, x_scale=spread)
     numbers, slopes = np.asarray(solved.x, float), np.asarray(solved.jac, float)
     left = np.concatenate(_swung(numbers, found))
-    misfit_squared, freedom = float(left @ left), max(1, len(left) - len(start))
+    covariance = np.linalg.inv(slopes.T @ slopes)
+    misfit_squared, freedom = float(left @ left), _freedom(slopes[: len(left)], covariance)
     # What joints feel beside one rigid body counts as noise (Birge ratio).
-    covariance = np.linalg.inv(slopes.T @ slopes) * max(1.0, misfit_squared / freedom)
+    covariance = covariance * max(1.0, misfit_squared / freedom)
     test = chi_squared(
         "swings agree",
         misfit_squared,
-        freedom,
+        round(freedom),
         "The swings do not fit one rigid body: something in the object moves, or it moves in the "
         "fingers.",
         found.held.load.freedom,
     )
     return numbers[:10], covariance[:10, :10].astype(np.float64), test
+
+
+def _freedom(slopes: Array, covariance: Array) -> float:
+    """How many of some residuals are free, whose derivatives by the numbers are `slopes` (n, k): less what
+    the numbers took of them, each as far as these tell it and not what was believed beforehand (leverage;
+    e.g. Hastie, Tibshirani and Friedman, The Elements of Statistical Learning, section 7.6)."""
+    leverage = float(np.einsum("ij,jk,ik->", slopes, covariance, slopes))
+    return max(1.0, len(slopes) - leverage)
 
 
 def _spread(body: Body) -> Array:
