@@ -23,8 +23,8 @@ INTERRUPTED = "interrupted"
 class PrimitiveLeaf(Behaviour):
     """A primitive's life in a tree.
 
-    - first tick: its preconditions must hold and its resources be free, else FAILURE before
-      anything moves;
+    - first tick: what of its arguments is open is found out; its preconditions must hold and its
+      resources be free, else FAILURE before anything moves;
     - every tick: its safety predicate and its timeout (robot time) are checked, then it runs one
       step;
     - it returns: its effects are applied to the cell's state, SUCCESS;
@@ -95,6 +95,7 @@ class PrimitiveLeaf(Behaviour):
 
     def _live(self) -> Steps:
         """The whole life: from the preconditions to the effects, whatever happens between."""
+        self.primitive.bind(self.blackboard)
         self._require()
         before, during = self._begin()
         try:

@@ -98,7 +98,7 @@ class PutDown(Primitive):
         grasp = blackboard.state.grasp
         if grasp is None:
             return 0.0
-        z = blackboard.scene.symbols.resolve(grasp).position[2]
+        z = blackboard.state.resolve(grasp).position[2]
         return float(blackboard.robot.state.pose_world_tcp.position[2] - z)
 
     def _lower(self, blackboard: Blackboard, name: str, place: Pose) -> Steps:

@@ -22,6 +22,7 @@ from functools import partial
 import numpy as np
 
 from palpate.errors import unknown_name
+from palpate.geometry.line import Line
 from palpate.geometry.outline import Convex, Obstacle, above, rectangle, rim
 from palpate.geometry.pose import Array, Pose
 from palpate.mjcf.body import Body
@@ -31,7 +32,14 @@ from palpate.robots.grasp import Grasp, derive_grasp, turned_grasp
 from palpate.scene.places import APPROACH, approach_pose, free_spot
 from palpate.scene.poses import Poses
 from palpate.scene.resolve import ResolvedScene
-from palpate.scene.symbols import DEFAULT_OFFSETS, Symbols, configurations, given_offsets, vectors
+from palpate.scene.symbols import (
+    DEFAULT_OFFSETS,
+    Symbols,
+    configurations,
+    given_offsets,
+    in_world,
+    vectors,
+)
 
 LIFT = (0.10, 0.35)
 """m: bounds of a derived `z_offset`."""
@@ -147,10 +155,12 @@ def derive_symbols(
     for name, grasp in grasps.items():
         derived = _own_offsets(geometry, name, grasp, poses[f"{name}_pose"])
         own[name] = derived | common | special.get(name, {})
+    lines = _lines(geometry, poses, own)
     return Symbols(
         poses=poses,
-        subjects=_subjects(geometry, {*poses, *later}),
+        subjects=_subjects(geometry, {*poses, *later, *lines}),
         later=later,
+        lines=lines,
         configurations=configurations(entries, arm.home),
         offsets=vectors(DEFAULT_OFFSETS) | common,
         own_offsets=own,
@@ -184,6 +194,22 @@ def _later(geometry: Geometry, poses: Mapping[str, Pose]) -> dict[str, Callable[
     return {name: find for name, find in later.items() if name not in poses}
 
 
+def _lines(
+    geometry: Geometry, poses: Mapping[str, Pose], offsets: Mapping[str, Mapping[str, Array]]
+) -> dict[str, Line]:
+    """Where along their grasps objects may turn out to balance: as far as twice their x_offset, where
+    that is farther than half the pads. Poses.yaml may name another pose so."""
+    lines: dict[str, Line] = {}
+    for name in geometry.objects:
+        pose, body = poses[f"{name}_pose"], geometry.bodies[name]
+        half = in_world(pose, 2.0 * offsets[name]["x_offset"] * [1.0, 1.0, 0.0])
+        if f"{name}_balance" in poses or np.linalg.norm(half) < geometry.arm.hand.pad:
+            continue
+        centre = np.array(body.known.get("com", body.centre))
+        lines[f"{name}_balance"] = Line.through(pose, half, body.pose_world.apply(centre))
+    return lines
+
+
 def above_top(geometry: Geometry, name: str, pose_world_tcp: Pose) -> Pose:
     """TCP pose above the middle of an object's highest part, turned as it is grasped."""
     cloud = geometry.clouds[name]
@@ -211,6 +237,7 @@ def _subjects(geometry: Geometry, names: Collection[str]) -> dict[str, str]:
         subjects[f"{name}_temporary"] = name
         subjects[f"{name}_top"] = name
         subjects[f"{name}_across"] = name
+        subjects[f"{name}_balance"] = name
     for name in geometry.tops:
         subjects[f"{name}_approach"] = name
     return {name: subject for name, subject in subjects.items() if name in names}

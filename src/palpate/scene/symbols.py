@@ -6,6 +6,8 @@ Names come from the scene and `poses.yaml`; what is absent there is derived from
 - `<object>_pose`: TCP pose of a top-down grasp; `<object>_temporary`: TCP pose at which the held
   object, grasped there, stands on a free spot of its surface; `<object>_across`: a grasp a quarter
   turn on, where that fits; `<object>_top`: TCP pose above its top.
+- `<object>_balance`: the grasp, moved along the tool's x, by up to two x_offsets, to where the object
+  balances: as is believed, or as a run has measured by the time that it first goes there.
 - `<surface>_approach`: TCP pose above a free spot of the surface.
 - `home_config`: joint configuration, the arm's own unless poses.yaml names another.
 - `x_offset`, `y_offset`: along the tool's x and y at the base pose, horizontal, scaled to the
@@ -24,6 +26,7 @@ from functools import cached_property
 import numpy as np
 
 from palpate.errors import InputError, unknown_name
+from palpate.geometry.line import Line
 from palpate.geometry.pose import Array, Pose
 from palpate.scene.poses import Poses
 
@@ -79,6 +82,7 @@ class Symbols:
         own_offsets: object to its own offsets, which come first.
         ungraspable: object to the reason why the hand cannot take it.
         later: names of poses that are worked out when first asked for, with how.
+        lines: names of poses of which a run finds out where along a line they are.
     """
 
     poses: Mapping[str, Pose]
@@ -90,6 +94,7 @@ class Symbols:
     later: Mapping[str, Callable[[], Pose | None]] = field(
         default_factory=dict[str, "Callable[[], Pose | None]"]
     )
+    lines: Mapping[str, Line] = field(default_factory=dict[str, Line])
     _found: dict[str, Pose | None] = field(
         default_factory=dict[str, "Pose | None"], init=False, repr=False
     )
@@ -97,7 +102,8 @@ class Symbols:
     @cached_property
     def names(self) -> tuple[str, ...]:
         """Every name of a pose, longest first."""
-        return tuple(sorted({*self.poses, *self.later}, key=lambda n: (-len(n), n)))
+        every = {*self.poses, *self.later, *self.lines}
+        return tuple(sorted(every, key=lambda n: (-len(n), n)))
 
     @cached_property
     def offset_names(self) -> tuple[str, ...]:
@@ -137,29 +143,35 @@ class Symbols:
         ]
         return PoseExpression(name, tuple(left))
 
-    def resolve(self, expression: str | PoseExpression) -> Pose:
-        """The TCP pose in the world that an expression stands for.
+    def resolve(
+        self, expression: str | PoseExpression, bound: Mapping[str, float] | None = None
+    ) -> Pose:
+        """The TCP pose in the world that an expression stands for; `bound` says where along their
+        lines, m, poses are that are not where they are believed.
 
         Raises:
-            InputError: as `parse`; or a temporary place that the scene has no room for.
+            InputError: as `parse`; a temporary place that the scene has no room for; or a place
+                outside its line.
         """
         parsed = self._parsed(expression)
-        base = self.pose(parsed.name)
+        base = self.pose(parsed.name, bound)
         if not parsed.terms:
             return base
         shift = np.zeros(3)
         for coefficient, offset in parsed.terms:
             shift = shift + coefficient * self.offset(offset, parsed.name)
-        return base.translated(_in_world(base, shift))
+        return base.translated(in_world(base, shift))
 
-    def pose(self, name: str) -> Pose:
-        """The pose of a name without offsets.
+    def pose(self, name: str, bound: Mapping[str, float] | None = None) -> Pose:
+        """The pose of a name without offsets; `bound` as for `resolve`.
 
         Raises:
-            InputError: unknown, or there is no room for it.
+            InputError: unknown, there is no room for it, or it is bound to a place outside its line.
         """
         if name in self.poses:
             return self.poses[name]
+        if name in self.lines:
+            return self._on_line(name, bound or {})
         if name not in self.later:
             raise unknown_name("pose", name, self.names)
         if name not in self._found:
@@ -170,6 +182,13 @@ class Symbols:
                 f"there is no free place within reach for '{name}'; give one in poses.yaml"
             )
         return found
+
+    def _on_line(self, name: str, bound: Mapping[str, float]) -> Pose:
+        line = self.lines[name]
+        try:
+            return line.at(bound.get(name, line.believed))
+        except InputError as error:
+            raise InputError(f"'{name}': {error}") from None
 
     def offset(self, name: str, pose: str) -> Array:
         """The vector (3,) m that an offset is at a named pose: along tool x, along tool y, along
@@ -244,7 +263,7 @@ def _coefficient(match: re.Match[str], text: str) -> float:
     return size if match[1] == "+" else -size
 
 
-def _in_world(base: Pose, shift: Array) -> Array:
+def in_world(base: Pose, shift: Array) -> Array:
     """A shift along tool x, tool y (both laid level) and world z, in world axes."""
     x, y, z = shift
     across, along = _level(base.rotation[:, 0]), _level(base.rotation[:, 1])

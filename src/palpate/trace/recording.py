@@ -10,6 +10,8 @@ Activity = Literal["still", "moving", "sliding", "contact", "tilting", "swinging
 
 ABOVE = " + z_offset"
 """What a pose expression above another adds to it."""
+GRASPS = ("_pose", "_balance")
+"""Endings of the names of poses at which an object is held as it is usually."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,7 +46,10 @@ class Context:
     def place_of(self) -> str | None:
         """The object at whose grasp pose, or above it, the hand was."""
         name, _, _ = (self.at or "").partition(" ")
-        return name.removesuffix("_pose") if name.endswith("_pose") else None
+        for ending in GRASPS:
+            if name.endswith(ending):
+                return name.removesuffix(ending)
+        return None
 
 
 @dataclass(frozen=True, slots=True)

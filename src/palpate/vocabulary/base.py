@@ -109,6 +109,8 @@ class Blackboard:
     turned where it is and back: joints rub."""
     failed: bool = False
     """A leaf has failed: nothing else may move."""
+    bound: dict[str, str] = field(default_factory=dict[str, str])
+    """Of every pose that the run has found out: where it is, and what that rests on, in words."""
 
     @property
     def scene(self) -> Scene:
@@ -183,6 +185,9 @@ class Primitive(BaseModel):
         return Violation(
             "buffer-unwritten", f"`{cls.reads}` is empty; {writer} must come before {cls.__name__}"
         )
+
+    def bind(self, blackboard: Blackboard) -> None:
+        """Find out, before anything else, what of its arguments a run alone can tell; nothing moves."""
 
     def during(self, state: SymbolicState) -> SymbolicState:
         """The symbolic state while this runs: what a sensing leaf beside it in a Parallel

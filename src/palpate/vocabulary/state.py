@@ -71,6 +71,7 @@ class SymbolicState:
         converted: parameters that a conversion has measured.
         reaches: whether the arm reaches a pose of the TCP (world); None for its own inverse
             kinematics.
+        bound: m along its line, of every pose that the run has found out (`Symbols.lines`).
     """
 
     scene: Scene
@@ -90,6 +91,7 @@ class SymbolicState:
     logged: tuple[tuple[str, Context], ...] = ()
     converted: frozenset[Parameter] = frozenset()
     reaches: Callable[[Pose], bool] | None = None
+    bound: Mapping[str, float] = field(default_factory=dict[str, float])
 
     def standing(self, q: Array, pose_world_tcp: Pose) -> SymbolicState:
         """Where nobody knew where the arm is: now that it says so itself, bent as `q` (7,), rad."""
@@ -106,6 +108,14 @@ class SymbolicState:
             grasp=self.grasp,
             support=self.contact if self.contact else self._slid_on(),
         )
+
+    def resolve(self, expression: str) -> Pose:
+        """The TCP pose in the world that a pose expression stands for now.
+
+        Raises:
+            InputError: as `Symbols.resolve`.
+        """
+        return self.scene.symbols.resolve(expression, self.bound)
 
     def pose_of(self, name: str) -> Pose:
         """Where an object is believed to be now."""

@@ -15,6 +15,7 @@ from palpate.planning.check import end, grammar, minimal
 from palpate.planning.check import parameters as promised
 from palpate.planning.check.case import Case, Form
 from palpate.planning.check.finding import Finding
+from palpate.planning.check.regions import somewhere
 from palpate.planning.check.rules import CATALOGUE
 from palpate.planning.check.walk import Reach, Walk
 from palpate.planning.plan import Plan
@@ -98,6 +99,7 @@ def check(
     if scene is not None:
         walk = Walk.over(plan.tree, case.form, words, scene, reachable)
         found += walk.findings
+        found += somewhere(walk, plan.tree, scene, reachable)
         for rule, judged in WALK_RULES.items():
             if not (walk.unread and rule in OF_THE_WHOLE):
                 found += judged(case, walk)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from palpate.errors import InputError
@@ -94,10 +94,17 @@ class Walk:
 
     @classmethod
     def over(
-        cls, tree: Node, form: Form, words: Vocabulary, scene: Scene, reachable: Reach | None
+        cls,
+        tree: Node,
+        form: Form,
+        words: Vocabulary,
+        scene: Scene,
+        reachable: Reach | None = None,
+        bound: Mapping[str, float] | None = None,
     ) -> Walk:
-        """The walk of a whole tree; `reachable` replaces the arm's inverse kinematics."""
-        walk = cls(form, words, SymbolicState(scene, reaches=reachable))
+        """The walk of a whole tree; `reachable` replaces the arm's inverse kinematics, `bound` says
+        where poses are that a run finds out (`SymbolicState.bound`)."""
+        walk = cls(form, words, SymbolicState(scene, reaches=reachable, bound=bound or {}))
         walk._walk("tree", tree)
         return walk
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Iterator
 
 import numpy as np
@@ -18,6 +19,8 @@ SPOT = 1.5
 """Offsets between the spots of a surface that are touched: 75 mm, of which three make a plane."""
 SIDEWAYS = ("y_offset", "x_offset")
 """Offsets along which things are slid."""
+BALANCE = "_balance"
+"""Ending of the name of the pose at which an object balances, as a run finds out."""
 NEARER = 0.005
 """m by which a centre of mass must be beside the grasp for one side to be nearer to it."""
 
@@ -37,6 +40,19 @@ def places(scene: Scene, parameter: Parameter, state: SymbolicState) -> Iterator
         spot = f"{name}_{evidence.place}"
         if kind not in done:
             yield [f"{spot} + z_offset", spot] if evidence.holding else [spot]
+
+
+def balanced(scene: Scene, parameter: Parameter, state: SymbolicState) -> Iterator[list[str]]:
+    """Pose expressions where an object balances, for the last of several grasps: those before tell where
+    that is. None of what is believed to balance where it is grasped first."""
+    quantity, name = scene.catalogue[parameter.quantity], parameter.object
+    line = scene.symbols.lines.get(f"{name}{BALANCE}")
+    if line is None or abs(line.believed) < NEARER:
+        return
+    taken = Counter(kind for kind, _ in quantity.pieces(parameter, state.logged))
+    for kind, evidence in enumerate(quantity.evidence):
+        if evidence.distinct == "grasp" and taken[kind] == evidence.count - 1 > 0:
+            yield [f"{name}{BALANCE} + z_offset", f"{name}{BALANCE}"]
 
 
 def domains(scene: Scene, name: str) -> Iterator[list[str]]:

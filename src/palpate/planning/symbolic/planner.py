@@ -6,13 +6,17 @@ It needs no key and no network, and it knows what it does not know.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from itertools import groupby
 from pathlib import Path
 
 from palpate.errors import InputError, PlanRejected
 from palpate.parameter import Parameter
+from palpate.planning.check.case import Form
+from palpate.planning.check.finding import Finding
+from palpate.planning.check.regions import found_out, somewhere
+from palpate.planning.check.walk import Walk
 from palpate.planning.nodes import leaves
 from palpate.planning.plan import Node, Plan
 from palpate.planning.planner import needs_scene
@@ -112,14 +116,33 @@ def assemble(
     mirrored: bool = False,
 ) -> Assembled:
     """One tree of `words` for all parameters that can be measured, those of one thing together, each
-    with the effort that it takes; `mirrored` as in `Backchainer`."""
-    chainer = Backchainer(scene, words or vocabulary(), mirrored)
+    with the effort that it takes; `mirrored` as in `Backchainer`. Poses that a run finds out are taken
+    where the whole of their regions passes the check."""
+    words, wanted = words or vocabulary(), list(parameters)
+    made = _assembled(Backchainer(scene, words, mirrored), wanted, efforts or {})
+    if made.tree is not None and any(_refused(made.tree, words, scene)):
+        known_before = Backchainer(scene, words, mirrored, finds_out=False)
+        made = _assembled(known_before, wanted, efforts or {})
+    return made
+
+
+def _refused(tree: Node, words: Vocabulary, scene: Scene) -> Iterator[Finding]:
+    """What speaks against poses that a run finds out."""
+    form = Form.of(tree, words)
+    if found_out(form, scene.symbols):
+        yield from somewhere(Walk.over(tree, form, words, scene), tree, scene)
+
+
+def _assembled(
+    chainer: Backchainer, parameters: Iterable[Parameter], efforts: Efforts
+) -> Assembled:
+    scene = chainer.scene
     chainer.go_home()
     measured: list[Parameter] = []
     failed: list[str] = []
     surfaces_first = sorted(parameters, key=lambda wanted: wanted.object not in scene.surfaces)
     for name, group in groupby(surfaces_first, key=lambda wanted: wanted.object):
-        done, reasons = _measure(chainer, name, list(group), efforts or {})
+        done, reasons = _measure(chainer, name, list(group), efforts)
         measured += done
         failed += reasons
     chainer.go_home()

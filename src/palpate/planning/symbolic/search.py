@@ -20,7 +20,15 @@ from palpate.planning.check.measured import amount, enough, measured
 from palpate.planning.plan import Node
 from palpate.planning.symbolic.goals import Goal, Tail, at_rest, placed, when
 from palpate.planning.symbolic.passes import with_effort
-from palpate.planning.symbolic.places import SIDEWAYS, approach, corners, domains, exists, places
+from palpate.planning.symbolic.places import (
+    SIDEWAYS,
+    approach,
+    balanced,
+    corners,
+    domains,
+    exists,
+    places,
+)
 from palpate.planning.symbolic.recording import yielding
 from palpate.planning.symbolic.shortest import Refusal, first_refused, obstacle, shortest
 from palpate.planning.symbolic.steps import TEMPORARY, Step, nodes
@@ -48,12 +56,14 @@ class Backchainer:
         words: the vocabulary that it may use.
         mirrored: things are slid aside to the other side first. What is dragged lags behind, and is
             left a little to where it came from: in turn, that evens out.
+        finds_out: an object that is weighed, too, is grasped last where it turns out to balance.
         state, steps: the plan so far, and what is believed after it.
     """
 
     scene: Scene
     words: Vocabulary = field(default_factory=vocabulary)
     mirrored: bool = False
+    finds_out: bool = True
     state: SymbolicState = field(init=False)
     steps: list[Step] = field(default_factory=list[Step], init=False)
     _found: dict[Kind, tuple[str, list[Step]]] = field(
@@ -129,7 +139,8 @@ class Backchainer:
         away = self._clear(name, (name,)) if name in self.scene.bodies else []
         for parameter in parameters:
             while not measured(parameter, self.state):
-                self._acquire(parameter)
+                if not (self._weighs(parameters) and self._balances(parameter)):
+                    self._acquire(parameter)
             self._improve(parameter)
             self._enrich(parameter)
         operators = self._operators(name, next(domains(self.scene, name)))
@@ -151,12 +162,27 @@ class Backchainer:
         """One more piece of evidence, with as few places to go to as will do."""
         self._hindrance = ""
         for expressions in places(self.scene, parameter, self.state):
-            operators = self._operators(parameter.object, expressions)
-            around = self._around(parameter.object, expressions)
-            if self._reach(operators, yielding(parameter, operators, self.words, around)):
+            if self._recorded(parameter, expressions):
                 return
         why = self._mute(parameter) or self._hindrance
         raise PlanRejected(f"no sequence of primitives measures {parameter}{why}")
+
+    def _recorded(self, parameter: Parameter, expressions: Sequence[str]) -> bool:
+        """One more piece of evidence, at some of these places, if there is a way."""
+        operators = self._operators(parameter.object, expressions)
+        around = self._around(parameter.object, expressions)
+        return self._reach(operators, yielding(parameter, operators, self.words, around))
+
+    def _weighs(self, parameters: Iterable[Parameter]) -> bool:
+        """Whether a weight is to be felt where its torque is least, and nothing beside it."""
+        return self.finds_out and {"mass", "com"} == {wanted.quantity for wanted in parameters}
+
+    def _balances(self, parameter: Parameter) -> bool:
+        """The last piece of evidence where an object balances, where that can be had."""
+        return any(
+            self._recorded(parameter, expressions)
+            for expressions in balanced(self.scene, parameter, self.state)
+        )
 
     def _improve(self, parameter: Parameter) -> None:
         """More evidence than it takes, where one step from here yields it."""

@@ -139,7 +139,7 @@ def _goes_back(before: SymbolicState, after: SymbolicState) -> bool:
     if before.contact is None or after.is_bent or touch is None or end is None:
         return False
     try:
-        began = before.scene.symbols.resolve(before.at or "")
+        began = before.resolve(before.at or "")
     except InputError:
         return False
     aside = max(_aside(end, touch), _aside(end, began))

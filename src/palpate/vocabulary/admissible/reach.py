@@ -32,7 +32,7 @@ def _instead(state: SymbolicState, name: str) -> str:
     for share in SHARES:
         terms = tuple((round(share * factor, 2), offset) for factor, offset in expression.terms)
         smaller = PoseExpression(expression.name, terms)
-        if terms and _reaches(state, symbols.resolve(smaller)):
+        if terms and _reaches(state, symbols.resolve(smaller, state.bound)):
             return f"write MovePose '{smaller}', which is within reach"
     return "choose a pose nearer to the base"
 

@@ -31,6 +31,7 @@ from palpate.vocabulary.base import (
 )
 from palpate.vocabulary.load import UNFELT
 from palpate.vocabulary.motion.arriving import UNDER_WAY, arrived, at_rest
+from palpate.vocabulary.motion.balancing import bind
 from palpate.vocabulary.motion.guarding import feel_on, go_on, reflex_on
 from palpate.vocabulary.motion.lowering import lower
 from palpate.vocabulary.motion.sliding import CONTACT_SPEED, PRESSED, drag, lowered, reflex_sliding
@@ -82,7 +83,7 @@ class MovePose(Primitive):
 
     def target(self, state: SymbolicState) -> Pose:
         """The TCP pose in the world that the expression stands for."""
-        return state.scene.symbols.resolve(self.pose)
+        return state.resolve(self.pose)
 
     @classmethod
     def groundings(cls, around: Surroundings) -> Iterator[MovePose]:
@@ -91,7 +92,8 @@ class MovePose(Primitive):
 
     def transferred(self, old: str, new: str) -> MovePose:
         head, *rest = self.pose.split(" ", 1)
-        names = {f"{old}{ending}": f"{new}{ending}" for ending in ("_pose", "_approach")}
+        endings = ("_pose", "_approach", "_balance")
+        names = {f"{old}{ending}": f"{new}{ending}" for ending in endings}
         return self.model_copy(update={"pose": " ".join([names.get(head, head), *rest])})
 
     def requires(self, state: SymbolicState) -> list[Violation]:
@@ -100,6 +102,18 @@ class MovePose(Primitive):
         except InputError as error:
             return [Violation("unknown-symbol", str(error))]
         return out_of_reach(state, target, self.pose)
+
+    def bind(self, blackboard: Blackboard) -> None:
+        name = self._name(blackboard.state)
+        if name is not None:
+            bind(blackboard, name)
+
+    def _name(self, state: SymbolicState) -> str | None:
+        """The name in the expression; None where it has none that the scene knows."""
+        try:
+            return state.scene.symbols.parse(self.pose).name
+        except InputError:
+            return None
 
     def slides(self, state: SymbolicState) -> bool:
         """Whether this would drag the held object along its support."""
@@ -127,7 +141,8 @@ class MovePose(Primitive):
             message = yield from self._go(blackboard, target)
         if blackboard.state.holding and not self.effects(blackboard.state).lifted:
             yield from lower(blackboard, self.pose)
-        return message
+        found = blackboard.bound.get(self._name(blackboard.state) or "")
+        return f"{message}; {found}" if found else message
 
     def _go(self, blackboard: Blackboard, target: Pose) -> Steps:
         """The way in spans; an object that is set down may meet its support early."""

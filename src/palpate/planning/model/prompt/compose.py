@@ -325,6 +325,9 @@ def _poses(symbols: Symbols) -> str:
     for name in symbols.later:
         if name not in symbols.poses:
             lines.append(f"{name}: {_later(name, symbols.subjects.get(name, 'it'))}")
+    for name in symbols.lines:
+        subject = symbols.subjects[name]
+        lines.append(f"{name}: where {subject} balances, as its grasps before have shown")
     for name in symbols.configurations:
         lines.append(f"{name}: joint configuration")
     for name, own in symbols.own_offsets.items():
