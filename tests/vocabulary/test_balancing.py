@@ -140,5 +140,5 @@ def test_a_plan_goes_to_where_the_run_finds_the_bar_to_balance(bar):
     tcp = done.trace.samples.between(closed.start, closed.end).pose_world_tcp[0, :3]
     assert start.local(tcp)[0] == pytest.approx(HEAVIER, abs=0.003)
     assert "as measured" in next(
-        one.message for one in done.trace.leaves if one.label == "MovePose(bar_balance)"
+        one.message for one in done.trace.leaves if one.label == "MovePose(bar_balance + z_offset)"
     )

@@ -110,7 +110,8 @@ class Blackboard:
     failed: bool = False
     """A leaf has failed: nothing else may move."""
     bound: dict[str, str] = field(default_factory=dict[str, str])
-    """Of every pose that the run has found out: where it is, and what that rests on, in words."""
+    """Of every pose that the run has found out and no leaf has told of: where it is, and what that rests
+    on, in words."""
 
     @property
     def scene(self) -> Scene:

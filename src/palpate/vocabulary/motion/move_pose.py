@@ -141,7 +141,7 @@ class MovePose(Primitive):
             message = yield from self._go(blackboard, target)
         if blackboard.state.holding and not self.effects(blackboard.state).lifted:
             yield from lower(blackboard, self.pose)
-        found = blackboard.bound.get(self._name(blackboard.state) or "")
+        found = blackboard.bound.pop(self._name(blackboard.state) or "", None)
         return f"{message}; {found}" if found else message
 
     def _go(self, blackboard: Blackboard, target: Pose) -> Steps:
