@@ -133,6 +133,16 @@ def test_joints_are_reached_with_the_tcp_below_a_quarter_metre_per_second() -> N
     assert np.linalg.norm(samples.twist[:, :3], axis=1).max() < 0.26
 
 
+def test_a_joint_that_turns_steadily_about_the_vertical_takes_no_torque() -> None:
+    arm = robot(noise="none")
+    arm.move_joints(np.add(HOME, [0.6, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]))
+    samples = arrive(arm)
+    rate = samples.dq[:, 0]
+    steady = (rate > 0.8 * rate.max()) & (np.abs(np.gradient(rate, samples.t)) < 0.05)
+    assert steady.sum() > 50
+    assert np.abs(samples.tau_ext[steady, 0]).max() < 0.05 * rate.max()
+
+
 def test_a_held_mass_reads_its_weight(carrying: MujocoRobot) -> None:
     loaded = ticks(carrying, 1.0).wrench[:, 2].mean()
     assert loaded / 9.81 == pytest.approx(0.254, rel=0.003)

@@ -111,9 +111,16 @@ class Gains:
 
     def joint_damping(self, jacobian: Array) -> Array:
         """What all dampers come to at the joints, (7, 7)."""
+        return self._at_joints(self.damping, jacobian)
+
+    def joint_stiffness(self, jacobian: Array) -> Array:
+        """What all springs come to at the joints, (7, 7)."""
+        return self._at_joints(self.stiffness, jacobian)
+
+    def _at_joints(self, each: Array, jacobian: Array) -> Array:
         if not self.cartesian:
-            return np.diag(self.damping)
-        return jacobian.T @ (self.damping[:, None] * jacobian)
+            return np.diag(each)
+        return jacobian.T @ (each[:, None] * jacobian)
 
     def lead(self, rate: Array, acceleration: Array) -> Array:
         """How far (n, 6 or 7) the springs' set-points must lead a motion so that it follows without

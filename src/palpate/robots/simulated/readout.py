@@ -17,7 +17,7 @@ from palpate.robots.simulated.noise.motion import Motion
 from palpate.robots.simulated.noise.sensors import Sensors
 from palpate.robots.simulated.noise.stamps import Stamps
 from palpate.robots.simulated.steps import Steps
-from palpate.robots.simulated.timing import DAMPING_DELAY, PERIOD
+from palpate.robots.simulated.timing import DAMPING_DELAY, PERIOD, SPRING_DELAY
 from palpate.trace.samples import Samples
 
 OBSERVER_TIME = 0.01
@@ -248,8 +248,12 @@ class Readout:
         """Mean torque behind the gears in each sample's block (n, 7): less what turns the motors
         themselves.
 
-        The integrator is implicit in the dampers: in the mean they act with the speed that the arm
-        has `DAMPING_DELAY` after the torque was sampled.
+        The torque is sampled at the beginning of a cycle's last physics step. The integrator is
+        implicit in the dampers: in the mean they act with the speed that the arm has
+        `DAMPING_DELAY` after that. Springs act in every physics step with where the arm is then:
+        in the mean, `SPRING_DELAY` before.
         """
         late = gains.joint_damping(self.jacobian) * DAMPING_DELAY
-        return steps.torque - (gained @ late + gained * self._reflected) / PERIOD
+        early = gains.joint_stiffness(self.jacobian) * SPRING_DELAY
+        speed = steps.dq - gained / 2.0
+        return steps.torque + speed @ early - (gained @ late + gained * self._reflected) / PERIOD

@@ -15,3 +15,5 @@ LONGEST_RUN = 8
 DAMPING_DELAY = TIMESTEP / SUBSTEPS / 2
 """s: torque is sampled at the beginning of a cycle's last physics step, dampers act at the end of
 each."""
+SPRING_DELAY = (SUBSTEPS - 1) * TIMESTEP / SUBSTEPS / 2
+"""s: springs are sampled then, too, and act on average so much earlier."""
