@@ -24,6 +24,17 @@ KNOWN = (
     '<geom type="cylinder" size=".03 .06" mass="0.2" friction="0.5"/></body>'
 )
 
+BAR = (
+    '<body name="bar" pos="0.50 0.00 0.015"><freejoint/>'
+    '<inertial pos="? ? ?" mass="?" diaginertia="? ? ?"/>'
+    '<geom type="box" size=".11 .012 .015" friction="0.7"/></body>'
+)
+"""Long enough to be grasped at several places."""
+BESIDE_ITS_END = (
+    '<body name="post" pos="0.37 0.055 0.06"><geom type="box" size=".012 .012 .06"/></body>'
+)
+"""What a hand meets that takes the bar farther to its end than one x_offset."""
+
 
 @cache
 def bench(
@@ -82,6 +93,12 @@ def weigh(name: str) -> list[str]:
         above,
         "MoveJoints home_config",
     ]
+
+
+def visit(pose: str) -> list[str]:
+    """The actions that grasp, lift and feel what is at a pose, and put it back."""
+    above, at = f"MovePose {pose} + z_offset", f"MovePose {pose}"
+    return [above, at, "CloseGripper", above, "MeasureForces", at, "OpenGripper", above]
 
 
 def actions(tree: Node | None) -> list[str]:

@@ -5,7 +5,18 @@ from __future__ import annotations
 import time
 
 import pytest
-from workbench import BOTTLE, CRATE, KNOWN, MUG, actions, bench, parameters, weigh
+from workbench import (
+    BAR,
+    BESIDE_ITS_END,
+    BOTTLE,
+    CRATE,
+    KNOWN,
+    MUG,
+    actions,
+    bench,
+    parameters,
+    weigh,
+)
 
 from palpate.errors import InputError, PlanRejected
 from palpate.planning.check.check import check
@@ -89,6 +100,26 @@ def test_a_centre_of_mass_takes_three_grasps_and_one_weighing(scene: Scene):
         "MovePose crate_pose - x_offset",
     ]
     assert (done.count("MeasureForces"), done.count("Force2Mass")) == (3, 1)
+
+
+MALLET = BAR.replace("bar", "mallet").replace(
+    "</body>", '<geom type="box" pos=".125 0 .003" size=".015 .045 .018"/></body>'
+)
+
+
+def last_grasp(scene: Scene) -> str:
+    """Where the plan for a mallet's mass and centre of mass takes it last."""
+    done = actions(planned(scene, "the mass and the centre of mass of the mallet").tree)
+    return [done[i - 1] for i, action in enumerate(done) if action == "CloseGripper"][-1]
+
+
+def test_what_does_not_balance_where_it_is_grasped_is_weighed_last_where_it_does():
+    assert last_grasp(bench(MALLET)) == "MovePose mallet_balance"
+
+
+def test_it_is_not_where_a_part_of_that_region_does_not_pass():
+    blocked = bench(MALLET, BESIDE_ITS_END)
+    assert last_grasp(blocked) == "MovePose mallet_pose + x_offset"
 
 
 @pytest.mark.parametrize(("head", "last"), [("", "+"), ("-", "-")])

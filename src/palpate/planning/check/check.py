@@ -99,7 +99,7 @@ def check(
     if scene is not None:
         walk = Walk.over(plan.tree, case.form, words, scene, reachable)
         found += walk.findings
-        found += somewhere(walk, plan.tree, scene, reachable)
+        found += somewhere(case, walk, reachable)
         for rule, judged in WALK_RULES.items():
             if not (walk.unread and rule in OF_THE_WHOLE):
                 found += judged(case, walk)

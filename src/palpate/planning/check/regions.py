@@ -1,5 +1,9 @@
 """Poses that a run finds out: whatever place in its region each of them turns out to be, the whole plan
-may run."""
+may run.
+
+One is varied at a time, so no motion leads from one of them to another; whatever else comes of two of
+them together, the leaf judges before it moves.
+"""
 
 from __future__ import annotations
 
@@ -8,47 +12,66 @@ from dataclasses import replace
 
 from palpate.errors import InputError
 from palpate.geometry.line import Line
-from palpate.planning.check.case import Form
+from palpate.planning.check import end
+from palpate.planning.check.case import Case
 from palpate.planning.check.finding import Finding
 from palpate.planning.check.walk import Reach, Walk
-from palpate.planning.plan import Node
 from palpate.scene.scene import Scene
-from palpate.scene.symbols import Symbols
 from palpate.vocabulary.motion.move_pose import MovePose
 
 
-def somewhere(
-    walk: Walk, tree: Node, scene: Scene, reachable: Reach | None = None
-) -> Iterator[Finding]:
+def somewhere(case: Case, walk: Walk, reachable: Reach | None = None) -> Iterator[Finding]:
     """What speaks against a tree that `walk` has judged with its poses where they are believed: one
     finding for every pose whose region does not wholly pass."""
-    for name, line in found_out(walk.form, scene.symbols).items():
+    tree, scene = case.plan.tree, case.scene
+    if tree is None or scene is None:
+        return
+    yield from _from_one_to_another(walk, scene)
+    known = [*walk.findings, *end.not_restored(case, walk)]
+    for name, line in found_out(case).items():
         for place in line.places():
-            other = Walk.over(tree, walk.form, walk.words, scene, reachable, {name: place})
-            added = [found for found in other.findings if found.rule not in _rules(walk, found)]
-            if added:
-                yield _told(added[0], name, line, place, scene.symbols.subjects[name])
+            other = Walk.over(tree, case.form, case.words, scene, reachable, {name: place})
+            added = _added(known, [*other.findings, *end.not_restored(case, other)])
+            if added is not None:
+                yield _told(added, name, line, place, scene.symbols.subjects[name])
                 break
 
 
-def found_out(form: Form, symbols: Symbols) -> dict[str, Line]:
-    """The poses that a run of the tree finds out, with where they may be."""
+def found_out(case: Case) -> dict[str, Line]:
+    """The poses that a run of the plan finds out, with where they may be."""
     lines: dict[str, Line] = {}
-    for primitive in form.primitives.values():
-        if not isinstance(primitive, MovePose):
-            continue
-        try:
-            name = symbols.parse(primitive.pose).name
-        except InputError:
-            continue
-        if name in symbols.lines:
-            lines[name] = symbols.lines[name]
+    for primitive in case.form.primitives.values():
+        if case.scene is not None and isinstance(primitive, MovePose):
+            name = _name(primitive.pose, case.scene)
+            if name is not None:
+                lines[name] = case.scene.symbols.lines[name]
     return lines
 
 
-def _rules(walk: Walk, like: Finding) -> set[str]:
-    """The rules that are broken where another walk has a finding, too."""
-    return {found.rule for found in walk.findings if found.path == like.path}
+def _name(expression: str | None, scene: Scene) -> str | None:
+    """The pose in an expression that a run finds out; None where there is none."""
+    try:
+        name = scene.symbols.parse(expression or "").name
+    except InputError:
+        return None
+    return name if name in scene.symbols.lines else None
+
+
+def _from_one_to_another(walk: Walk, scene: Scene) -> Iterator[Finding]:
+    for action in walk.actions:
+        start, goal = _name(action.before.at, scene), _name(action.after.at, scene)
+        if start is not None and goal is not None and start != goal:
+            message = (
+                f"'{start}' and '{goal}' are both found out by running, so nobody knows the way between "
+                f"them; MovePose to '{scene.symbols.subjects[goal]}_pose + z_offset' first"
+            )
+            yield Finding.of(action.path, "unknown-start", message)
+
+
+def _added(known: list[Finding], found: list[Finding]) -> Finding | None:
+    """The first finding where no known one breaks the same rule."""
+    told = {(finding.path, finding.rule) for finding in known}
+    return next((one for one in found if (one.path, one.rule) not in told), None)
 
 
 def _told(found: Finding, name: str, line: Line, place: float, subject: str) -> Finding:

@@ -13,7 +13,7 @@ from pathlib import Path
 
 from palpate.errors import InputError, PlanRejected
 from palpate.parameter import Parameter
-from palpate.planning.check.case import Form
+from palpate.planning.check.case import Case, Form
 from palpate.planning.check.finding import Finding
 from palpate.planning.check.regions import found_out, somewhere
 from palpate.planning.check.walk import Walk
@@ -128,9 +128,9 @@ def assemble(
 
 def _refused(tree: Node, words: Vocabulary, scene: Scene) -> Iterator[Finding]:
     """What speaks against poses that a run finds out."""
-    form = Form.of(tree, words)
-    if found_out(form, scene.symbols):
-        yield from somewhere(Walk.over(tree, form, words, scene), tree, scene)
+    case = Case(Plan((), tree, ""), Form.of(tree, words), words, scene)
+    if found_out(case):
+        yield from somewhere(case, Walk.over(tree, case.form, words, scene))
 
 
 def _assembled(

@@ -43,8 +43,10 @@ def _found(blackboard: Blackboard, subject: str, line: Line) -> Place:
     body = scene.body(subject)
     std = _std(found, body.pose_world.rotation.T @ line.along)
     along = line.nearest(body.pose_at_rest.apply(found.value))
-    if abs(along - line.believed) < std:
-        return Place(line.believed, f"as believed: measured to ± {1e3 * std:.0f} mm of that")
+    apart = along - line.believed
+    if abs(apart) < std:
+        doubt = f"measured {1e3 * apart:+.0f} ± {1e3 * std:.0f} mm from there"
+        return Place(line.believed, f"as believed: {doubt}")
     return Place(along, f"as measured to ± {1e3 * std:.1f} mm")
 
 

@@ -1,0 +1,43 @@
+"""Plans that go to poses which a run finds out: all of their regions must pass."""
+
+from __future__ import annotations
+
+import pytest
+from workbench import BAR, BESIDE_ITS_END, bench, plan, sequence, visit
+
+from palpate.planning.check.check import check
+from palpate.scene.scene import Scene
+
+START = ("MoveJoints home_config", "OpenGripper")
+HOME = "MoveJoints home_config"
+
+
+@pytest.fixture(scope="module")
+def bar() -> Scene:
+    return bench(BAR)
+
+
+def test_a_plan_is_refused_where_a_part_of_the_region_does_not_pass(bar):
+    three = [*visit("bar_pose"), *visit("bar_pose + x_offset"), *visit("bar_balance")]
+    weighed = plan(sequence(*START, *three, HOME), "bar.com")
+    assert check(weighed, bar) == ()
+    (finding,) = check(weighed, bench(BAR, BESIDE_ITS_END))
+    assert finding.rule in ("blocked", "collision")
+    assert "'bar_balance' is found out by running and may be anywhere" in finding.message
+    assert "'post'" in finding.message
+
+
+def test_what_is_put_down_elsewhere_than_where_it_is_taken_is_not_restored(bar):
+    carried = sequence(*START, *visit("bar_balance")[:5], *visit("bar_pose")[5:], HOME)
+    found = {finding.rule: finding.message for finding in check(plan(carried), bar)}
+    assert "found out by running" in found["not-restored"]
+
+
+def test_no_motion_leads_from_one_such_pose_to_another():
+    two = bench(BAR, BAR.replace("bar", "rod").replace("0.00", "0.20"))
+    hop = sequence(
+        *START, "MovePose bar_balance + z_offset", "MovePose rod_balance + z_offset", HOME
+    )
+    (finding,) = (one for one in check(plan(hop), two) if one.rule == "unknown-start")
+    assert finding.path == "tree.children[3]"
+    assert "MovePose to 'rod_pose + z_offset' first" in finding.message
