@@ -115,7 +115,8 @@ def swaying(trace, amplitude):
     size = amplitude * np.convolve(low, np.hanning(100) / np.hanning(100).sum(), mode="same")
     joints = np.array([1.0, 1.0, 0.0, -1.0, 0.0, 1.0, 0.0])
     q = load_description().home + np.outer(size * np.sin(2 * np.pi * samples.t), joints)
-    dq, ddq = gained(q, samples.t), gained(gained(q, samples.t), samples.t)
+    # A row is the mean over its period: what was gained from its beginning to its end.
+    dq, ddq = gained(q, samples.t), gained(np.gradient(q, samples.t, axis=0), samples.t)
     nothing = replace(samples, q=q, dq=dq, tau_ext=np.zeros(q.shape), wrench=np.zeros((len(q), 6)))
     hand = replace(trace.hand, chain=chain)
     maps = feeling(replace(trace, samples=nothing, hand=hand)).maps(q)

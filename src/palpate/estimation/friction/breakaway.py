@@ -1,28 +1,49 @@
 """Static friction: the force at which a held object begins to slide.
 
-The hand gains speed as the object breaks away, and the arm's inertia takes its part of the force.
-How much that is in the direction of a drag shows at its end: there the hand slows down while the
-object still slides, and the momentum that the arm loses is in the force.
+While the hand sets out, the force along the support rises as the grip is strained, up to what sticking
+bears. There it stays as long as the object creeps, and then falls to the level of sliding, which is known
+by then. Neither the rows in which it rises nor the one in which it falls show what sticking bears; where
+they begin and end is not known, either, so that the coefficient is averaged over all ways to tell rows
+apart, by how likely each is (a change point model, e.g. Bishop, Pattern Recognition and Machine Learning,
+section 14.1).
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cache
+from math import erfc, sqrt
 
 import numpy as np
 
 from palpate.estimation import tuning
 from palpate.estimation.friction.drags import Drag
 from palpate.estimation.friction.fit import Sliding
+from palpate.geometry.pose import Array
+
+FLOOR = 1e-300
+"""Keeps a logarithm finite."""
 
 
-@dataclass(frozen=True, slots=True)
-class _Peak:
-    """One breakaway: mu_s as it shows it, and the variance of that."""
+@dataclass(frozen=True, slots=True, eq=False)
+class _Parting:
+    """What a drag says of the coefficient of sticking.
 
-    ratio: float
+    Attributes:
+        drag: its number.
+        chance: (m,) of each value that is tried, but for what is no friction.
+        mean, variance: of that.
+        rows: that hold before the object lets go.
+        normal: N, in them.
+    """
+
+    drag: int
+    chance: Array
+    mean: float
     variance: float
+    rows: slice
+    normal: float
 
 
 def static_friction(drags: Sequence[Drag], sliding: Sliding) -> tuple[float, float] | None:
@@ -31,37 +52,173 @@ def static_friction(drags: Sequence[Drag], sliding: Sliding) -> tuple[float, flo
     Where breakaways differ by more than they should, that widens it (Birge's ratio; e.g. Particle
     Data Group, Review of Particle Physics, 2024, introduction, section 5.2.2).
     """
-    peaks = list(_peaks(drags, sliding))
-    if not peaks:
+    mu = sliding.friction[0]
+    values = np.linspace(1.0, tuning.STATIC_RANGE, tuning.STATIC_STEPS) * mu
+    seen = list(_partings(drags, sliding, values))
+    expected = _expected(values / mu)
+    if not seen:
         return None
-    ratios = np.array([peak.ratio for peak in peaks])
-    variance = np.array([peak.variance for peak in peaks])
-    weight = 1.0 / variance
-    mean = float(weight @ ratios / weight.sum())
-    excess = float(np.mean((ratios - mean) ** 2 / variance))
-    own = np.sqrt(max(1.0, excess) / weight.sum())
-    return mean * (1.0 + tuning.RISING), float(np.hypot(own, tuning.BREAKAWAY * mean))
+    aside = np.array([_apart(sliding, [parting], np.ones(1)) ** 2 for parting in seen])
+    chance = expected
+    for parting, variance in zip(seen, aside.tolist(), strict=True):
+        chance = chance * _widened(parting.chance, values, variance)
+    mean, variance = _moments(chance, values)
+    if variance > tuning.PARTINGS_SEEN**2 * _moments(expected, values)[1]:
+        return None
+    own = np.array([parting.variance for parting in seen])
+    means = np.array([parting.mean for parting in seen])
+    weight = 1.0 / (own + aside)
+    excess = float(np.mean((means - mean) ** 2 * weight))
+    weight /= weight.sum()
+    # What is no friction drags have in common, more or less.
+    common = max(0.0, _apart(sliding, seen, weight) ** 2 - float(weight**2 @ aside))
+    return mean, float(np.sqrt(max(1.0, excess) * variance + common))
 
 
-def _peaks(drags: Sequence[Drag], sliding: Sliding) -> Iterator[_Peak]:
+def _expected(ratios: Array) -> Array:
+    """(m,) how likely it is before any breakaway that something sticks so much better than it slides."""
+    beyond = np.maximum(ratios - 1.0, ratios[1] - 1.0)
+    return (
+        np.exp(-0.5 * (np.log(beyond / tuning.STICKIER) / np.log(tuning.STICKIER_FACTOR)) ** 2)
+        / beyond
+    )
+
+
+def _moments(chance: Array, values: Array) -> tuple[float, float]:
+    """Mean and variance of values (m,) by their chances."""
+    mean = float(chance @ values / chance.sum())
+    return mean, float(chance @ (values - mean) ** 2 / chance.sum())
+
+
+def _widened(chance: Array, values: Array, variance: float) -> Array:
+    """Chances (m,) of values, with so much variance more."""
+    spread = max(variance, (values[1] - values[0]) ** 2)
+    kernel = np.exp(-0.5 * (values[:, None] - values) ** 2 / spread)
+    wide: Array = (kernel / kernel.sum(axis=0)) @ chance
+    return wide / wide.max()
+
+
+def _apart(sliding: Sliding, seen: Sequence[_Parting], weight: Array) -> float:
+    """Standard deviation of a weighted mean by what is no friction, which drags have in common."""
+    each = zip(seen, weight.tolist(), strict=True)
+    return sliding.apart([(part.drag, part.rows, share / part.normal) for part, share in each])
+
+
+def _partings(drags: Sequence[Drag], sliding: Sliding, values: Array) -> Iterator[_Parting]:
     for i, drag in enumerate(drags):
-        rows = drag.parting
-        if rows is not None:
-            mass = _further_mass(i, drag, sliding)
-            yield _peak(drag, rows, *sliding.aside(i, rows), *mass)
+        # Where the hand did not rest before, the object may have slid all along.
+        if drag.breakaway is not None and drag.begins >= tuning.PARTING_ROWS:
+            yield _parted(i, drag, sliding, values)
 
 
-def _peak(
-    drag: Drag, rows: slice, aside: float, aside_std: float, mass: float, mass_std: float
-) -> _Peak:
-    """The quotient of forces in `rows`; `aside` (N) is what of the force is no friction, `mass` (kg)
-    what the arm seems to have beyond what was taken off."""
-    normal = max(float(drag.normal[rows].mean()), tuning.NORMAL_MIN)
-    gained = drag.acceleration[rows]
-    force = float(drag.tangential[rows].mean() - mass * gained.mean()) - aside
-    noise = drag.row_variance() / (rows.stop - rows.start)
-    inertia = float(np.hypot(mass_std, tuning.TURNING_MASS)) * float(np.abs(gained).max())
-    return _Peak(force / normal, (noise + aside_std**2 + inertia**2) / normal**2)
+def _parted(number: int, drag: Drag, sliding: Sliding, values: Array) -> _Parting:
+    """What a drag says of each of `values` (m,), the first of which is that of sliding."""
+    mass, mass_std = _further_mass(number, drag, sliding)
+    normal = np.maximum(drag.normal, tuning.NORMAL_MIN)
+    ratio = (drag.tangential - sliding.besides(number) - mass * drag.acceleration) / normal
+    scatter = max(drag.row_variance(), drag.noise)
+    noise = np.hypot(np.sqrt(scatter) / normal, tuning.STATIC_NOISE)
+    # From what is seen to rise, to what slides for a while: the hand follows soon after.
+    seen = slice(drag.begins - tuning.PARTING_ROWS, drag.follows + 3 * tuning.PARTING_ROWS)
+    likely = _likely(ratio[seen], noise[seen], values)
+    falls, holds = np.unravel_index(np.argmax(likely.max(axis=2)), likely.shape[:2])
+    rows = slice(seen.start + int(falls - holds), seen.start + int(falls) + 1)
+    # It may as well have let go before, at any value, and slide all the time.
+    slid = _normal(ratio[seen] - values[0], noise[seen])[tuning.PARTING_ROWS :].sum()
+    before = -tuning.PARTING_ROWS * np.log(2.0 * values)
+    most = max(float(likely.max()), slid + before.max())
+    chance: Array = np.exp(likely - most).mean(axis=(0, 1)) + np.exp(slid + before - most)
+    # While its foot sticks the object turns in the grip: less of it than all goes with the hand.
+    pressed = float(normal[rows].mean())
+    gained = float(drag.acceleration[rows].mean())
+    turning = drag.mass * gained / pressed
+    unsure = np.hypot(mass_std * gained, tuning.INERTIA_SHARE * float(drag.inertial[rows].mean()))
+    wider = turning**2 / 12.0 + float(unsure / pressed) ** 2
+    moved: Array = np.interp(values - turning / 2.0, values, chance)
+    chance = _widened(moved, values, wider)
+    return _Parting(number, chance, *_moments(chance, values), rows, pressed)
+
+
+def _likely(ratio: Array, noise: Array, values: Array) -> Array:
+    """(n, h, m) how likely quotients of forces (n,) are whose noise is `noise`, as logarithms, if row i is
+    the last before the object lets go, having held for j + 1 rows at the k-th of `values` (m,), the first
+    of which holds while it slides.
+
+    All of these explain as many rows: an explanation of more would seem better.
+    """
+    count, mu = len(ratio), float(values[0])
+    parting = _parting(ratio, noise, mu, values)
+    holding = _summed(_normal(ratio[:, None] - values, noise[:, None]))
+    sliding = _summed(_normal(ratio - mu, noise))
+    # Before all that the force may be anything.
+    anything = -np.log(2.0 * values)
+    found = np.full((count, tuning.HOLDING, len(values)), -np.inf)
+    for i in range(tuning.PARTING_ROWS - 1, count - 2 * tuning.PARTING_ROWS):
+        begun = i + 1 - tuning.PARTING_ROWS
+        after = sliding[count] - sliding[i + 2]
+        for j in range(tuning.HOLDING):
+            part = slice(begun, i - j)
+            rising = _rising(ratio[part], noise[part], values)
+            held = holding[i] - holding[i - j]
+            found[i, j] = anything * begun + rising + held + parting[i] + after
+    return found
+
+
+def _parting(ratio: Array, noise: Array, mu: float, values: Array) -> Array:
+    """(n - 1, m) how likely two neighbouring quotients are between which an object lets go, as logarithms.
+
+    It does so up to half a row earlier or later, and what the arm gains by it is a mean over two rows: of the
+    fall, half is in the two, none to all of that half in the first.
+    """
+    fall = values - mu
+    each = [
+        _normal(ratio[:-1, None] - (values - part * fall), noise[:-1, None])
+        + _normal(ratio[1:, None] - (mu + (0.5 - part) * fall), noise[1:, None])
+        for part in (0.0, 0.25, 0.5)
+    ]
+    likely: Array = np.logaddexp.reduce(each) - np.log(len(each))
+    return likely
+
+
+def _rising(ratio: Array, noise: Array, values: Array) -> Array:
+    """(m,) how likely quotients are that rise in a straight line up to each of `values`, as logarithms;
+    how steeply is not known, nor whether the last of them is a whole step below or half of one."""
+    whole = np.arange(len(ratio), 0.0, -1.0)
+    short = (values - ratio[:, None]) / noise[:, None]
+    steep = (tuning.RISING * values) ** 2
+    each: list[Array] = []
+    for within in (0.0, 0.5):
+        ahead = (whole - within) / noise
+        known = 1.0 + steep * float(ahead @ ahead)
+        slope = steep / known * (ahead @ short)
+        square = (short**2).sum(axis=0) - slope * (ahead @ short)
+        upwards = 2.0 * _below(slope / np.sqrt(steep / known))
+        each.append(np.log(np.maximum(upwards, FLOOR)) - 0.5 * (square + np.log(known)))
+    likely: Array = np.logaddexp.reduce(each) - np.log(len(each))
+    return likely - np.log(noise * np.sqrt(2.0 * np.pi)).sum()
+
+
+def _below(z: Array) -> Array:
+    """The standard normal distribution below `z`, from a table."""
+    found: Array = np.interp(z, *_table())
+    return found
+
+
+@cache
+def _table() -> tuple[Array, Array]:
+    """(n,) numbers, and the standard normal distribution below each."""
+    at = np.linspace(-9.0, 9.0, 181)
+    return at, np.array([0.5 * erfc(-x / sqrt(2.0)) for x in at.tolist()])
+
+
+def _summed(rows: Array) -> Array:
+    """(n + 1, ...) sums of the first rows of (n, ...)."""
+    return np.concatenate([np.zeros_like(rows[:1]), np.cumsum(rows, axis=0)])
+
+
+def _normal(off: Array, noise: Array) -> Array:
+    """Logarithms of the normal density `off` its mean."""
+    return -0.5 * (off / noise) ** 2 - np.log(noise * np.sqrt(2.0 * np.pi))
 
 
 def _further_mass(number: int, drag: Drag, sliding: Sliding) -> tuple[float, float]:

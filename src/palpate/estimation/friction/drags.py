@@ -64,6 +64,7 @@ class Drag:
         place: (n, 2) m, of the hand, world.
         tangential, normal: N, along the drag and on the support; what moves the arm's links and the
             object is taken off.
+        inertial: N, what was taken off of the tangential force.
         acceleration: m/s², along the drag.
         speed: m/s, commanded.
         q: (n, 7) rad.
@@ -71,6 +72,8 @@ class Drag:
         turned: (n, 7) which way each joint was turned last: -1 to 1, between them as it turns round.
         cruising: the motion is commanded at its full speed.
         moving: the hand follows it.
+        begins: row at which the hand is told to set out; before, the object rests on its support.
+        mass: kg, of the object.
         unsure_mass: kg (1 sigma), what the arm may have besides what was taken off.
         quiet: N², what `noise` is of the force in this direction while the object hangs at rest.
         hanging: what it is referred to.
@@ -81,6 +84,7 @@ class Drag:
     place: Array
     tangential: Array
     normal: Array
+    inertial: Array
     acceleration: Array
     speed: Array
     q: Array
@@ -88,6 +92,8 @@ class Drag:
     turned: Array
     cruising: Mask
     moving: Mask
+    begins: int
+    mass: float
     unsure_mass: float
     quiet: float
     hanging: Hanging
@@ -128,11 +134,13 @@ class Drag:
     @cached_property
     def _strained(self) -> int | None:
         """The first row in which the object may be sliding; None when it never does."""
-        late = self.cruising & (self.t > self.t[0] + tuning.LATE * (self.t[-1] - self.t[0]))
+        start, end = self.t[self.begins], self.t[-1]
+        late = self.cruising & (self.t > start + tuning.LATE * (end - start))
         if not late.any():
             return None
-        begun = np.flatnonzero(self.quotient >= tuning.SLIDING * np.median(self.quotient[late]))
-        return int(begun[0]) if len(begun) else None
+        enough = tuning.SLIDING * np.median(self.quotient[late])
+        begun = np.flatnonzero(self.quotient[self.begins :] >= enough)
+        return self.begins + int(begun[0]) if len(begun) else None
 
     @cached_property
     def swung_out(self) -> Mask:
@@ -161,14 +169,11 @@ class Drag:
         return slice(first, first + int(np.argmin(np.append(slides, False))))
 
     @property
-    def parting(self) -> slice | None:
-        """The short stretch of rows at whose end the object breaks away; None where it was not seen to
-        stick before."""
-        # At its first row nothing was seen to rise.
-        if not self.breakaway:
-            return None
-        first = max(0, self.breakaway - self._smooth // 2)
-        return slice(first, first + self._smooth)
+    def follows(self) -> int:
+        """The first row from which the hand follows for a while: what it holds slides by then."""
+        ahead = np.lib.stride_tricks.sliding_window_view(self.moving[self.begins :], self._smooth)
+        on = np.flatnonzero(ahead.all(axis=1))
+        return self.begins + int(on[0]) if len(on) else len(self.t)
 
     def row_variance(self) -> float:
         """N², of the tangential force in a row of steady sliding: half of that from row to row."""
@@ -235,11 +240,29 @@ def _drags(trace: Trace, load: Load, felt: Feeling) -> Iterator[Drag]:
     # Soft springs are lowered steeply to press; what counts is how level the hand itself goes.
     level = np.abs(_climbing(samples)) < tuning.DRAG_SLOPE * horizontal
     low = samples.pose_world_tcp[:, 2] < floor + tuning.DOWN
-    for rows in runs(load.loaded & low & (horizontal > tuning.DRAG_SPEED) & level):
-        if rows.stop - rows.start > tuning.DRAG_ROWS:
-            moved = _moved(samples, rows, felt, free.force[2] / trace.gravity)
+    mass = max(0.0, float(free.force[2]) / trace.gravity)
+    ended = 0
+    for told in runs(load.loaded & low & (horizontal > tuning.DRAG_SPEED) & level):
+        if told.stop - told.start > tuning.DRAG_ROWS:
+            rows = slice(_since(samples.t, told.start, load.loaded & low, ended), told.stop)
+            moved = _moved(samples, rows, felt, mass)
             drag = _drag(samples, rows, step[:, :2], moved, hanging, ways, free)
+            begins = told.start - _leading(horizontal[rows.start : told.start] > tuning.SETS_OUT)
+            drag = replace(drag, begins=begins - rows.start, mass=mass)
             yield drag if felt.knows_links else replace(drag, unsure_mass=tuning.HORIZONTAL_SPREAD)
+        ended = told.stop
+
+
+def _leading(told: Mask) -> int:
+    """How many rows at the end of some are told to move."""
+    return len(told) - 1 - int(np.flatnonzero(~told)[-1]) if not told.all() else len(told)
+
+
+def _since(t: Array, first: int, held: Mask, ended: int) -> int:
+    """The row from which a drag is looked at that is told in row `first`: what strains the object
+    before it breaks away is seen to rise, unless the drag before `ended` so late."""
+    before = (t > t[first] - tuning.STRAINING) & held & (np.arange(len(t)) >= ended)
+    return int(np.flatnonzero(before[: first + 1])[0])
 
 
 def _climbing(samples: Samples) -> Array:
@@ -275,10 +298,14 @@ def _stretches(t: Array, rows: Mask) -> list[NDArray[np.intp]]:
 
 
 def _gained(values: Array, t: Array, rows: slice) -> Array:
-    """(k, n) that values (m, n) gain a second up to each of `rows`. Backward differences: central ones
-    would lend the last row before the slip the jump that follows it."""
+    """(k, n) that values (m, n) gain a second in each of `rows`.
+
+    A row is the mean over a log period: what is gained from one to the next belongs to the boundary
+    between them, and to a row the mean of both its boundaries.
+    """
     period = float(np.median(np.diff(t)))
-    gained: Array = np.diff(values, axis=0, prepend=values[:1])[rows] / period
+    steps = np.diff(values, axis=0, prepend=values[:1], append=values[-1:]) / period
+    gained: Array = ((steps[1:] + steps[:-1]) / 2.0)[rows]
     return gained
 
 
@@ -320,6 +347,7 @@ def _drag(
         samples.pose_world_tcp[rows, :2],
         force[:, :2] @ way,
         -force[:, 2],
+        moved[:, :2] @ way,
         _gained(samples.twist[:, :2] @ way, samples.t, rows),
         np.maximum(commanded, tuning.DRAG_SPEED),
         samples.q[rows],
@@ -327,6 +355,8 @@ def _drag(
         ways[rows],
         commanded > tuning.CRUISE * float(np.median(commanded)),
         samples.twist[rows, :2] @ way > tuning.FOLLOWING * commanded,
+        0,
+        0.0,
         0.0,
         _density(
             [samples.wrench[part, :2] @ way for part in _stretches(samples.t, hanging)], period

@@ -131,6 +131,21 @@ class Sliding:
         row[MU] = 0.0
         return float(row @ self.found.mean), float(np.sqrt(row @ self.found.covariance @ row))
 
+    def besides(self, drag: int) -> Array:
+        """(n,) N: what is no friction of the object in each row of a drag."""
+        others = self.found.mean.copy()
+        others[MU] = 0.0
+        return self.columns.of[drag] @ others
+
+    def apart(self, shares: Sequence[tuple[int, slice, float]]) -> float:
+        """Standard deviation of a sum over drags (by number) of what is no friction of the object, mean
+        over rows, N, times a share of each."""
+        row = np.zeros(len(self.found.mean))
+        for drag, rows, share in shares:
+            row += share * self.columns.of[drag][rows].mean(axis=0)
+        row[MU] = 0.0
+        return float(np.sqrt(row @ self.found.covariance @ row))
+
     def difference(self, what: slice, likely: float, small: float) -> Difference:
         """Of the unknowns `what`, which may be as large as `likely` and are no harm as long as they
         are `small` (1 sigma each); friction is even but for them."""

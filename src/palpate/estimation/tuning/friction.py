@@ -7,6 +7,9 @@ correlation counts. Sensitive: friction 0.07 σ, std ×1.0–1.1."""
 DRAG_SPEED = 0.002
 """m/s, commanded and horizontal, from which a row belongs to a drag. Sensitive: no."""
 
+SETS_OUT = 0.0005
+"""m/s, commanded and horizontal, from which a hand at rest sets out. Sensitive: no."""
+
 DRAG_SLOPE = 0.3
 """vertical over horizontal commanded speed up to which a motion is a drag. Sensitive: friction 0.7
 σ, std ×0.6–1.0."""
@@ -146,21 +149,43 @@ MASS_ERROR = 0.5
 joint angles than it set out with. Chosen, without a source: a tenth of `HORIZONTAL_MASS`, rounded.
 Sensitive: `static` std."""
 
-TURNING_MASS = 0.5
-"""kg (1 sigma) that the hand, which turns as it lets go, seems to have besides: two thirds of what a
-Franka Hand weighs (0.73 kg, franka_description). In 20 recordings of a bottle at `lab` and `datasheet`
-four of six breakaways lie within half of what it makes of them, the two along the other axis up to 2.5
-times as far off as that, one too high and one too low. Sensitive: `static` 0.3 σ, std ×0.9–1.4."""
+STRAINING = 0.1
+"""s before a hand is told to set out, from which a drag is looked at: what was strained before breaks away
+at once. Sensitive: no."""
 
-RISING = 0.025
-"""part by which the mean of a breakaway's forces over `SMOOTH` is below their peak: they rise by up to a
-tenth in it, so that the mean is 0 to a twentieth below; half of that. Sensitive: `static` 1 σ."""
+HOLDING = 6
+"""rows, 30 ms, for which an object holds at the coefficient of sticking and creeps before it lets go, at
+most. Sensitive: `static` hardly."""
 
-BREAKAWAY = 0.014
-"""part (1 sigma) of static friction by which all breakaways are off alike: what `RISING` may be off by,
-were it uniform. In 35 recordings of a bottle, on stiff and on soft springs, up to `hardware`, all
-breakaways together were 0.2 % off, and 1.2 % at `lab`. An object that lets go at one edge before the
-other is in none of them. Sensitive: `static` std."""
+PARTING_ROWS = 7
+"""rows, 35 ms, before it lets go, in which an object holds or the force rises to that in a straight line: the
+hand sets out with a jerk, so that for longer it does not. Sensitive: `static` 0.5 σ."""
+
+RISING = 0.25
+"""part (1 sigma) of the coefficient by which the force rises in a row. Sensitive: `static` hardly."""
+
+STATIC_STEPS = 200
+"""values of a coefficient of sticking that are tried, from that of sliding ... Sensitive: no."""
+
+STATIC_RANGE = 2.5
+"""... to so many times it: wider than the pairs of dry surfaces that handbooks list (mostly 1.0 to 1.5).
+Sensitive: `static` hardly."""
+
+STICKIER = 0.3
+"""part by which things stick better than they slide, usually: steel on steel 0.74 and 0.57, copper on steel
+0.53 and 0.36, rubber on concrete 1.0 and 0.8 (tables of textbooks, e.g. Serway, Physics for Scientists and
+Engineers, table 5.1) ... Sensitive: `static` hardly."""
+
+STICKIER_FACTOR = 2.5
+"""... by so many times more or less (1 sigma). Sensitive: `static` hardly."""
+
+STATIC_NOISE = 0.005
+"""noise of a row's quotient of forces that is always assumed: what rises does not rise in a straight line.
+Sensitive: `static` hardly."""
+
+PARTINGS_SEEN = 0.5
+"""part of what is not known of static friction before, from which breakaways say something of it.
+Sensitive: no."""
 
 STICKING = 0.1
 """part of the rows of steady sliding in which the hand may lag behind its command; an object that
