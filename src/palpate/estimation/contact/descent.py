@@ -13,6 +13,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from palpate.estimation import tuning
+from palpate.estimation.contact.rubbed import rubbed
 from palpate.estimation.windows import Mask
 from palpate.geometry.pose import Array, rotations
 from palpate.parameter import Parameter
@@ -41,6 +42,7 @@ class Descent:
             over some rows: friction and drift that change with the place. Of the pressing force,
             what its even change leaves.
         slope: N/m, that change.
+        rubbed: (n,) N of the force that the arm's own joints make, as they turn round on the way.
     """
 
     samples: Samples
@@ -54,6 +56,7 @@ class Descent:
     set_out: Array
     wander: Array
     slope: float
+    rubbed: Array
 
     @property
     def free(self) -> slice:
@@ -159,7 +162,10 @@ def descent_before(trace: Trace, recording: Recording) -> Descent | None:
     wander = block_means(samples.wrench[free]).std(axis=0)
     wander[2] = _spread(block_means((down - free_air)[free]))
     force = (down - free_air, smooth - free_air)
-    return Descent(samples, leaf, z, *force, noise, onset, pressed, set_out, wander, met.slope)
+    first = int(np.searchsorted(trace.samples.t, samples.t[0]))
+    rows = slice(first, first + len(samples))
+    own = rubbed(trace, rows, free, float(samples.pose_world_tcp[onset, 2]))
+    return Descent(samples, leaf, z, *force, noise, onset, pressed, set_out, wander, met.slope, own)
 
 
 def _borne(samples: Samples, pressed: Mask) -> Mask:

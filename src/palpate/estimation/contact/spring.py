@@ -2,11 +2,11 @@
 
     f = f0 + k max(z0 - z, 0) - m a - [contact] d v + s [at rest]
 
-with the pressing force f, tip height z, its velocity v and acceleration a. f0 is what free air
-feels like while the arm descends, s what the joints' friction adds once it rests, m the arm's
-apparent mass, whose inertia the torque sensors feel, and d what the surface dissipates. All but z0
-enter linearly, so that they are solved for at each z0, and z0 is searched for (variable
-projection, Golub & Pereyra 1973).
+with the pressing force f, less what joints that turn round on the way make of it (`rubbed`), tip
+height z, its velocity v and acceleration a. f0 is what free air feels like while the arm descends, s
+what the joints' friction adds once it rests, m the arm's apparent mass, whose inertia the torque
+sensors feel, and d what the surface dissipates. All but z0 enter linearly, so that they are solved for
+at each z0, and z0 is searched for (variable projection, Golub & Pereyra 1973).
 
 The controller's own stiffness, though in series with the surface, is not in it: the tip's height is
 measured. What gives way between the encoders and the pads' end is, as `tip_compliance`.
@@ -165,8 +165,10 @@ def fit_spring(descent: Descent, onset: Onset, hand: Hand) -> Spring:
     gain = tuning.GAIN_RATIO * hand.torque_gain
     total = 1.0 / stiffness
     # What free air does on the way down to the contact, it may do otherwise on the way through, and
-    # what joints rub with is another force in another posture.
+    # what joints rub with is another force in another posture, foreseen or not.
     rubs = max(abs(float(descent.set_out[2])) - 2.0 * hand.force_repeatability, 0.0)
+    if descent.rubbed.any():
+        rubs *= tuning.RUBBED
     slopes = (tuning.FREE_SLOPE_STD, descent.slope / 2, rubs / tuning.POSTURE)
     slope = np.linalg.norm(slopes) / stiffness
     hardening, hardening_std = _hardening(curve, found, first, float(descent.wander[2]))
@@ -240,7 +242,7 @@ def _curve(descent: Descent, onset: Onset, hand: Hand) -> _Curve:
     dissipated = 2.0 * (tuning.DISSIPATING_MASS / max(onset.secant, tuning.UNSEEN)) ** 0.5
     return _Curve(
         descent.z[rows],
-        descent.force[rows],
+        (descent.force - descent.rubbed)[rows],
         speed[rows],
         acceleration[rows],
         resting[rows],

@@ -35,6 +35,11 @@ POSTURE = 0.2
 another (1 sigma of all of it): levers are some tenths of a metre. Sensitive: stiffness below 500 N/m, std
 of arms whose joints rub."""
 
+RUBBED = 0.3
+"""part (1 sigma) of that where it is foreseen, joint by joint: friction changes by some tenth with the place,
+the load and from one motion to another, and gravity that a model leaves with the posture. Sensitive: stiffness
+below 500 N/m, std of arms whose joints rub."""
+
 CANDIDATES = 50
 """places of the first contact that are tried before the best of them is refined. Sensitive: no."""
 
