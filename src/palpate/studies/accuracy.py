@@ -17,6 +17,7 @@ from palpate.scenarios.catalogue import scenario
 from palpate.settings import Settings
 from palpate.studies.bounds.bound import bounds_of
 from palpate.studies.engine.workers import spread
+from palpate.studies.places import about_there
 
 CRASHED = "crashed"
 """Status of a seed that ended in an error of the program itself."""
@@ -131,9 +132,9 @@ def accuracy(settings: Settings, seeds: Sequence[int], workers: int = 1) -> list
 
 
 def survived(case: Case) -> SeedRun:
-    """What becomes of a case, be it a crash."""
+    """What becomes of a case, its objects about where the scene has them, be it a crash."""
     try:
-        return run_seed(case.question.settings, case.seed)
+        return run_seed(case.question.settings, case.seed, off=True)
     except Exception:
         return crashed(case.seed, traceback.format_exc(limit=-8))
 
@@ -143,11 +144,14 @@ def crashed(seed: int, reason: str) -> SeedRun:
     return SeedRun(seed, CRASHED, 0, 0.0, (), crash=reason)
 
 
-def run_seed(settings: Settings, seed: int) -> SeedRun:
-    """Plan, execute and estimate once; no twin and no report."""
+def run_seed(settings: Settings, seed: int, off: bool = False) -> SeedRun:
+    """Plan, execute and estimate once; no twin and no report. `off`: objects stand only about where
+    the scene has them."""
     wall, cpu = time.perf_counter(), time.process_time()
     settings = replace(settings, seed=seed)
-    run = pipeline.measure(pipeline.plan(settings, pipeline.load(settings)))
+    made = pipeline.plan(settings, pipeline.load(settings))
+    cell = about_there(settings, made.scene, made.seen is not None) if off else None
+    run = pipeline.measure(made, cell=cell)
     done = run.execution
     if done is None:
         return SeedRun(seed, run.status, 0, 0.0, ())

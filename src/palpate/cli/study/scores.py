@@ -24,6 +24,8 @@ def accuracy(
 ) -> None:
     """Repeat scenarios over many seeds, against the hidden truth.
 
+    Each draws another arm, and objects that stand off by the accuracy of their poses (0.5 mm).
+
     With --out every run is kept as soon as it is done, and what is there is not run again.
     """
     from palpate.cli.show.studies.scores import show_seed_runs

@@ -20,6 +20,8 @@ from palpate.studies.engine.workers import Crew, Lost
 FILE = "rows.jsonl"
 FILES = ("scene", "poses", "world", "robot_config")
 """Settings that name a file: what is in it counts, not where it lies."""
+PLACES = "drawn by their accuracy"
+"""Where objects stand; rows that do not say so are of worlds in which all stood as believed."""
 APART = ("seed", "palpate", "images")
 """What `request.json` holds besides what is run."""
 
@@ -92,6 +94,7 @@ def about(settings: Settings) -> dict[str, str]:
         path: Path | None = getattr(settings, name)
         asked[name] = _digest(path.read_bytes()) if path else None
     asked["noise"] = _digest(repr(noise_models().load(settings.noise)).encode())
+    asked["places"] = PLACES
     return {name: str(value) for name, value in asked.items() if value is not None}
 
 
