@@ -162,7 +162,7 @@ def descent_before(trace: Trace, recording: Recording) -> Descent | None:
     wander = block_means(samples.wrench[free]).std(axis=0)
     wander[2] = _spread(block_means((down - free_air)[free]))
     force = (down - free_air, smooth - free_air)
-    first = int(np.searchsorted(trace.samples.t, samples.t[0]))
+    first = int(np.searchsorted(trace.samples.t, leaf.start))
     rows = slice(first, first + len(samples))
     own = rubbed(trace, rows, free, float(samples.pose_world_tcp[onset, 2]))
     return Descent(samples, leaf, z, *force, noise, onset, pressed, set_out, wander, met.slope, own)

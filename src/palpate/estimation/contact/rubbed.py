@@ -15,7 +15,8 @@ from palpate.estimation.load.feeling import feeling
 from palpate.estimation.load.rubbing import TURNED, rubbing
 from palpate.estimation.windows import Mask, load_of
 from palpate.geometry.pose import Array
-from palpate.trace.samples import Trace
+from palpate.trace.once import once
+from palpate.trace.samples import Samples, Trace
 
 
 def rubbed(trace: Trace, rows: slice, free: Mask, height: float) -> Array:
@@ -25,10 +26,16 @@ def rubbed(trace: Trace, rows: slice, free: Mask, height: float) -> Array:
     felt, samples = feeling(trace), trace.samples
     if felt.chain is None:
         return np.zeros(len(free))
-    ways = rubbing(samples.q)[:, :, TURNED]
+    ways = _ways(samples)
     level, _ = joint_friction(samples, ways, load_of(trace, None), height)
     turning = level * ways[rows]
     still = np.median((felt.signals[rows] - turning)[free], axis=0)
     seen = np.linalg.pinv(felt.maps(samples.q[rows]))[:, 2, :]
     force = -np.einsum("nm,nm->n", seen, turning + still).astype(np.float64)
     return force - float(np.median(force[free]))
+
+
+@once
+def _ways(samples: Samples) -> Array:
+    """(n, m) which way each joint was turned last."""
+    return rubbing(samples.q)[:, :, TURNED]

@@ -171,7 +171,8 @@ def fit_spring(descent: Descent, onset: Onset, hand: Hand) -> Spring:
         rubs *= tuning.RUBBED
     slopes = (tuning.FREE_SLOPE_STD, descent.slope / 2, rubs / tuning.POSTURE)
     slope = np.linalg.norm(slopes) / stiffness
-    hardening, hardening_std = _hardening(curve, found, first, float(descent.wander[2]))
+    rubbed = tuning.RUBBED * float(np.std(descent.rubbed[descent.onset :]))
+    hardening, hardening_std = _hardening(curve, found, first, np.hypot(descent.wander[2], rubbed))
     # Where it changes, it is half of that off its mean; where it changes by more, it is no spring.
     certain = max(abs(hardening) - tuning.LOOKED_FOR * hardening_std, 0.0)
     uneven = min(certain, tuning.HARDENS) / 2
