@@ -72,7 +72,7 @@ def held(trace: Trace, body: Body) -> Held | None:
     found = [_before(trace, body.name, one) for one in weighings(trace, still[0])]
     levels = [grasp for one in found for grasp in one.grasps]
     recordings = [next(one for one in still if one.start >= grasp) for grasp in levels]
-    for recording, tilted in _tilted(trace, body.name):
+    for recording, tilted in tilted_holds(trace, body.name):
         recordings.append(recording)
         found.append(tilted)
     load = fit_load(found, trace.gravity, trace.hand)
@@ -138,7 +138,7 @@ def _recordings(trace: Trace, name: str, activity: str) -> list[Recording]:
     return found
 
 
-def _tilted(trace: Trace, name: str) -> Iterator[tuple[Recording, Weighing]]:
+def tilted_holds(trace: Trace, name: str) -> Iterator[tuple[Recording, Weighing]]:
     """Every bit of a turn to a tilt, and every rest there, as a recording of its own, with what tells
     about the load in it: the same bit of the empty hand's turn."""
     empty = [

@@ -23,6 +23,7 @@ from palpate.pictures.moments import (
 )
 from palpate.pictures.renderer import gl_available, png
 from palpate.report.data import Measured, ParameterRow, ReportData
+from palpate.report.tables import stated_as
 from palpate.robots.simulated.noise.models import noise_models
 from palpate.runs.folder import replacing
 from palpate.runs.reproduce import reproducing
@@ -181,7 +182,7 @@ def _files(scratch: Path) -> list[str]:
 
 def _parameter_rows(run: Run) -> Iterator[ParameterRow]:
     """What the scene lacks, states and leaves to MuJoCo, body by body."""
-    asked = set(run.plan.parameters)
+    asked = {stated_as(parameter) for parameter in run.plan.parameters}
     for body in run.scene.bodies.values():
         name = body.name
         for quantity in sorted(body.missing):

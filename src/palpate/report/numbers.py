@@ -28,7 +28,8 @@ def with_spread(value: float, std: float, unit: str) -> str:
     factor = 1.0
     if abs(value) < 1e-2:
         unit, factor = SMALL.get(unit, (unit, 1.0))
-    return with_unit(" ± ".join(rounded(factor * value, factor * std)), unit)
+    told = rounded(factor * value, factor * std)
+    return with_unit(" ± ".join(told) if std > 0.0 else told[0], unit)
 
 
 def error_text(value: float, truth: float, unit: str, relative: bool) -> str:

@@ -46,6 +46,7 @@ def render_report(data: ReportData) -> str:
         verdict=_verdict(data),
         verdict_line=_verdict_line(data),
         actions=_actions(data),
+        begun=_begun(data),
         cards=made,
         forest=forest(made),
         FEW=FEW,
@@ -94,6 +95,13 @@ def _actions(data: ReportData) -> int:
     if data.plan.tree is None:
         return 0
     return sum(not node.children for _, node in data.plan.tree.walk())
+
+
+def _begun(data: ReportData) -> int | None:
+    """How many of them a run that was stopped began; None of any other."""
+    if data.status != "aborted" or data.trace is None:
+        return None
+    return sum(leaf.node.startswith("tree") for leaf in data.trace.leaves)
 
 
 def _pictures(data: ReportData) -> dict[str, Any]:

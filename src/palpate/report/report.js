@@ -27,6 +27,7 @@ addEventListener("beforeprint", () => { for (const part of document.querySelecto
     return;
   }
 
+  const PAPER = 640; // px between the margins of A4 and of US letter
   const PRINT = { ink: "#171a1f", muted: "#646b76", line: "#e4e2dc", card: "#ffffff" };
   const screen = () => {
     const style = getComputedStyle(document.documentElement);
@@ -60,6 +61,8 @@ addEventListener("beforeprint", () => { for (const part of document.querySelecto
   const paint = (colours) => Promise.all(drawn.map(([place, layout]) => Plotly.relayout(place, theme(colours, layout))));
   await paint(screen());
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => paint(screen()));
-  addEventListener("beforeprint", () => paint(PRINT));
-  addEventListener("afterprint", () => paint(screen()));
+  // A page of paper is narrower than the window, and the plot does not hear of it.
+  const fit = (size) => Promise.all(drawn.map(([place]) => Plotly.relayout(place, size)));
+  addEventListener("beforeprint", () => { fit({ autosize: false, width: PAPER }); paint(PRINT); });
+  addEventListener("afterprint", () => { fit({ autosize: true, width: null }); paint(screen()); });
 })();

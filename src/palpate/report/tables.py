@@ -33,12 +33,20 @@ def parameter_groups(
     found: dict[Parameter, Measured] = {}
     for m in measured:
         if m.estimate.verdict in ("identified", "prior-dominated"):
-            found[m.estimate.parameter] = m
+            found[stated_as(m.estimate.parameter)] = m
     groups: dict[str, list[Row]] = {}
     for row in rows:
         shown = Row(quantity_label(row.quantity), row.state, _value(row, found), row.asked)
         groups.setdefault(row.object, []).append(shown)
     return groups
+
+
+def stated_as(parameter: Parameter) -> Parameter:
+    """The parameter under which the scene states it: a `com_3d` is a `com`."""
+    quantity = catalogue().get(parameter.quantity)
+    if quantity is None:
+        return parameter
+    return Parameter(parameter.object, quantity.known_as())
 
 
 def _value(row: ParameterRow, found: Mapping[Parameter, Measured]) -> str:

@@ -12,6 +12,7 @@ from palpate.report.evidence.leaning import leaned_charts
 from palpate.report.evidence.pressing import pressed_charts
 from palpate.report.evidence.sliding import slid_charts
 from palpate.report.evidence.swinging import swung_charts
+from palpate.report.evidence.tilting import balanced_charts
 from palpate.report.evidence.touching import touched_charts
 from palpate.report.evidence.weighing import weighed_charts
 from palpate.trace.samples import Trace
@@ -19,6 +20,7 @@ from palpate.trace.samples import Trace
 CHARTS: dict[str, Callable[[Measured, Trace], tuple[Chart, ...]]] = {
     "mass": weighed_charts,
     "com": held_charts,
+    "com_3d": balanced_charts,
     "inertia": swung_charts,
     "friction": slid_charts,
     "height": touched_charts,

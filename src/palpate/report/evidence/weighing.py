@@ -83,7 +83,8 @@ def _over_time(segments: Sequence[Segment], trace: Trace) -> Chart:
         of = [(s, f) for s, f in zip(segments, forces, strict=True) if s.loaded == loaded]
         if of:
             mean = float(np.mean(np.concatenate([force for _, force in of])))
-            sheet.note(kind, of[0][0].start, mean, f"{kind}: {mean:.3f} N")
+            longest, force = max(of, key=lambda one: one[0].end - one[0].start)
+            sheet.note(kind, longest.start, float(force.max()), f"{kind}: {mean:.3f} N")
     return sheet.chart(
         "The force while it was weighed.",
         "Every stretch that is used is shaded; what lies between them (touching, gripping, setting down) is "

@@ -16,6 +16,8 @@ from palpate.quantities.catalogue import catalogue
 from palpate.trace.recording import Context, Recording
 from palpate.trace.samples import FORCES, Trace
 
+FINEST = 1e-5
+"""N or m: what a recording's spread is not shown below."""
 POINTS = 80
 """Of a small curve: enough for its shape on a phone."""
 
@@ -105,7 +107,8 @@ def _reading(signal: _Signal) -> str:
     count = len(signal.values)
     if not count:
         return "no samples"
-    mean, std = rounded(float(signal.values.mean()), float(signal.values.std()))
+    std = max(float(signal.values.std()), FINEST)
+    mean, std = rounded(float(signal.values.mean()), std)
     samples = "1 sample" if count == 1 else f"{count} samples"
     return f"{signal.name} = {mean} ± {std}{signal.unit}, {samples}"
 
