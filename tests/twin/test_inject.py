@@ -192,6 +192,11 @@ def test_com_makes_an_inertial_that_moves_the_balance() -> None:
             'pos="0 0 0" mass="0.3" diaginertia="4e-05 4e-05 4e-05"',
         ),
         (
+            '<inertial pos="0 0 0" mass="1" diaginertia="? ? ?"/><geom size=".02" friction="1"/>',
+            {"inertia": (4e-5, 3e-5, 2e-5, 1e-6, 0, -2e-6)},
+            'mass="1" fullinertia="4e-05 3e-05 2e-05 1e-06 0 -2e-06"/>',
+        ),
+        (
             '<inertial pos="0 0 0" quat="1 0 0 1" mass="1" diaginertia="?"/><geom size=".02" friction="1"/>',
             {"inertia": (4e-5, 3e-5, 2e-5, 0, 0, 0)},
             'diaginertia="3e-05 4e-05 2e-05"',

@@ -147,7 +147,8 @@ def _inertial(body: BodyDescription, mine: _Together, known: _Together) -> Itera
     if mine.mass is not None:
         yield Edit(inertial, "mass", {0: mass_text})
     if inertia_is_open(inertial) or mine.inertia is not None:
-        yield _inertia_stated(body, inertial, tensor)
+        measured = mine.inertia is not None
+        yield from _inertia_stated(body, inertial, tensor, measured)
 
 
 def _numbered(values: Sequence[float], std: float | None = None) -> dict[int, str]:
@@ -173,20 +174,35 @@ def _weights_answered(body: BodyDescription, mass: float) -> Iterator[Edit]:
 
 def _inertia_attributes(tensor: Array) -> dict[str, str]:
     """`diaginertia`, or `fullinertia` where the axes are not the body's."""
-    parts = components(tensor)
-    texts = list(_numbered(parts).values())
-    level, beside = np.abs(parts).max(), np.abs(parts[3:]).max()
-    if beside < 1e-5 * level:
+    texts = list(_numbered(components(tensor)).values())
+    if _is_diagonal(tensor):
         return {"diaginertia": " ".join(texts[:3])}
     return {"fullinertia": " ".join(texts)}
 
 
-def _inertia_stated(body: BodyDescription, inertial: Element, tensor: Array) -> Edit:
+def _is_diagonal(tensor: Array) -> bool:
+    """Whether its axes are the body's."""
+    parts = components(tensor)
+    return bool(np.abs(parts[3:]).max() < 1e-5 * np.abs(parts).max())
+
+
+def _inertia_stated(
+    body: BodyDescription, inertial: Element, tensor: Array, measured: bool
+) -> Iterator[Edit]:
+    """A `diaginertia` of which nothing is stated gives way to a `fullinertia` where what was measured has
+    axes that are not the body's: it has no place for them."""
     if inertial.get("fullinertia") is not None:
         texts = unknown_only(inertial, "fullinertia", _numbered(components(tensor)))
-        return Edit(inertial, "fullinertia", texts)
-    if ORIENTATIONS & set(inertial.keys()):
+        yield Edit(inertial, "fullinertia", texts)
+        return
+    turned = bool(ORIENTATIONS & set(inertial.keys()))
+    is_open = set(tokens(inertial.get("diaginertia"))) <= {UNKNOWN}
+    if measured and is_open and not turned and not _is_diagonal(tensor):
+        yield Edit(inertial, "diaginertia", None)
+        yield Edit(inertial, "fullinertia", _numbered(components(tensor)), " ".join([UNKNOWN] * 6))
+        return
+    if turned:
         axes = rotation(np.asarray(body.shapes.model.body(body.name).iquat))
         tensor = axes.T @ tensor @ axes
     texts = unknown_only(inertial, "diaginertia", _numbered(np.diag(tensor).tolist()))
-    return Edit(inertial, "diaginertia", texts, "? ? ?")
+    yield Edit(inertial, "diaginertia", texts, "? ? ?")
