@@ -137,11 +137,11 @@ class World:
     def _all_at_once(self, control: Array, guard: Guard, cycles: Cycles) -> int | None:
         """Go through all cycles before the guard looks at them; what came after the one in which it
         feels too much, which is returned, is taken back."""
-        _copy(self.model, self._data, self._before)
+        mujoco.mj_copyData(self._before, self.model, self._data)
         self._cycle(control, cycles, 0, len(control))
         fired = guard.feels(*cycles.felt(0, len(control)))
         if fired is not None:
-            _copy(self.model, self._before, self._data)
+            mujoco.mj_copyData(self._data, self.model, self._before)
             self._cycle(control, cycles, 0, fired + 1)
         return fired
 
@@ -328,9 +328,3 @@ def _require_physics(spec: mujoco.MjSpec) -> None:
 
 def _run(first: int, count: int) -> slice:
     return slice(int(first), int(first) + count)
-
-
-def _copy(model: mujoco.MjModel, data: mujoco.MjData, into: mujoco.MjData) -> None:
-    """All of the data, contacts included, into other data of the same model."""
-    # MuJoCo's stubs leave it out.
-    mujoco.mj_copyData(into, model, data)  # pyright: ignore[reportUnknownMemberType, reportAttributeAccessIssue]
