@@ -30,13 +30,11 @@ SIGNALS = ("q", "dq", "tau_ext", "wrench", "pose_world_tcp", "twist", "width")
 
 def not_finite(samples: Samples) -> Fault | None:
     """NaN and infinity in what was logged."""
-    signals: dict[str, Array] = {}
-    for name in SIGNALS:
-        signals[name] = getattr(samples, name).reshape(len(samples), -1)
-    if np.isfinite(np.concatenate(list(signals.values()), axis=1)).all():
+    signals: list[Array] = [getattr(samples, name) for name in SIGNALS]
+    if np.isfinite(np.concatenate([values.ravel() for values in signals])).all():
         return None
-    for name, values in signals.items():
-        bad = ~np.isfinite(values).all(axis=1)
+    for name, values in zip(SIGNALS, signals, strict=True):
+        bad = ~np.isfinite(values.reshape(len(samples), -1)).all(axis=1)
         if bad.any():
             count = f"{int(bad.sum())} of {len(samples)} samples of {name}"
             return Fault("not a number", count, float(samples.t[bad.argmax()]))

@@ -25,6 +25,8 @@ OBSERVER_TIME = 0.01
 LOAD_TIME = 0.2
 """s: a vertical force that lasts so long is taken for a load."""
 
+_KEPT = math.exp(-PERIOD / OBSERVER_TIME)
+
 
 class _Way(NamedTuple):
     """How the arm went through n log periods.
@@ -172,7 +174,9 @@ class Readout:
         self.commanded, self.deviation = steps.torque[-1], self._corrected(shown) - true[-1]
         tau_ext = torque - way.mean[:, 14:]
         external = self._observe(tau_ext - way.inertia_torque)
-        both = wrenches(way.jacobian, np.stack([tau_ext, external], axis=2))
+        both = np.empty((*tau_ext.shape, 2))
+        both[:, :, 0], both[:, :, 1] = tau_ext, external
+        both = wrenches(way.jacobian, both)
         wrench, contact = both[:, :, 0], both[:, :, 1]
         newer = -math.expm1(-len(torque) * PERIOD / LOAD_TIME)
         self.load += (contact[-1, 2] - self.load) * newer
@@ -238,10 +242,12 @@ class Readout:
         the momentum is integrated so that no acceleration is needed; over one period, its gain is
         the mean acceleration's.
         """
-        keep, out = math.exp(-PERIOD / OBSERVER_TIME), np.empty_like(residual)
-        for i, new in enumerate(residual):
-            self._external = keep * self._external + (1.0 - keep) * new
-            out[i] = self._external
+        out = (1.0 - _KEPT) * residual
+        before = self._external
+        for row in out:
+            row += _KEPT * before
+            before = row
+        self._external = before
         return out
 
     def _link_torque(self, steps: Steps, gained: Array, gains: Gains) -> Array:

@@ -241,6 +241,7 @@ class MujocoRobot(Commanded):
 
     def _follow(self, setpoints: Setpoints, gains: Gains) -> None:
         self._setpoints, self._gains, self._cached = setpoints, gains, None
+        self._yielding = False
         self._world.actuators.set(gains)
 
     def _inertia(self, q: Array) -> Inertia:
@@ -334,16 +335,12 @@ class MujocoRobot(Commanded):
             + (readout.deviation - velocity_torque - self._correction.torque),
         )
 
-    @property
-    def _yielding(self) -> bool:
-        return not self._gains.stiffness.any()
-
     def _yield(self, why: str) -> None:
         """Go where pushed, until the arm rests."""
         self._reflex, self._since = why, self._world.t
         here = still(self._world.t, self._readout.q)
         self._follow_joints(here)
-        self._gains = self._guard.reaction.gains
+        self._gains, self._yielding = self._guard.reaction.gains, True
         self._world.actuators.set(self._gains)
 
     def _rests(self) -> bool:

@@ -39,9 +39,10 @@ class Encoders:
         self._cycles = pose.encoder_ripple.cycles
         self._phase = streams("pose.encoder_ripple").uniform(-np.pi, np.pi, JOINTS)
         self._noise, self._random = pose.encoder, streams.run("pose.encoder")
+        self._noisy = bool(pose.encoder.any())
         self._step = pose.quantisation
         self.exact = not (self._compliance.any() or self._ripple.any() or self.soft)
-        self.clean = not (pose.encoder.any() or pose.quantisation)
+        self.clean = not (self._noisy or pose.quantisation)
         self._thermal = None
         if pose.thermal:
             time = noise.torque.drift.time_constant
@@ -78,7 +79,7 @@ class Encoders:
 
     def noise(self, periods: int) -> Array | None:
         """(periods, 7) rad of the means of blocks; None without any."""
-        if not self._noise.any():
+        if not self._noisy:
             return None
         return self._noise / math.sqrt(BLOCK) * self._random.standard_normal((periods, JOINTS))
 

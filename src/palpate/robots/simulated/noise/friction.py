@@ -28,7 +28,8 @@ class JointFriction:
         self.torque = self._level * streams.run("friction.coulomb").uniform(-1.0, 1.0, JOINTS)
         """(7,) N m now, in the direction of the last motion."""
         self._varies = friction.static > 1 or friction.load.any() or friction.position.any()
-        self.none = not (self._level.any() or friction.viscous.any() or friction.load.any())
+        self._viscous = bool(friction.viscous.any())
+        self.none = not (self._level.any() or self._viscous or friction.load.any())
 
     def add(self, torque: Array, motion: Motion) -> None:
         """Add it to the link-side torques (n, 7), N m."""
@@ -42,7 +43,7 @@ class JointFriction:
             self.torque += pull[i]
             held[i] = self.torque
         torque += held
-        if model.viscous.any():
+        if self._viscous:
             torque += model.viscous * dq
         if model.compensated:
             torque -= model.compensated * model.coulomb * np.sign(dq)

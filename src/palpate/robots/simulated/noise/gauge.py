@@ -34,9 +34,11 @@ class Gauges:
             bent.draw(streams("torque.nonlinearity_max")) / self._full if bent.any else None
         )
         self._ripple = math.sqrt(2.0) * torque.ripple.size
+        self._rippled = bool(self._ripple.any())
         self._cycles = torque.ripple.cycles
         self._phase = streams("torque.ripple").uniform(-np.pi, np.pi, JOINTS)
         self._weight = torque.hysteresis / LOOP
+        self._lags = bool(self._weight.any())
         self._half = WIDEST * self._full * 0.5 ** np.arange(THRESHOLDS)[:, None]
         self._follows: Array | None = None
 
@@ -45,9 +47,9 @@ class Gauges:
         reading = torque @ self._matrix.T if self._crossed else self._gain * torque
         if self._bent is not None:
             reading += self._bent * torque * torque
-        if self._weight.any():
+        if self._lags:
             reading -= self._weight * self._lag(torque)
-        if self._ripple.any():
+        if self._rippled:
             reading += self._ripple * np.sin(self._cycles * q + self._phase)
         return reading
 

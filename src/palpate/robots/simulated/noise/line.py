@@ -25,6 +25,7 @@ class Line:
     def __init__(self, torque: Torque, acquisition: Acquisition, streams: Streams) -> None:
         self._torque, self._white = torque, streams.run("torque.white")
         self._mean = torque.white / math.sqrt(BLOCK)
+        self._noisy = bool(self._mean.any())
         self._outliers = acquisition.outliers
         self._odd = streams.run("acquisition.outliers")
         self._repeated, self._again = acquisition.repeated, streams.run("acquisition.repeated")
@@ -49,7 +50,7 @@ class Line:
         and which blocks arrived at all, None for all of them; the last one stands for those that
         did not."""
         if not self._single:
-            if self._mean.any():
+            if self._noisy:
                 reading += self._mean * self._white.standard_normal(reading.shape)
             return self._within(reading), None
         samples = np.repeat(reading, BLOCK, axis=0)

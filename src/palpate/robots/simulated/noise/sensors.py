@@ -56,6 +56,7 @@ class Sensors:
         self._wander = Wander(torque, PERIOD, streams)
         self._line = Line(torque, noise.acquisition, streams)
         self._white, self._looks = torque.white, streams.run("torque.white.looks")
+        self._noisy = bool(torque.white.any())
         self._zero = np.zeros(JOINTS)
 
     def zero(self, torque: Array, nominal: Array, start: Motion) -> None:
@@ -86,6 +87,6 @@ class Sensors:
 
     def looks(self, count: int) -> Array:
         """(count, 7) N m: the noise of single samples, for those who look at every one."""
-        if not self._white.any():
+        if not self._noisy:
             return np.zeros((count, JOINTS))
         return self._white * self._looks.standard_normal((count, JOINTS))
