@@ -87,8 +87,10 @@ class Rows:
 
     def white(self, columns: Array) -> Array:
         """(n, p) in rows of unit variance."""
-        whitened: Array = np.linalg.solve(self.root, columns).astype(np.float64)
-        return whitened
+        from scipy.linalg.lapack import dtrtrs
+
+        # LAPACK's matrices go by columns, so that it takes the root for its transpose.
+        return dtrtrs(self.root.T, columns, lower=False, trans=True)[0]
 
 
 class _Solved(NamedTuple):
@@ -100,12 +102,13 @@ class _Solved(NamedTuple):
     mean: Array
     evidence: float
 
-    def covariance(self) -> Array:
-        """(p, p)."""
+    def covariance(self, first: int) -> Array:
+        """(first, p): the first rows."""
         from scipy.linalg.lapack import dpotrs
 
-        inverse = dpotrs(self.root, np.diag(self.prior), lower=True)[0]
-        return self.prior[:, None] * inverse
+        columns = np.zeros((len(self.prior), first))
+        np.fill_diagonal(columns, self.prior)
+        return (dpotrs(self.root, columns, lower=True)[0] * self.prior[:, None]).T
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -131,9 +134,11 @@ class Model:
     freedom: float
     unsure: tuple[Unsure, ...]
 
-    def solve(self) -> tuple[Array, Array]:
-        """Posterior mean (p,) and covariance (p, p), averaged over what is unsure by what `y` says of
-        it (Bayesian model averaging: Hoeting et al., Statistical Science 14, 1999)."""
+    def solve(self, first: int | None = None) -> tuple[Array, Array]:
+        """Posterior mean (p,) and covariance (first, p), all rows of it by default, averaged over what is
+        unsure by what `y` says of it (Bayesian model averaging: Hoeting et al., Statistical Science 14,
+        1999)."""
+        count = len(self.prior) if first is None else first
         every = self._every()
         evidence = np.array([each.evidence for each in every])
         weights = np.exp(evidence - evidence.max())
@@ -143,9 +148,9 @@ class Model:
         solved = [every[i] for i in counted.tolist()]
         means = np.array([each.mean for each in solved])
         mean: Array = weights @ means
-        covariance: Array = (means - mean).T @ (weights[:, None] * (means - mean))
+        covariance: Array = (means - mean)[:, :count].T @ (weights[:, None] * (means - mean))
         for weight, each in zip(weights, solved, strict=True):
-            covariance += weight * each.covariance()
+            covariance += weight * each.covariance(count)
         return mean, covariance
 
     @property

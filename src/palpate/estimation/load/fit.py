@@ -136,7 +136,7 @@ def foreseen(weighing: Weighing, weight: float, gravity: float, hand: Hand) -> f
     found = 0.0
     for _ in range(tuning.FORESEEN_DRAWS):
         typical = replace(model, y=random.standard_normal(len(model.y)))
-        found += float(typical.solve()[1][0, 0]) / tuning.FORESEEN_DRAWS
+        found += float(typical.solve(1)[1][0, 0]) / tuning.FORESEEN_DRAWS
     return found
 
 
@@ -152,23 +152,24 @@ def _fit(weighings: Sequence[Weighing], gravity: float, hand: Hand) -> Load:
     count = 1 + 2 * len(grasps)
     tests = tests_of(rows, grasps, model, float(mean[0]))
     # With prior deviations P of the coefficients x, the error is -covariance P^-2 x.
-    gains = -(covariance / model.prior)[:count, -(int(rows[0].signal.max()) + 1) :]
-    return Load(grasps, mean[:count], covariance[:count, :count], model.freedom, tests, gains)
+    gains = -(covariance / model.prior)[:, -(int(rows[0].signal.max()) + 1) :]
+    return Load(grasps, mean[:count], covariance[:, :count], model.freedom, tests, gains)
 
 
 def _solved(
     weighings: Sequence[Weighing], gravity: float, hand: Hand
 ) -> tuple[Sequence[Rows], Model, Array, Array]:
-    """The equations, their model at what was found, and mean and covariance of its coefficients."""
+    """The equations, their model at what was found, the mean of its coefficients, and what is `Load`'s of
+    their covariance."""
     grasps = _grasps(weighings)
     count = 1 + 2 * len(grasps)
     rows = _equations(weighings, gravity, tuning.KINDS_APART[0])
     # What gains and tilts do is in proportion to the load, which is not known at first.
-    mean, covariance = load_model(rows, grasps, np.zeros(count), hand).solve()
+    mean, covariance = load_model(rows, grasps, np.zeros(count), hand).solve(count)
     rows, model = _likeliest(weighings, gravity, mean[:count], hand)
     for _ in range(tuning.LOAD_ITERATIONS):
         model = load_model(rows, grasps, mean[:count], hand)
-        mean, covariance = model.solve()
+        mean, covariance = model.solve(count)
     return rows, model, mean, covariance
 
 
@@ -186,7 +187,7 @@ def _likeliest(
     best = int(np.argmax(evidence))
     if evidence[best] <= evidence[0] + tuning.VERY_STRONG:
         return ways[0]
-    apart, alike = (model.solve()[1][0, 0] for _, model in (ways[0], ways[best]))
+    apart, alike = (model.solve(1)[1][0, 0] for _, model in (ways[0], ways[best]))
     return ways[best] if alike < apart else ways[0]
 
 

@@ -41,7 +41,7 @@ def _one(
     """A test of a vertical force in proportion to `column`, `small` (1 sigma) of which is no harm;
     None where it cannot be told from the load."""
     columns = [row.white((row.wrench[:, FORCE_Z] * column(row))[:, None]) for row in rows]
-    mean, covariance = model.extended(np.concatenate(columns), tuning.LOAD_PRIOR).solve()
+    mean, covariance = model.extended(np.concatenate(columns), tuning.LOAD_PRIOR).solve(1)
     if covariance[0, 0] > (tuning.TELLING * tuning.LOAD_PRIOR) ** 2:
         return None
     statistic = float(mean[0] ** 2 / (covariance[0, 0] + small**2))
@@ -53,11 +53,11 @@ def _sideways(rows: Sequence[Rows], grasps: Sequence[float], model: Model, small
     """Whether a force acts to the side, or a moment about the vertical, in any grasp; `small` N
     (1 sigma) is no harm."""
     columns = [row.white(in_each(row, grasps, SIDEWAYS)) for row in rows]
-    mean, covariance = model.extended(np.concatenate(columns), tuning.LOAD_PRIOR).solve()
     count = len(SIDEWAYS) * len(grasps)
+    mean, covariance = model.extended(np.concatenate(columns), tuning.LOAD_PRIOR).solve(count)
     force = mean[:count]
     allowed = np.tile((small, small, small * tuning.TORQUE_LEVER), len(grasps))
-    spread = covariance[:count, :count] + np.diag(allowed**2)
+    spread = covariance[:, :count] + np.diag(allowed**2)
     statistic = float(force @ np.linalg.solve(spread, force))
     most = float(np.linalg.norm(force.reshape(-1, len(SIDEWAYS))[:, :2], axis=1).max())
     finding = (
@@ -72,9 +72,9 @@ def _weighings(
 ) -> FitTest:
     """Whether the force is the same in every grasp."""
     columns = [row.white(in_each(row, grasps[1:], (FORCE_Z,))) for row in rows]
-    mean, covariance = model.extended(np.concatenate(columns), tuning.LOAD_PRIOR).solve()
     count = len(grasps) - 1
-    more, spread = mean[:count], covariance[:count, :count] + small**2 * np.eye(count)
+    mean, covariance = model.extended(np.concatenate(columns), tuning.LOAD_PRIOR).solve(count)
+    more, spread = mean[:count], covariance[:, :count] + small**2 * np.eye(count)
     statistic = float(more @ np.linalg.solve(spread, more))
     forces = ", ".join(f"{mean[count] + part:.3g}" for part in [0.0, *more.tolist()])
     finding = f"The weighings disagree: {forces} N."
