@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from palpate.estimation.contact.rubbed import rubbed
 from palpate.estimation.friction.joints import joint_friction
+from palpate.estimation.load.feeling import by_joints
 from palpate.estimation.load.rubbing import TURNED, rubbing
 from palpate.estimation.windows import Load
-from palpate.trace.samples import Samples
+from palpate.trace.recording import Chain, Hand
+from palpate.trace.samples import Samples, Trace
 
 FRICTION = np.array([0.3, 0.1, 0.0, 0.5, 0.05, 0.2, 0.1])
 """N m."""
@@ -54,3 +59,30 @@ def test_a_hand_that_is_low_or_moves_too_shortly_shows_none():
         found, std = joint_friction(shown, ways[: len(shown)], empty(shown), height)
         assert not found.any()
         assert std == pytest.approx(0.3)
+
+
+UNTOLD = Hand(0.0, 0.1, 0.0, 1e-4)
+"""Of an arm whose joints nobody told."""
+Y, Z = (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
+CHAIN = Chain(
+    axes=(Z, Y, Z, Y, Z, Y, Z),
+    anchors=tuple((0.1 * i * (i % 2), 0.0, 0.15 * i) for i in range(7)),
+    tcp=(0.5, 0.0, 0.4),
+    tool=((1.0, 0.0, 0.0), Y, Z),
+)
+
+
+def test_what_joints_add_to_a_force_as_they_turn_round_is_foreseen():
+    samples, ways = swinging(20.0)
+    felt = by_joints(samples.tau_ext, CHAIN, np.eye(3))
+    seen = np.linalg.pinv(felt.maps(samples.q))
+    wrench = np.einsum("nij,nj->ni", seen, samples.tau_ext)
+    samples = replace(samples, wrench=wrench)
+    trace = Trace(samples, (), (), (), replace(UNTOLD, chain=CHAIN))
+    rows, free = slice(0, 800), np.arange(800) < 100
+    found = rubbed(trace, rows, free, 0.3)
+    made = -np.einsum("nj,nj->n", seen[:, 2], FRICTION * ways)[rows]
+    made -= np.median(made[free])
+    assert np.std(made) > 0.5
+    assert np.std(found - made) < 0.2 * np.std(made)
+    assert not rubbed(replace(trace, hand=UNTOLD), rows, free, 0.3).any()

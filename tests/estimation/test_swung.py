@@ -84,3 +84,12 @@ def test_a_load_droops_the_way_its_weight_pulls():
 
 def test_a_grasp_of_which_nothing_is_told_has_no_age():
     assert Droop.since(-np.inf, 20.0, 0.2).age == 0.0
+
+
+def test_slow_noise_is_told_at_the_swings_own_frequency():
+    trace, recording = swing(0.0)
+    wandering = Noise(np.zeros(6), np.full(6, 4e-4), np.inf)
+    found = swings(trace, recording, wandering)[0]
+    # h²/f over a second of it for each second that it lasts: two of the three are steady.
+    assert found.variance == pytest.approx(4e-4 / 2.0 / 2.0, rel=0.02)
+    assert not swings(trace, recording, QUIET)[0].variance.any()
