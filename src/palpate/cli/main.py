@@ -42,7 +42,7 @@ def main() -> None:
         elif signals.count and status in (0, 1):
             from palpate.cli.console import say
 
-            say(f"{signals.reason}, when all was done")
+            say(f"{signals.reason}, when all was done" if status == 0 else signals.reason)
         if not _flushed():
             status = status or 1
         atexit.register(ignore_signals)

@@ -69,7 +69,7 @@ def _quotient(drags: Sequence[Drag], measured: Measured) -> Chart:
             sheet.band("loaded", (float(drag.t[rows[0]]), float(drag.t[rows[-1]])))
         sheet.line("felt", drag.t, drag.quotient)
         begun = drag.breakaway
-        if begun is not None and drag.parting is not None:
+        if begun is not None:
             sheet.dot("down", float(drag.t[begun]), float(drag.quotient[begun]))
     sheet.band("interval", sheet.x, (low, high))
     sheet.level("fit", value)
