@@ -9,6 +9,7 @@ from recordings import bench, noises
 
 from palpate.estimation.estimate import Estimate
 from palpate.parameter import Parameter
+from palpate.quantities.friction import estimate_friction
 from palpate.quantities.position import estimate_position
 from palpate.quantities.shape.size import estimate_size
 from palpate.quantities.shape.tilt import estimate_tilt
@@ -95,3 +96,21 @@ def test_a_grasp_is_shown_as_the_fingers_closed(bench, noises, quantity, estimat
     (line,) = [line for line in chart.lines if line.kind == "felt"]
     assert len(line.points.split()) > 50
     assert {band.kind for band in chart.bands} == {"interval", "loaded"}
+
+
+def test_drags_are_shown_with_their_breakaways(bench, noises) -> None:
+    b = bench(noises["lab"], 0)
+    b.go("can_pose + z_offset", (0.5, 0.1, 0.3))
+    b.go("can_pose", (0.5, 0.1, 0.2))
+    b.close("can", 0.3)
+    b.go("can_pose + z_offset", (0.5, 0.1, 0.3))
+    b.measure()
+    b.go("can_pose", (0.5, 0.1, 0.2))
+    for there in ((0.6, 0.1, 0.2), (0.5, 0.1, 0.2)):
+        b.drag("place", there, 0.41, 0.34, (0.003, 0.012))
+    b.open()
+    b.go("can_pose + z_offset", (0.5, 0.1, 0.3))
+    found = estimate_friction(b.trace(), Parameter("can", "friction"), None)
+    forces, quotient = shown(found, b.trace(), (0.34,))
+    assert slope_of(forces) == pytest.approx(float(found.value[0]), rel=0.02)
+    assert [dot.kind for dot in quotient.dots] == ["down", "down"]
