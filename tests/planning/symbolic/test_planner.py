@@ -115,6 +115,8 @@ def last_grasp(scene: Scene) -> str:
 
 def test_what_does_not_balance_where_it_is_grasped_is_weighed_last_where_it_does():
     assert last_grasp(bench(MALLET)) == "MovePose mallet_balance"
+    told = planned(bench(MALLET), "the mass and the centre of mass of the mallet").explanation
+    assert "'mallet' is grasped last where the run finds it to balance." in told
 
 
 def test_it_is_not_where_a_part_of_that_region_does_not_pass():

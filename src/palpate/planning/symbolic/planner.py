@@ -23,7 +23,9 @@ from palpate.planning.planner import needs_scene
 from palpate.planning.request.grounding import Grounded, ground
 from palpate.planning.request.item import GRIPPER
 from palpate.planning.symbolic.passes import Efforts, efforts
+from palpate.planning.symbolic.places import BALANCE
 from palpate.planning.symbolic.search import Backchainer
+from palpate.planning.symbolic.steps import TEMPORARY
 from palpate.quantities.catalogue import catalogue
 from palpate.quantities.precision.effort import Effort
 from palpate.quantities.precision.within import Within
@@ -301,8 +303,10 @@ def _explained(made: Assembled) -> list[str]:
         objects.setdefault(parameter.quantity, []).append(f"'{parameter.object}'")
     for id, names in objects.items():
         sentences.append(_acquired(id, names))
-    for name in _carried(made.tree):
+    for name in _visited(made.tree, TEMPORARY):
         sentences.append(f"'{name}' is in the way; it is carried to a free place and back.")
+    for name in _visited(made.tree, BALANCE):
+        sentences.append(f"'{name}' is grasped last where the run finds it to balance.")
     return [*sentences, "Everything is put back where it was."]
 
 
@@ -315,12 +319,12 @@ def _acquired(id: str, names: Sequence[str]) -> str:
     return f"{quantity.label.capitalize()} of {', '.join(names)}: {how}."
 
 
-def _carried(tree: Node) -> list[str]:
-    """The objects that are put on a free place for a while, in the order of the tree."""
-    carried: dict[str, None] = {}
+def _visited(tree: Node, ending: str) -> list[str]:
+    """The objects to whose pose with a name of that ending the hand goes, in the order of the tree."""
+    visited: dict[str, None] = {}
     for _, leaf in leaves(tree):
         for _, value in leaf.args:
-            name = str(value).removesuffix("_temporary")
+            name = str(value).removesuffix(ending)
             if name != str(value):
-                carried[name] = None
-    return list(carried)
+                visited[name] = None
+    return list(visited)
