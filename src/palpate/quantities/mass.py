@@ -181,6 +181,8 @@ def estimate_mass(trace: Trace, parameter: Parameter, body: Body | None) -> Esti
     weight = weigh(trace, recording)
     parts = {"single-shot": single_shot(trace, recording), **alone(trace, weight.weighings)}
     method = _method(weight.segments)
+    if weight.whole is not None:
+        method += WHOLE
     if weight.ci95[0] == 0.0:
         method += LIGHT
     return Estimate(
@@ -199,6 +201,10 @@ def estimate_mass(trace: Trace, parameter: Parameter, body: Body | None) -> Esti
     )
 
 
+WHOLE = (
+    " Together with all that the arm did in free air for 15 s around it: its noise alone accounts for what "
+    "a model of its links, sensors and friction leaves there."
+)
 LIGHT = (
     " The object is too light for this scatter: that a mass is positive says as much as the forces."
 )

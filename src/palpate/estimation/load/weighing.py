@@ -8,11 +8,13 @@ from statistics import NormalDist
 
 import numpy as np
 
+from palpate.estimation import tuning
 from palpate.estimation.agreement import FitTest
 from palpate.estimation.estimate import Part, Shared, Verdict, half95
 from palpate.estimation.load.equations import FORCE_Z
-from palpate.estimation.load.fit import fit_load, untested
+from palpate.estimation.load.fit import Load, fit_load, untested
 from palpate.estimation.load.segments import Segment, Weighing, referenced, weighings
+from palpate.estimation.load.whole import Whole, fit_whole
 from palpate.geometry.pose import Array
 from palpate.trace.recording import Recording
 from palpate.trace.samples import FORCES, Trace
@@ -30,6 +32,7 @@ class Weight:
         tests: of what else might have acted on it.
         shared: what it has in common with other weighings on that arm.
         freedom: of the noise.
+        whole: what it follows from, where all that the arm did around the weighing tells more.
     """
 
     mass: float
@@ -40,6 +43,7 @@ class Weight:
     tests: tuple[FitTest, ...]
     shared: tuple[Shared, ...]
     freedom: float
+    whole: Whole | None = None
 
     @property
     def part(self) -> Part:
@@ -61,10 +65,13 @@ def weigh(trace: Trace, recording: Recording) -> Weight:
     """
     found = weighings(trace, recording)
     load = fit_load(found, trace.gravity, trace.hand)
-    mass, std = load.force / trace.gravity, load.force_std / trace.gravity
+    whole = _whole(trace, recording, found, load)
+    force, std = (load.force, load.force_std) if whole is None else (whole.force, whole.std)
+    gains = load.gains[:1] if whole is None else whole.gains
+    mass, std = force / trace.gravity, std / trace.gravity
     half = std * half95(load.freedom)
     low, high = mass - half, mass + half
-    common = shared_gains(load.gains[:1] / trace.gravity), load.freedom
+    common = shared_gains(gains / trace.gravity), load.freedom, whole
     if low > 0.0:
         # Without anything to compare with, the arm's own bias is what was believed before.
         compared = any(referenced(weighing.segments) for weighing in found)
@@ -73,6 +80,21 @@ def weigh(trace: Trace, recording: Recording) -> Weight:
     mass, std = positive(mass, std)
     bounds = (0.0, max(high, 2.0 * mass))
     return Weight(mass, std, bounds, "prior-dominated", found, load.tests, *common)
+
+
+def _whole(
+    trace: Trace, recording: Recording, found: Sequence[Weighing], load: Load
+) -> Whole | None:
+    """The load from all that the arm did around its weighings, where that tells more than they do, nothing
+    else acted, and they agree with it."""
+    name = recording.context.holding
+    if name is None or not load.agrees:
+        return None
+    whole = fit_whole(trace, name, found[0].noise, load.force)
+    if whole is None or not whole.explains or whole.std >= load.force_std:
+        return None
+    apart = abs(whole.force - load.force)
+    return whole if apart < tuning.WHOLE_APART * load.force_std else None
 
 
 def shared_gains(effects: Array) -> tuple[Shared, ...]:

@@ -122,3 +122,38 @@ FORESEEN_DRAWS = 2
 HANDLING = 1.0
 """s between two passes, as foreseen: the arm settles and feels what it bears, the fingers take or
 let go. Sensitive: robot time alone, by as much a pass."""
+
+WHOLE_BLOCK = 0.1
+"""s of a block of a whole run: white noise averages out and nothing moves far. Sensitive: no."""
+
+WHOLE_MOST = 400
+"""such blocks at most; longer runs have longer ones. Sensitive: no."""
+
+WHOLE_AROUND = 15.0
+"""s before and after an object hung on the hand, in which the empty hand tells of the arm. Sensitive:
+mass 0.1 σ."""
+
+WHOLE_MISFIT = 1.1
+"""mean square of what a model of all that an arm did leaves, in units of the noise, up to which nothing
+else acts: some 1500 rows scatter by 0.04 about 1 or less. Sensitive: no; arms whose friction changes with the
+place, or in which rests leave something, leave 1.2 to 2.5."""
+
+WHOLE_APART = 3.0
+"""standard deviations of a contrast by which such a model may differ from it. Sensitive: no."""
+
+ANY_ZERO = 10.0
+"""N m (1 sigma): a sensor's zero, of which nothing is known. Sensitive: no."""
+
+JOINT_VISCOUS = 0.3
+"""N m s/rad (1 sigma): friction in a joint that grows with its speed; 0.07 was identified (Gaz et al., as
+above). Sensitive: hardly."""
+
+LINK_MASS = 0.05
+"""part (1 sigma) that what moves with a joint is heavier than it is said to be; identified models leave some per
+cent (Gaz et al., as above). Sensitive: hardly."""
+
+LINK_CENTRE = 5e-3
+"""m (1 sigma) by which its centre lies elsewhere. No published figure. Sensitive: hardly."""
+
+FREE_ABOVE = 5e-3
+"""m above where it was grasped, a thing touches nothing any more. Sensitive: no."""

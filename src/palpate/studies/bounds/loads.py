@@ -8,7 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from palpate.estimation.windows import Load, Mask, load_of, row_at, runs
+from palpate.estimation.load.free import apart, lifted
+from palpate.estimation.windows import Mask, load_of, runs
 from palpate.geometry.pose import Array
 from palpate.robots.description import RobotDescription
 from palpate.robots.simulated.noise.model import NoiseModel
@@ -19,11 +20,8 @@ from palpate.trace.samples import Trace
 
 ANY_MASS, ANY_LEVER, ANY_FORCE, ANY_RATIO = 10.0, 1.0, 1e3, 10.0
 """kg, m, N or N m, and of a coefficient: so much that nothing is known beforehand."""
-CLEAR = 5e-3
-"""m above where it was grasped, a thing touches nothing any more."""
 SLIDES, PRESSED = 5e-3, 1.0
 """m/s and N from which a thing slides along its support."""
-TOUCHING = ("contact", "sliding")
 UP = np.array([0.0, 0.0, 1.0])
 
 
@@ -154,40 +152,12 @@ def _carried(trace: Trace, name: str, standing: Array) -> Carried | None:
     if found is None:
         return None
     load = load_of(trace, name)
-    apart = _apart(trace)
-    hangs = load.loaded & apart & _lifted(trace, load)
-    empty, held = found.all(load.empty & apart), found.all(load.loaded)
+    away = apart(trace)
+    hangs = load.loaded & away & lifted(trace, load)
+    empty, held = found.all(load.empty & away), found.all(load.loaded)
     hanging = found.all(hangs)
     pull = hanging[:, None] * (found.acceleration + trace.gravity * UP)
     return Carried(found, pull, _axes(found, held, standing), hanging | empty, held)
-
-
-def _apart(trace: Trace) -> Mask:
-    """Rows in which the hand is away from where a leaf began or ended touching something, and no
-    leaf that does both is at work."""
-    t, position = trace.samples.t, trace.samples.pose_world_tcp[:, :3]
-    found = np.ones(len(t), dtype=bool)
-    touched = False
-    leaves = sorted(trace.leaves, key=lambda run: run.end)
-    for leaf, until in zip(leaves, [*(other.start for other in leaves[1:]), np.inf], strict=True):
-        touches = leaf.context is not None and leaf.context.activity in TOUCHING
-        rows = (t >= leaf.start) & (t < max(until, leaf.end))
-        if touched and touches:
-            found[rows] = False
-        elif touched or touches:
-            place = position[row_at(trace.samples, leaf.start if touched else leaf.end)]
-            found[rows] &= np.linalg.norm(position[rows] - place, axis=1) > CLEAR
-        touched = touches
-    return found
-
-
-def _lifted(trace: Trace, load: Load) -> Mask:
-    """Rows in which the hand is higher than where it took the object."""
-    z = trace.samples.pose_world_tcp[:, 2]
-    found = np.zeros(len(z), dtype=bool)
-    for rows in runs(load.loaded):
-        found[rows] = z[rows] > z[rows.start] + CLEAR
-    return found
 
 
 def _axes(blocks: Blocks, held: Mask, standing: Array) -> Array:

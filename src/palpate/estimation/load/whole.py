@@ -1,0 +1,302 @@
+"""A load from all that an arm did in free air around its weighing, not from passes along one path.
+
+Away from the path of a lift there is nothing to compare with place by place. But what the joints feel
+there is made by few causes, each linear in unknown numbers: what the load weighs and where it hangs,
+masses and centres of the arm's links that are not quite what they are said to be, zeros and gains of
+the sensors, friction (Dahl's, and what grows with the speed), what rests leave, and how gravity leans.
+All are fitted together by generalised least squares. It tells more, and holds only where that is all there is:
+its residuals have to be no more than the noise (`Whole.explains`), else the contrast along the path stands.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.estimation import tuning
+from palpate.estimation.gains import gain_root
+from palpate.estimation.load.biases import flicker
+from palpate.estimation.load.equations import Model, Unsure
+from palpate.estimation.load.feeling import Feeling, feeling
+from palpate.estimation.load.free import apart, lifted
+from palpate.estimation.load.moving import about
+from palpate.estimation.load.noise import Noise
+from palpate.estimation.load.rubbing import rubbing
+from palpate.estimation.windows import Mask, acceleration, at_rest, gained, load_of, runs
+from palpate.geometry.pose import Array, rotations
+from palpate.trace.recording import Chain
+from palpate.trace.samples import Trace
+
+UP = np.array([0.0, 0.0, 1.0])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Whole:
+    """A load's weight from a whole stretch of a trace.
+
+    Attributes:
+        force, std: N.
+        gains: (1, m) N that one standard deviation of each cause of the sensors' gains makes.
+        misfit: mean square of what is left, in units of the noise.
+    """
+
+    force: float
+    std: float
+    gains: Array
+    misfit: float
+
+    @property
+    def explains(self) -> bool:
+        """Whether the noise accounts for what is left."""
+        return self.misfit < tuning.WHOLE_MISFIT
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Blocks:
+    """Means over stretches of time in which nothing moves far.
+
+    Attributes:
+        rows: (k,) samples in each.
+        t: (k,) s.
+        q, dq: (k, m) rad, rad/s.
+        felt: (k, m) N m less what moves the arm's links.
+        moved: (k, m) N m of that.
+        maps: (k, m, 6) as `Feeling.maps`.
+        tool: (k, 3, 3) the hand's axes in the world.
+        hanging: (k,) N/kg that the load pulls with, 0 without it.
+        grasp: (k,) s, of the load.
+        rubbed: (k, m, 2) as `estimation.load.rubbing`.
+        resting: (k, rests) 1 where the arm is at a rest.
+    """
+
+    rows: Array
+    t: Array
+    q: Array
+    dq: Array
+    felt: Array
+    moved: Array
+    maps: Array
+    tool: Array
+    hanging: Array
+    grasp: Array
+    rubbed: Array
+    resting: Array
+
+
+def fit_whole(trace: Trace, name: str, noise: Noise, about_force: float) -> Whole | None:
+    """What `name` pulled down with all the time that it hung on the hand, near `about_force` N; None
+    where the arm's links are not known, or it never hung free."""
+    felt = feeling(trace)
+    if felt.chain is None or not felt.knows_links:
+        return None
+    blocks = _blocks(trace, felt, name)
+    if blocks is None:
+        return None
+    model = _model(trace, felt, blocks, noise, about_force)
+    mean, covariance = model.solve()
+    left = model.y - model.design @ mean
+    signals = blocks.felt.shape[1]
+    gains = -(covariance / model.prior)[:1, -signals:]
+    misfit = float(left @ left) / len(left)
+    return Whole(float(mean[0]), float(np.sqrt(covariance[0, 0])), gains, misfit)
+
+
+def _blocks(trace: Trace, felt: Feeling, name: str) -> _Blocks | None:
+    samples, load = trace.samples, load_of(trace, name)
+    away = apart(trace)
+    hangs = load.loaded & away & lifted(trace, load)
+    if not hangs.any():
+        return None
+    t = samples.t
+    first, last = t[hangs][0] - tuning.WHOLE_AROUND, t[hangs][-1] + tuning.WHOLE_AROUND
+    used = (hangs | (load.empty & away)) & (first <= t) & (t <= last)
+    length = max(tuning.WHOLE_BLOCK, float(min(last, t[-1]) - max(first, t[0])) / tuning.WHOLE_MOST)
+    place = ((t - t[0]) / length).astype(int)
+    place = np.cumsum(np.diff(place, prepend=place[0]) > 0, dtype=np.intp)
+    count = int(place[-1]) + 1
+    rows = np.bincount(place, minlength=count).astype(float)
+
+    def mean(signal: Array) -> Array:
+        sums = np.zeros((count, *signal.shape[1:]))
+        np.add.at(sums, place, signal)
+        return sums / rows.reshape(-1, *[1] * (signal.ndim - 1))
+
+    kept = mean(used.astype(float)) > 1.0 - 1e-9
+    pull = hangs * (trace.gravity + acceleration(samples, tuning.SPEED_SHORT)[:, 2])
+    motion = felt.own_motion(samples, used)
+    net = gained(felt.signals, t, tuning.SPEED_SHORT)[0] - motion
+    grasp = np.array([max([g for g in load.grasps if g <= time], default=-np.inf) for time in t])
+    middle = np.searchsorted(place, np.arange(count)) + (rows // 2).astype(int)
+    q = mean(samples.q)
+    return _Blocks(
+        rows[kept],
+        mean(t)[kept],
+        q[kept],
+        mean(samples.dq)[kept],
+        mean(net)[kept],
+        mean(motion)[kept],
+        felt.maps(q[kept]),
+        rotations(samples.pose_world_tcp[middle[kept], 3:]),
+        mean(pull)[kept],
+        grasp[middle[kept]],
+        mean(rubbing(samples.q))[kept],
+        _resting(at_rest(samples), place, count)[kept],
+    )
+
+
+def _resting(still: Mask, place: NDArray[np.intp], count: int) -> Array:
+    """(count, rests) which blocks are of each rest."""
+    columns: list[Array] = []
+    for rows in runs(still):
+        column = np.zeros(count)
+        np.add.at(column, place[rows], 1.0)
+        columns.append(np.minimum(column, 1.0))
+    return np.array(columns).reshape(-1, count).T
+
+
+def _model(trace: Trace, felt: Feeling, blocks: _Blocks, noise: Noise, about_force: float) -> Model:
+    """All causes, of signals whose noise is known."""
+    hand, gravity, signals = trace.hand, trace.gravity, blocks.felt.shape[1]
+    pull = (blocks.hanging / gravity)[:, None] * UP
+    weight, links, lean = _links(felt, blocks.q, gravity)
+    weighs = np.einsum("kji,ki->kj", blocks.maps[:, :, :3], pull)
+    columns, prior = [weighs], [tuning.LOAD_PRIOR]
+    for grasp in sorted(set(blocks.grasp[blocks.hanging > 0.0].tolist())):
+        for axis in range(3):
+            way = blocks.tool[:, :, axis] * (blocks.grasp == grasp)[:, None]
+            moment = np.cross(way, pull)
+            columns.append(np.einsum("kji,ki->kj", blocks.maps[:, :, 3:], moment))
+            prior.append(tuning.LOAD_PRIOR)
+    for torque, size in links:
+        columns.append(torque)
+        prior.append(size)
+    for axis in range(2):
+        loaded = about_force * pull[:, 2]
+        pulled = blocks.maps[:, :, axis] * loaded[:, None]
+        columns.append(lean[axis] + pulled)
+        prior.append(tuning.TILT)
+    for own, size in _of_joints(blocks):
+        for joint in range(signals):
+            alone = np.zeros_like(blocks.felt)
+            alone[:, joint] = own[:, joint]
+            columns.append(alone)
+            prior.append(size)
+    first = len(columns)
+    for rest in blocks.resting.T:
+        for axis in range(3):
+            columns.append(rest[:, None] * blocks.maps[:, :, axis])
+            prior.append(hand.force_repeatability + tuning.FLOOR)
+    left = slice(first, len(columns))
+    shown = weight - weight[0] + about_force * weighs
+    for cause in gain_root(hand, signals).T:
+        columns.append(shown * cause)
+        prior.append(1.0)
+    gains = slice(left.stop, len(columns))
+    design, y = _whitened(np.array(columns), blocks, noise)
+    even = [1.0 / len(tuning.LEFT_SHARES)] * len(tuning.LEFT_SHARES)
+    unsure = Unsure(left, tuning.LEFT_SHARES, even), Unsure(gains, *tuning.GAINS_OFF)
+    return Model(design, y, np.array(prior), noise.freedom, unsure)
+
+
+def _of_joints(blocks: _Blocks) -> list[tuple[Array, float]]:
+    """What each joint makes in its own signal: (k, m) N m of a unit, and how large it may be."""
+    return [
+        (np.ones_like(blocks.felt), tuning.ANY_ZERO),
+        (blocks.rubbed[:, :, 0], tuning.JOINT_LEVEL),
+        (blocks.rubbed[:, :, 1], tuning.JOINT_LEVEL),
+        (blocks.dq, tuning.JOINT_VISCOUS),
+        (blocks.moved, tuning.INERTIA_SHARE),
+    ]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Joint:
+    """A joint at k configurations, base axes.
+
+    Attributes:
+        axis, anchor: (k, 3) unit, m.
+        frame, origin: (k, 3, 3) and (k, 3) m, of what moves with it.
+    """
+
+    axis: Array
+    anchor: Array
+    frame: Array
+    origin: Array
+
+
+def _joints(chain: Chain, q: Array) -> list[_Joint]:
+    """At joint angles `q` (k, m), from the base on."""
+    found: list[_Joint] = []
+    rotation, shift = np.broadcast_to(np.eye(3), (len(q), 3, 3)), np.zeros((len(q), 3))
+    for own, place, angle in zip(chain.axes, chain.anchors, q.T, strict=True):
+        axis = rotation @ np.array(own)
+        anchor = rotation @ np.array(place) + shift
+        rotation = rotation @ about(np.array(own), angle)
+        shift = anchor - rotation @ np.array(place)
+        found.append(_Joint(axis, anchor, rotation, shift))
+    return found
+
+
+def _links(
+    felt: Feeling, q: Array, gravity: float
+) -> tuple[Array, list[tuple[Array, float]], Array]:
+    """N m (k, m) that hold up the arm's links; what errors of what moves with each joint add to that,
+    with the size of each; and (2, k, m) what a radian adds by which gravity leans along world x or y."""
+    assert felt.chain is not None
+    joints = _joints(felt.chain, q)
+    holds = np.zeros((3, *q.shape))
+    errors: list[tuple[Array, float]] = []
+    for i, joint in enumerate(joints):
+        parts = [link for link in felt.chain.links if link.joint == i]
+        mass = sum(part.mass for part in parts)
+        if not mass:
+            continue
+        com = sum((part.mass * np.array(part.com) for part in parts), np.zeros(3)) / mass
+        centre = joint.frame @ com + joint.origin
+        borne = gravity * _borne(joints[: i + 1], q.shape, felt.turn, centre)
+        holds += mass * borne
+        errors.append((borne[2], tuning.LINK_MASS * mass))
+        for axis in range(3):
+            moved = _turned(joints[: i + 1], q.shape, felt.turn, joint.frame[:, :, axis])
+            errors.append((mass * gravity * moved, tuning.LINK_CENTRE))
+    return holds[2], errors, holds[:2]
+
+
+def _borne(before: Sequence[_Joint], shape: tuple[int, ...], turn: Array, place: Array) -> Array:
+    """(3, k, m) what a newton along each of the world's axes at a place (k, 3) takes in the joints before
+    it; `turn`: the base's axes in the world."""
+    torque = np.zeros((3, *shape))
+    for j, joint in enumerate(before):
+        torque[:, :, j] = turn @ np.cross(joint.axis, place - joint.anchor).T
+    return torque
+
+
+def _turned(before: Sequence[_Joint], shape: tuple[int, ...], turn: Array, lever: Array) -> Array:
+    """(k, m) what a newton upward takes more in them where it lies farther along a lever (k, 3)."""
+    torque = np.zeros(shape)
+    for j, joint in enumerate(before):
+        torque[:, j] = np.cross(joint.axis, lever) @ turn[2]
+    return torque
+
+
+def _whitened(columns: Array, blocks: _Blocks, noise: Noise) -> tuple[Array, Array]:
+    """Columns (p, k, m) and what was felt, in rows of unit variance."""
+    between = np.abs(blocks.t[:, None] - blocks.t)
+    drift = tuning.DRIFT**2 * np.exp(-between / tuning.DRIFT_TIME) * tuning.TORQUE_LEVER**2
+    slow = flicker(between)
+    design: list[Array] = []
+    found: list[Array] = []
+    for joint, felt in enumerate(blocks.felt.T):
+        own = (
+            noise.white[joint] / blocks.rows + (tuning.UNSTEADY_SHARE * blocks.moved[:, joint]) ** 2
+        )
+        covariance: Array = drift + noise.flicker[joint] * slow + np.diag(own + tuning.FLOOR**2)
+        root: Array = np.linalg.cholesky(covariance).astype(np.float64)
+        rows = np.column_stack([columns[:, :, joint].T, felt])
+        white: Array = np.linalg.solve(root, rows).astype(np.float64)
+        design.append(white[:, :-1])
+        found.append(white[:, -1])
+    return np.concatenate(design), np.concatenate(found)
