@@ -89,6 +89,12 @@ def test_a_constant_pressure_leaves_the_bias_in_and_says_so(bench, noises):
     assert abs(constant.value[0] - DYNAMIC) < 3 * constant.std[0]
 
 
+@pytest.mark.parametrize("seed", [2, 5])
+def test_noise_in_a_constant_pressure_is_no_force_without_pressure(bench, noises, seed):
+    found = estimate_friction(drag(bench, noises["datasheet"], seed, CONSTANT), PARAMETER, None)
+    assert is_right(found)
+
+
 @pytest.mark.parametrize("goal", [(0.6, 0.1, 0.2), (0.5, 0.2, 0.2), (0.43, 0.03, 0.2)])
 def test_independent_of_direction(bench, noises, goal):
     found = estimate_friction(drag(bench, noises["none"], goal=goal), PARAMETER, None)
@@ -149,7 +155,7 @@ def test_nothing_dragged_nothing_known(weighing, noises):
 
 def test_a_friction_that_cannot_be_told_from_none_has_no_value(bench, noises):
     trace = drag(bench, noises["lab"], 1, CONSTANT)
-    unsure = replace(trace, hand=replace(trace.hand, torque_gain=0.8))
+    unsure = replace(trace, hand=replace(trace.hand, torque_gain=1.2))
     found = estimate_friction(unsure, PARAMETER, None)
     assert found.verdict == "not identified"
     assert len(found.value) == 0
@@ -209,6 +215,11 @@ def test_a_magnet_presses_and_is_not_felt(bench, noises, force):
     found = slid(bench, noises["lab"], attraction=force)
     assert abs(found.z_score(DYNAMIC)[0]) < 3
     assert (found.verdict == "contradicted") == (force > 10)
+
+
+def test_a_magnet_is_felt_where_the_pressure_hardly_changes(bench, noises):
+    found = slid(bench, noises["lab"], press=(0.006, 0.0065, 0.006), attraction=12.0)
+    assert found.verdict == "contradicted"
 
 
 def test_what_pulls_on_the_object_in_the_air_contradicts_its_friction(bench, noises):

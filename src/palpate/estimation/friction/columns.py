@@ -125,7 +125,7 @@ def _of_support(drag: Drag, middle: Array, usual: float) -> Array:
     """(n, FIRST) with places from `middle` (2,), m, and a `usual` speed, m/s."""
     x, y = ((drag.place - middle) / tuning.HALF_WAY).T
     wx, wy = drag.way
-    normal, ones = drag.normal, np.ones(len(drag.t))
+    normal, ones = drag.pressing[0], np.ones(len(drag.t))
     axes = [wx**2 - wy**2, 2.0 * wx * wy]
     speed = np.log2(drag.speed / usual)
     spring = [wx * x, wy * y, wx * y + wy * x]

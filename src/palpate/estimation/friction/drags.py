@@ -75,7 +75,8 @@ class Drag:
         begins: row at which the hand is told to set out; before, the object rests on its support.
         mass: kg, of the object.
         unsure_mass: kg (1 sigma), what the arm may have besides what was taken off.
-        quiet: N², what `noise` is of the force in this direction while the object hangs at rest.
+        quiet: N², what `noise` is of the force in this direction while the object hangs at rest, and of
+            the vertical force.
         hanging: what it is referred to.
     """
 
@@ -95,7 +96,7 @@ class Drag:
     begins: int
     mass: float
     unsure_mass: float
-    quiet: float
+    quiet: tuple[float, float]
     hanging: Hanging
 
     @property
@@ -158,6 +159,36 @@ class Drag:
         return self.swung_out & self.moving & (self.normal > tuning.NORMAL_MIN)
 
     @property
+    def blocks(self) -> list[NDArray[np.intp]]:
+        """Rows of each block of steady sliding."""
+        steady = np.flatnonzero(self.steady)
+        size = max(1, round(tuning.BLOCK / self.period))
+        return np.array_split(steady, max(1, len(steady) // size))
+
+    @cached_property
+    def pressing(self) -> tuple[Array, float]:
+        """(n,) N, the normal force as it is likely to be, and the variance, N², that this has in a block.
+
+        What blocks scatter about a line is noise as far as sensors at rest have it, and rows differ.
+        Friction told from a force with its noise would seem less than it is (regression calibration:
+        Carroll, Ruppert, Stefanski, Crainiceanu, Measurement Error in Nonlinear Models, 2006,
+        chapter 4).
+        """
+        blocks = self.blocks
+        if len(blocks) <= 2:
+            return self.normal, 0.0
+        means = np.array([self.normal[block].mean() for block in blocks])
+        off = _detrended(means)
+        white = float(np.diff(self.normal[self.steady]).var()) / 2.0
+        noise = min(self.quiet[1], white) * len(blocks) / sum(map(len, blocks))
+        scatter = float(off @ off) / (len(blocks) - 2)
+        real = max(0.0, 1.0 - noise / max(scatter, tuning.FLOOR**2))
+        normal = self.normal.copy()
+        for block, stray in zip(blocks, off.tolist(), strict=True):
+            normal[block] -= (1.0 - real) * stray
+        return normal, real * noise
+
+    @property
     def slowing(self) -> slice:
         """Rows after those of steady sliding in which the hand slows down and is still fast enough
         for the object to slide."""
@@ -187,7 +218,7 @@ class Drag:
     @property
     def roughness(self) -> float:
         """How much noisier steady sliding is than hanging at rest: what chatters sticks in between."""
-        return self.noise / (self.quiet + tuning.SMOOTH_NOISE)
+        return self.noise / (self.quiet[0] + tuning.SMOOTH_NOISE)
 
 
 def _density(forces: Iterable[Array], period: float) -> float:
@@ -340,6 +371,7 @@ def _drag(
     way = velocity.sum(axis=0) / np.linalg.norm(velocity.sum(axis=0))
     force = samples.wrench[rows, :3] - free.force - moved
     commanded = velocity @ way
+    still = [samples.wrench[part, :3] for part in _stretches(samples.t, hanging)]
     period = float(np.median(np.diff(samples.t)))
     return Drag(
         samples.t[rows],
@@ -358,8 +390,9 @@ def _drag(
         0,
         0.0,
         0.0,
-        _density(
-            [samples.wrench[part, :2] @ way for part in _stretches(samples.t, hanging)], period
+        (
+            _density([part[:, :2] @ way for part in still], period),
+            _density([part[:, 2] for part in still], period),
         ),
         free,
     )

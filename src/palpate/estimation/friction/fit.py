@@ -19,7 +19,6 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from palpate.estimation import tuning
 from palpate.estimation.estimate import Shared
@@ -167,8 +166,10 @@ def fit_sliding(drags: Sequence[Drag], felt: Feeling, hand: Hand) -> Sliding:
     force, design = forces.white
     excess = max(0.0, float(np.mean((force - design @ found.mean) ** 2)) - 1.0)
     squares = (forces.force - forces.design @ found.mean) ** 2
-    # Within one drag, half of what an approach may be off.
-    allowed = forces.noise + (hand.force_repeatability / 2) ** 2
+    # Within one drag, half of what an approach may be off, and half of what joints rub otherwise.
+    each = slice(unknowns.joints.stop, unknowns.gains.start)
+    rubbed = forces.design[:, each] @ unknowns.fixed[each]
+    allowed = forces.noise + (hand.force_repeatability / 2) ** 2 + (rubbed / 2) ** 2
     return Sliding(
         unknowns,
         forces,
@@ -185,7 +186,7 @@ def _fitted(
 ) -> tuple[Columns, Forces, Posterior, float]:
     """With the arm's columns, and how uneven friction may be, as at a friction of `mu`."""
     unknowns = columns(drags, felt, hand, mu)
-    forces = _forces(drags, unknowns)
+    forces = _forces(drags, unknowns, mu)
     return unknowns, forces, *averaged(forces, unknowns)
 
 
@@ -217,27 +218,21 @@ def _quotient(drags: Sequence[Drag]) -> float:
     return max(0.0, tangential / sum(float(drag.normal[drag.steady].sum()) for drag in drags))
 
 
-def _forces(drags: Sequence[Drag], unknowns: Columns) -> Forces:
+def _forces(drags: Sequence[Drag], unknowns: Columns, mu: float) -> Forces:
     force: list[float] = []
     design: list[Array] = []
     noise: list[float] = []
     times: list[float] = []
     wander: list[Array] = []
     for drag, own, levers in zip(drags, unknowns.of, unknowns.levers, strict=True):
-        for block in _cut(drag):
+        pressed = mu**2 * drag.pressing[1]
+        for block in drag.blocks:
             force.append(float(drag.tangential[block].mean()))
             design.append(own[block].mean(axis=0))
-            noise.append(drag.noise / len(block) + tuning.SLIDING_NOISE**2)
+            noise.append(drag.noise / len(block) + pressed + tuning.SLIDING_NOISE**2)
             times.append(float(drag.t[block].mean()))
             wander.append(levers * np.sqrt(drag.hanging.flicker))
     apart = np.abs(np.subtract.outer(times, times))
     slow = np.array(wander) @ np.array(wander).T * flicker(apart)
     root = np.linalg.cholesky(np.diag(noise) + slow).astype(np.float64)
     return Forces(np.array(force), np.array(design), np.array(noise), root)
-
-
-def _cut(drag: Drag) -> list[NDArray[np.intp]]:
-    """Rows of each block of steady sliding."""
-    steady = np.flatnonzero(drag.steady)
-    size = max(1, round(tuning.BLOCK / drag.period))
-    return np.array_split(steady, max(1, len(steady) // size))
