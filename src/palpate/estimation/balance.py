@@ -71,10 +71,10 @@ def grasps_of(trace: Trace, held: Held, body: Body, about: Array) -> Grasps:
         right.append(hold.pose_world_tcp.position[:2] + offset - pose_world_body.position[:2])
     slopes, places = _slopes(load), _places(along, accuracy(body), trace.hand)
     covariance = slopes @ load.covariance @ slopes.T
-    covariance += _shifted(held, trace.hand.pose_repeatability)
+    covariance += _shifted(held, body, trace.hand.pose_repeatability)
     for place in places:
         covariance += np.outer(place.effect, place.effect)
-    for effect in (_turned(held, body, about) * SPREAD, _slid(held) * tuning.GRIP_SLIDE):
+    for effect in (_turned(held, about) * SPREAD, _slid(held) * tuning.GRIP_SLIDE):
         covariance += effect @ effect.T
     shared = (*shared_gains(slopes @ load.gains), *places)
     loose = tuning.ARM_WEIGHT * trace.hand.pose_repeatability / load.force
@@ -120,7 +120,7 @@ def _agreement(grasps: Grasps, left: Array, freedom: int) -> FitTest:
     )
 
 
-def _shifted(held: Held, repeatability: float) -> Array:
+def _shifted(held: Held, body: Body, repeatability: float) -> Array:
     """(2n, 2n) m² of where the object is in the hand: the arm grips it, and has put it down before, as
     exactly as it repeats a pose, and in putting down it slips along the fingers, which centre it
     between them. It is gripped where it was put down: that adds up."""
@@ -128,24 +128,23 @@ def _shifted(held: Held, repeatability: float) -> Array:
     same = np.repeat(np.repeat(grasps[:, None] == grasps, 2, axis=0), 2, axis=1)
     axes = np.vstack([hold.pose_world_tcp.rotation[:2] for hold in held.holds])
     gripped = repeatability**2 * (axes @ axes.T) * same
-    times = np.repeat([len(before(grasp, held.put_down)) for grasp in grasps], 2)
-    put = tuning.GRASP_SHIFT**2 + repeatability**2
+    put: list[float] = []
+    for grasp in grasps:
+        shifts = [one.levelled(body) for one in before(grasp, held.put_down)]
+        each = [tuning.GRASP_SHIFT**2 + repeatability**2 + shift**2 for shift in shifts]
+        put += [sum(each)] * 2
     along = axes[:, 0]
-    return gripped + put * np.minimum.outer(times, times) * np.outer(along, along)
+    return gripped + np.minimum.outer(put, put) * np.outer(along, along)
 
 
-def _turned(held: Held, body: Body, about: Array) -> Array:
+def _turned(held: Held, about: Array) -> Array:
     """(2n, 2) m by which where the load hangs is another, seen from above, for each unit of what is not
-    known of how the pads let it turn: the same in all grasps, as far as the load turns it in each, and
-    has turned it before it was put down."""
+    known of how the pads let it turn: the same in all grasps, as far as the load turns it in each."""
     effects: list[Array] = []
     for hold in held.holds:
         closing = hold.pose_world_tcp.rotation[:, 1]
         lever = hold.pose_world_tcp.rotation @ hold.pose_tcp_body.apply(about)
-        effect = np.outer(np.cross(closing, lever)[:2], hold.droop.turns)
-        for one in before(hold.grasp, held.put_down):
-            effect += _seen(hold) @ one.levelled(body)
-        effects.append(effect)
+        effects.append(np.outer(np.cross(closing, lever)[:2], hold.droop.turns))
     return np.vstack(effects)
 
 

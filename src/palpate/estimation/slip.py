@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from palpate.estimation.droop import Droop
+from palpate.estimation.droop import SPREAD, Droop
 from palpate.geometry.pose import Array, Pose
 from palpate.mjcf.body import Body
 
@@ -34,12 +34,11 @@ class PutDown:
     droop: Droop
     swept: float
 
-    def levelled(self, body: Body) -> Array:
-        """(3, 2) m, body frame: by how much it lies elsewhere than where it was gripped, for each unit
-        of what is not known of its droop."""
-        along = self.pose_tcp_body.rotation[0]
-        shifts: Array = _height(self.pose_tcp_body, body) * self.droop.turns
-        return along[:, None] * shifts
+    def levelled(self, body: Body) -> float:
+        """m (1 sigma): by how much it lies elsewhere along the fingers than where it was gripped, as it
+        drooped. Its end may slide on the support as well, and so this tells nothing of the droop."""
+        drooped = float(np.linalg.norm(self.droop.turns * SPREAD))
+        return _height(self.pose_tcp_body, body) * drooped
 
     @property
     def slid(self) -> Array:
