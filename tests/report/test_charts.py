@@ -16,7 +16,7 @@ from palpate.quantities.shape.tilt import estimate_tilt
 from palpate.quantities.stiffness import estimate_stiffness
 from palpate.report.data import Measured
 from palpate.report.evidence.chart import Chart
-from palpate.report.evidence.charts import charts
+from palpate.report.evidence.charts import CHARTS, charts
 from palpate.scene.load import parse_scene
 
 __all__ = ["bench", "noises"]
@@ -114,3 +114,16 @@ def test_drags_are_shown_with_their_breakaways(bench, noises) -> None:
     forces, quotient = shown(found, b.trace(), (0.34,))
     assert slope_of(forces) == pytest.approx(float(found.value[0]), rel=0.02)
     assert [dot.kind for dot in quotient.dots] == ["down", "down"]
+
+
+def test_a_chart_that_fails_costs_nothing_else(bench, noises, monkeypatch, caplog) -> None:
+    def broken(*_: object) -> tuple[Chart, ...]:
+        raise AttributeError("no such thing")
+
+    b = bench(noises["lab"], 0)
+    b.go("mat_approach", (0.5, 0.0, 0.32))
+    b.descend(lambda z: max(0.0, 0.28 - z) * 1000.0, "mat")
+    found = estimate_stiffness(b.trace(), Parameter("mat", "stiffness"), None)
+    monkeypatch.setitem(CHARTS, "stiffness", broken)
+    assert charts(Measured(found), b.trace()) == ()
+    assert "no chart of mat.stiffness: AttributeError: no such thing" in caplog.text

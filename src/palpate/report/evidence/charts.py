@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable
 
 from palpate.report.data import Measured
@@ -16,6 +17,8 @@ from palpate.report.evidence.tilting import balanced_charts
 from palpate.report.evidence.touching import touched_charts
 from palpate.report.evidence.weighing import weighed_charts
 from palpate.trace.samples import Trace
+
+log = logging.getLogger(__name__)
 
 CHARTS: dict[str, Callable[[Measured, Trace], tuple[Chart, ...]]] = {
     "mass": weighed_charts,
@@ -41,4 +44,10 @@ def charts(measured: Measured, trace: Trace) -> tuple[Chart, ...]:
         return draw(measured, trace)
     except (ValueError, IndexError, StopIteration):
         # A recording that was cut short; the page still says what was estimated, and of what.
+        return ()
+    except Exception as error:
+        # The page is worth more than one of its charts.
+        log.warning(
+            "no chart of %s: %s: %s", measured.estimate.parameter, type(error).__name__, error
+        )
         return ()
