@@ -37,33 +37,40 @@ _BETWEEN = r"[\s\u00ad\u200b-\u200f\u2060\ufeff]*"
 def redact(text: str) -> str:
     """`text` without any key that is in the environment, or looks like one, however it is written:
     in part, spread, escaped, percent-encoded, in base64 or hexadecimal."""
-    text = _CREDENTIALS.sub(f"{BLOT}@", _KEY_LIKE.sub(BLOT, text))
-    for key in _keys():
-        text = _without_stretches(_spread(key).sub(BLOT, text), _forms(key))
-    return text
+    return _without(_keys(), text)
 
 
 def redacted(content: T) -> T:
     """A JSON document with every text in it redacted, those that name fields as well."""
-    return cast("T", _redacted(content))
+    return cast("T", _redacted(content, _keys()))
 
 
-def _redacted(content: Any) -> Any:
+def _without(keys: Iterable[str], text: str) -> str:
+    """`text` without `keys`, and without what looks like one."""
+    text = _CREDENTIALS.sub(f"{BLOT}@", _KEY_LIKE.sub(BLOT, text))
+    for key in keys:
+        text = _without_stretches(_spread(key).sub(BLOT, text), _forms(key))
+    return text
+
+
+def _redacted(content: Any, keys: tuple[str, ...]) -> Any:
     if isinstance(content, str):
-        return redact(content)
+        return _without(keys, content)
     if isinstance(content, Mapping):
         items = cast("Mapping[Any, Any]", content).items()
-        return {_redacted(key): _redacted(value) for key, value in items}
+        return {_redacted(key, keys): _redacted(value, keys) for key, value in items}
     if isinstance(content, list | tuple):
-        return [_redacted(item) for item in cast("list[Any]", content)]
+        return [_redacted(item, keys) for item in cast("list[Any]", content)]
     return content
 
 
-def _keys() -> Iterator[str]:
-    """Every key in the environment, the longest first: one may begin with another."""
+def _keys() -> tuple[str, ...]:
+    """Every key in the environment, the longest first: one may begin with another. Reading it takes
+    longer than looking through a short text does."""
     names = [name for name in os.environ if _KEY_NAME.match(name)]
     values = {os.environ[name].strip() for name in names}
-    yield from sorted((v for v in values if len(v) >= SHORTEST), key=lambda v: (-len(v), v))
+    long_enough = [value for value in values if len(value) >= SHORTEST]
+    return tuple(sorted(long_enough, key=lambda value: (-len(value), value)))
 
 
 @lru_cache(maxsize=64)
