@@ -3,22 +3,39 @@ no inside."""
 
 from __future__ import annotations
 
-from contextlib import suppress
-
 import numpy as np
 
 from palpate.geometry.pose import Array
 
+STRAIGHT = 1e-12
+"""Of the square of its size: what a corner adds less to a hull's area lies on one of its sides."""
+
 
 def hull(points: Array) -> Array:
-    """(m, 2) corners of the convex hull of (k, 2) points; the two ends where all lie in a line."""
-    from scipy.spatial import ConvexHull, QhullError
+    """(m, 2) corners of the convex hull of (k, 2) points; the two ends where all lie in a line.
 
-    if len(points) > 2:
-        with suppress(QhullError):  # it finds no area
-            return points[ConvexHull(points).vertices]
-    in_order = np.lexsort(points.T[::-1])
-    return points[in_order[[0, -1]]] if len(points) > 1 else points
+    From left to right along what is below, and back along what is above (Andrew's monotone chain).
+    """
+    if len(points) < 2:
+        return points
+    in_order = points[np.lexsort(points.T[::-1])]
+    least = STRAIGHT * float(np.ptp(points, axis=0).max()) ** 2
+    corners: list[list[float]] = in_order.tolist()
+    below, over = _turning_left(corners, least), _turning_left(corners[::-1], least)
+    return np.array([*below[:-1], *over[:-1]])
+
+
+def _turning_left(points: list[list[float]], least: float) -> list[list[float]]:
+    """Those of points in order that are left when only turns to the left are made."""
+    kept: list[list[float]] = []
+    for x, y in points:
+        while len(kept) > 1:
+            (x0, y0), (x1, y1) = kept[-2:]
+            if (x1 - x0) * (y - y0) - (y1 - y0) * (x - x0) > least:
+                break
+            kept.pop()
+        kept.append([x, y])
+    return kept
 
 
 def clipped(polygon: Array, by: Array) -> Array:
