@@ -30,6 +30,12 @@ Pixels = NDArray[np.uint8]
 AMBIENT = 0.35
 """Least share of light from everywhere, so that shadows are not black; MuJoCo's default is 0.1."""
 
+SHADOW_MAP = 1024
+"""Pixels: with 2048 shadows look the same, and a picture takes 0.06 s of a processor longer."""
+PACKING = 2
+"""How hard a PNG is packed, 0 to 9: MuJoCo's pictures become a fifth larger than with 6, in a quarter
+of the time."""
+
 _REMEDY = "for pictures install a software OpenGL (Debian, Ubuntu: apt-get install libegl1 libgl1-mesa-dri)"
 
 _OFF = {"disable", "disabled", "off", "false", "0"}
@@ -155,7 +161,7 @@ class Painter:
         model = copy(model)
         model.vis.global_.offwidth = max(width, model.vis.global_.offwidth)
         model.vis.global_.offheight = max(height, model.vis.global_.offheight)
-        model.vis.quality.shadowsize = 0 if draft else 2048
+        model.vis.quality.shadowsize = 0 if draft else SHADOW_MAP
         if draft:
             model.vis.quality.numslices, model.vis.quality.numstacks = 16, 8
             # The stubs of MuJoCo 4.0 lack it.
@@ -189,5 +195,5 @@ class Painter:
 def png(pixels: Pixels) -> bytes:
     """Encoded losslessly."""
     buffer = io.BytesIO()
-    Image.fromarray(pixels).save(buffer, "PNG", optimize=False, compress_level=6)
+    Image.fromarray(pixels).save(buffer, "PNG", optimize=False, compress_level=PACKING)
     return buffer.getvalue()
