@@ -16,7 +16,6 @@ from palpate.errors import InputError, Unavailable
 from palpate.files.plain_yaml import yaml_text
 from palpate.files.read import read_text
 from palpate.planning.check.check import check
-from palpate.planning.model.examine import examine as model_examined
 from palpate.planning.model.prompt.compose import Prompt, checked_modules, checked_style, compose
 from palpate.planning.model.provider import PROVIDERS, find_provider
 from palpate.planning.model.settings import Budget, ModelSettings
@@ -86,7 +85,9 @@ def examined_planner(
         InputError: no such planner or address.
     """
     if planner.partition(":")[0] in PROVIDERS:
-        return model_examined(planner, base_url, seconds)
+        from palpate.planning.model.examine import examine  # loads asyncio and ssl
+
+        return examine(planner, base_url, seconds)
     planners().make(planner)
     return iter([(True, planner, "needs no server")])
 

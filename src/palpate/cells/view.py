@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping
 from itertools import product
-from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -79,21 +76,6 @@ def closer_png(world: MjSpec, names: Mapping[str, Array]) -> bytes:
         pixels = painter.paint(_forwarded(model), view)
         camera = camera_of(view, float(model.vis.global_.fovy), WIDTH, HEIGHT)
     return png(annotated(pixels, camera, names, ground))
-
-
-@contextmanager
-def image_files(given: tuple[Path, ...], taken: Sequence[bytes]) -> Generator[tuple[Path, ...]]:
-    """The images that were given, or the pictures that were taken of the workspace as files while
-    the block runs."""
-    if given or not taken:
-        yield given
-        return
-    with TemporaryDirectory() as folder:
-        paths: list[Path] = []
-        for name, content in zip(("workspace.png", "closer.png"), taken, strict=False):
-            paths.append(Path(folder) / name)
-            paths[-1].write_bytes(content)
-        yield tuple(paths)
 
 
 def _room_around(things: Array) -> Array:

@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 
-from palpate.execution.btcpp import tree_xml
 from palpate.runs.folder import replacing, write_json, write_text
 from palpate.runs.result import CYCLES, has_scene_of_its_own, plan_text, result_json
 from palpate.runs.run import TRACE, Run
@@ -31,6 +30,8 @@ def write_plan(run: Run, folder: Path) -> None:
     if run.conversation is not None:
         write_text(folder / "conversation.json", run.conversation.dump())
     if run.ready and run.plan.tree is not None:
+        from palpate.execution.btcpp import tree_xml  # py_trees, which a plan alone does not need
+
         write_text(folder / "tree.xml", tree_xml(run.plan, vocabulary()))
     _write_scene(run, folder)
 

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any, cast
 from palpate import __version__
 from palpate.estimation.estimate import Estimate, Verdict
 from palpate.planning.plan import dump_plan
-from palpate.robots.simulated.noise.models import noise_models
 from palpate.runs.held_out import held_out_json
 
 if TYPE_CHECKING:
@@ -25,6 +24,8 @@ CYCLES = "cycles.npz"
 
 def result_json(run: Run, folder: Path | None) -> dict[str, Any]:
     """The content of `result.json`, which `--json` prints too."""
+    from palpate.robots.simulated.noise.models import noise_models  # a large model of pydantic's
+
     content = {
         "status": run.status,
         "stage": run.stage,

@@ -8,7 +8,6 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from palpate.cells.simulated import DRAWN
 from palpate.estimation.estimate import Estimate
 from palpate.execution.held import Held
 from palpate.parameter import Parameter
@@ -156,6 +155,8 @@ class Run:
     @property
     def drawn(self) -> bool:
         """Whether what was measured was made up: a simulation of the scene, its unknowns drawn."""
+        from palpate.cells.simulated import DRAWN  # with all that pictures take
+
         return self.simulated and self.world == DRAWN
 
     def suffices(self, estimate: Estimate) -> bool:

@@ -9,7 +9,6 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image
 
 from palpate.errors import InputError
 from palpate.files.read import read_bytes
@@ -83,6 +82,8 @@ def load_image(path: Path, max_side: int = MAX_SIDE) -> NDArray[np.uint8]:
     Raises:
         InputError: not readable, not such a picture, or too large.
     """
+    from PIL import Image  # most scenes come without a picture
+
     content = read_bytes(path, MAX_BYTES, "a picture of the workspace")
     try:
         with warnings.catch_warnings():

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Generator, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
 
 from palpate.errors import InputError, PlanRejected
 from palpate.geometry.pose import Pose
@@ -74,13 +78,26 @@ def _answer(
     planner: Planner, settings: Settings, scene: Scene | None, pictures: tuple[bytes, ...]
 ) -> Plan:
     """The planner's answer; a rejection is a plan without a tree that says why."""
-    from palpate.cells.view import image_files
-
-    with image_files(settings.images, pictures) as images:
+    with _image_files(settings.images, pictures) as images:
         try:
             return planner.plan(settings.request, scene, images)
         except PlanRejected as rejection:
             return Plan((), None, str(rejection), settings.planner)
+
+
+@contextmanager
+def _image_files(given: tuple[Path, ...], taken: Sequence[bytes]) -> Generator[tuple[Path, ...]]:
+    """The images that were given, or the pictures that were taken of the workspace as files while
+    the block runs."""
+    if given or not taken:
+        yield given
+        return
+    with TemporaryDirectory() as folder:
+        paths: list[Path] = []
+        for name, content in zip(("workspace.png", "closer.png"), taken, strict=False):
+            paths.append(Path(folder) / name)
+            paths[-1].write_bytes(content)
+        yield tuple(paths)
 
 
 def _scene_of(answer: Plan, seen: DetectedScene | None) -> Scene:
