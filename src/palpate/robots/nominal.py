@@ -118,6 +118,19 @@ class NominalArm:
             out[i, :3], out[i, 3:] = self._position, self._quaternion
         return out
 
+    def stances(self, q: Array) -> tuple[Array, Array]:
+        """The TCP's poses (n, 7) and Jacobians (n, 6, 7), as of `kinematics`, at configurations `q`
+        (n, 7)."""
+        pose, jacobian = np.empty((len(q), 7)), np.empty((len(q), 6, self._model.nv))
+        for i in range(len(q)):
+            self._q[:] = q[i]
+            mujoco.mj_kinematics(self._model, self._data)
+            mujoco.mj_comPos(self._model, self._data)
+            rows = jacobian[i]
+            mujoco.mj_jacSite(self._model, self._data, rows[:3], rows[3:], self._tcp)
+            pose[i, :3], pose[i, 3:] = self._position, self._quaternion
+        return pose, jacobian[:, :, :7]
+
     def reach(self, goal: Pose, posture: Array) -> Array:
         """Configuration (7,) that puts the TCP at `goal` with the null space at rest near
         `posture`, which is first turned about the base towards the goal.
@@ -135,12 +148,9 @@ class NominalArm:
         posture = posture + np.arctan2(ahead[1], ahead[0]) * np.eye(7)[0]
         q = posture
         for _ in range(SEARCH_STEPS):
-            here = self.kinematics(q[None])
-            jacobian: Array = here.jacobian[0]
-            pose = Pose(here.pose_world_tcp[0, :3], here.pose_world_tcp[0, 3:])
-            error = np.concatenate(
-                [goal.position - pose.position, _turn(pose.quaternion, goal.quaternion)]
-            )
+            poses, jacobians = self.stances(q[None])
+            here, jacobian = poses[0], jacobians[0]
+            error = np.concatenate([goal.position - here[:3], _turn(here[3:], goal.quaternion)])
             inverse = np.linalg.solve(
                 jacobian @ jacobian.T + SEARCH_DAMPING * np.eye(6), jacobian
             ).T

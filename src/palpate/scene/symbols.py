@@ -98,6 +98,10 @@ class Symbols:
     _found: dict[str, Pose | None] = field(
         default_factory=dict[str, "Pose | None"], init=False, repr=False
     )
+    _read: dict[str, PoseExpression] = field(
+        default_factory=dict[str, PoseExpression], init=False, repr=False
+    )
+    """Expressions that were read: a search asks for the same ones again and again."""
 
     @cached_property
     def names(self) -> tuple[str, ...]:
@@ -114,11 +118,16 @@ class Symbols:
         return tuple(sorted(names))
 
     def parse(self, expression: str) -> PoseExpression:
-        """Read a pose expression; aliases (`hammer`, `z_off`, `+z`) become full names.
+        """A pose expression; aliases (`hammer`, `z_off`, `+z`) become full names.
 
         Raises:
             InputError: not of the grammar, or unknown names; the message lists the valid ones.
         """
+        if expression not in self._read:
+            self._read[expression] = self._reading(expression)
+        return self._read[expression]
+
+    def _reading(self, expression: str) -> PoseExpression:
         if len(expression) > MAX_EXPRESSION:
             raise InputError(
                 f"pose expression of {len(expression)} characters; at most {MAX_EXPRESSION}"

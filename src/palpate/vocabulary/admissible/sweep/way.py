@@ -111,15 +111,13 @@ def of_fingers(pose: Pose, start: float, end: float) -> Way:
 
 def _correction(arm: NominalArm, hand: Way, q: Array) -> Array:
     """(n, 7) rad of one Newton step that brings the TCP nearer to where the hand should be."""
-    here = arm.kinematics(q)
+    poses, jacobian = arm.stances(q)
     error = np.empty((len(q), 6))
-    error[:, :3] = hand.positions - here.pose_world_tcp[:, :3]
+    error[:, :3] = hand.positions - poses[:, :3]
     turn = np.empty(3)
-    for i, (wanted, found) in enumerate(
-        zip(hand.quaternions, here.pose_world_tcp[:, 3:], strict=True)
-    ):
+    for i, (wanted, found) in enumerate(zip(hand.quaternions, poses[:, 3:], strict=True)):
         mujoco.mju_subQuat(turn, wanted, found)
         mujoco.mju_rotVecQuat(error[i, 3:], turn, found)
-    transposed = here.jacobian.transpose(0, 2, 1)
-    square = here.jacobian @ transposed + DAMPING * np.eye(6)
+    transposed = jacobian.transpose(0, 2, 1)
+    square = jacobian @ transposed + DAMPING * np.eye(6)
     return (transposed @ np.linalg.solve(square, error[:, :, None]))[:, :, 0]
