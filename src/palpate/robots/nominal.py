@@ -149,7 +149,8 @@ class NominalArm:
         q = posture
         for _ in range(SEARCH_STEPS):
             poses, jacobians = self.stances(q[None])
-            here, jacobian = poses[0], jacobians[0]
+            here: Array = poses[0]
+            jacobian: Array = jacobians[0]
             error = np.concatenate([goal.position - here[:3], _turn(here[3:], goal.quaternion)])
             inverse = np.linalg.solve(
                 jacobian @ jacobian.T + SEARCH_DAMPING * np.eye(6), jacobian

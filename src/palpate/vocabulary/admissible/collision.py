@@ -45,7 +45,8 @@ ARM = 0.005
 SURE = 2.0
 """Standard deviations of a height that is not known, by which the hand stays above it."""
 UNSURE = 0.05
-"""m: no more is kept, however little is known: an approach pose is 0.1 m above its surface."""
+"""m: no more is kept, however little is known, and by nothing: an approach pose is 0.1 m above its
+surface."""
 SHOWN = 3
 """Hits that are told of one motion."""
 
@@ -93,7 +94,8 @@ def _finger_hits(state: SymbolicState, end: float, around: str | None) -> Iterat
     if state.pose_world_tcp is None:
         return
     free = replace(state, holding=None, pose_tcp_object=None)
-    swept = hand_sweep(free, of_fingers(state.pose_world_tcp, opening(state), end))
+    fingers = of_fingers(state.pose_world_tcp, opening(state), end)
+    swept = hand_sweep(free, fingers).within(UNSURE)
     passing = Passing(frozenset({around or ""}), frozenset(), around)
     for hit in islice(swept.hits(_margins(free, swept, passing)), SHOWN):
         yield Violation(
@@ -110,7 +112,7 @@ def _collisions(before: SymbolicState, after: SymbolicState) -> Iterator[Violati
         way = _way(before, after, width)
         if way is None:
             return
-        swept = arm_sweep(before, way)
+        swept = arm_sweep(before, way).within(UNSURE)
         hits = sorted(swept.hits(_margins(before, swept, passing)), key=lambda hit: hit.distance)
         for hit in hits:
             pair = (hit.part.owner, hit.other.owner)

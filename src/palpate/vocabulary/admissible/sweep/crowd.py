@@ -47,7 +47,7 @@ def near_spans(
     the hand, the fingers or the load may come within `growth` m of anything; in order, apart from
     each other."""
     way = of_hand(start, end, opening(state), SPACING)
-    near = hand_sweep(state, way).near(growth)
+    near = hand_sweep(state, way).within(growth).near(growth)
     edges = np.flatnonzero(np.diff(np.concatenate([[0], near.astype(int), [0]])))
     spans: list[tuple[float, float]] = []
     for first, last in edges.reshape(-1, 2).tolist():
@@ -78,18 +78,9 @@ class _Crowd:
         """Everything, as it is in a state."""
         shapes = solids(state.scene)
         links = [(Part(g, LINK, shapes.owners[g]), joint) for g, joint in shapes.links.items()]
-        standing = [Part(shape.geom, "", shapes.owners[shape.geom]) for shape in shapes.fixed]
-        there = [shapes.standing]
-        for name in state.scene.objects:
-            if name != state.holding:
-                pose, cluster = state.pose_of(name), shapes.clusters[name]
-                standing += [Part(shape.geom, "", name) for shape in shapes.objects[name]]
-                there.append(cluster.at(pose.position[None], pose.rotation[None]))
-        for part, frames in _raised(shapes, state):
-            standing.append(part)
-            there.append(frames)
-        carried = tuple(_carried(shapes, state))
-        return cls(shapes, carried, tuple(links), tuple(standing), Frames.joined(there))
+        key = ("standing", state.holding, *state.placed, *sorted(state.tops.items()))
+        standing, there = shapes.remembered(key, lambda: _standing(shapes, state))
+        return cls(shapes, tuple(_carried(shapes, state)), tuple(links), standing, there)
 
     def sweep(self, way: Way, with_links: bool = False) -> Sweep:
         """Of a way, by the hand or by the whole arm."""
@@ -101,16 +92,11 @@ class _Crowd:
             meets[len(carried) :] = self._links_meet()
         pairs = np.argwhere(meets) + np.array([0, moving])
         if with_links:
-            own = np.array(list(self._own_pairs()), dtype=np.intp).reshape(-1, 2)
-            pairs = np.concatenate([pairs, own])
-        return Sweep(
-            self.solids,
-            way,
-            (*carried, *links, *self.standing),
-            moving,
-            self._placing(with_links),
-            pairs,
-        )
+            key = ("own pairs", len(carried))
+            own = self.solids.remembered(key, lambda: list(self._own_pairs()))
+            pairs = np.concatenate([pairs, np.array(own, dtype=np.intp).reshape(-1, 2)])
+        place, parts = self._placing(with_links), (*carried, *links, *self.standing)
+        return Sweep(self.solids, way, parts, moving, place, place(way), pairs)
 
     def _links_meet(self) -> NDArray[np.bool_]:
         """(links, standing) whether they can, or are neighbours: the base and the first links."""
@@ -146,6 +132,21 @@ class _Crowd:
             return Frames.joined([*parts, self.there.repeated(way.count)])
 
         return place
+
+
+def _standing(shapes: Solids, state: SymbolicState) -> tuple[tuple[Part, ...], Frames]:
+    """What is not held, and where it is."""
+    standing = [Part(shape.geom, "", shapes.owners[shape.geom]) for shape in shapes.fixed]
+    there = [shapes.standing]
+    for name in state.scene.objects:
+        if name != state.holding:
+            pose, cluster = state.pose_of(name), shapes.clusters[name]
+            standing += [Part(shape.geom, "", name) for shape in shapes.objects[name]]
+            there.append(cluster.at(pose.position[None], pose.rotation[None]))
+    for part, frames in _raised(shapes, state):
+        standing.append(part)
+        there.append(frames)
+    return tuple(standing), Frames.joined(there)
 
 
 def _carried(shapes: Solids, state: SymbolicState) -> Iterator[tuple[Part, Shape]]:

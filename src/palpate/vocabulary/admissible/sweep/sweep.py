@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -78,6 +78,7 @@ class Sweep:
         parts: what moves, then what stands.
         moving: how many of them move.
         place: the shapes' frames of a way, in the order of `parts`.
+        frames: all shapes at all moments.
         pairs: (p, 2) which of them may meet; the first of each moves, and the second of the last
             ones.
     """
@@ -87,12 +88,26 @@ class Sweep:
     parts: Sequence[Part]
     moving: int
     place: Callable[[Way], Frames]
+    frames: Frames
     pairs: Pairs
 
-    @cached_property
-    def frames(self) -> Frames:
-        """All shapes at all moments."""
-        return self.place(self.way)
+    def within(self, growth: float) -> Sweep:
+        """The same with those pairs alone that may come within `growth` m, by the boxes around all
+        the places of what moves, and around what stands."""
+        positions, turns = self.frames.positions, self.frames.rotations[0, self.moving :]
+        low, high = positions[:, : self.moving].min(axis=0), positions[:, : self.moving].max(axis=0)
+        # Between two moments it is no farther from both than half of its travel.
+        travel = self._travel(positions, self.frames.rotations)[:, : self.moving].max(axis=0)
+        reach = growth + self._moving_radii + travel / 2
+        middles, halves = self.solids.boxes
+        standing = self._geoms[self.moving :]
+        middle = positions[0, self.moving :] + np.einsum("kij,kj->ki", turns, middles[standing])
+        half = np.einsum("kij,kj->ki", np.abs(turns), halves[standing])
+        before, behind = middle - half - high[:, None], low[:, None] - middle - half
+        near = np.maximum(before, behind).max(axis=2) < reach[:, None]
+        both_move = np.ones((self.moving, self.moving), dtype=np.bool_)
+        may_meet = np.concatenate([both_move, near], axis=1)
+        return replace(self, pairs=self.pairs[may_meet[self.pairs[:, 0], self.pairs[:, 1]]])
 
     @cached_property
     def bounds(self) -> Array:
