@@ -68,10 +68,13 @@ def weigh(trace: Trace, recording: Recording) -> Weight:
     whole = _whole(trace, recording, found, load)
     force, std = (load.force, load.force_std) if whole is None else (whole.force, whole.std)
     gains = load.gains[:1] if whole is None else whole.gains
+    shared = shared_gains(gains / trace.gravity)
+    if whole is not None:
+        shared += _shared_links(whole.links, trace.gravity)
     mass, std = force / trace.gravity, std / trace.gravity
     half = std * half95(load.freedom)
     low, high = mass - half, mass + half
-    common = shared_gains(gains / trace.gravity), load.freedom, whole
+    common = shared, load.freedom, whole
     if low > 0.0:
         # Without anything to compare with, the arm's own bias is what was believed before.
         compared = any(referenced(weighing.segments) for weighing in found)
@@ -104,6 +107,11 @@ def shared_gains(effects: Array) -> tuple[Shared, ...]:
     for i, effect in enumerate(effects.T.tolist()):
         found.append(Shared(f"gain of joint {i + 1}", "arm", tuple(effect)))
     return tuple(found)
+
+
+def _shared_links(links: Mapping[str, float], gravity: float) -> tuple[Shared, ...]:
+    """What errors of the arm's links do to a mass, by their names: the same in all that it weighs."""
+    return tuple(Shared(name, "arm", (effect / gravity,)) for name, effect in links.items())
 
 
 def hangs_free(trace: Trace, name: str) -> tuple[FitTest, ...]:

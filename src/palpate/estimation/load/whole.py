@@ -10,7 +10,7 @@ its residuals have to be no more than the noise (`Whole.explains`), else the con
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -31,6 +31,8 @@ from palpate.trace.recording import Chain
 from palpate.trace.samples import Trace
 
 UP = np.array([0.0, 0.0, 1.0])
+LINK = "link"
+"""How names of causes begin that are errors of the arm's links."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -40,12 +42,14 @@ class Whole:
     Attributes:
         force, std: N.
         gains: (1, m) N that one standard deviation of each cause of the sensors' gains makes.
+        links: N that one of each error of the arm's links makes, by its name.
         misfit: mean square of what is left, in units of the noise.
     """
 
     force: float
     std: float
     gains: Array
+    links: Mapping[str, float]
     misfit: float
 
     @property
@@ -95,13 +99,15 @@ def fit_whole(trace: Trace, name: str, noise: Noise, about_force: float) -> Whol
     blocks = _blocks(trace, felt, name)
     if blocks is None:
         return None
-    model = _model(trace, felt, blocks, noise, about_force)
+    model, links = _model(trace, felt, blocks, noise, about_force)
     mean, covariance = model.solve()
     left = model.y - model.design @ mean
+    effects = -(covariance / model.prior)[:1]
     signals = blocks.felt.shape[1]
-    gains = -(covariance / model.prior)[:1, -signals:]
+    of_links = {name: float(effects[0, column]) for name, column in links.items()}
     misfit = float(left @ left) / len(left)
-    return Whole(float(mean[0]), float(np.sqrt(covariance[0, 0])), gains, misfit)
+    std = float(np.sqrt(covariance[0, 0]))
+    return Whole(float(mean[0]), std, effects[:, -signals:], of_links, misfit)
 
 
 def _blocks(trace: Trace, felt: Feeling, name: str) -> _Blocks | None:
@@ -157,8 +163,11 @@ def _resting(still: Mask, place: NDArray[np.intp], count: int) -> Array:
     return np.array(columns).reshape(-1, count).T
 
 
-def _model(trace: Trace, felt: Feeling, blocks: _Blocks, noise: Noise, about_force: float) -> Model:
-    """All causes, of signals whose noise is known."""
+def _model(
+    trace: Trace, felt: Feeling, blocks: _Blocks, noise: Noise, about_force: float
+) -> tuple[Model, Mapping[str, int]]:
+    """All causes, of signals whose noise is known, and which of them are errors of the arm's links, by
+    their names."""
     hand, gravity, signals = trace.hand, trace.gravity, blocks.felt.shape[1]
     pull = (blocks.hanging / gravity)[:, None] * UP
     weight, links, lean = _links(felt, blocks.q, gravity)
@@ -170,7 +179,9 @@ def _model(trace: Trace, felt: Feeling, blocks: _Blocks, noise: Noise, about_for
             moment = np.cross(way, pull)
             columns.append(np.einsum("kji,ki->kj", blocks.maps[:, :, 3:], moment))
             prior.append(tuning.LOAD_PRIOR)
-    for torque, size in links:
+    of_links: dict[str, int] = {}
+    for link_error, torque, size in links:
+        of_links[link_error] = len(columns)
         columns.append(torque)
         prior.append(size)
     for axis in range(2):
@@ -198,7 +209,7 @@ def _model(trace: Trace, felt: Feeling, blocks: _Blocks, noise: Noise, about_for
     design, y = _whitened(np.array(columns), blocks, noise)
     even = [1.0 / len(tuning.LEFT_SHARES)] * len(tuning.LEFT_SHARES)
     unsure = Unsure(left, tuning.LEFT_SHARES, even), Unsure(gains, *tuning.GAINS_OFF)
-    return Model(design, y, np.array(prior), noise.freedom, unsure)
+    return Model(design, y, np.array(prior), noise.freedom, unsure), of_links
 
 
 def _of_joints(blocks: _Blocks) -> list[tuple[Array, float]]:
@@ -242,13 +253,13 @@ def _joints(chain: Chain, q: Array) -> list[_Joint]:
 
 def _links(
     felt: Feeling, q: Array, gravity: float
-) -> tuple[Array, list[tuple[Array, float]], Array]:
+) -> tuple[Array, list[tuple[str, Array, float]], Array]:
     """N m (k, m) that hold up the arm's links; what errors of what moves with each joint add to that,
-    with the size of each; and (2, k, m) what a radian adds by which gravity leans along world x or y."""
+    with the name and size of each; and (2, k, m) what a radian adds by which gravity leans along world x or y."""
     assert felt.chain is not None
     joints = _joints(felt.chain, q)
     holds = np.zeros((3, *q.shape))
-    errors: list[tuple[Array, float]] = []
+    errors: list[tuple[str, Array, float]] = []
     for i, joint in enumerate(joints):
         parts = [link for link in felt.chain.links if link.joint == i]
         mass = sum(part.mass for part in parts)
@@ -258,10 +269,11 @@ def _links(
         centre = joint.frame @ com + joint.origin
         borne = gravity * _borne(joints[: i + 1], q.shape, felt.turn, centre)
         holds += mass * borne
-        errors.append((borne[2], tuning.LINK_MASS * mass))
-        for axis in range(3):
+        errors.append((f"{LINK} mass at joint {i + 1}", borne[2], tuning.LINK_MASS * mass))
+        for axis, letter in enumerate("xyz"):
             moved = _turned(joints[: i + 1], q.shape, felt.turn, joint.frame[:, :, axis])
-            errors.append((mass * gravity * moved, tuning.LINK_CENTRE))
+            name = f"{LINK} centre along {letter} at joint {i + 1}"
+            errors.append((name, mass * gravity * moved, tuning.LINK_CENTRE))
     return holds[2], errors, holds[:2]
 
 

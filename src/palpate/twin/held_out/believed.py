@@ -11,6 +11,7 @@ from palpate.estimation import tuning
 from palpate.estimation.balance import BELIEVED, accuracy
 from palpate.estimation.estimate import Estimate
 from palpate.estimation.holds import pose_in_hand
+from palpate.estimation.load.whole import LINK
 from palpate.estimation.windows import mean_pose
 from palpate.geometry.pose import Array, Pose
 from palpate.mjcf.whole import whole
@@ -47,8 +48,10 @@ def known(
         return Known(np.array(stated), np.zeros(len(stated)), np.zeros((len(stated), signals)))
     if estimate is None or not estimate.identified:
         return None
-    # What all grasps have in common is in the motion as well, but for what was believed before.
-    common = tuple(one for one in estimate.shared if not one.cause.startswith(BELIEVED))
+    # What all grasps have in common is in the motion as well, but for what was believed before, and
+    # what the links weigh, which the empty hand's motion shows.
+    apart = (BELIEVED, LINK)
+    common = tuple(one for one in estimate.shared if not one.cause.startswith(apart))
     alike = replace(estimate, shared=common).shared_std
     own = np.sqrt(np.maximum(estimate.std**2 - alike**2, 0.0))
     effects = {shared.cause: shared.effect for shared in estimate.shared}
