@@ -292,6 +292,8 @@ def test_where_the_scenes_file_is_gone_the_measurement_is_still_there(tmp_path: 
     assert again.twin is not None
     assert again.twin.xml == (run.twin and run.twin.xml)
     assert again.scene.bodies == {}
+    with pytest.raises(pp.InputError, match=r"scene, '.*desk.xml', is gone: put it back"):
+        again.estimate()
 
 
 def test_a_folder_that_is_no_run_is_named(tmp_path: Path) -> None:

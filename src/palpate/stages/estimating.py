@@ -47,7 +47,8 @@ def reestimate(made: Run, choice: Mapping[str, str] | None = None) -> Run:
     moves, and its folder stays as it is. `choice` names estimators by quantity.
 
     Raises:
-        InputError: it has no trace, another version recorded it, or there is no such estimator.
+        InputError: it has no trace, another version recorded it, its scene's file is gone, or there is
+            no such estimator.
     """
     if made.folder is not None:
         from palpate.runs.read import require_own_version
@@ -57,10 +58,20 @@ def reestimate(made: Run, choice: Mapping[str, str] | None = None) -> Run:
     if trace is None:
         where = "this run" if made.folder is None else f"'{made.folder}'"
         raise InputError(f"{where} has no trace to make estimates of: nothing was executed")
+    _require_scene(made)
     found = estimate_all(made.plan.parameters, trace, made.scene.bodies, choice or {})
     told = tuple(_told(made, estimate) for estimate in found)
     again = replace(made, recorded=trace, estimates=told, held_out=None, twin=None)
     return _judged(again, choice)
+
+
+def _require_scene(made: Run) -> None:
+    """A run read back from its folder has an empty scene where the file is gone."""
+    file = made.settings.scene
+    if file is not None and not made.scene.bodies:
+        raise InputError(
+            f"the run's scene, '{file}', is gone: put it back there to make estimates anew"
+        )
 
 
 def _estimate_of(made: Run, parameter: Parameter) -> Estimate:
