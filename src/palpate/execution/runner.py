@@ -204,7 +204,7 @@ class _Loop:
     def stop(self) -> None:
         """Bring everything to rest, then put down what is held."""
         name = self.blackboard.state.holding
-        holds = name is not None or self.blackboard.robot.state.gripping
+        holds = name is not None or self._gripping(unanswered=False)
         try:
             self._bring_to_rest()
         finally:
@@ -362,12 +362,12 @@ class _Loop:
             return self.stopping
         return f"{self.stopping}; {warning}"
 
-    def _gripping(self) -> bool:
-        """Whether the fingers hold something; they do, as far as is known, when nobody answers."""
+    def _gripping(self, unanswered: bool = True) -> bool:
+        """Whether the fingers hold something; what is taken for so where nobody answers."""
         try:
             return self.blackboard.robot.state.gripping
         except Exception:
-            return True
+            return unanswered
 
     def _interrupt(self) -> None:
         """End what still runs; what has ended keeps its status, which stopping the root would
