@@ -152,6 +152,15 @@ class Symbols:
         ]
         return PoseExpression(name, tuple(left))
 
+    def found_out(self, expression: str) -> str | None:
+        """The pose in an expression of which a run finds out where it is; None where there is none, or
+        the expression is none."""
+        try:
+            name = self.parse(expression).name
+        except InputError:
+            return None
+        return name if name in self.lines else None
+
     def resolve(
         self, expression: str | PoseExpression, bound: Mapping[str, float] | None = None
     ) -> Pose:

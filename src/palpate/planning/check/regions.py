@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 
-from palpate.errors import InputError
 from palpate.geometry.line import Line
 from palpate.planning.check import end
 from palpate.planning.check.case import Case
@@ -40,26 +39,22 @@ def somewhere(case: Case, walk: Walk, reachable: Reach | None = None) -> Iterato
 def found_out(case: Case) -> dict[str, Line]:
     """The poses that a run of the plan finds out, with where they may be."""
     lines: dict[str, Line] = {}
+    if case.scene is None:
+        return lines
+    symbols = case.scene.symbols
     for primitive in case.form.primitives.values():
-        if case.scene is not None and isinstance(primitive, MovePose):
-            name = _name(primitive.pose, case.scene)
+        if isinstance(primitive, MovePose):
+            name = symbols.found_out(primitive.pose)
             if name is not None:
-                lines[name] = case.scene.symbols.lines[name]
+                lines[name] = symbols.lines[name]
     return lines
-
-
-def _name(expression: str | None, scene: Scene) -> str | None:
-    """The pose in an expression that a run finds out; None where there is none."""
-    try:
-        name = scene.symbols.parse(expression or "").name
-    except InputError:
-        return None
-    return name if name in scene.symbols.lines else None
 
 
 def _from_one_to_another(walk: Walk, scene: Scene) -> Iterator[Finding]:
     for action in walk.actions:
-        start, goal = _name(action.before.at, scene), _name(action.after.at, scene)
+        start, goal = (
+            scene.symbols.found_out(at or "") for at in (action.before.at, action.after.at)
+        )
         if start is not None and goal is not None and start != goal:
             message = (
                 f"'{start}' and '{goal}' are both found out by running, so nobody knows the way between "

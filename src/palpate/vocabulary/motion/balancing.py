@@ -27,7 +27,7 @@ def bind(blackboard: Blackboard, name: str) -> None:
     """From now on a pose that is found out by running is where the object balances, by what has been
     measured so far. It is bound once: where the hand took something it also puts it down."""
     state, symbols = blackboard.state, blackboard.scene.symbols
-    if name in state.bound or name not in symbols.lines:
+    if name in state.bound:
         return
     place = _found(blackboard, symbols.subjects[name], symbols.lines[name])
     blackboard.state = replace(state, bound={**state.bound, name: place.along})

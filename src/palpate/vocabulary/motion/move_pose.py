@@ -104,16 +104,9 @@ class MovePose(Primitive):
         return out_of_reach(state, target, self.pose)
 
     def bind(self, blackboard: Blackboard) -> None:
-        name = self._name(blackboard.state)
+        name = blackboard.scene.symbols.found_out(self.pose)
         if name is not None:
             bind(blackboard, name)
-
-    def _name(self, state: SymbolicState) -> str | None:
-        """The name in the expression; None where it has none that the scene knows."""
-        try:
-            return state.scene.symbols.parse(self.pose).name
-        except InputError:
-            return None
 
     def slides(self, state: SymbolicState) -> bool:
         """Whether this would drag the held object along its support."""
@@ -141,7 +134,8 @@ class MovePose(Primitive):
             message = yield from self._go(blackboard, target)
         if blackboard.state.holding and not self.effects(blackboard.state).lifted:
             yield from lower(blackboard, self.pose)
-        found = blackboard.bound.pop(self._name(blackboard.state) or "", None)
+        name = blackboard.scene.symbols.found_out(self.pose)
+        found = blackboard.bound.pop(name or "", None)
         return f"{message}; {found}" if found else message
 
     def _go(self, blackboard: Blackboard, target: Pose) -> Steps:
