@@ -6,6 +6,7 @@ import re
 
 import numpy as np
 import pytest
+from faulty import Faulty
 
 from palpate.execution.held import Held
 from palpate.execution.runner import run
@@ -188,3 +189,18 @@ def test_an_object_that_would_tip_stays_in_the_fingers():
     assert robot.state.gripping
     assert done.held == Held("cup", "held")
     assert robot.world.true_pose("cup").position[2] > 0.2
+
+
+def test_where_the_robot_tells_nothing_any_more_what_ran_is_ended_and_the_arm_holds():
+    def gone(*_):
+        raise OSError("no answer")
+
+    held: list[bool] = []
+    world = parse_scene(CELL.format(cup='mass="0.3"', more=""))
+    robot = MujocoRobot(world.spec(), world.pose_world_base, world.arm, "none")
+    mute = Faulty(robot, 3.0, state=gone)
+    mute.hold = lambda: held.append(True)
+    done = run(WEIGH, SCENE, mute)
+    assert (done.stopped_by, done.held) == ("OSError: no answer", None)
+    assert [leaf.status for leaf in done.trace.leaves] == ["SUCCESS", "INVALID"]
+    assert held
