@@ -13,7 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from palpate.estimation import tuning
-from palpate.estimation.load.moving import about, own_motion
+from palpate.estimation.load.hinges import hinges
+from palpate.estimation.load.moving import own_motion
 from palpate.estimation.windows import Mask, gained
 from palpate.geometry.pose import Array, Pose
 from palpate.trace.recording import Chain
@@ -105,22 +106,13 @@ def _turn(chain: Chain, samples: Samples) -> Array:
 def _kinematics(chain: Chain, q: Array) -> tuple[Array, Array, Array]:
     """TCP (k, 3), tool (k, 3, 3) and Jacobian (k, 6, m) about the TCP, in the base's axes.
 
-    A product of exponentials (Lynch and Park, Modern Robotics, 2017, chapters 4 and 5): every hinge
-    turns what comes after it about the axis that those before it have turned.
+    Its columns are the hinges' twists (Lynch and Park, Modern Robotics, 2017, chapter 5).
     """
-    count = len(q)
-    rotation = np.broadcast_to(np.eye(3), (count, 3, 3))
-    shift = np.zeros((count, 3))
-    axes: list[Array] = []
-    anchors: list[Array] = []
-    for axis, anchor, angle in zip(chain.axes, chain.anchors, q.T, strict=True):
-        axes.append(rotation @ np.array(axis))
-        anchors.append(rotation @ np.array(anchor) + shift)
-        turn = about(np.array(axis), angle)
-        rotation = rotation @ turn
-        shift = anchors[-1] - rotation @ np.array(anchor)
-    tcp = rotation @ np.array(chain.tcp) + shift
+    turned = hinges(chain, q)
+    last = turned[-1]
+    tcp = last.frame @ np.array(chain.tcp) + last.origin
     columns: list[Array] = []
-    for axis, anchor in zip(axes, anchors, strict=True):
-        columns.append(np.concatenate([np.cross(axis, tcp - anchor), axis], axis=1))
-    return tcp, rotation @ np.array(chain.tool), np.stack(columns, axis=2)
+    for hinge in turned:
+        about_tcp = np.cross(hinge.axis, tcp - hinge.anchor)
+        columns.append(np.concatenate([about_tcp, hinge.axis], axis=1))
+    return tcp, last.frame @ np.array(chain.tool), np.stack(columns, axis=2)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from palpate.estimation.load.hinges import hinges
 from palpate.geometry.inertia import tensor_of
 from palpate.geometry.pose import Array
 from palpate.trace.recording import Chain
@@ -18,27 +19,24 @@ def own_motion(chain: Chain, q: Array, dq: Array, ddq: Array) -> Array:
     base's origin.
     """
     count = len(q)
-    rotation, shift = np.broadcast_to(np.eye(3), (count, 3, 3)), np.zeros((count, 3))
     turn, slide, turned, slid = np.zeros((4, count, 3))
-    hinges: list[tuple[Array, Array]] = []
+    asides: list[tuple[Array, Array]] = []
     moved: list[tuple[Array, Array]] = []
-    for joint, (own, place) in enumerate(zip(chain.axes, chain.anchors, strict=True)):
-        axis = rotation @ np.array(own)
-        anchor = rotation @ np.array(place) + shift
+    for joint, hinge in enumerate(hinges(chain, q)):
+        axis = hinge.axis
         # What a turn about the hinge does at the origin.
-        aside = np.cross(anchor, axis)
+        aside = np.cross(hinge.anchor, axis)
         rate, change = dq[:, joint, None], ddq[:, joint, None]
         slid = slid + aside * change + (np.cross(turn, aside) + np.cross(slide, axis)) * rate
         turned = turned + axis * change + np.cross(turn, axis) * rate
         turn, slide = turn + axis * rate, slide + aside * rate
-        rotation = rotation @ about(np.array(own), q[:, joint])
-        shift = anchor - rotation @ np.array(place)
-        hinges.append((axis, aside))
-        moved.append(_taken(chain, joint, (rotation, shift), (turn, slide), (turned, slid)))
+        asides.append((axis, aside))
+        pose = hinge.frame, hinge.origin
+        moved.append(_taken(chain, joint, pose, (turn, slide), (turned, slid)))
     out, force, moment = np.zeros(q.shape), np.zeros((count, 3)), np.zeros((count, 3))
-    for joint in reversed(range(len(hinges))):
+    for joint in reversed(range(len(asides))):
         force, moment = force + moved[joint][0], moment + moved[joint][1]
-        axis, aside = hinges[joint]
+        axis, aside = asides[joint]
         out[:, joint] = (axis * moment + aside * force).sum(axis=1)
     return out
 
@@ -72,11 +70,3 @@ def _within(axes: Array, tensor: Array, vectors: Array) -> Array:
     """(n, 3) R I R^T v."""
     inside = np.einsum("nji,nj->ni", axes, vectors) @ tensor
     return np.einsum("nij,nj->ni", axes, inside)
-
-
-def about(axis: Array, angle: Array) -> Array:
-    """(k, 3, 3) rotations by `angle` (k,) about a unit `axis` (3,), by Rodrigues' formula."""
-    x, y, z = axis
-    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    sine, cosine = np.sin(angle)[:, None, None], np.cos(angle)[:, None, None]
-    return np.eye(3) + sine * cross + (1.0 - cosine) * (cross @ cross)

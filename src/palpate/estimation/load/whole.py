@@ -22,12 +22,11 @@ from palpate.estimation.load.biases import flicker
 from palpate.estimation.load.equations import Model, Unsure
 from palpate.estimation.load.feeling import Feeling, feeling
 from palpate.estimation.load.free import apart, lifted
-from palpate.estimation.load.moving import about
+from palpate.estimation.load.hinges import Hinge, hinges
 from palpate.estimation.load.noise import Noise
 from palpate.estimation.load.rubbing import rubbing
 from palpate.estimation.windows import Mask, acceleration, at_rest, gained, load_of, runs
 from palpate.geometry.pose import Array, rotations
-from palpate.trace.recording import Chain
 from palpate.trace.samples import Trace
 
 UP = np.array([0.0, 0.0, 1.0])
@@ -223,41 +222,13 @@ def _of_joints(blocks: _Blocks) -> list[tuple[Array, float]]:
     ]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Joint:
-    """A joint at k configurations, base axes.
-
-    Attributes:
-        axis, anchor: (k, 3) unit, m.
-        frame, origin: (k, 3, 3) and (k, 3) m, of what moves with it.
-    """
-
-    axis: Array
-    anchor: Array
-    frame: Array
-    origin: Array
-
-
-def _joints(chain: Chain, q: Array) -> list[_Joint]:
-    """At joint angles `q` (k, m), from the base on."""
-    found: list[_Joint] = []
-    rotation, shift = np.broadcast_to(np.eye(3), (len(q), 3, 3)), np.zeros((len(q), 3))
-    for own, place, angle in zip(chain.axes, chain.anchors, q.T, strict=True):
-        axis = rotation @ np.array(own)
-        anchor = rotation @ np.array(place) + shift
-        rotation = rotation @ about(np.array(own), angle)
-        shift = anchor - rotation @ np.array(place)
-        found.append(_Joint(axis, anchor, rotation, shift))
-    return found
-
-
 def _links(
     felt: Feeling, q: Array, gravity: float
 ) -> tuple[Array, list[tuple[str, Array, float]], Array]:
     """N m (k, m) that hold up the arm's links; what errors of what moves with each joint add to that,
     with the name and size of each; and (2, k, m) what a radian adds by which gravity leans along world x or y."""
     assert felt.chain is not None
-    joints = _joints(felt.chain, q)
+    joints = hinges(felt.chain, q)
     holds = np.zeros((3, *q.shape))
     errors: list[tuple[str, Array, float]] = []
     for i, joint in enumerate(joints):
@@ -277,7 +248,7 @@ def _links(
     return holds[2], errors, holds[:2]
 
 
-def _borne(before: Sequence[_Joint], shape: tuple[int, ...], turn: Array, place: Array) -> Array:
+def _borne(before: Sequence[Hinge], shape: tuple[int, ...], turn: Array, place: Array) -> Array:
     """(3, k, m) what a newton along each of the world's axes at a place (k, 3) takes in the joints before
     it; `turn`: the base's axes in the world."""
     torque = np.zeros((3, *shape))
@@ -286,7 +257,7 @@ def _borne(before: Sequence[_Joint], shape: tuple[int, ...], turn: Array, place:
     return torque
 
 
-def _turned(before: Sequence[_Joint], shape: tuple[int, ...], turn: Array, lever: Array) -> Array:
+def _turned(before: Sequence[Hinge], shape: tuple[int, ...], turn: Array, lever: Array) -> Array:
     """(k, m) what a newton upward takes more in them where it lies farther along a lever (k, 3)."""
     torque = np.zeros(shape)
     for j, joint in enumerate(before):
