@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from palpate.estimation.droop import SPREAD, Droop
+from palpate.estimation.droop import LIKELY, Droop
 from palpate.estimation.slip import PutDown, before, slid
 from palpate.geometry.pose import Pose
 from palpate.scene.load import parse_scene
@@ -28,7 +28,7 @@ def body():
 def test_a_drooping_end_that_meets_the_support_carries_it_along(body):
     """By the height of the hand over the support times the angle."""
     moved = put_down(1.0).levelled(body)
-    drooped = 0.1 * float(np.hypot(SPREAD[0], 10.0 * SPREAD[1]))
+    drooped = 0.1 * float(np.hypot(LIKELY[0], 10.0 * LIKELY[1]))
     assert moved == pytest.approx(drooped * (0.012 + HIGHER))
 
 

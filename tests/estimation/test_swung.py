@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from palpate.estimation.droop import Droop
+from palpate.estimation.droop import EXPECTED, LIKELY, SPREAD, Droop
 from palpate.estimation.load.noise import Noise
 from palpate.estimation.swung import swings
 from palpate.geometry.pose import Pose
@@ -80,6 +80,12 @@ def test_a_load_droops_the_way_its_weight_pulls():
     assert at_once.position[2] == pytest.approx(0.07 * np.sin(0.1 * 0.2), rel=1e-6)
     assert later.position[2] == pytest.approx(0.07 * np.sin((0.1 + 0.02 * 10.0) * 0.2), rel=1e-6)
     assert held.turned(in_hand, np.zeros(2)).position == pytest.approx(in_hand.position)
+
+
+def test_a_load_is_expected_to_droop_and_never_to_rise():
+    drawn = LIKELY * np.abs(np.random.default_rng(0).standard_normal((100_000, 2)))
+    assert drawn.mean(axis=0) == pytest.approx(EXPECTED, rel=0.01)
+    assert drawn.std(axis=0) == pytest.approx(SPREAD, rel=0.01)
 
 
 def test_a_grasp_of_which_nothing_is_told_has_no_age():

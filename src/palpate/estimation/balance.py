@@ -10,13 +10,13 @@ import numpy as np
 
 from palpate.estimation import tuning
 from palpate.estimation.agreement import FitTest, chi_squared
-from palpate.estimation.droop import SPREAD
+from palpate.estimation.droop import EXPECTED, SPREAD
 from palpate.estimation.estimate import Shared
 from palpate.estimation.holds import Held, Hold
 from palpate.estimation.load.fit import Load
 from palpate.estimation.load.weighing import shared_gains
 from palpate.estimation.slip import before, slid
-from palpate.geometry.pose import Array
+from palpate.geometry.pose import Array, Pose
 from palpate.mjcf.body import Body
 from palpate.trace.recording import Hand, Recording
 from palpate.trace.samples import Trace
@@ -64,7 +64,7 @@ def grasps_of(trace: Trace, held: Held, body: Body, about: Array) -> Grasps:
     for i, hold in enumerate(held.holds):
         moment = load.value[1 + 2 * i : 3 + 2 * i]
         offset = np.array([-moment[1], moment[0]]) / load.force
-        pose_world_body = hold.pose_world_tcp @ hold.pose_tcp_body
+        pose_world_body = hold.pose_world_tcp @ _drooped(hold)
         recordings.append(hold.recording)
         rows.append(pose_world_body.rotation[:2])
         along.append(hold.pose_world_tcp.rotation[:2])
@@ -143,9 +143,14 @@ def _turned(held: Held, about: Array) -> Array:
     effects: list[Array] = []
     for hold in held.holds:
         closing = hold.pose_world_tcp.rotation[:, 1]
-        lever = hold.pose_world_tcp.rotation @ hold.pose_tcp_body.apply(about)
+        lever = hold.pose_world_tcp.rotation @ _drooped(hold).apply(about)
         effects.append(np.outer(np.cross(closing, lever)[:2], hold.droop.turns))
     return np.vstack(effects)
+
+
+def _drooped(hold: Hold) -> Pose:
+    """The object in the hand, as far as pads are expected to have let it turn by then."""
+    return hold.droop.turned(hold.pose_tcp_body, EXPECTED)
 
 
 def _slid(held: Held) -> Array:

@@ -2,8 +2,9 @@
 
 Pads give way at once, and creep: a hammer held beside its balance point turns about the axis along
 which the fingers close, the farther the longer it is held, always the way its weight pulls. How far
-a newton metre turns it, and how fast, is not known beforehand (`tuning.GRIP_TURN`, `tuning.GRIP_CREEP`); of
-one object between one pair of pads it is the same in all grasps, and is fitted.
+a newton metre turns it, and how fast, is not known beforehand but for that sign: each is half a normal
+distribution (`tuning.GRIP_TURN`, `tuning.GRIP_CREEP`), and counts with its mean and its variance. Of one
+object between one pair of pads it is the same in all grasps, and is fitted.
 """
 
 from __future__ import annotations
@@ -15,8 +16,14 @@ import numpy as np
 from palpate.estimation import tuning
 from palpate.geometry.pose import Array, Pose
 
-SPREAD = np.array([tuning.GRIP_TURN, tuning.GRIP_CREEP])
-"""1 sigma of what is not known: rad per N m, and rad/s per N m."""
+LIKELY = np.array([tuning.GRIP_TURN, tuning.GRIP_CREEP])
+"""(2,) rad per N m, and rad/s per N m: root mean square of what is not known and cannot be negative."""
+
+EXPECTED: Array = np.sqrt(2.0 / np.pi) * LIKELY
+"""(2,) its mean."""
+
+SPREAD: Array = np.sqrt(1.0 - 2.0 / np.pi) * LIKELY
+"""(2,) 1 sigma of it."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from palpate.estimation.droop import SPREAD, Droop
+from palpate.estimation.droop import LIKELY, Droop
 from palpate.geometry.pose import Array, Pose
 from palpate.mjcf.body import Body
 
@@ -37,7 +37,7 @@ class PutDown:
     def levelled(self, body: Body) -> float:
         """m (1 sigma): by how much it lies elsewhere along the fingers than where it was gripped, as it
         drooped. Its end may slide on the support as well, and so this tells nothing of the droop."""
-        drooped = float(np.linalg.norm(self.droop.turns * SPREAD))
+        drooped = float(np.linalg.norm(self.droop.turns * LIKELY))
         return _height(self.pose_tcp_body, body) * drooped
 
     @property

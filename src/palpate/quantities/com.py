@@ -187,7 +187,9 @@ def estimate_com(trace: Trace, parameter: Parameter, body: Body | None) -> Estim
     }
     value = centre, np.sqrt(np.diag(covariance))
     tests = (*load.tests, agree)
-    made = _estimate(parameter, body, grasps, value, parts, tests)
+    level = len({hold.grasp for hold in found.holds})
+    counts = level, len(found.holds) - level
+    made = _estimate(parameter, body, grasps, counts, value, parts, tests)
     return replace(made, shared=shared, freedom=grasps.freedom)
 
 
@@ -195,6 +197,7 @@ def _estimate(
     parameter: Parameter,
     body: Body,
     grasps: Grasps,
+    counts: tuple[int, int],
     found: tuple[Array, Array],
     parts: Mapping[str, Part],
     tests: tuple[FitTest, ...],
@@ -209,7 +212,7 @@ def _estimate(
         value,
         std,
         np.column_stack([value - half, value + half]),
-        _method(len(grasps.recordings), blind.tolist(), body),
+        _method(*counts, blind.tolist(), body),
         tuple(grasps.recordings),
         "prior-dominated" if bool(blind.all()) else "identified",
         parts,
@@ -218,11 +221,13 @@ def _estimate(
     )
 
 
-def _method(grasps: int, blind: Sequence[bool], body: Body) -> str:
+def _method(grasps: int, tilts: int, blind: Sequence[bool], body: Body) -> str:
+    """Of so many grasps held level, and so many bits of tilts of what was held in one of them."""
+    tilted = f", and in {tilts} bits of tilts" if tilts else ""
     said = "as stated" if body.accuracy else "assumed, as poses.yaml states no accuracy"
     method = (
         f"Horizontal moment over weight of the object held still at {grasps} "
-        f"grasp{'s' * (grasps > 1)}, each against the empty hand, and from where the scene has the "
+        f"grasp{'s' * (grasps > 1)}{tilted}, each against the empty hand, and from where the scene has the "
         f"object, whose error along the fingers, {1e3 * accuracy(body):.2g} mm (1 sigma, {said}), no grasp shows"
     )
     axes = " and ".join(axis for axis, unseen in zip("xyz", blind, strict=True) if unseen)

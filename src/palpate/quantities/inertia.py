@@ -10,7 +10,7 @@ import numpy as np
 
 from palpate.estimation import tuning
 from palpate.estimation.agreement import FitTest, chi_squared
-from palpate.estimation.droop import SPREAD, Droop
+from palpate.estimation.droop import EXPECTED, SPREAD, Droop
 from palpate.estimation.estimate import Estimate, Part, not_identified
 from palpate.estimation.holds import Held, grasped, held, pose_in_hand
 from palpate.estimation.rigid import MASS, about_centre, linear, moved, of_box, pseudo_inertia
@@ -159,8 +159,7 @@ def estimate_inertia(trace: Trace, parameter: Parameter, body: Body | None) -> E
     theta, covariance, test = _fit(found, body)
     slopes = _slopes(theta)
     value, std = about_centre(theta), np.sqrt(np.diag(slopes @ covariance @ slopes.T))
-    believed = np.sqrt(np.diag(slopes @ np.diag(_spread(body)[:10] ** 2) @ slopes.T))
-    blind = std > tuning.BLIND * believed
+    blind = std > tuning.BLIND * _believed(slopes, covariance, body)
     mass = float(np.exp(2.0 * theta[MASS]))
     parts = {"mass": Part(mass, 2.0 * mass * float(np.sqrt(covariance[0, 0])), "kg")}
     for name, place in zip("xyz", range(7, 10), strict=True):
@@ -207,7 +206,8 @@ def _fit(found: _Evidence, body: Body) -> tuple[Array, Array, FitTest]:
     from scipy.optimize import least_squares  # takes longer to load than most plans to make
 
     mass = found.held.load.force / found.gravity
-    start = np.concatenate([of_box(max(mass, 1e-3), body.centre, body.size), np.zeros(5)])
+    box = of_box(max(mass, 1e-3), body.centre, body.size)
+    start = np.concatenate([box, np.zeros(3), EXPECTED])
     spread = _spread(body)
 
     def misfit(numbers: Array) -> Array:
@@ -247,6 +247,14 @@ def _spread(body: Body) -> Array:
     centre = tuning.COM_PRIOR * np.maximum(body.size, 1e-3)
     mass, radius = [tuning.LOG_MASS_PRIOR], [tuning.RADIUS_PRIOR] * 3
     return np.concatenate([mass, radius, skew, centre, [tuning.GIVE_PRIOR] * 3, SPREAD])
+
+
+def _believed(slopes: Array, covariance: Array, body: Body) -> Array:
+    """(6,) 1 sigma of the inertia by its `slopes` (6, 10), of a body that was weighed but not swung: a mass
+    of which nothing is believed must not pass for an inertia of which nothing is."""
+    spread = _spread(body)[:10]
+    spread[MASS] = np.sqrt(covariance[MASS, MASS])
+    return np.sqrt(np.sum((slopes * spread) ** 2, axis=1))
 
 
 def _swung(numbers: Array, found: _Evidence) -> list[Array]:

@@ -13,14 +13,15 @@ PLACE_ACCURACY = 5e-4
 Sensitive: com std ×0.9–1.2."""
 
 GRIP_TURN = 0.07
-"""rad per N m (1 sigma): what a load's moment turns it by between two pads. Pads of silicone, 20 mm
-wide, 2 mm thick, of a shear modulus of 0.5 MPa turn by so much. Sensitive: com z std ×0.8–1.3."""
+"""rad per N m (root mean square of half a normal): what a load's moment turns it by between two pads.
+Pads of silicone, 20 mm wide, 2 mm thick, of a shear modulus of 0.5 MPa turn by so much. Sensitive: com z
+0.4 σ, std ×0.97–1.1."""
 
 GRIP_CREEP = 0.02
-"""rad/s per N m (1 sigma): likewise, as it creeps while it is held. No published figure of a hand. A
+"""rad/s per N m: likewise, as it creeps while it is held. No published figure of a hand. A
 hammer held beside its balance point turns by 0.018 in the simulation (of a moment of 0.23 N m, from
 the 25th second to the 43rd), whose regularised friction lets no grip hold still; recordings of tilts
-and swings tell how much it is in their run. Sensitive: com z std ×0.5–1.5."""
+and swings tell how much it is in their run. Sensitive: com z 0.5 σ, std ×0.9–1.25."""
 
 GRIP_SLIDE = 1e-3
 """m per rad (1 sigma): how far a load slides along the pads as a tilt turns the hand with it, along
