@@ -133,6 +133,19 @@ def staying(seed):
     return forces
 
 
+@pytest.mark.parametrize(("force", "verdict"), [(0.25, "identified"), (1.5, "contradicted")])
+def test_a_rest_may_be_off_by_what_approaches_leave(lifted, force, verdict):
+    """Which the datasheet says is 0.15 N, with the load and without."""
+
+    def at_rest(samples):
+        return np.linalg.norm(samples.twist[:, :3], axis=1) < 1e-4
+
+    trace = lifted(extra=lambda samples: upward(force * held(samples) * at_rest(samples)))
+    found = estimate_mass(trace, BOTTLE, None)
+    assert found.verdict == verdict
+    assert abs(found.value[0] - MASS) < 3.0 * found.std[0]
+
+
 def test_what_stays_from_a_rest_on_is_told_by_the_width(lifted):
     found = [estimate_mass(lifted(seed, extra=staying(seed)), BOTTLE, None) for seed in range(12)]
     errors = np.array([one.value[0] - MASS for one in found])
@@ -176,6 +189,21 @@ def test_what_else_acts_on_a_load_contradicts_it(lifted, kind):
     assert found.verdict == "contradicted"
     if kind != "jump":
         assert kind in {test.name for test in found.tests if not test.passed}
+
+
+@pytest.mark.parametrize("force", [0.8, -1.5])
+def test_a_zero_that_jumps_as_the_hand_opens_contradicts_the_load(lifted, force):
+    def jump(samples):
+        return upward(force * (samples.t > samples.t[held(samples) > 0.0][-1]))
+
+    found = estimate_mass(lifted(extra=jump), BOTTLE, None)
+    assert found.verdict == "contradicted"
+    after = next(test for test in found.tests if test.name == "before against after")
+    assert not after.passed
+    told = re.search(r"([0-9.]+) N (more|less)", after.finding)
+    assert told
+    assert told[2] == ("more" if force > 0.0 else "less")
+    assert float(told[1]) == pytest.approx(abs(force), rel=0.05)
 
 
 def test_a_spring_is_named_with_its_stiffness(lifted):
@@ -246,6 +274,8 @@ def test_white_noise_and_slower_noise_are_told_apart():
     pink = 0.02 * np.fft.irfft(spectrum / np.sqrt(frequency * 0.01), len(t), axis=0)
     slow = block_noise(slope + white + pink, t, np.zeros(len(t)), windows)
     assert np.sqrt(slow.flicker) == pytest.approx(0.02, rel=0.3)
+    fewer = block_noise(slope + white + pink, t, np.zeros(len(t)), windows[:6])
+    assert fewer.freedom < slow.freedom < calm.freedom
 
 
 def test_noise_of_gaps_and_of_nothing():

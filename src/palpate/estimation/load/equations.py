@@ -64,6 +64,8 @@ class Rows:
             start (`estimation.load.rubbing`).
         left: what each rest and each pass may be off by as a whole, for what an approach leaves in
             the joints.
+        since: (n, k) what a newton upward at the TCP makes of them from the second segment on, from the third,
+            and so on in time.
         signal: (n,) which signal a row is of.
         freedom: degrees of freedom of the noise.
     """
@@ -77,6 +79,7 @@ class Rows:
     rest: Array
     rubbed: Array
     left: Left
+    since: Array
     signal: NDArray[np.intp]
     freedom: float
 
@@ -185,6 +188,29 @@ class Model:
         volume = 2.0 * float(np.log(np.diag(root)).sum())
         return _Solved(prior, root, mean, chance + 0.5 * (float(mean @ told) - volume))
 
+    def each_alone(self, columns: Array, prior: float) -> tuple[Array, Array]:
+        """Posterior means and variances (k,) of further coefficients of `columns` (n, k), each of which would be
+        the only one beside the model's."""
+        from scipy.linalg.lapack import dpotrs
+
+        shared = self.design.T @ columns
+        told, squares = columns.T @ self.y, (columns**2).sum(axis=0)
+        means: list[Array] = []
+        variances: list[Array] = []
+        evidence: list[Array] = []
+        for each in self._every():
+            scaled = each.prior[:, None] * shared
+            known = (scaled * dpotrs(each.root, scaled, lower=True)[0]).sum(axis=0)
+            variance = 1.0 / (np.maximum(squares - known, 0.0) + prior**-2)
+            mean = variance * (told - shared.T @ each.mean)
+            means.append(mean)
+            variances.append(variance)
+            evidence.append(each.evidence + 0.5 * (mean**2 / variance + np.log(variance)))
+        weights = np.exp(np.array(evidence) - np.max(evidence, axis=0))
+        weights /= weights.sum(axis=0)
+        found: Array = (weights * means).sum(axis=0)
+        return found, (weights * (np.array(variances) + (np.array(means) - found) ** 2)).sum(axis=0)
+
     def extended(self, columns: Array, prior: float) -> Model:
         """With further coefficients, in front."""
         more = np.full(columns.shape[1], prior)
@@ -225,6 +251,7 @@ def equations(weighing: Weighing, gravity: float, apart: float = 1.0) -> Rows:
         each(float(segment.at_rest) for segment in found),
         _rubbed(found, signals),
         _left(weighing, maps),
+        _since(found, maps),
         np.repeat(np.arange(signals), len(path)),
         weighing.noise.freedom,
     )
@@ -246,6 +273,19 @@ def in_each(row: Rows, grasps: Sequence[float], components: Sequence[int]) -> Ar
     """(n, grasps x components): columns of `components` of the wrench, its own in each grasp."""
     columns = [row.wrench[:, components] * (row.grasp == grasp)[:, None] for grasp in grasps]
     return np.concatenate(columns, axis=1)
+
+
+def each_its_own(blocks: Sequence[Array]) -> list[Array]:
+    """The columns of each weighing beside those of the others, which are zero there."""
+    width = sum(block.shape[1] for block in blocks)
+    wide: list[Array] = []
+    at = 0
+    for block in blocks:
+        own = np.zeros((len(block), width))
+        own[:, at : at + block.shape[1]] = block
+        at += block.shape[1]
+        wide.append(own)
+    return wide
 
 
 def _left(weighing: Weighing, maps: Array) -> Left:
@@ -275,6 +315,16 @@ def _left(weighing: Weighing, maps: Array) -> Left:
         np.hstack([nothing, *(offsets[i] for i in passes)]),
         np.repeat([i in both for i in [*rests, *passes]], 3),
     )
+
+
+def _since(found: Sequence[Segment], maps: Array) -> Array:
+    """The columns of `Rows.since`."""
+    signals, upward = int(maps.shape[1]), maps[:, :, FORCE_Z].T
+    start = np.concatenate([np.full(len(segment.t), segment.start) for segment in found])
+    columns: list[Array] = []
+    for moment in sorted({segment.start for segment in found})[1:]:
+        columns.append((upward * (start >= moment)).ravel())
+    return np.array(columns).reshape(-1, signals * len(start)).T
 
 
 def _pairs(found: Sequence[Segment]) -> list[tuple[int, int]]:

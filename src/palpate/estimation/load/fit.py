@@ -55,6 +55,7 @@ from palpate.estimation.load.equations import (
     Model,
     Rows,
     Unsure,
+    each_its_own,
     equations,
     in_each,
 )
@@ -150,7 +151,7 @@ def _fit(weighings: Sequence[Weighing], gravity: float, hand: Hand) -> Load:
     rows, model, mean, covariance = _solved(weighings, gravity, hand)
     grasps = _grasps(weighings)
     count = 1 + 2 * len(grasps)
-    tests = tests_of(rows, grasps, model, float(mean[0]))
+    tests = tests_of(rows, grasps, model, float(mean[0]), hand.force_repeatability)
     # With prior deviations P of the coefficients x, the error is -covariance P^-2 x.
     gains = -(covariance / model.prior)[:, -(int(rows[0].signal.max()) + 1) :]
     return Load(grasps, mean[:count], covariance[:, :count], model.freedom, tests, gains)
@@ -213,7 +214,7 @@ def load_model(rows: Sequence[Rows], grasps: Sequence[float], about: Array, hand
     signals, count = int(rows[0].signal.max()) + 1, 1 + 2 * len(grasps)
     gains = gain_root(hand, signals)
     levels = np.full(rows[0].rubbed.shape[1], tuning.JOINT_LEVEL)
-    left = [_each_its_own([row.left.columns[i] for row in rows]) for i in range(4)]
+    left = [each_its_own([row.left.columns[i] for row in rows]) for i in range(4)]
     at_hand, offsets = sum(blocks[0].shape[1] for blocks in left[:3]), left[3][0].shape[1]
     first = count + len(LEANING)
     most = hand.force_repeatability + tuning.FLOOR
@@ -273,16 +274,3 @@ def _leaning(row: Rows, grasps: Sequence[float], about: Array) -> Array:
         turning = row.wrench[:, TORQUE_Z] * (row.grasp == grasp)
         leaning -= turning[:, None] * moment
     return leaning
-
-
-def _each_its_own(blocks: Sequence[Array]) -> list[Array]:
-    """The columns of each weighing beside those of the others, which are zero there."""
-    width = sum(block.shape[1] for block in blocks)
-    wide: list[Array] = []
-    at = 0
-    for block in blocks:
-        own = np.zeros((len(block), width))
-        own[:, at : at + block.shape[1]] = block
-        at += block.shape[1]
-        wide.append(own)
-    return wide

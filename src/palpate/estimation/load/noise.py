@@ -61,7 +61,7 @@ def block_noise(signals: Array, t: Array, cause: Array, windows: Sequence[Rows])
         count = int(signals.shape[1])
         return Noise(np.full(count, tuning.UNKNOWN_NOISE), np.zeros(count), KNOWN)
     long, white = _differences(stretches, tuning.LONG_BLOCK), short.white
-    sure = max(short.count / tuning.OVERLAP, tuning.FLICKER_FREEDOM)
+    sure = max(short.count / tuning.OVERLAP, tuning.FLICKER_FREEDOM[0])
     if long is None:
         return Noise(white, np.zeros_like(white), sure)
     # Most signals together say whether something slower than white noise stands out.
@@ -69,10 +69,18 @@ def block_noise(signals: Array, t: Array, cause: Array, windows: Sequence[Rows])
     unsure = float(np.sqrt(2.0 * tuning.OVERLAP / (long.count * len(white))))
     beyond = max(0.0, excess - tuning.STANDS_OUT * unsure)
     slow = beyond / (FLICKER_HADAMARD * (long.rows - short.rows))
-    # What is slow is extrapolated, over some octaves: its level is known less well.
     share = slow / (slow + short.period / tuning.FLICKER_SPAN)
-    freedom = 1.0 / (share**2 / tuning.FLICKER_FREEDOM + (1.0 - share) ** 2 / sure)
+    freedom_slow = _freedom_of_level(beyond, unsure * (1.0 + excess))
+    freedom = 1.0 / (share**2 / freedom_slow + (1.0 - share) ** 2 / sure)
     return Noise(white, slow * white, freedom)
+
+
+def _freedom_of_level(beyond: float, unsure: float) -> float:
+    """Degrees of freedom of the level of what is slow, which shows in few blocks as `beyond`, of which `unsure`
+    is one standard deviation, and is extrapolated."""
+    least, most = tuning.FLICKER_FREEDOM
+    stands_out = (beyond / max(unsure, TINY)) ** 2
+    return max(least, most * stands_out / (stands_out + 0.5 * most))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
