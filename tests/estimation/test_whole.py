@@ -1,4 +1,4 @@
-"""A load from all that an arm did in free air, on one recorded lift at `lab`."""
+"""A load from all that an arm did in free air: a recorded lift and a hammer held in three grasps, at `lab`."""
 
 from __future__ import annotations
 
@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 
 from palpate import pipeline
+from palpate.estimation.holds import held
+from palpate.estimation.load.fit import fit_load
 from palpate.estimation.load.weighing import weigh
 from palpate.estimation.load.whole import fit_whole
 from palpate.scenarios.catalogue import scenario
@@ -16,10 +18,19 @@ TRUTH = 0.187
 """kg."""
 
 
+def recorded(name: str):
+    settings = scenario(name).settings(noise="lab", seed=501).checked()
+    return pipeline.measure(pipeline.plan(settings, pipeline.load(settings)))
+
+
 @pytest.fixture(scope="module")
 def trace():
-    settings = scenario("one_missing_mass").settings(noise="lab", seed=501).checked()
-    return pipeline.measure(pipeline.plan(settings, pipeline.load(settings))).trace
+    return recorded("one_missing_mass").trace
+
+
+@pytest.fixture(scope="module")
+def hammer():
+    return recorded("hammer")
 
 
 def test_it_is_narrower_than_the_contrast_along_the_path_and_right(trace):
@@ -39,3 +50,29 @@ def test_what_the_model_does_not_explain_does_not_count(trace):
     whole = fit_whole(spoilt, "green_bottle", weight.weighings[0].noise, 1.8)
     assert whole is not None
     assert not whole.explains
+
+
+def test_what_hangs_askew_is_free_only_when_its_far_end_is(hammer):
+    body = hammer.scene.bodies["hammer"]
+    found = held(hammer.trace, body)
+    assert found is not None
+    whole = fit_whole(hammer.trace, "hammer", found.weighings[0].noise, found.load.force)
+    assert whole is not None
+    assert whole.explains
+
+
+def test_moments_of_a_long_object_are_narrower_than_from_its_holds_and_agree(hammer):
+    found = held(hammer.trace, hammer.scene.bodies["hammer"])
+    assert found is not None
+    assert found.links
+    contrast = fit_load(found.weighings, hammer.trace.gravity, hammer.trace.hand)
+    std, wider = (np.sqrt(np.diag(load.covariance)) for load in (found.load, contrast))
+    assert np.all(std < 0.9 * wider)
+    assert np.all(np.abs(found.load.value - contrast.value) < 3.0 * wider)
+
+
+def test_what_errors_of_links_and_gains_do_to_moments_is_in_their_deviation(hammer):
+    found = held(hammer.trace, hammer.scene.bodies["hammer"])
+    assert found is not None
+    shared = np.column_stack([found.load.gains, *found.links.values()])
+    assert np.all((shared**2).sum(axis=1) < np.diag(found.load.covariance))

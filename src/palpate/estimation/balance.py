@@ -14,7 +14,7 @@ from palpate.estimation.droop import EXPECTED, SPREAD
 from palpate.estimation.estimate import Shared
 from palpate.estimation.holds import Held, Hold
 from palpate.estimation.load.fit import Load
-from palpate.estimation.load.weighing import shared_gains
+from palpate.estimation.load.weighing import shared_gains, shared_links
 from palpate.estimation.slip import before, slid
 from palpate.geometry.pose import Array, Pose
 from palpate.mjcf.body import Body
@@ -76,7 +76,8 @@ def grasps_of(trace: Trace, held: Held, body: Body, about: Array) -> Grasps:
         covariance += np.outer(place.effect, place.effect)
     for effect in (_turned(held, about) * SPREAD, _slid(held) * tuning.GRIP_SLIDE):
         covariance += effect @ effect.T
-    shared = (*shared_gains(slopes @ load.gains), *places)
+    links = {name: slopes @ effect for name, effect in held.links.items()}
+    shared = (*shared_gains(slopes @ load.gains), *shared_links(links), *places)
     loose = tuning.ARM_WEIGHT * trace.hand.pose_repeatability / load.force
     return Grasps(
         recordings, np.vstack(rows), np.concatenate(right), covariance, loose, load.freedom, shared

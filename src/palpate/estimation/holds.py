@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -13,6 +13,7 @@ from palpate.estimation import tuning
 from palpate.estimation.droop import Droop
 from palpate.estimation.load.fit import Load, fit_load
 from palpate.estimation.load.segments import Cut, Segment, Weighing, compared, weighings
+from palpate.estimation.load.weighing import whole_of
 from palpate.estimation.slip import PutDown
 from palpate.estimation.windows import at_rest, commanded, load_of, mean_pose, runs
 from palpate.geometry.pose import Array, Pose
@@ -49,11 +50,13 @@ class Held:
 
     Attributes:
         load: what hung on the hand; of its `grasps`, each is one of the holds.
+        links: (1 + 2n,) what one of each error of the arm's links makes of that, by its name, where it is known.
         weighings: what that rests on.
         put_down: each time that a grasp in which it was held still came to its end.
     """
 
     load: Load
+    links: Mapping[str, Array]
     holds: Sequence[Hold]
     weighings: Sequence[Weighing]
     put_down: Sequence[PutDown]
@@ -69,7 +72,8 @@ def held(trace: Trace, body: Body) -> Held | None:
     still = _recordings(trace, body.name, "still")
     if not still:
         return None
-    found = [_before(trace, body.name, one) for one in weighings(trace, still[0])]
+    weighed = [_before(trace, body.name, one) for one in weighings(trace, still[0])]
+    found = list(weighed)
     levels = [grasp for one in found for grasp in one.grasps]
     recordings = [next(one for one in still if one.start >= grasp) for grasp in levels]
     for recording, tilted in tilted_holds(trace, body.name):
@@ -90,7 +94,35 @@ def held(trace: Trace, body: Body) -> Held | None:
         droop = Droop.since(time, middle, closing)
         swept = _swept(trace, body.name, time, middle)
         holds.append(Hold(recording, time, here, in_hand, droop, swept))
-    return Held(load, holds, found, tuple(_put_down(trace, body.name, holds)))
+    put_down = tuple(_put_down(trace, body.name, holds))
+    told = None if len(found) > len(weighed) else _of_whole(trace, still[0], found, load, holds)
+    if told is None:
+        return Held(load, {}, holds, found, put_down)
+    return Held(*told, holds, found, put_down)
+
+
+def _of_whole(
+    trace: Trace,
+    recording: Recording,
+    found: Sequence[Weighing],
+    load: Load,
+    holds: Sequence[Hold],
+) -> tuple[Load, Mapping[str, Array]] | None:
+    """A load that was held level, and `Held.links`, from all that the arm did around its weighings, where that
+    tells more and agrees with them in all its moments, too."""
+    whole = whole_of(trace, recording, found, load)
+    if whole is None:
+        return None
+    tools = [hold.pose_world_tcp.rotation for hold in holds]
+    turned = whole.at([hold.grasp for hold in holds], tools)
+    if turned is None:
+        return None
+    value, covariance = turned @ whole.value, turned @ whole.covariance @ turned.T
+    apart = np.abs(value - load.value) / np.sqrt(np.diag(load.covariance))
+    if apart.max() > tuning.WHOLE_APART:
+        return None
+    links = {name: turned @ effect for name, effect in whole.links.items()}
+    return replace(load, value=value, covariance=covariance, gains=turned @ whole.gains), links
 
 
 def _put_down(trace: Trace, name: str, holds: Sequence[Hold]) -> Iterator[PutDown]:

@@ -190,7 +190,14 @@ def estimate_com(trace: Trace, parameter: Parameter, body: Body | None) -> Estim
     level = len({hold.grasp for hold in found.holds})
     counts = level, len(found.holds) - level
     made = _estimate(parameter, body, grasps, counts, value, parts, tests)
-    return replace(made, shared=shared, freedom=grasps.freedom)
+    method = made.method + WHOLE * bool(found.links)
+    return replace(made, method=method, shared=shared, freedom=grasps.freedom)
+
+
+WHOLE = (
+    " Moments are from all that the arm did in free air around that: its noise alone accounts for what a model "
+    "of its links, sensors and friction leaves there."
+)
 
 
 def _estimate(

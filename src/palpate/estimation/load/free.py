@@ -30,10 +30,10 @@ def apart(trace: Trace) -> Mask:
     return found
 
 
-def lifted(trace: Trace, load: Load) -> Mask:
-    """Rows in which the hand is higher than where it took the object."""
+def lifted(trace: Trace, load: Load, above: float = tuning.FREE_ABOVE) -> Mask:
+    """Rows in which the hand is higher than where it took the object by so many m `above`."""
     z = trace.samples.pose_world_tcp[:, 2]
     found = np.zeros(len(z), dtype=bool)
     for rows in runs(load.loaded):
-        found[rows] = z[rows] > z[rows.start] + tuning.FREE_ABOVE
+        found[rows] = z[rows] > z[rows.start] + above
     return found

@@ -65,12 +65,13 @@ def weigh(trace: Trace, recording: Recording) -> Weight:
     """
     found = weighings(trace, recording)
     load = fit_load(found, trace.gravity, trace.hand)
-    whole = _whole(trace, recording, found, load)
+    whole = whole_of(trace, recording, found, load)
     force, std = (load.force, load.force_std) if whole is None else (whole.force, whole.std)
-    gains = load.gains[:1] if whole is None else whole.gains
+    gains = load.gains[:1] if whole is None else whole.gains[:1]
     shared = shared_gains(gains / trace.gravity)
     if whole is not None:
-        shared += _shared_links(whole.links, trace.gravity)
+        links = {name: effect[:1] / trace.gravity for name, effect in whole.links.items()}
+        shared += shared_links(links)
     mass, std = force / trace.gravity, std / trace.gravity
     half = std * half95(load.freedom)
     low, high = mass - half, mass + half
@@ -85,7 +86,7 @@ def weigh(trace: Trace, recording: Recording) -> Weight:
     return Weight(mass, std, bounds, "prior-dominated", found, load.tests, *common)
 
 
-def _whole(
+def whole_of(
     trace: Trace, recording: Recording, found: Sequence[Weighing], load: Load
 ) -> Whole | None:
     """The load from all that the arm did around its weighings, where that tells more than they do, nothing
@@ -109,9 +110,9 @@ def shared_gains(effects: Array) -> tuple[Shared, ...]:
     return tuple(found)
 
 
-def _shared_links(links: Mapping[str, float], gravity: float) -> tuple[Shared, ...]:
-    """What errors of the arm's links do to a mass, by their names: the same in all that it weighs."""
-    return tuple(Shared(name, "arm", (effect / gravity,)) for name, effect in links.items())
+def shared_links(links: Mapping[str, Array]) -> tuple[Shared, ...]:
+    """What errors of the arm's links do, by their names: the same in all that it measures."""
+    return tuple(Shared(name, "arm", tuple(effect.tolist())) for name, effect in links.items())
 
 
 def hangs_free(trace: Trace, name: str) -> tuple[FitTest, ...]:

@@ -27,7 +27,7 @@ from palpate.estimation.load.noise import Noise
 from palpate.estimation.load.rubbing import rubbing
 from palpate.estimation.windows import Mask, acceleration, at_rest, gained, load_of, runs
 from palpate.geometry.pose import Array, rotations
-from palpate.trace.samples import Trace
+from palpate.trace.samples import Samples, Trace
 
 UP = np.array([0.0, 0.0, 1.0])
 LINK = "link"
@@ -36,25 +36,52 @@ LINK = "link"
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Whole:
-    """A load's weight from a whole stretch of a trace.
+    """A load from a whole stretch of a trace, which in n grasps hung on the hand.
 
     Attributes:
-        force, std: N.
-        gains: (1, m) N that one standard deviation of each cause of the sensors' gains makes.
-        links: N that one of each error of the arm's links makes, by its name.
+        grasps: s, when the hand had closed on it.
+        value: (1 + 3n,) what it pulls down with, N, and where it hangs in each grasp times that, N m
+            along the hand's axes.
+        covariance: (1 + 3n, 1 + 3n) of it.
+        gains: (1 + 3n, m) what one standard deviation of each cause of the sensors' gains makes of it.
+        links: (1 + 3n,) what one of each error of the arm's links makes of it, by its name.
         misfit: mean square of what is left, in units of the noise.
     """
 
-    force: float
-    std: float
+    grasps: tuple[float, ...]
+    value: Array
+    covariance: Array
     gains: Array
-    links: Mapping[str, float]
+    links: Mapping[str, Array]
     misfit: float
+
+    @property
+    def force(self) -> float:
+        """N."""
+        return float(self.value[0])
+
+    @property
+    def std(self) -> float:
+        """N, of the force."""
+        return float(np.sqrt(self.covariance[0, 0]))
 
     @property
     def explains(self) -> bool:
         """Whether the noise accounts for what is left."""
         return self.misfit < tuning.WHOLE_MISFIT
+
+    def at(self, grasps: Sequence[float], tools: Sequence[Array]) -> Array | None:
+        """(1 + 2n, 1 + 3n) what makes force and moments as `estimation.load.fit.Load` has them of `value`,
+        in n grasps, s, with the hand's axes in the world (3, 3); None where it did not hang free in one."""
+        if not set(grasps) <= set(self.grasps):
+            return None
+        turned = np.zeros((1 + 2 * len(grasps), len(self.value)))
+        turned[0, 0] = 1.0
+        for i, (grasp, tool) in enumerate(zip(grasps, tools, strict=True)):
+            first = 1 + 3 * self.grasps.index(grasp)
+            turned[1 + 2 * i, first : first + 3] = tool[1]
+            turned[2 + 2 * i, first : first + 3] = -tool[0]
+        return turned
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -69,7 +96,7 @@ class _Blocks:
         moved: (k, m) N m of that.
         maps: (k, m, 6) as `Feeling.maps`.
         tool: (k, 3, 3) the hand's axes in the world.
-        hanging: (k,) N/kg that the load pulls with, 0 without it.
+        pull: (k, 3) what the load pulls with where it hangs, in units of its weight, upward.
         grasp: (k,) s, of the load.
         rubbed: (k, m, 2) as `estimation.load.rubbing`.
         resting: (k, rests) 1 where the arm is at a rest.
@@ -83,41 +110,66 @@ class _Blocks:
     moved: Array
     maps: Array
     tool: Array
-    hanging: Array
+    pull: Array
     grasp: Array
     rubbed: Array
     resting: Array
 
 
 def fit_whole(trace: Trace, name: str, noise: Noise, about_force: float) -> Whole | None:
-    """What `name` pulled down with all the time that it hung on the hand, near `about_force` N; None
-    where the arm's links are not known, or it never hung free."""
+    """What `name` was with all the time that it hung on the hand, near `about_force` N; None where the
+    arm's links are not known, or it never hung free.
+
+    Of all free motion, if the noise accounts for what is left there; else of what is surely free: so high
+    that what hangs askew has left its support with its far end, too, close to where it hung, and settled at
+    rests or well away from them.
+    """
     felt = feeling(trace)
     if felt.chain is None or not felt.knows_links:
         return None
-    blocks = _blocks(trace, felt, name)
-    if blocks is None:
-        return None
-    model, links = _model(trace, felt, blocks, noise, about_force)
-    mean, covariance = model.solve()
+    found: Whole | None = None
+    for surely in (False, True):
+        blocks = _blocks(trace, felt, name, surely)
+        if blocks is not None:
+            found = _fitted(trace, felt, blocks, noise, about_force)
+        if found is None or found.explains:
+            break
+    return found
+
+
+def _fitted(
+    trace: Trace, felt: Feeling, blocks: _Blocks, noise: Noise, about_force: float
+) -> Whole:
+    grasps = tuple(sorted(set(blocks.grasp[blocks.pull[:, 2] > 0.0].tolist())))
+    about = np.zeros(1 + 3 * len(grasps))
+    about[0] = about_force
+    # What gains do is in proportion to the moments, too, which are not known at first.
+    model, _ = _model(trace, felt, blocks, noise, grasps, about)
+    about = model.solve(len(about))[0][: len(about)]
+    model, links = _model(trace, felt, blocks, noise, grasps, about)
+    mean, covariance = model.solve(len(about))
     left = model.y - model.design @ mean
-    effects = -(covariance / model.prior)[:1]
+    effects = -covariance / model.prior
     signals = blocks.felt.shape[1]
-    of_links = {name: float(effects[0, column]) for name, column in links.items()}
+    of_links = {name: effects[:, column] for name, column in links.items()}
     misfit = float(left @ left) / len(left)
-    std = float(np.sqrt(covariance[0, 0]))
-    return Whole(float(mean[0]), std, effects[:, -signals:], of_links, misfit)
+    value, square = mean[: len(about)], covariance[:, : len(about)]
+    return Whole(grasps, value, square, effects[:, -signals:], of_links, misfit)
 
 
-def _blocks(trace: Trace, felt: Feeling, name: str) -> _Blocks | None:
+def _blocks(trace: Trace, felt: Feeling, name: str, surely: bool) -> _Blocks | None:
+    """Of free motion, or of what is surely that."""
     samples, load = trace.samples, load_of(trace, name)
     away = apart(trace)
-    hangs = load.loaded & away & lifted(trace, load)
+    above = tuning.CLEARANCE if surely else tuning.FREE_ABOVE
+    hangs = load.loaded & away & lifted(trace, load, above)
     if not hangs.any():
         return None
     t = samples.t
     first, last = t[hangs][0] - tuning.WHOLE_AROUND, t[hangs][-1] + tuning.WHOLE_AROUND
     used = (hangs | (load.empty & away)) & (first <= t) & (t <= last)
+    if surely:
+        used &= _about(samples, hangs) & (_settled(samples) | _shaken(samples))
     length = max(tuning.WHOLE_BLOCK, float(min(last, t[-1]) - max(first, t[0])) / tuning.WHOLE_MOST)
     place = ((t - t[0]) / length).astype(int)
     place = np.cumsum(np.diff(place, prepend=place[0]) > 0, dtype=np.intp)
@@ -130,7 +182,7 @@ def _blocks(trace: Trace, felt: Feeling, name: str) -> _Blocks | None:
         return sums / rows.reshape(-1, *[1] * (signal.ndim - 1))
 
     kept = mean(used.astype(float)) > 1.0 - 1e-9
-    pull = hangs * (trace.gravity + acceleration(samples, tuning.SPEED_SHORT)[:, 2])
+    pull = hangs[:, None] * (UP + acceleration(samples, tuning.SPEED_SHORT) / trace.gravity)
     motion = felt.own_motion(samples, used)
     net = gained(felt.signals, t, tuning.SPEED_SHORT)[0] - motion
     grasp = np.array([max([g for g in load.grasps if g <= time], default=-np.inf) for time in t])
@@ -152,6 +204,33 @@ def _blocks(trace: Trace, felt: Feeling, name: str) -> _Blocks | None:
     )
 
 
+def _about(samples: Samples, hangs: Mask) -> Mask:
+    """Rows in which the hand is about where a load hung on it."""
+    position = samples.pose_world_tcp[:, :3]
+    low, high = position[hangs].min(axis=0), position[hangs].max(axis=0)
+    beyond = np.maximum(np.maximum(low - position, position - high), 0.0)
+    return np.linalg.norm(beyond, axis=1) < tuning.WHOLE_NEAR
+
+
+def _settled(samples: Samples) -> Mask:
+    """Rows at rests, but for their beginnings."""
+    found = at_rest(samples).copy()
+    for rows in runs(at_rest(samples)):
+        found[rows] &= samples.t[rows] - samples.t[rows.start] > tuning.WHOLE_SETTLED
+    return found
+
+
+def _shaken(samples: Samples) -> Mask:
+    """Rows in which the arm has moved away from where it stood: as it comes to a rest and leaves it, what the
+    rest leaves in its joints comes and goes."""
+    t = samples.t
+    speed = np.linalg.norm(gained(samples.dq, t, tuning.SPEED_SHORT)[0], axis=1)
+    slow = speed < tuning.WHOLE_SLOW
+    gone = np.cumsum(speed * np.gradient(t))
+    since = gone - np.maximum.accumulate(np.where(slow, gone, -np.inf))
+    return ~slow & (since > tuning.WHOLE_SHAKEN)
+
+
 def _resting(still: Mask, place: NDArray[np.intp], count: int) -> Array:
     """(count, rests) which blocks are of each rest."""
     columns: list[Array] = []
@@ -163,29 +242,27 @@ def _resting(still: Mask, place: NDArray[np.intp], count: int) -> Array:
 
 
 def _model(
-    trace: Trace, felt: Feeling, blocks: _Blocks, noise: Noise, about_force: float
+    trace: Trace,
+    felt: Feeling,
+    blocks: _Blocks,
+    noise: Noise,
+    grasps: Sequence[float],
+    about: Array,
 ) -> tuple[Model, Mapping[str, int]]:
     """All causes, of signals whose noise is known, and which of them are errors of the arm's links, by
-    their names."""
+    their names. `about`: where a load is, as `Whole.value`."""
     hand, gravity, signals = trace.hand, trace.gravity, blocks.felt.shape[1]
-    pull = (blocks.hanging / gravity)[:, None] * UP
     weight, links, lean = _links(felt, blocks.q, gravity)
-    weighs = np.einsum("kji,ki->kj", blocks.maps[:, :, :3], pull)
-    columns, prior = [weighs], [tuning.LOAD_PRIOR]
-    for grasp in sorted(set(blocks.grasp[blocks.hanging > 0.0].tolist())):
-        for axis in range(3):
-            way = blocks.tool[:, :, axis] * (blocks.grasp == grasp)[:, None]
-            moment = np.cross(way, pull)
-            columns.append(np.einsum("kji,ki->kj", blocks.maps[:, :, 3:], moment))
-            prior.append(tuning.LOAD_PRIOR)
+    columns = _hanging(blocks, grasps)
+    prior = [tuning.LOAD_PRIOR] * len(columns)
+    borne = np.einsum("p,pkj->kj", about, np.array(columns))
     of_links: dict[str, int] = {}
     for link_error, torque, size in links:
         of_links[link_error] = len(columns)
         columns.append(torque)
         prior.append(size)
     for axis in range(2):
-        loaded = about_force * pull[:, 2]
-        pulled = blocks.maps[:, :, axis] * loaded[:, None]
+        pulled = about[0] * blocks.maps[:, :, axis] * blocks.pull[:, 2:]
         columns.append(lean[axis] + pulled)
         prior.append(tuning.TILT)
     for own, size in _of_joints(blocks):
@@ -200,7 +277,7 @@ def _model(
             columns.append(rest[:, None] * blocks.maps[:, :, axis])
             prior.append(hand.force_repeatability + tuning.FLOOR)
     left = slice(first, len(columns))
-    shown = weight - weight[0] + about_force * weighs
+    shown = weight - weight[0] + borne
     for cause in gain_root(hand, signals).T:
         columns.append(shown * cause)
         prior.append(1.0)
@@ -209,6 +286,17 @@ def _model(
     even = [1.0 / len(tuning.LEFT_SHARES)] * len(tuning.LEFT_SHARES)
     unsure = Unsure(left, tuning.LEFT_SHARES, even), Unsure(gains, *tuning.GAINS_OFF)
     return Model(design, y, np.array(prior), noise.freedom, unsure), of_links
+
+
+def _hanging(blocks: _Blocks, grasps: Sequence[float]) -> list[Array]:
+    """(k, m) N m that each unit of `Whole.value` makes."""
+    columns = [np.einsum("kji,ki->kj", blocks.maps[:, :, :3], blocks.pull)]
+    for grasp in grasps:
+        here = (blocks.grasp == grasp)[:, None]
+        for axis in range(3):
+            moment = np.cross(blocks.tool[:, :, axis] * here, blocks.pull)
+            columns.append(np.einsum("kji,ki->kj", blocks.maps[:, :, 3:], moment))
+    return columns
 
 
 def _of_joints(blocks: _Blocks) -> list[tuple[Array, float]]:

@@ -133,6 +133,21 @@ WHOLE_AROUND = 15.0
 """s before and after an object hung on the hand, in which the empty hand tells of the arm. Sensitive:
 mass 0.1 σ."""
 
+WHOLE_SLOW = 0.02
+"""rad/s of all joints together: slower than that, an arm is about to rest. Sensitive: no."""
+
+WHOLE_SHAKEN = 0.01
+"""rad, likewise, after which what a rest left in the joints, and friction that turns round, are gone: five
+times `PRESLIDING`. Sensitive: mass 0.1 σ."""
+
+WHOLE_SETTLED = 0.3
+"""s after which what an approach leaves in the joints has built up. Sensitive: no; without it
+rests leave a misfit where they stick."""
+
+WHOLE_NEAR = 0.03
+"""m from where a load hung, within which the empty hand surely tells of the arm there: on its way home, in
+a turn of all joints, a model of it is off by some mN m. Sensitive: mass 0.3–0.6 σ at 0.1 to 0.2, to one side."""
+
 WHOLE_MISFIT = 1.1
 """mean square of what a model of all that an arm did leaves, in units of the noise, up to which nothing
 else acts: some 1500 rows scatter by 0.04 about 1 or less. Sensitive: no; arms whose friction changes with the
