@@ -15,7 +15,8 @@ from palpate.estimation.friction.breakaway import static_friction
 from palpate.estimation.friction.columns import AXES, HELD, PLACES, SPEED, WAYS
 from palpate.estimation.friction.drags import Drag, steady_drags
 from palpate.estimation.friction.fit import Sliding, fit_sliding
-from palpate.estimation.load.feeling import feeling
+from palpate.estimation.friction.whole import Whole, fit_whole
+from palpate.estimation.load.feeling import Feeling, feeling
 from palpate.estimation.load.weighing import hangs_free
 from palpate.geometry.pose import Array
 from palpate.mjcf.body import Body, BodyDescription
@@ -136,11 +137,13 @@ def estimate_friction(trace: Trace, parameter: Parameter, body: Body | None) -> 
             evidence,
         )
     found = fit_sliding(drags, felt, trace.hand)
-    value, std = found.friction
     normal = _normal_forces(drags)
-    method = _method(len(drags), float(normal.min()), float(normal.max()))
     # What pulls on the object in the air pulls on what the drags are measured against.
     tests = (*_tests(drags, found), *hangs_free(trace, parameter.object))
+    innocent = all(test.passed for test in tests)
+    whole = _whole(trace, parameter.object, drags, felt, found) if innocent else None
+    value, std = found.friction if whole is None else (whole.friction, whole.std)
+    method = _method(len(drags), float(normal.min()), float(normal.max()), whole)
     if value <= tuning.SIGNIFICANT * std:
         reasons = [test.finding for test in tests if not test.passed]
         none = f"The result, {value:.2g} ± {std:.2g}, cannot be told from none."
@@ -158,7 +161,19 @@ def estimate_friction(trace: Trace, parameter: Parameter, body: Body | None) -> 
     made = Estimate.normal(
         parameter, UNIT, value, std, method, evidence, verdict, parts, least=0.0, tests=tests
     )
-    return replace(made, shared=found.shared)
+    return replace(made, shared=found.shared if whole is None else whole.shared)
+
+
+def _whole(
+    trace: Trace, name: str, drags: Sequence[Drag], felt: Feeling, found: Sliding
+) -> Whole | None:
+    """Friction from all that the arm did around its drags, where that tells more than how their forces grow
+    with pressure, and agrees with it."""
+    value, std = found.friction
+    whole = fit_whole(trace, name, drags, felt, value)
+    if whole is None or not whole.explains or whole.std >= std:
+        return None
+    return whole if abs(whole.friction - value) < tuning.WHOLE_APART * std else None
 
 
 def _tests(drags: Sequence[Drag], found: Sliding) -> tuple[FitTest, ...]:
@@ -242,9 +257,15 @@ def _normal_forces(drags: Sequence[Drag]) -> Array:
     return np.concatenate([drag.normal[drag.steady] for drag in drags])
 
 
-def _method(drags: int, least: float, most: float) -> str:
+def _method(drags: int, least: float, most: float, whole: Whole | None) -> str:
+    number = f"{drags} drag{'s' * (drags > 1)}"
+    how = f"How the tangential force grows with the normal force in {number}"
+    if whole is not None:
+        how = f"How much of the normal force the tangential force is in {number}"
+    reference = "both measured against the object hanging free"
+    if whole is not None:
+        reference = "both measured against all that the arm felt in free air around them"
     return (
-        f"How the tangential force grows with the normal force in {drags} drag{'s' * (drags > 1)} under "
-        f"{least:.1f} to {most:.1f} N, both measured against the object hanging free; "
+        f"{how} under {least:.1f} to {most:.1f} N, {reference}; "
         "static at breakaway, dynamic while sliding steadily."
     )

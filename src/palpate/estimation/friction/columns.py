@@ -85,16 +85,13 @@ class Columns:
 
 def columns(drags: Sequence[Drag], felt: Feeling, hand: Hand, mu: float) -> Columns:
     """All unknowns; the arm's columns and their priors are those at about `mu`."""
-    places = np.vstack([drag.place[drag.steady] for drag in drags])
-    middle = (places.max(axis=0) + places.min(axis=0)) / 2
-    speeds = np.concatenate([np.log2(drag.speed[drag.steady]) for drag in drags])
-    usual = float(np.exp2(speeds.mean()))
+    middle, usual = middle_of(drags), usual_speed(drags)
     whole: list[Array] = []
     rubbed: list[Array] = []
     for drag, mine in zip(drags, np.eye(len(drags)), strict=True):
         rubbing, gains = _arm(drag, drags, felt, hand, mu)
         own = np.ones((len(drag.t), 1)) * mine
-        whole.append(np.hstack([_of_support(drag, middle, usual), rubbing, own, gains]))
+        whole.append(np.hstack([of_support(drag, middle, usual), rubbing, own, gains]))
         rubbed.append(rubbing[drag.steady].mean(axis=0))
 
     # After those of the support: friction of the joints, one for each drag, gains.
@@ -121,7 +118,20 @@ def _friction(drag: Drag, felt: Feeling, count: int) -> tuple[Array, Array]:
     return drag.hanging.friction, drag.hanging.unsure
 
 
-def _of_support(drag: Drag, middle: Array, usual: float) -> Array:
+def middle_of(drags: Sequence[Drag]) -> Array:
+    """(2,) m: the middle of all places."""
+    places = np.vstack([drag.place[drag.steady] for drag in drags])
+    middle: Array = (places.max(axis=0) + places.min(axis=0)) / 2
+    return middle
+
+
+def usual_speed(drags: Sequence[Drag]) -> float:
+    """m/s."""
+    speeds = np.concatenate([np.log2(drag.speed[drag.steady]) for drag in drags])
+    return float(np.exp2(speeds.mean()))
+
+
+def of_support(drag: Drag, middle: Array, usual: float) -> Array:
     """(n, FIRST) with places from `middle` (2,), m, and a `usual` speed, m/s."""
     x, y = ((drag.place - middle) / tuning.HALF_WAY).T
     wx, wy = drag.way

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from palpate.estimation import tuning
 from palpate.estimation.friction.joints import joint_friction
 from palpate.estimation.load.feeling import Feeling
-from palpate.estimation.load.noise import block_noise
+from palpate.estimation.load.noise import Noise, block_noise
 from palpate.estimation.load.rubbing import TURNED, rubbing
 from palpate.estimation.windows import (
     Load,
@@ -43,7 +43,7 @@ class Hanging:
         turned: (7,) which way each joint was turned last.
         friction: (7,) N m in each joint, as free motions show it.
         unsure: its standard deviation.
-        flicker: (m,) of each signal, as in `load.noise`.
+        noise: of each signal, as the arm moves slowly through free air, or rests.
     """
 
     force: Array
@@ -51,7 +51,7 @@ class Hanging:
     turned: Array
     friction: Array
     unsure: Array
-    flicker: Array
+    noise: Noise
 
 
 @dataclass(frozen=True, eq=False)
@@ -264,7 +264,7 @@ def _drags(trace: Trace, load: Load, felt: Feeling) -> Iterator[Drag]:
         samples.q[hanging].mean(axis=0),
         ways[hanging].mean(axis=0),
         *joint_friction(samples, ways, load, floor + tuning.HANGING),
-        _wander(samples, felt, load, floor),
+        _noise(samples, felt, load, floor),
     )
     step = np.gradient(samples.target_world_tcp[:, :3], samples.t, axis=0)
     horizontal = np.linalg.norm(step[:, :2], axis=1)
@@ -302,14 +302,14 @@ def _climbing(samples: Samples) -> Array:
     return np.gradient(smoothed(samples.pose_world_tcp[:, 2], size), samples.t)
 
 
-def _wander(samples: Samples, felt: Feeling, load: Load, floor: float) -> Array:
-    """(m,) level of 1/f noise of each signal, as the arm moves slowly through free air, or rests."""
+def _noise(samples: Samples, felt: Feeling, load: Load, floor: float) -> Noise:
+    """Of each signal, as the arm moves slowly through free air, or rests."""
     high = samples.pose_world_tcp[:, 2] > floor + tuning.HANGING
     gaining = acceleration(samples, tuning.SPEED_SMOOTH)
     even = np.linalg.norm(gaining, axis=1) < tuning.STEADY
     slow = np.linalg.norm(samples.twist[:, :3], axis=1) < tuning.SLOW
     calm = high & even & slow & (load.loaded | load.empty)
-    return block_noise(felt.signals, samples.t, gaining[:, 2], list(runs(calm))).flicker
+    return block_noise(felt.signals, samples.t, gaining[:, 2], list(runs(calm)))
 
 
 def _height_at(samples: Samples, time: float) -> float:

@@ -231,7 +231,7 @@ def _forces(drags: Sequence[Drag], unknowns: Columns, mu: float) -> Forces:
             design.append(own[block].mean(axis=0))
             noise.append(drag.noise / len(block) + pressed + tuning.SLIDING_NOISE**2)
             times.append(float(drag.t[block].mean()))
-            wander.append(levers * np.sqrt(drag.hanging.flicker))
+            wander.append(levers * np.sqrt(drag.hanging.noise.flicker))
     apart = np.abs(np.subtract.outer(times, times))
     slow = np.array(wander) @ np.array(wander).T * flicker(apart)
     root = np.linalg.cholesky(np.diag(noise) + slow).astype(np.float64)

@@ -10,8 +10,9 @@ its residuals have to be no more than the noise (`Whole.explains`), else the con
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,13 +26,26 @@ from palpate.estimation.load.free import apart, lifted
 from palpate.estimation.load.hinges import Hinge, hinges
 from palpate.estimation.load.noise import Noise
 from palpate.estimation.load.rubbing import rubbing
-from palpate.estimation.windows import Mask, acceleration, at_rest, gained, load_of, runs
+from palpate.estimation.windows import Load, Mask, acceleration, at_rest, gained, load_of, runs
 from palpate.geometry.pose import Array, rotations
 from palpate.trace.samples import Samples, Trace
 
 UP = np.array([0.0, 0.0, 1.0])
-LINK = "link"
-"""How names of causes begin that are errors of the arm's links."""
+LINK, REST, GAIN = "link", "rest", "gain"
+"""How names of causes begin: errors of the arm's links, what rests leave, and what the sensors' gains are off
+by."""
+
+Rows = NDArray[np.intp]
+"""Of a trace's samples."""
+
+
+class Cause(NamedTuple):
+    """What is in proportion to one unknown: its name, (k, m) N m that a unit of it makes of m signals, and its
+    standard deviation beforehand."""
+
+    name: str
+    torque: Array
+    size: float
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -85,7 +99,7 @@ class Whole:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Blocks:
+class Blocks:
     """Means over stretches of time in which nothing moves far.
 
     Attributes:
@@ -96,6 +110,7 @@ class _Blocks:
         moved: (k, m) N m of that.
         maps: (k, m, 6) as `Feeling.maps`.
         tool: (k, 3, 3) the hand's axes in the world.
+        acceleration: (k, 3) m/s² of the TCP.
         pull: (k, 3) what the load pulls with where it hangs, in units of its weight, upward.
         grasp: (k,) s, of the load.
         rubbed: (k, m, 2) as `estimation.load.rubbing`.
@@ -110,10 +125,19 @@ class _Blocks:
     moved: Array
     maps: Array
     tool: Array
+    acceleration: Array
     pull: Array
     grasp: Array
     rubbed: Array
     resting: Array
+
+    def torques(self, force: Array) -> Array:
+        """(k, m) N m of forces (k, 3) N at the TCP."""
+        return np.einsum("kji,ki->kj", self.maps[:, :, :3], force)
+
+    def turned(self, moment: Array) -> Array:
+        """(k, m) N m of moments (k, 3) N m."""
+        return np.einsum("kji,ki->kj", self.maps[:, :, 3:], moment)
 
 
 def fit_whole(trace: Trace, name: str, noise: Noise, about_force: float) -> Whole | None:
@@ -129,78 +153,114 @@ def fit_whole(trace: Trace, name: str, noise: Noise, about_force: float) -> Whol
         return None
     found: Whole | None = None
     for surely in (False, True):
-        blocks = _blocks(trace, felt, name, surely)
-        if blocks is not None:
-            found = _fitted(trace, felt, blocks, noise, about_force)
+        free = free_rows(trace, name, surely)
+        if free:
+            found = _fitted(
+                trace, felt, blocks(trace, felt, name, free, surely), noise, about_force
+            )
         if found is None or found.explains:
             break
     return found
 
 
-def _fitted(
-    trace: Trace, felt: Feeling, blocks: _Blocks, noise: Noise, about_force: float
-) -> Whole:
-    grasps = tuple(sorted(set(blocks.grasp[blocks.pull[:, 2] > 0.0].tolist())))
-    about = np.zeros(1 + 3 * len(grasps))
+def _fitted(trace: Trace, felt: Feeling, seen: Blocks, noise: Noise, about_force: float) -> Whole:
+    load = list(of_load(seen, seen.pull))
+    hangs = np.array([cause.torque for cause in load])
+    about = np.zeros(len(load))
     about[0] = about_force
     # What gains do is in proportion to the moments, too, which are not known at first.
-    model, _ = _model(trace, felt, blocks, noise, grasps, about)
+    model, _ = _model(trace, felt, seen, noise, load, about[0], np.tensordot(about, hangs, 1))
     about = model.solve(len(about))[0][: len(about)]
-    model, links = _model(trace, felt, blocks, noise, grasps, about)
+    model, causes = _model(trace, felt, seen, noise, load, about[0], np.tensordot(about, hangs, 1))
     mean, covariance = model.solve(len(about))
     left = model.y - model.design @ mean
     effects = -covariance / model.prior
-    signals = blocks.felt.shape[1]
-    of_links = {name: effects[:, column] for name, column in links.items()}
+    of_links: dict[str, Array] = {}
+    for cause, effect in zip(causes, effects.T, strict=True):
+        if cause.name.startswith(LINK):
+            of_links[cause.name] = effect
     misfit = float(left @ left) / len(left)
     value, square = mean[: len(about)], covariance[:, : len(about)]
-    return Whole(grasps, value, square, effects[:, -signals:], of_links, misfit)
+    gains = effects[:, named(causes, GAIN)]
+    return Whole(tuple(_grasps(seen)), value, square, gains, of_links, misfit)
 
 
-def _blocks(trace: Trace, felt: Feeling, name: str, surely: bool) -> _Blocks | None:
-    """Of free motion, or of what is surely that."""
-    samples, load = trace.samples, load_of(trace, name)
-    away = apart(trace)
-    above = tuning.CLEARANCE if surely else tuning.FREE_ABOVE
-    hangs = load.loaded & away & lifted(trace, load, above)
+def _model(
+    trace: Trace,
+    felt: Feeling,
+    seen: Blocks,
+    noise: Noise,
+    load: Sequence[Cause],
+    about_force: float,
+    borne: Array,
+) -> tuple[Model, Sequence[Cause]]:
+    """All causes, of signals whose noise is known, where a load is about `about_force` N and makes `borne`
+    (k, m) N m."""
+    causes = [*load, *of_arm(trace, felt, seen, about_force * seen.pull[:, 2], borne)]
+    design, y = whitened(causes, seen, noise)
+    return Model(design, y, sizes(causes), noise.freedom, unsure(causes)), causes
+
+
+def free_rows(trace: Trace, name: str, surely: bool = False) -> list[Rows]:
+    """Rows of each block of free motion, or of what is surely that, in which the hand is empty or `name` hangs on
+    it, around the time that it does; none where it never hung free."""
+    load, samples = load_of(trace, name), trace.samples
+    hangs, t = _hangs(trace, load, surely), samples.t
     if not hangs.any():
-        return None
-    t = samples.t
+        return []
     first, last = t[hangs][0] - tuning.WHOLE_AROUND, t[hangs][-1] + tuning.WHOLE_AROUND
-    used = (hangs | (load.empty & away)) & (first <= t) & (t <= last)
+    used = (hangs | (load.empty & apart(trace))) & (first <= t) & (t <= last)
     if surely:
         used &= _about(samples, hangs) & (_settled(samples) | _shaken(samples))
     length = max(tuning.WHOLE_BLOCK, float(min(last, t[-1]) - max(first, t[0])) / tuning.WHOLE_MOST)
     place = ((t - t[0]) / length).astype(int)
-    place = np.cumsum(np.diff(place, prepend=place[0]) > 0, dtype=np.intp)
-    count = int(place[-1]) + 1
-    rows = np.bincount(place, minlength=count).astype(float)
+    parts = np.split(np.arange(len(t)), np.flatnonzero(np.diff(place)) + 1)
+    return [rows for rows in parts if used[rows].all()]
+
+
+def _hangs(trace: Trace, load: Load, surely: bool) -> Mask:
+    above = tuning.CLEARANCE if surely else tuning.FREE_ABOVE
+    return load.loaded & apart(trace) & lifted(trace, load, above)
+
+
+def blocks(
+    trace: Trace, felt: Feeling, name: str, groups: Sequence[Rows], surely: bool = False
+) -> Blocks:
+    """Of the rows of each group, in which at most `name` is held."""
+    samples, load = trace.samples, load_of(trace, name)
+    rows, t = np.concatenate(groups), samples.t
+    count = np.array([len(group) for group in groups])
+    place = np.repeat(np.arange(len(groups)), count)
 
     def mean(signal: Array) -> Array:
-        sums = np.zeros((count, *signal.shape[1:]))
-        np.add.at(sums, place, signal)
-        return sums / rows.reshape(-1, *[1] * (signal.ndim - 1))
+        sums = np.zeros((len(groups), *signal.shape[1:]))
+        np.add.at(sums, place, signal[rows])
+        return sums / count.reshape(-1, *[1] * (signal.ndim - 1))
 
-    kept = mean(used.astype(float)) > 1.0 - 1e-9
-    pull = hangs[:, None] * (UP + acceleration(samples, tuning.SPEED_SHORT) / trace.gravity)
+    used = np.zeros(len(t), dtype=bool)
+    used[rows] = True
+    gaining = acceleration(samples, tuning.SPEED_SHORT)
+    pull = _hangs(trace, load, surely)[:, None] * (UP + gaining / trace.gravity)
     motion = felt.own_motion(samples, used)
     net = gained(felt.signals, t, tuning.SPEED_SHORT)[0] - motion
-    grasp = np.array([max([g for g in load.grasps if g <= time], default=-np.inf) for time in t])
-    middle = np.searchsorted(place, np.arange(count)) + (rows // 2).astype(int)
+    middle = np.array([group[len(group) // 2] for group in groups])
+    grasp = [max([g for g in load.grasps if g <= time], default=-np.inf) for time in t[middle]]
     q = mean(samples.q)
-    return _Blocks(
-        rows[kept],
-        mean(t)[kept],
-        q[kept],
-        mean(samples.dq)[kept],
-        mean(net)[kept],
-        mean(motion)[kept],
-        felt.maps(q[kept]),
-        rotations(samples.pose_world_tcp[middle[kept], 3:]),
-        mean(pull)[kept],
-        grasp[middle[kept]],
-        mean(rubbing(samples.q))[kept],
-        _resting(at_rest(samples), place, count)[kept],
+    resting = [mean(rest) > 0.0 for rest in _rests(at_rest(samples))]
+    return Blocks(
+        count.astype(float),
+        mean(t),
+        q,
+        mean(samples.dq),
+        mean(net),
+        mean(motion),
+        felt.maps(q),
+        rotations(samples.pose_world_tcp[middle, 3:]),
+        mean(gaining),
+        mean(pull),
+        np.array(grasp),
+        mean(rubbing(samples.q)),
+        np.array(resting, dtype=float).reshape(-1, len(groups)).T,
     )
 
 
@@ -231,82 +291,80 @@ def _shaken(samples: Samples) -> Mask:
     return ~slow & (since > tuning.WHOLE_SHAKEN)
 
 
-def _resting(still: Mask, place: NDArray[np.intp], count: int) -> Array:
-    """(count, rests) which blocks are of each rest."""
-    columns: list[Array] = []
-    for rows in runs(still):
-        column = np.zeros(count)
-        np.add.at(column, place[rows], 1.0)
-        columns.append(np.minimum(column, 1.0))
-    return np.array(columns).reshape(-1, count).T
+def _rests(still: Mask) -> Iterator[Array]:
+    """(n,) 1 in each rest."""
+    for rest in runs(still):
+        rows = np.zeros(len(still))
+        rows[rest] = 1.0
+        yield rows
 
 
-def _model(
-    trace: Trace,
-    felt: Feeling,
-    blocks: _Blocks,
-    noise: Noise,
-    grasps: Sequence[float],
-    about: Array,
-) -> tuple[Model, Mapping[str, int]]:
-    """All causes, of signals whose noise is known, and which of them are errors of the arm's links, by
-    their names. `about`: where a load is, as `Whole.value`."""
-    hand, gravity, signals = trace.hand, trace.gravity, blocks.felt.shape[1]
-    weight, links, lean = _links(felt, blocks.q, gravity)
-    columns = _hanging(blocks, grasps)
-    prior = [tuning.LOAD_PRIOR] * len(columns)
-    borne = np.einsum("p,pkj->kj", about, np.array(columns))
-    of_links: dict[str, int] = {}
-    for link_error, torque, size in links:
-        of_links[link_error] = len(columns)
-        columns.append(torque)
-        prior.append(size)
+def of_load(seen: Blocks, pull: Array) -> Iterator[Cause]:
+    """A newton of weight, which pulls with `pull` (k, 3), upward; and of where it hangs in each grasp along the
+    hand's axes."""
+    yield Cause("weight", seen.torques(pull), tuning.LOAD_PRIOR)
+    for grasp in _grasps(seen):
+        here = (seen.grasp == grasp)[:, None]
+        for axis in range(3):
+            moment = np.cross(seen.tool[:, :, axis] * here, seen.pull)
+            yield Cause("lever", seen.turned(moment), tuning.LOAD_PRIOR)
+
+
+def _grasps(seen: Blocks) -> list[float]:
+    """s, when the hand had closed on what hung on it."""
+    found: list[float] = seen.grasp[seen.pull[:, 2] > 0.0].tolist()
+    return sorted(set(found))
+
+
+def of_arm(trace: Trace, felt: Feeling, seen: Blocks, lifted: Array, borne: Array) -> list[Cause]:
+    """All that the arm itself may be off by, where its hand lifts (k,) N and what acts on that makes `borne`
+    (k, m) N m."""
+    hand, signals = trace.hand, seen.felt.shape[1]
+    weight, links, lean = _links(felt, seen.q, trace.gravity)
+    found = [Cause(*link) for link in links]
     for axis in range(2):
-        pulled = about[0] * blocks.maps[:, :, axis] * blocks.pull[:, 2:]
-        columns.append(lean[axis] + pulled)
-        prior.append(tuning.TILT)
-    for own, size in _of_joints(blocks):
+        pulled = seen.maps[:, :, axis] * lifted[:, None]
+        found.append(Cause("lean", lean[axis] + pulled, tuning.TILT))
+    for own, size in _of_joints(seen):
         for joint in range(signals):
-            alone = np.zeros_like(blocks.felt)
+            alone = np.zeros_like(seen.felt)
             alone[:, joint] = own[:, joint]
-            columns.append(alone)
-            prior.append(size)
-    first = len(columns)
-    for rest in blocks.resting.T:
+            found.append(Cause("joint", alone, size))
+    for rest in seen.resting.T:
         for axis in range(3):
-            columns.append(rest[:, None] * blocks.maps[:, :, axis])
-            prior.append(hand.force_repeatability + tuning.FLOOR)
-    left = slice(first, len(columns))
+            left = rest[:, None] * seen.maps[:, :, axis]
+            found.append(Cause(REST, left, hand.force_repeatability + tuning.FLOOR))
     shown = weight - weight[0] + borne
-    for cause in gain_root(hand, signals).T:
-        columns.append(shown * cause)
-        prior.append(1.0)
-    gains = slice(left.stop, len(columns))
-    design, y = _whitened(np.array(columns), blocks, noise)
+    found += [Cause(GAIN, shown * cause, 1.0) for cause in gain_root(hand, signals).T]
+    return found
+
+
+def named(causes: Sequence[Cause], name: str) -> slice:
+    """Which causes have names that begin so."""
+    found = [i for i, cause in enumerate(causes) if cause.name.startswith(name)]
+    return slice(found[0], found[-1] + 1) if found else slice(0, 0)
+
+
+def sizes(causes: Sequence[Cause]) -> Array:
+    """(p,) standard deviations beforehand."""
+    return np.array([cause.size for cause in causes])
+
+
+def unsure(causes: Sequence[Cause]) -> tuple[Unsure, ...]:
+    """What of those of the arm is learned from the recordings."""
     even = [1.0 / len(tuning.LEFT_SHARES)] * len(tuning.LEFT_SHARES)
-    unsure = Unsure(left, tuning.LEFT_SHARES, even), Unsure(gains, *tuning.GAINS_OFF)
-    return Model(design, y, np.array(prior), noise.freedom, unsure), of_links
+    left = Unsure(named(causes, REST), tuning.LEFT_SHARES, even)
+    return left, Unsure(named(causes, GAIN), *tuning.GAINS_OFF)
 
 
-def _hanging(blocks: _Blocks, grasps: Sequence[float]) -> list[Array]:
-    """(k, m) N m that each unit of `Whole.value` makes."""
-    columns = [np.einsum("kji,ki->kj", blocks.maps[:, :, :3], blocks.pull)]
-    for grasp in grasps:
-        here = (blocks.grasp == grasp)[:, None]
-        for axis in range(3):
-            moment = np.cross(blocks.tool[:, :, axis] * here, blocks.pull)
-            columns.append(np.einsum("kji,ki->kj", blocks.maps[:, :, 3:], moment))
-    return columns
-
-
-def _of_joints(blocks: _Blocks) -> list[tuple[Array, float]]:
+def _of_joints(seen: Blocks) -> list[tuple[Array, float]]:
     """What each joint makes in its own signal: (k, m) N m of a unit, and how large it may be."""
     return [
-        (np.ones_like(blocks.felt), tuning.ANY_ZERO),
-        (blocks.rubbed[:, :, 0], tuning.JOINT_LEVEL),
-        (blocks.rubbed[:, :, 1], tuning.JOINT_LEVEL),
-        (blocks.dq, tuning.JOINT_VISCOUS),
-        (blocks.moved, tuning.INERTIA_SHARE),
+        (np.ones_like(seen.felt), tuning.ANY_ZERO),
+        (seen.rubbed[:, :, 0], tuning.JOINT_LEVEL),
+        (seen.rubbed[:, :, 1], tuning.JOINT_LEVEL),
+        (seen.dq, tuning.JOINT_VISCOUS),
+        (seen.moved, tuning.INERTIA_SHARE),
     ]
 
 
@@ -353,17 +411,16 @@ def _turned(before: Sequence[Hinge], shape: tuple[int, ...], turn: Array, lever:
     return torque
 
 
-def _whitened(columns: Array, blocks: _Blocks, noise: Noise) -> tuple[Array, Array]:
-    """Columns (p, k, m) and what was felt, in rows of unit variance."""
-    between = np.abs(blocks.t[:, None] - blocks.t)
+def whitened(causes: Sequence[Cause], seen: Blocks, noise: Noise) -> tuple[Array, Array]:
+    """What the causes make (m k, p), and what was felt, joint by joint in rows of unit variance."""
+    columns = np.array([cause.torque for cause in causes])
+    between = np.abs(seen.t[:, None] - seen.t)
     drift = tuning.DRIFT**2 * np.exp(-between / tuning.DRIFT_TIME) * tuning.TORQUE_LEVER**2
     slow = flicker(between)
     design: list[Array] = []
     found: list[Array] = []
-    for joint, felt in enumerate(blocks.felt.T):
-        own = (
-            noise.white[joint] / blocks.rows + (tuning.UNSTEADY_SHARE * blocks.moved[:, joint]) ** 2
-        )
+    for joint, felt in enumerate(seen.felt.T):
+        own = noise.white[joint] / seen.rows + (tuning.UNSTEADY_SHARE * seen.moved[:, joint]) ** 2
         covariance: Array = drift + noise.flicker[joint] * slow + np.diag(own + tuning.FLOOR**2)
         root: Array = np.linalg.cholesky(covariance).astype(np.float64)
         rows = np.column_stack([columns[:, :, joint].T, felt])

@@ -120,6 +120,26 @@ DRAG_BIAS = 0.01
 HELD = 0.1
 """N (1 sigma) that hold an object, however hard it is pressed. Sensitive: friction 0.2 σ."""
 
+HOLDING_MORE = (0.0, 1.0, 10.0)
+"""times `HELD` that it may be, where the arm's own forces are known ... Sensitive: friction 0.5 σ, std
+×0.5–1.1."""
+
+LIKELY_HOLDING = (0.9, 0.08, 0.02)
+"""... and how likely each is before it is felt. Dry friction is in proportion to pressure (Amontons); one thing
+in ten is taken to cling. Chosen, without a source. Sensitive: friction 0.5 σ, std ×0.9–1.9."""
+
+SLID_MISFIT = 5.0
+"""mean square of what a model of all that an arm did leaves, in units of the noise, up to which a friction may
+rest on it, with its standard deviation widened by the root; of arms as their owners meet them it is 1.2 to 3.7.
+Sensitive: no."""
+
+STEP = 0.1
+"""N m (1 sigma) that a sensor's zero may be another after the drags where it jumped, and from which a model without a
+jump does not hold: a jump of 1 N at the hand is 0.2 to 0.24, of all joints. Sensitive: no."""
+
+LIKELY_STEP = (0.9, 0.1)
+"""how likely none has, and some have. Chosen, without a source. Sensitive: no."""
+
 FRICTION_RANGE = 1.0
 """1 sigma by which a coefficient may differ where it does. Sensitive: no."""
 

@@ -20,6 +20,8 @@ from palpate.trace.samples import Trace
 
 ANY_MASS, ANY_LEVER, ANY_FORCE, ANY_RATIO = 10.0, 1.0, 1e3, 10.0
 """kg, m, N or N m, and of a coefficient: so much that nothing is known beforehand."""
+LEAN = 3e-3
+"""rad (1 sigma): out of level by 3 mm/m, as floors may be (DIN 18202, quoted from memory)."""
 SLIDES, PRESSED = 5e-3, 1.0
 """m/s and N from which a thing slides along its support."""
 UP = np.array([0.0, 0.0, 1.0])
@@ -78,8 +80,8 @@ def of_friction(
     """Least standard deviation of the coefficient with which an object slid, beside its weight and
     all that the support did to it but the force along the motion; None where it did not slide.
 
-    It is that of one who knows that the support is level, that nothing else holds the object, and that
-    joints rub alike everywhere, of which no estimator is told.
+    It is that of one who knows that nothing else holds the object, that friction is even, and that joints rub
+    alike everywhere, of which no estimator is told; but not how the support leans.
 
     `about`: the true mass (kg) and friction, where the equations are linearised.
     """
@@ -97,17 +99,24 @@ def of_friction(
     way = np.zeros((len(speed), 3))
     way[sliding, :2] = speed[sliding] / np.linalg.norm(speed[sliding], axis=1)[:, None]
     rubbed = Column(_torques(blocks, pressed[:, None] * way), ANY_RATIO)
-    support: list[Column] = []
+    support = list(_leaning(blocks, pressed, way))
     for place in np.flatnonzero(sliding):
         support += _supported(blocks, int(place), way[place], friction)
+    borne = _torques(blocks, pressed[:, None] * (friction * way - sliding[:, None] * UP))
     found = covariance(
         [rubbed, *_of_weight(carried, mass, sliding * trace.gravity), *support],
-        _errors(trace, carried, mass, arm, noise),
+        _errors(trace, carried, mass, arm, noise, sliding * trace.gravity, borne),
         blocks,
         carried.free | sliding,
         noise.torque,
     )
     return float(np.sqrt(found[0, 0]))
+
+
+def _leaning(blocks: Blocks, pressed: Array, way: Array) -> Iterator[Column]:
+    """What a support that leans by a radian about either axis adds along the motion."""
+    for along in way[:, :2].T:
+        yield Column(_torques(blocks, (pressed * along)[:, None] * way), LEAN)
 
 
 def _supported(blocks: Blocks, place: int, way: Array, friction: float) -> Iterator[Column]:
@@ -140,10 +149,18 @@ def _torques(blocks: Blocks, force: Array, moment: Array | None = None) -> Array
 
 
 def _errors(
-    trace: Trace, carried: Carried, mass: float, arm: RobotDescription, noise: NoiseModel
+    trace: Trace,
+    carried: Carried,
+    mass: float,
+    arm: RobotDescription,
+    noise: NoiseModel,
+    also: Array | float = 0.0,
+    borne: Array | float = 0.0,
 ) -> Sequence[Column]:
-    torque = _torques(carried.blocks, mass * carried.pull)
-    load = Hanging(torque, mass * (np.abs(carried.pull).max(axis=1) > 0.0))
+    """`also` as in `_of_weight`; `borne` (n, 7) N m that a support makes of what it bears."""
+    pull = carried.pull + np.reshape(also, (-1, 1)) * UP
+    torque = _torques(carried.blocks, mass * pull) + borne
+    load = Hanging(torque, mass * (np.abs(pull).max(axis=1) > 0.0))
     return errors(carried.blocks, trace.samples, load, arm, noise, trace.gravity)
 
 

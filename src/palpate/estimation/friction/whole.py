@@ -1,0 +1,255 @@
+"""The friction of a held object from all that the arm did around its drags, joint by joint.
+
+Referred to a rest in the air, the force of a drag holds what an arm's biases make from there to here, and
+only how the force grows with pressure tells friction from that. But the same links, zeros, gains and
+joints' friction show in all free motion around the drags (`estimation.load.whole`). Fitted together, the
+whole sliding force counts. What the support does in a block of a drag but the force along it is unknown: it
+presses as it likes, and rubs with that; it pushes aside; it turns the hand.
+
+It rests on the model of the arm. What that leaves beyond the noise is taken for more of it (the Birge ratio:
+R. T. Birge, Physical Review 40, 1932).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from palpate.estimation import tuning
+from palpate.estimation.estimate import Shared
+from palpate.estimation.friction.columns import (
+    AXES,
+    FIRST,
+    HELD,
+    MU,
+    PLACES,
+    SPEED,
+    SPRING,
+    WAYS,
+    middle_of,
+    of_support,
+    usual_speed,
+)
+from palpate.estimation.friction.drags import Drag
+from palpate.estimation.load.equations import Model, Unsure
+from palpate.estimation.load.feeling import Feeling
+from palpate.estimation.load.whole import (
+    GAIN,
+    LINK,
+    UP,
+    Blocks,
+    Cause,
+    Rows,
+    blocks,
+    free_rows,
+    named,
+    of_arm,
+    of_load,
+    sizes,
+    unsure,
+    whitened,
+)
+from palpate.estimation.windows import row_at
+from palpate.geometry.pose import Array
+from palpate.trace.samples import Trace
+
+UNEVEN, HOLDS, LEAN, PULLS, STEP = (
+    "unevenness",
+    "what holds",
+    "lean of support",
+    "what pulls",
+    "step",
+)
+"""How names of causes begin that are the scene's."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Whole:
+    """A friction from a whole stretch of a trace.
+
+    Attributes:
+        friction, std: the coefficient, and its standard deviation.
+        shared: what of its error all measurements with that arm, or of that object, have in common.
+        misfit: mean square of what is left, in units of the noise: of free motion or of the drags, where it
+            is more.
+        stepped: N m by which the sensors' zeros differ after the drags, root mean square.
+    """
+
+    friction: float
+    std: float
+    shared: tuple[Shared, ...]
+    misfit: float
+    stepped: float
+
+    @property
+    def explains(self) -> bool:
+        """Whether the model of the arm holds well enough for what it leaves to be taken for noise, and for the
+        same before the drags and after."""
+        return self.misfit < tuning.SLID_MISFIT and self.stepped < tuning.STEP
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Pressed:
+    """What is known of each block of free motion, then of the drags.
+
+    Attributes:
+        way: (k, 3) of the drag, 0 in free motion.
+        support: (k, FIRST) as `columns.of_support`.
+    """
+
+    way: Array
+    support: Array
+
+    @property
+    def normal(self) -> Array:
+        """(k,) N."""
+        return self.support[:, MU]
+
+    @property
+    def slides(self) -> Array:
+        """(k,) 1 in drags."""
+        return np.linalg.norm(self.way, axis=1).round()
+
+
+def fit_whole(
+    trace: Trace, name: str, drags: Sequence[Drag], felt: Feeling, about: float
+) -> Whole | None:
+    """The coefficient with which `name` slid in all drags, near `about`; None where the arm's links are not
+    known, or it never hung free."""
+    free = free_rows(trace, name) if felt.knows_links else []
+    if not free:
+        return None
+    seen = blocks(trace, felt, name, [*free, *_slid_rows(trace, drags)])
+    pressed = _pressed(drags, len(free))
+    force = drags[0].mass * trace.gravity
+    slides = pressed.slides[:, None]
+    # In a drag its weight is borne by hand and support together, and it is moved along.
+    along = seen.acceleration * [1.0, 1.0, 0.0] / trace.gravity
+    pull = seen.pull + slides * (UP + along)
+    load = list(of_load(seen, pull))
+    rubs = pressed.normal[:, None] * (about * pressed.way - slides * UP)
+    borne = force * load[0].torque + seen.torques(rubs)
+    scene = list(_of_scene(seen, pressed, about))
+    scene += _of_steps(seen, len(free))
+    causes = [*scene, *load, *of_arm(trace, felt, seen, force * pull[:, 2], borne)]
+    support = list(_of_support(seen, pressed, about))
+    design, y = whitened([*causes, *support], seen, drags[0].hanging.noise)
+    known, anything = np.split(design, [len(causes)], axis=1)
+    # What may be anything is taken out of all rows (Frisch and Waugh, Econometrica 1, 1933).
+    basis = np.linalg.qr(anything)[0]
+    known = known - basis @ (basis.T @ known)
+    y = y - basis @ (basis.T @ y)
+    freedom = drags[0].hanging.noise.freedom
+    model = Model(known, y, sizes(causes), freedom, (*unsure(causes), *_unsure(causes)))
+    count = named(causes, UNEVEN).stop
+    misfit = _misfit(model, len(seen.t), len(free), len(support))
+    louder = max(1.0, misfit) ** 0.5
+    mean, covariance = replace(model, design=known / louder, y=y / louder).solve(count)
+    stepped = float(np.sqrt(np.mean(mean[named(causes, STEP)] ** 2)))
+    off = float(np.max(mean[1:count] ** 2 + np.diag(covariance)[1:])) ** 0.5 * about
+    variance = float(covariance[0, 0]) + off**2
+    shared = (*_shared(causes, -covariance[0] / model.prior), _uneven(off))
+    return Whole(about + float(mean[0]), float(np.sqrt(variance)), shared, misfit, stepped)
+
+
+def _slid_rows(trace: Trace, drags: Sequence[Drag]) -> list[Rows]:
+    """Rows of the trace in each block of steady sliding."""
+    found: list[Rows] = []
+    for drag in drags:
+        first = row_at(trace.samples, float(drag.t[0]))
+        found += [first + block for block in drag.blocks]
+    return found
+
+
+def _pressed(drags: Sequence[Drag], free: int) -> _Pressed:
+    """Of so many blocks of free motion, and those of the drags."""
+    middle, usual = middle_of(drags), usual_speed(drags)
+    way: list[Array] = [np.zeros((free, 3))]
+    support: list[Array] = [np.zeros((free, FIRST))]
+    for drag in drags:
+        own = of_support(drag, middle, usual)
+        support.append(np.array([own[block].mean(axis=0) for block in drag.blocks]))
+        way.append(np.tile([*drag.way, 0.0], (len(drag.blocks), 1)))
+    return _Pressed(np.concatenate(way), np.concatenate(support))
+
+
+def _of_scene(seen: Blocks, pressed: _Pressed, about: float) -> Iterator[Cause]:
+    """Friction first, in how far it is more than `about`; what of it is uneven, in parts of that; and what
+    else may act along a drag."""
+    kinds = (
+        ("friction", slice(MU, MU + 1), tuning.FRICTION_PRIOR),
+        (UNEVEN, slice(AXES.start, SPEED.stop), 1.0),
+        (LEAN, WAYS, tuning.LEAN),
+        (HOLDS, HELD, tuning.HELD),
+        (PULLS, SPRING, tuning.PULL),
+    )
+    assert AXES.stop == PLACES.start
+    assert PLACES.stop == SPEED.start
+    for name, which, size in kinds:
+        unit = about if name == UNEVEN else 1.0
+        for i, along in enumerate(pressed.support[:, which].T, start=1):
+            torque = seen.torques(unit * along[:, None] * pressed.way)
+            yield Cause(f"{name} {i}", torque, size)
+
+
+def _of_steps(seen: Blocks, free: int) -> Iterator[Cause]:
+    """A sensor's zero that is another after the drags."""
+    after = (seen.t > seen.t[free:].mean())[:, None]
+    for joint in np.eye(seen.felt.shape[1]):
+        yield Cause(STEP, after * joint, tuning.STEP)
+
+
+def _unsure(causes: Sequence[Cause]) -> tuple[Unsure, ...]:
+    """What of the scene's causes is learned from the recordings."""
+    uneven = Unsure(named(causes, UNEVEN), tuning.UNEVEN, tuning.LIKELY_UNEVEN)
+    holds = Unsure(named(causes, HOLDS), tuning.HOLDING_MORE, tuning.LIKELY_HOLDING)
+    return uneven, holds, Unsure(named(causes, STEP), (0.0, 1.0), tuning.LIKELY_STEP)
+
+
+def _of_support(seen: Blocks, pressed: _Pressed, about: float) -> Iterator[Cause]:
+    """What a support may do in each block of a drag; how much, nobody knows."""
+    for block in np.flatnonzero(pressed.slides).tolist():
+        maps, way = seen.maps[block], pressed.way[block]
+        sideways = np.cross(UP, way)
+        forces = maps[:, :3] @ np.column_stack([UP - about * way, sideways])
+        for torque in (*forces.T, *maps[:, 3:].T):
+            alone = np.zeros_like(seen.felt)
+            alone[block] = torque
+            yield Cause("support", alone, 1.0)
+
+
+def _misfit(model: Model, count: int, free: int, taken: int) -> float:
+    """Mean square of what a model leaves of `count` blocks, the first of which are `free`, where so many unknowns
+    have taken their part in the drags. What neighbours have in common counts as often."""
+    mean, _ = model.solve(1)
+    left: Array = (model.y - model.design @ mean).reshape(-1, count)
+    share = 1.0 - taken / left[:, free:].size
+    return max(_together(left[:, :free]), _together(left[:, free:]) / share)
+
+
+def _together(left: Array) -> float:
+    """Mean square of the sums of some neighbours of (m, k), over their number."""
+    size = min(round(tuning.CORRELATED_BLOCKS), left.shape[1])
+    whole = left[:, : left.shape[1] // size * size].reshape(len(left), -1, size)
+    sums: Array = whole.sum(axis=2)
+    return float(np.mean(sums**2)) / size
+
+
+def _shared(causes: Sequence[Cause], effects: Array) -> Iterator[Shared]:
+    """What one standard deviation of causes that are the same in other runs does."""
+    gains = 0
+    for cause, effect in zip(causes, effects.tolist(), strict=True):
+        if cause.name.startswith(LINK):
+            # As of a load: what one of it does, not one standard deviation.
+            yield Shared(cause.name, "arm", (effect,))
+        elif cause.name.startswith(GAIN):
+            gains += 1
+            yield Shared(f"gain of joint {gains}", "arm", (effect,))
+        elif cause.name.startswith((LEAN, HOLDS, PULLS)):
+            yield Shared(cause.name, "scene", (effect,))
+
+
+def _uneven(off: float) -> Shared:
+    return Shared("unevenness of the friction", "scene", (off,))

@@ -1,0 +1,81 @@
+"""A friction from all that an arm did around its drags, on one recorded slide at `lab`."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from palpate import pipeline
+from palpate.estimation.friction.drags import steady_drags
+from palpate.estimation.friction.fit import fit_sliding
+from palpate.estimation.friction.whole import fit_whole
+from palpate.estimation.load.feeling import feeling
+from palpate.robots.simulated.noise.model import NoiseModel
+from palpate.scenarios.catalogue import scenario
+from palpate.studies.bounds.loads import of_friction
+
+TRUTH, MASS = 0.34, 0.32
+
+
+@pytest.fixture(scope="module")
+def run():
+    settings = scenario("friction").settings(noise="lab", seed=501).checked()
+    return pipeline.measure(pipeline.plan(settings, pipeline.load(settings)))
+
+
+def fitted(trace):
+    felt = feeling(trace)
+    drags = steady_drags(trace, "bottle", felt)
+    found = fit_sliding(drags, felt, trace.hand).friction
+    return found, fit_whole(trace, "bottle", drags, felt, found[0])
+
+
+def bound(run, **noise):
+    standing = run.scene.bodies["bottle"].pose_world.rotation
+    model = NoiseModel.model_validate({"torque": {"white": 0.1} | noise})
+    about = MASS, TRUTH
+    return of_friction(run.trace, "bottle", standing, about, run.scene.arm, model)
+
+
+def test_it_is_narrower_than_how_forces_grow_with_pressure_and_right(run):
+    (_, std), whole = fitted(run.trace)
+    assert whole.explains
+    assert whole.std < 0.5 * std
+    assert abs(whole.friction - TRUTH) < 3.0 * whole.std
+    assert any(cause.cause.startswith("lean of support") for cause in whole.shared)
+
+
+def test_what_the_model_of_the_arm_leaves_widens_it_until_it_does_not_count(run):
+    _, whole = fitted(run.trace)
+    samples = run.trace.samples
+    for size in (0.03, 0.15):
+        torques = samples.tau_ext.copy()
+        torques[:, 1] += size * np.sin(30.0 * samples.q[:, 1])
+        rippled = replace(run.trace, samples=replace(samples, tau_ext=torques))
+        _, spoilt = fitted(rippled)
+        assert spoilt.std > whole.std
+    assert not spoilt.explains
+
+
+def test_zeros_that_jump_in_the_drags_are_seen(run):
+    samples, felt = run.trace.samples, feeling(run.trace)
+    drags = steady_drags(run.trace, "bottle", felt)
+    later = samples.t > drags[2].t[0]
+    torques, wrench = samples.tau_ext.copy(), samples.wrench.copy()
+    torques[later] += felt.maps(samples.q[later])[:, :, 1]
+    wrench[later, 1] += 1.0
+    jumped = replace(run.trace, samples=replace(samples, tau_ext=torques, wrench=wrench))
+    assert not fitted(jumped)[1].explains
+
+
+def test_an_arm_whose_links_nobody_knows_tells_no_more(run):
+    hand = run.trace.hand
+    unknown = replace(run.trace, hand=replace(hand, chain=replace(hand.chain, links=())))
+    assert fitted(unknown)[1] is None
+
+
+def test_gains_act_on_what_a_support_does_in_the_bound(run):
+    assert bound(run) < 1e-3
+    assert bound(run, gain_max=0.01) > 2.0 * bound(run)
