@@ -71,10 +71,13 @@ def test_known_heights_tell_where_the_fingertips_end(palpate: Call) -> None:
     done = palpate("calibrate", "--gauge", "40mm±0.02mm", *ARM)
     assert done.status == 0, done.err
     assert "tip_offset" in done.out
-    tip = read_config(Path("robot.yaml")).tip_offset
+    config = read_config(Path("robot.yaml"))
+    tip, repeated = config.tip_offset, config.pose_repeatability
     assert tip is not None
+    assert repeated is not None
     assert tip.value == pytest.approx(0.009 + 6e-4, abs=1.5e-4)
     assert tip.std < 2e-4, "of 1 mm that was told"
+    assert repeated.value < 5e-5, "this arm comes back to where it was, told are 0.1 mm"
 
 
 def test_a_weight_that_is_another_one_is_refused(palpate: Call) -> None:

@@ -32,6 +32,7 @@ gravity: {value: 9.8123}
 torque_gain: {value: [0, 1e-2, 0, -1e-2, 0, 0, 0], std: 1e-3 1e-3}
 tip_offset: {value: 0.0095, std: 5e-5, date: 2026-11-20, by: a gauge of 50 mm}
 base_lean: {value: [1e-3, -5e-4], std: [1e-4, 1e-4]}
+pose_repeatability: {value: 2e-5}
 tip_compliance: {value: 2e-5, std: 5e-6}
 end_effector: {mass: 0.8, centre: [0, 0, 0.05]}
 stiffness: {translation: 800, rotation: 60, joints: [600, 600, 600, 600, 250, 150, 50]}
@@ -76,6 +77,7 @@ def test_what_was_measured_comes_before_what_is_told(tmp_path: Path) -> None:
     hand, limits = arm.nominal, arm.limits
     assert (hand.tip_offset, hand.tip_offset_std) == (0.0095, 5e-5)
     assert (hand.tip_compliance, hand.tip_compliance_std) == (2e-5, 5e-6)
+    assert hand.pose_repeatability == 2e-5
     assert hand.force_repeatability == ARM.nominal.force_repeatability, "not measured"
     assert arm.gravity == 9.8123
     assert arm.stiffness.translation == 800

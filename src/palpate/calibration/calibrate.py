@@ -34,7 +34,7 @@ from palpate.settings import Settings, noise_told
 if TYPE_CHECKING:
     from palpate.robots.description import RobotDescription
 
-MEASURED = ("torque_gain", "tip_offset", "base_lean", "tip_compliance")
+MEASURED = ("torque_gain", "tip_offset", "base_lean", "pose_repeatability", "tip_compliance")
 """What a calibration writes; all other keys of a file stay."""
 
 
@@ -193,6 +193,10 @@ def _compared(start: RobotDescription, end: RobotDescription) -> Iterator[Found]
             one = (before[0][i], before[1][i])
             now = (float(lean.value[i]), float(lean.std[i]))
             yield Found(f"base_lean {axis}", "rad", one, now, lean.by or "")
+    repeated = end.config.pose_repeatability
+    if repeated is not None and repeated is not getattr(start.config, "pose_repeatability", None):
+        one, other = (0.0, told.pose_repeatability), (0.0, known.pose_repeatability)
+        yield Found("pose_repeatability", "m", one, other, repeated.by or "")
     for name, unit in (("tip_offset", "m"), ("tip_compliance", "m/N")):
         figure = getattr(end.config, name)
         if figure is not None and figure is not getattr(start.config, name, None):

@@ -18,7 +18,7 @@ from palpate.geometry.pose import Array
 from palpate.parameter import Parameter
 from palpate.planning.plan import Node, Plan
 from palpate.planning.symbolic.planner import assemble
-from palpate.robots.owner.config import JOINTS, Gains, Lean, Value
+from palpate.robots.owner.config import JOINTS, Gains, Lean, Repeated, Value
 from palpate.scene.load import load_scene, parse_scene
 from palpate.scene.scene import Scene
 from palpate.trace.samples import STANDARD_GRAVITY
@@ -96,6 +96,7 @@ def gauge(session: Session, known: Known) -> None:
         "base_lean": Lean(
             value=found.lean + _leaning(session), std=found.lean_std, date=today, by=by
         ),
+        "pose_repeatability": Repeated(value=found.repeatability, date=today, by=by),
         "tip_compliance": Value(
             value=found.compliance, std=found.compliance_std, date=today, by=by
         ),

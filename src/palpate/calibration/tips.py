@@ -6,7 +6,9 @@ What a fingertip touches h too high, at x and y from the base, tells
 
 c: the tips are longer than was thought, or the base lower; s: the base leans, or the joints' zeros and
 links make it seem so, which over a few decimetres is the same. What such a plane leaves of the frames
-of arms that nobody calibrated is `BENT`.
+of arms that nobody calibrated is `BENT`, and how well an arm comes to a height again its datasheet says.
+Of this very arm the touches tell how much of the latter there is; five places, of which a plane takes three,
+tell too little of the former.
 """
 
 from __future__ import annotations
@@ -35,6 +37,9 @@ through the gauges of the bench leaves beside them and between, root mean square
 AROUND = 0.1
 """m above and below the gauges, in which a frame changes as if what is wrong with it grew evenly over
 the arm's reach."""
+SHARES = (1.0 / 64.0, 1.0 / 8.0, 1.0)
+"""parts of the pose's repeatability, which a datasheet states at most, that this very arm may have: from next
+to nothing to all of it, each as likely before it touched anything."""
 STIFF = 1e-6
 """m/N: what a gauge of steel, and what it stands on, give way by themselves."""
 
@@ -46,6 +51,7 @@ class Tips:
     Attributes:
         offset: from the TCP to their end, along the tool.
         offset_std: of what they and the frame add to a height where the gauges stood.
+        repeatability: of the pose, as heights show it.
         lean: (2,) about the base's x and y axes, beyond what was known of it, with lean_std.
         compliance: of pads and joints beyond the encoders, with compliance_std.
         touches: how many it rests on.
@@ -53,6 +59,7 @@ class Tips:
 
     offset: float
     offset_std: float
+    repeatability: float
     lean: Array
     lean_std: Array
     compliance: float
@@ -73,29 +80,57 @@ def gauged(
     found, hand = _touches(trace, surfaces), trace.hand
     places = _places(found, base)
     high = np.array([float(np.mean(place.heights)) for place in places]) - known.value
-    single = float(np.hypot(hand.pose_repeatability, tuning.UNSEEN))
-    spread = np.array([np.hypot(BENT, single / np.sqrt(len(place.heights))) for place in places])
+    stated = _spread(places, hand.pose_repeatability)
     spots = np.array([place.spot for place in places])
     middle = spots.mean(axis=0)
     # About the middle of the gauges, where height and lean are told apart best.
     design = np.column_stack([np.ones(len(spots)), spots - middle])
     leaning = hand.tip_offset_std / reach
     prior = np.array([hand.tip_offset_std, leaning, leaning])
+    deviations = [place.heights - known.value for place in places]
+    repeated = _repeated(deviations, design, prior, hand.pose_repeatability)
+    spread = _spread(places, repeated)
     white = design / spread[:, None]
     covariance = _inverse(white.T @ white + np.diag(prior**-2.0))
     mean = covariance @ (white.T @ (high / spread))
-    _require_plane(high, design, mean, spread, prior, known)
+    _require_plane(high, design, mean, stated, prior, known)
     here = float(np.trace(design @ covariance @ design.T)) / len(places)
     away = hand.tip_offset_std * AROUND / reach
     along = np.sqrt(covariance.diagonal()[1:])
     return Tips(
         hand.tip_offset + float(mean[0] - mean[1:] @ middle),
         float(np.linalg.norm([here**0.5, BENT, away, known.std])),
+        repeated,
         np.array([-mean[2], mean[1]]),
         np.array([along[1], along[0]]),
         *_compliance(found),
         len(found),
     )
+
+
+def _spread(places: Sequence[_Place], repeatability: float) -> Array:
+    """(n,) m (1 sigma) by which the mean of the touches at each place may be off a plane."""
+    single = np.hypot(repeatability, tuning.UNSEEN)
+    return np.array([np.hypot(BENT, single / np.sqrt(len(place.heights))) for place in places])
+
+
+def _repeated(heights: Sequence[Array], design: Array, prior: Array, stated: float) -> float:
+    """m, how well this arm's poses repeat: root mean square over how likely each of `SHARES` of what is
+    `stated` makes the `heights` (k,) felt at each place, m too high (Bishop, Pattern Recognition and Machine
+    Learning, section 3.4)."""
+    each = [len(high) for high in heights]
+    felt, rows = np.concatenate(heights), np.repeat(design, each, axis=0)
+    place = np.repeat(np.arange(len(each)), each)
+    known: Array = (rows * prior) @ (rows * prior).T
+    known += BENT**2 * np.equal.outer(place, place) + tuning.UNSEEN**2 * np.eye(len(felt))
+    variances = (stated * np.array(SHARES)) ** 2
+    likely: list[float] = []
+    for variance in variances.tolist():
+        covariance: Array = known + variance * np.eye(len(felt))
+        misfit = float(felt @ np.linalg.solve(covariance, felt))
+        likely.append(-(misfit + float(np.linalg.slogdet(covariance)[1])) / 2.0)
+    weights = np.exp(np.array(likely) - max(likely))
+    return float(np.sqrt(np.average(variances, weights=weights)))
 
 
 def _require_plane(

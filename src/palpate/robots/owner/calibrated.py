@@ -51,6 +51,8 @@ def _hand(hand: Hand, config: RobotConfig) -> Hand:
     tip, soft, gains = config.tip_offset, config.tip_compliance, config.torque_gain
     if tip is not None:
         hand = replace(hand, tip_offset=tip.value, tip_offset_std=tip.std)
+    if config.pose_repeatability is not None:
+        hand = replace(hand, pose_repeatability=config.pose_repeatability.value)
     if soft is not None:
         hand = replace(hand, tip_compliance=soft.value, tip_compliance_std=soft.std)
     if gains is not None:

@@ -85,6 +85,12 @@ class Value(Figure):
     std: Deviation
 
 
+class Repeated(Figure):
+    """One standard deviation of what differs from time to time."""
+
+    value: Deviation
+
+
 class Gains(Figure):
     """Relative errors of the joints' torque sensors: they show 1 + `value` times what they feel.
 
@@ -169,6 +175,7 @@ class RobotConfig(Section):
             adds to a height where it was measured.
         base_lean: by how much the base leans more than the scene says, or seems to: it was measured
             with tip_offset, and both hold together.
+        pose_repeatability: m, of each axis of the TCP, as heights show it.
         tip_compliance: m/N, of pads and joints beyond the encoders, under a force along the tool.
         end_effector: what hangs on the flange.
         stiffness: of the controller's springs.
@@ -186,6 +193,7 @@ class RobotConfig(Section):
     torque_gain: Gains | None = None
     tip_offset: Value | None = None
     base_lean: Lean | None = None
+    pose_repeatability: Repeated | None = None
     tip_compliance: Value | None = None
     end_effector: EndEffector | None = None
     stiffness: Stiffness | None = None
