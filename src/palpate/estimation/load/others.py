@@ -58,7 +58,9 @@ def _vertical(
         statistic = force**2 / (variance + small**2)
         told = variance < (tuning.TELLING * tuning.LOAD_PRIOR) ** 2
         if told and (name not in found or statistic > found[name].statistic):
-            found[name] = chi_squared(name, statistic, 1, worded(force), model.freedom)
+            # What is harmless is known for certain (Welch and Satterthwaite; GUM, annex G.4).
+            freedom = model.freedom * (1.0 + small**2 / variance) ** 2
+            found[name] = chi_squared(name, statistic, 1, worded(force), freedom)
     return list(found.values())
 
 
