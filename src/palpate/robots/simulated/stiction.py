@@ -44,13 +44,16 @@ class Stiction:
 
     def apply(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
         """Set the coefficient that holds at the speed at which the object slides on what it
-        touches."""
-        slips = self._slip(model, data) > SLIP
+        touches. What hops lands at the one that it left with: it has not come to rest in the air."""
+        slip = self._slip(model, data)
+        if slip is None:
+            return
         for geom, dynamic in zip(self.geoms, self.dynamic, strict=True):
-            model.geom_friction[geom, 0] = dynamic if slips else self.static
+            model.geom_friction[geom, 0] = dynamic if slip > SLIP else self.static
 
-    def _slip(self, model: mujoco.MjModel, data: mujoco.MjData) -> float:
-        """Largest horizontal speed, m/s, of the object's contact points with static things.
+    def _slip(self, model: mujoco.MjModel, data: mujoco.MjData) -> float | None:
+        """Largest horizontal speed, m/s, of the object's contact points with static things; None where it
+        touches none.
 
         At the contact, not at the body's origin: an object turns in the fingers' grip before its
         base slips.
@@ -58,7 +61,7 @@ class Stiction:
         sides = self.sides.take(data.contact.geom)
         on_fixed = sides[:, 0] + sides[:, 1] == OWN + FIXED
         if not on_fixed.any():
-            return 0.0
+            return None
         body = model.geom_bodyid[self.geoms[0]]
         linear, turning = data.qvel[self.dof : self.dof + 3], data.qvel[self.dof + 3 : self.dof + 6]
         wx, wy, wz = data.xmat[body].reshape(3, 3) @ turning
