@@ -2,7 +2,7 @@
 
 Referred to a rest in the air, the force of a drag holds what an arm's biases make from there to here, and
 only how the force grows with pressure tells friction from that. But the same links, zeros, gains and
-joints' friction show in all free motion around the drags (`estimation.load.whole`). Fitted together, the
+joints' friction show in all free motion around the drags (`estimation.load.around.causes`). Fitted together, the
 whole sliding force counts. What the support does in a block of a drag but the force along it is unknown: it
 presses as it likes, and rubs with that; it pushes aside; it turns the hand.
 
@@ -33,17 +33,11 @@ from palpate.estimation.friction.columns import (
     usual_speed,
 )
 from palpate.estimation.friction.drags import Drag
-from palpate.estimation.load.equations import Model, Unsure
-from palpate.estimation.load.feeling import Feeling
-from palpate.estimation.load.whole import (
+from palpate.estimation.load.around.blocks import UP, Blocks, Rows, blocks, free_rows
+from palpate.estimation.load.around.causes import (
     GAIN,
     LINK,
-    UP,
-    Blocks,
     Cause,
-    Rows,
-    blocks,
-    free_rows,
     named,
     of_arm,
     of_load,
@@ -51,6 +45,8 @@ from palpate.estimation.load.whole import (
     unsure,
     whitened,
 )
+from palpate.estimation.load.equations import Model, Unsure
+from palpate.estimation.load.feeling import Feeling
 from palpate.estimation.windows import row_at
 from palpate.geometry.pose import Array
 from palpate.trace.samples import Trace

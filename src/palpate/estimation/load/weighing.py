@@ -11,10 +11,10 @@ import numpy as np
 from palpate.estimation import tuning
 from palpate.estimation.agreement import FitTest
 from palpate.estimation.estimate import Part, Shared, Verdict, half95
+from palpate.estimation.load.around.whole import Whole, fit_whole
 from palpate.estimation.load.equations import FORCE_Z
 from palpate.estimation.load.fit import Load, fit_load, untested
 from palpate.estimation.load.segments import Segment, Weighing, referenced, weighings
-from palpate.estimation.load.whole import Whole, fit_whole
 from palpate.geometry.pose import Array
 from palpate.trace.recording import Recording
 from palpate.trace.samples import FORCES, Trace

@@ -1,0 +1,169 @@
+"""What an arm did around a weighing, in stretches of time that are short enough for nothing to move far: when it
+moved in free air, and what was felt then."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.estimation import tuning
+from palpate.estimation.load.feeling import Feeling
+from palpate.estimation.load.free import apart, lifted
+from palpate.estimation.load.rubbing import rubbing
+from palpate.estimation.windows import Load, Mask, acceleration, at_rest, gained, load_of, runs
+from palpate.geometry.pose import Array, rotations
+from palpate.trace.samples import Samples, Trace
+
+UP = np.array([0.0, 0.0, 1.0])
+
+Rows = NDArray[np.intp]
+"""Of a trace's samples."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Blocks:
+    """Means over stretches of time in which nothing moves far.
+
+    Attributes:
+        rows: (k,) samples in each.
+        t: (k,) s.
+        q, dq: (k, m) rad, rad/s.
+        felt: (k, m) N m less what moves the arm's links.
+        moved: (k, m) N m of that.
+        maps: (k, m, 6) as `Feeling.maps`.
+        tool: (k, 3, 3) the hand's axes in the world.
+        acceleration: (k, 3) m/s² of the TCP.
+        pull: (k, 3) what the load pulls with where it hangs, in units of its weight, upward.
+        grasp: (k,) s, of the load.
+        rubbed: (k, m, 2) as `estimation.load.rubbing`.
+        resting: (k, rests) 1 where the arm is at a rest.
+    """
+
+    rows: Array
+    t: Array
+    q: Array
+    dq: Array
+    felt: Array
+    moved: Array
+    maps: Array
+    tool: Array
+    acceleration: Array
+    pull: Array
+    grasp: Array
+    rubbed: Array
+    resting: Array
+
+    def torques(self, force: Array) -> Array:
+        """(k, m) N m of forces (k, 3) N at the TCP."""
+        return np.einsum("kji,ki->kj", self.maps[:, :, :3], force)
+
+    def turned(self, moment: Array) -> Array:
+        """(k, m) N m of moments (k, 3) N m."""
+        return np.einsum("kji,ki->kj", self.maps[:, :, 3:], moment)
+
+    @property
+    def grasps(self) -> tuple[float, ...]:
+        """s, when the hand had closed on what hung on it."""
+        found: list[float] = self.grasp[self.pull[:, 2] > 0.0].tolist()
+        return tuple(sorted(set(found)))
+
+
+def blocks(
+    trace: Trace, felt: Feeling, name: str, groups: Sequence[Rows], surely: bool = False
+) -> Blocks:
+    """Of the rows of each group, in which at most `name` is held."""
+    samples, load = trace.samples, load_of(trace, name)
+    rows, t = np.concatenate(groups), samples.t
+    count = np.array([len(group) for group in groups])
+    place = np.repeat(np.arange(len(groups)), count)
+
+    def mean(signal: Array) -> Array:
+        sums = np.zeros((len(groups), *signal.shape[1:]))
+        np.add.at(sums, place, signal[rows])
+        return sums / count.reshape(-1, *[1] * (signal.ndim - 1))
+
+    used = np.zeros(len(t), dtype=bool)
+    used[rows] = True
+    gaining = acceleration(samples, tuning.SPEED_SHORT)
+    pull = _hangs(trace, load, surely)[:, None] * (UP + gaining / trace.gravity)
+    motion = felt.own_motion(samples, used)
+    net = gained(felt.signals, t, tuning.SPEED_SHORT)[0] - motion
+    middle = np.array([group[len(group) // 2] for group in groups])
+    grasp = [max([g for g in load.grasps if g <= time], default=-np.inf) for time in t[middle]]
+    q = mean(samples.q)
+    resting = [mean(rest) > 0.0 for rest in _rests(at_rest(samples))]
+    return Blocks(
+        count.astype(float),
+        mean(t),
+        q,
+        mean(samples.dq),
+        mean(net),
+        mean(motion),
+        felt.maps(q),
+        rotations(samples.pose_world_tcp[middle, 3:]),
+        mean(gaining),
+        mean(pull),
+        np.array(grasp),
+        mean(rubbing(samples.q)),
+        np.array(resting, dtype=float).reshape(-1, len(groups)).T,
+    )
+
+
+def _rests(still: Mask) -> Iterator[Array]:
+    """(n,) 1 in each rest."""
+    for rest in runs(still):
+        rows = np.zeros(len(still))
+        rows[rest] = 1.0
+        yield rows
+
+
+def free_rows(trace: Trace, name: str, surely: bool = False) -> list[Rows]:
+    """Rows of each block of free motion, or of what is surely that, in which the hand is empty or `name` hangs on
+    it, around the time that it does; none where it never hung free."""
+    load, samples = load_of(trace, name), trace.samples
+    hangs, t = _hangs(trace, load, surely), samples.t
+    if not hangs.any():
+        return []
+    first, last = t[hangs][0] - tuning.WHOLE_AROUND, t[hangs][-1] + tuning.WHOLE_AROUND
+    used = (hangs | (load.empty & apart(trace))) & (first <= t) & (t <= last)
+    if surely:
+        used &= _about(samples, hangs) & (_settled(samples) | _shaken(samples))
+    length = max(tuning.WHOLE_BLOCK, float(min(last, t[-1]) - max(first, t[0])) / tuning.WHOLE_MOST)
+    place = ((t - t[0]) / length).astype(int)
+    parts = np.split(np.arange(len(t)), np.flatnonzero(np.diff(place)) + 1)
+    return [rows for rows in parts if used[rows].all()]
+
+
+def _hangs(trace: Trace, load: Load, surely: bool) -> Mask:
+    above = tuning.CLEARANCE if surely else tuning.FREE_ABOVE
+    return load.loaded & apart(trace) & lifted(trace, load, above)
+
+
+def _about(samples: Samples, hangs: Mask) -> Mask:
+    """Rows in which the hand is about where a load hung on it."""
+    position = samples.pose_world_tcp[:, :3]
+    low, high = position[hangs].min(axis=0), position[hangs].max(axis=0)
+    beyond = np.maximum(np.maximum(low - position, position - high), 0.0)
+    return np.linalg.norm(beyond, axis=1) < tuning.WHOLE_NEAR
+
+
+def _settled(samples: Samples) -> Mask:
+    """Rows at rests, but for their beginnings."""
+    found = at_rest(samples).copy()
+    for rows in runs(at_rest(samples)):
+        found[rows] &= samples.t[rows] - samples.t[rows.start] > tuning.WHOLE_SETTLED
+    return found
+
+
+def _shaken(samples: Samples) -> Mask:
+    """Rows in which the arm has moved away from where it stood: as it comes to a rest and leaves it, what the
+    rest leaves in its joints comes and goes."""
+    t = samples.t
+    speed = np.linalg.norm(gained(samples.dq, t, tuning.SPEED_SHORT)[0], axis=1)
+    slow = speed < tuning.WHOLE_SLOW
+    gone = np.cumsum(speed * np.gradient(t))
+    since = gone - np.maximum.accumulate(np.where(slow, gone, -np.inf))
+    return ~slow & (since > tuning.WHOLE_SHAKEN)

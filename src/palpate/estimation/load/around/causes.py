@@ -1,0 +1,158 @@
+"""What an arm's joints may feel in free air, cause by cause, each linear in one unknown: what hangs on the hand, errors
+of the arm's links, how gravity leans, zeros, friction and gains of the sensors, and what rests leave."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from palpate.estimation import tuning
+from palpate.estimation.gains import gain_root
+from palpate.estimation.load.around.blocks import Blocks
+from palpate.estimation.load.biases import flicker
+from palpate.estimation.load.equations import Unsure
+from palpate.estimation.load.feeling import Feeling
+from palpate.estimation.load.hinges import Hinge, hinges
+from palpate.estimation.load.noise import Noise
+from palpate.geometry.pose import Array
+from palpate.trace.samples import Trace
+
+LINK, REST, GAIN = "link", "rest", "gain"
+"""How names of causes begin: errors of the arm's links, what rests leave, and what the sensors' gains are off
+by."""
+
+
+class Cause(NamedTuple):
+    """What is in proportion to one unknown: its name, (k, m) N m that a unit of it makes of m signals, and its
+    standard deviation beforehand."""
+
+    name: str
+    torque: Array
+    size: float
+
+
+def of_load(seen: Blocks, pull: Array) -> Iterator[Cause]:
+    """A newton of weight, which pulls with `pull` (k, 3), upward; and of where it hangs in each grasp along the
+    hand's axes."""
+    yield Cause("weight", seen.torques(pull), tuning.LOAD_PRIOR)
+    for grasp in seen.grasps:
+        here = (seen.grasp == grasp)[:, None]
+        for axis in range(3):
+            moment = np.cross(seen.tool[:, :, axis] * here, seen.pull)
+            yield Cause("lever", seen.turned(moment), tuning.LOAD_PRIOR)
+
+
+def of_arm(trace: Trace, felt: Feeling, seen: Blocks, lifted: Array, borne: Array) -> list[Cause]:
+    """All that the arm itself may be off by, where its hand lifts (k,) N and what acts on that makes `borne`
+    (k, m) N m."""
+    hand, signals = trace.hand, seen.felt.shape[1]
+    weight, links, lean = _links(felt, seen.q, trace.gravity)
+    found = [Cause(*link) for link in links]
+    for axis in range(2):
+        pulled = seen.maps[:, :, axis] * lifted[:, None]
+        found.append(Cause("lean", lean[axis] + pulled, tuning.TILT))
+    for own, size in _of_joints(seen):
+        for joint in range(signals):
+            alone = np.zeros_like(seen.felt)
+            alone[:, joint] = own[:, joint]
+            found.append(Cause("joint", alone, size))
+    for rest in seen.resting.T:
+        for axis in range(3):
+            left = rest[:, None] * seen.maps[:, :, axis]
+            found.append(Cause(REST, left, hand.force_repeatability + tuning.FLOOR))
+    shown = weight - weight[0] + borne
+    found += [Cause(GAIN, shown * cause, 1.0) for cause in gain_root(hand, signals).T]
+    return found
+
+
+def named(causes: Sequence[Cause], name: str) -> slice:
+    """Which causes have names that begin so."""
+    found = [i for i, cause in enumerate(causes) if cause.name.startswith(name)]
+    return slice(found[0], found[-1] + 1) if found else slice(0, 0)
+
+
+def sizes(causes: Sequence[Cause]) -> Array:
+    """(p,) standard deviations beforehand."""
+    return np.array([cause.size for cause in causes])
+
+
+def unsure(causes: Sequence[Cause]) -> tuple[Unsure, ...]:
+    """What of those of the arm is learned from the recordings."""
+    even = [1.0 / len(tuning.LEFT_SHARES)] * len(tuning.LEFT_SHARES)
+    left = Unsure(named(causes, REST), tuning.LEFT_SHARES, even)
+    return left, Unsure(named(causes, GAIN), *tuning.GAINS_OFF)
+
+
+def _of_joints(seen: Blocks) -> list[tuple[Array, float]]:
+    """What each joint makes in its own signal: (k, m) N m of a unit, and how large it may be."""
+    return [
+        (np.ones_like(seen.felt), tuning.ANY_ZERO),
+        (seen.rubbed[:, :, 0], tuning.JOINT_LEVEL),
+        (seen.rubbed[:, :, 1], tuning.JOINT_LEVEL),
+        (seen.dq, tuning.JOINT_VISCOUS),
+        (seen.moved, tuning.INERTIA_SHARE),
+    ]
+
+
+def _links(
+    felt: Feeling, q: Array, gravity: float
+) -> tuple[Array, list[tuple[str, Array, float]], Array]:
+    """N m (k, m) that hold up the arm's links; what errors of what moves with each joint add to that,
+    with the name and size of each; and (2, k, m) what a radian adds by which gravity leans along world x or y."""
+    assert felt.chain is not None
+    joints = hinges(felt.chain, q)
+    holds = np.zeros((3, *q.shape))
+    errors: list[tuple[str, Array, float]] = []
+    for i, joint in enumerate(joints):
+        parts = [link for link in felt.chain.links if link.joint == i]
+        mass = sum(part.mass for part in parts)
+        if not mass:
+            continue
+        com = sum((part.mass * np.array(part.com) for part in parts), np.zeros(3)) / mass
+        centre = joint.frame @ com + joint.origin
+        borne = gravity * _borne(joints[: i + 1], q.shape, felt.turn, centre)
+        holds += mass * borne
+        errors.append((f"{LINK} mass at joint {i + 1}", borne[2], tuning.LINK_MASS * mass))
+        for axis, letter in enumerate("xyz"):
+            moved = _turned(joints[: i + 1], q.shape, felt.turn, joint.frame[:, :, axis])
+            name = f"{LINK} centre along {letter} at joint {i + 1}"
+            errors.append((name, mass * gravity * moved, tuning.LINK_CENTRE))
+    return holds[2], errors, holds[:2]
+
+
+def _borne(before: Sequence[Hinge], shape: tuple[int, ...], turn: Array, place: Array) -> Array:
+    """(3, k, m) what a newton along each of the world's axes at a place (k, 3) takes in the joints before
+    it; `turn`: the base's axes in the world."""
+    torque = np.zeros((3, *shape))
+    for j, joint in enumerate(before):
+        torque[:, :, j] = turn @ np.cross(joint.axis, place - joint.anchor).T
+    return torque
+
+
+def _turned(before: Sequence[Hinge], shape: tuple[int, ...], turn: Array, lever: Array) -> Array:
+    """(k, m) what a newton upward takes more in them where it lies farther along a lever (k, 3)."""
+    torque = np.zeros(shape)
+    for j, joint in enumerate(before):
+        torque[:, j] = np.cross(joint.axis, lever) @ turn[2]
+    return torque
+
+
+def whitened(causes: Sequence[Cause], seen: Blocks, noise: Noise) -> tuple[Array, Array]:
+    """What the causes make (m k, p), and what was felt, joint by joint in rows of unit variance."""
+    columns = np.array([cause.torque for cause in causes])
+    between = np.abs(seen.t[:, None] - seen.t)
+    drift = tuning.DRIFT**2 * np.exp(-between / tuning.DRIFT_TIME) * tuning.TORQUE_LEVER**2
+    slow = flicker(between)
+    design: list[Array] = []
+    found: list[Array] = []
+    for joint, felt in enumerate(seen.felt.T):
+        own = noise.white[joint] / seen.rows + (tuning.UNSTEADY_SHARE * seen.moved[:, joint]) ** 2
+        covariance: Array = drift + noise.flicker[joint] * slow + np.diag(own + tuning.FLOOR**2)
+        root: Array = np.linalg.cholesky(covariance).astype(np.float64)
+        rows = np.column_stack([columns[:, :, joint].T, felt])
+        white: Array = np.linalg.solve(root, rows).astype(np.float64)
+        design.append(white[:, :-1])
+        found.append(white[:, -1])
+    return np.concatenate(design), np.concatenate(found)

@@ -1,0 +1,139 @@
+"""A load from all that an arm did in free air around its weighing, not from passes along one path.
+
+Away from the path of a lift there is nothing to compare with place by place. But what the joints feel
+there is made by few causes, each linear in unknown numbers: what the load weighs and where it hangs,
+masses and centres of the arm's links that are not quite what they are said to be, zeros and gains of
+the sensors, friction (Dahl's, and what grows with the speed), what rests leave, and how gravity leans.
+All are fitted together by generalised least squares. It tells more, and holds only where that is all there is:
+its residuals have to be no more than the noise (`Whole.explains`), else the contrast along the path stands.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from palpate.estimation import tuning
+from palpate.estimation.load.around.blocks import Blocks, blocks, free_rows
+from palpate.estimation.load.around.causes import (
+    GAIN,
+    LINK,
+    Cause,
+    named,
+    of_arm,
+    of_load,
+    sizes,
+    unsure,
+    whitened,
+)
+from palpate.estimation.load.equations import Model
+from palpate.estimation.load.feeling import Feeling, feeling
+from palpate.estimation.load.noise import Noise
+from palpate.geometry.pose import Array
+from palpate.trace.samples import Trace
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Whole:
+    """A load from a whole stretch of a trace, which in n grasps hung on the hand.
+
+    Attributes:
+        grasps: s, when the hand had closed on it.
+        value: (1 + 3n,) what it pulls down with, N, and where it hangs in each grasp times that, N m
+            along the hand's axes.
+        covariance: (1 + 3n, 1 + 3n) of it.
+        gains: (1 + 3n, m) what one standard deviation of each cause of the sensors' gains makes of it.
+        links: (1 + 3n,) what one of each error of the arm's links makes of it, by its name.
+        misfit: mean square of what is left, in units of the noise.
+    """
+
+    grasps: tuple[float, ...]
+    value: Array
+    covariance: Array
+    gains: Array
+    links: Mapping[str, Array]
+    misfit: float
+
+    @property
+    def force(self) -> float:
+        """N."""
+        return float(self.value[0])
+
+    @property
+    def std(self) -> float:
+        """N, of the force."""
+        return float(np.sqrt(self.covariance[0, 0]))
+
+    @property
+    def explains(self) -> bool:
+        """Whether the noise accounts for what is left."""
+        return self.misfit < tuning.WHOLE_MISFIT
+
+    def at(self, grasps: Sequence[float], tools: Sequence[Array]) -> Array | None:
+        """(1 + 2n, 1 + 3n) what makes force and moments as `estimation.load.fit.Load` has them of `value`,
+        in n grasps, s, with the hand's axes in the world (3, 3); None where it did not hang free in one."""
+        if not set(grasps) <= set(self.grasps):
+            return None
+        turned = np.zeros((1 + 2 * len(grasps), len(self.value)))
+        turned[0, 0] = 1.0
+        for i, (grasp, tool) in enumerate(zip(grasps, tools, strict=True)):
+            first = 1 + 3 * self.grasps.index(grasp)
+            turned[1 + 2 * i, first : first + 3] = tool[1]
+            turned[2 + 2 * i, first : first + 3] = -tool[0]
+        return turned
+
+
+def fit_whole(trace: Trace, name: str, noise: Noise, about_force: float) -> Whole | None:
+    """What `name` was with all the time that it hung on the hand, near `about_force` N; None where the
+    arm's links are not known, or it never hung free.
+
+    Of all free motion, if the noise accounts for what is left there; else of what is surely free: so high
+    that what hangs askew has left its support with its far end, too, close to where it hung, and settled at
+    rests or well away from them.
+    """
+    felt = feeling(trace)
+    if felt.chain is None or not felt.knows_links:
+        return None
+    found: Whole | None = None
+    for surely in (False, True):
+        free = free_rows(trace, name, surely)
+        if free:
+            seen = blocks(trace, felt, name, free, surely)
+            found = _fitted(trace, felt, seen, noise, about_force)
+        if found is None or found.explains:
+            break
+    return found
+
+
+def _fitted(trace: Trace, felt: Feeling, seen: Blocks, noise: Noise, about_force: float) -> Whole:
+    load = list(of_load(seen, seen.pull))
+    about = np.zeros(len(load))
+    about[0] = about_force
+    # What gains do is in proportion to the moments, too, which are not known at first.
+    model, _ = _model(trace, felt, seen, noise, load, about)
+    about = model.solve(len(load))[0][: len(load)]
+    model, causes = _model(trace, felt, seen, noise, load, about)
+    mean, covariance = model.solve(len(load))
+    left = model.y - model.design @ mean
+    effects = -covariance / model.prior
+    of_links: dict[str, Array] = {}
+    for cause, effect in zip(causes, effects.T, strict=True):
+        if cause.name.startswith(LINK):
+            of_links[cause.name] = effect
+    misfit = float(left @ left) / len(left)
+    value, square = mean[: len(load)], covariance[:, : len(load)]
+    gains = effects[:, named(causes, GAIN)]
+    return Whole(seen.grasps, value, square, gains, of_links, misfit)
+
+
+def _model(
+    trace: Trace, felt: Feeling, seen: Blocks, noise: Noise, load: Sequence[Cause], about: Array
+) -> tuple[Model, Sequence[Cause]]:
+    """All causes, of signals whose noise is known, where those of the load are `about` (1 + 3n,)."""
+    borne = np.tensordot(about, np.array([cause.torque for cause in load]), 1)
+    lifted = about[0] * seen.pull[:, 2]
+    causes = [*load, *of_arm(trace, felt, seen, lifted, borne)]
+    design, y = whitened(causes, seen, noise)
+    return Model(design, y, sizes(causes), noise.freedom, unsure(causes)), causes
