@@ -85,8 +85,12 @@ def _that(thing: Thing) -> Pair:
 
 
 def _how_large(asked: Quantity, pair: Pair) -> Pair:
-    """ "How high is the friction?"."""
-    return pair if asked.measurable else Pair((asked,), pair.thing)
+    """ "How high is the friction?"; how high a centre of mass is, is asked of its third axis, too."""
+    if not asked.measurable:
+        return Pair((asked,), pair.thing)
+    if asked.id == "height" and [quantity.id for quantity in pair.quantities] == ["com"]:
+        return replace(pair, quantities=(replace(pair.quantities[0], id="com_3d"),))
+    return pair
 
 
 def _say(deed: str, *pairs: Pair) -> Say:

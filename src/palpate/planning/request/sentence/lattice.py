@@ -155,6 +155,8 @@ class Lattice:
                 yield "ADJQ", end, quantity
             else:
                 yield "QUANT", end, quantity
+            if id == "com":
+                yield "CENTRE", end, ()
             return
 
     def _things(self, tokens: Sequence[str], at: int) -> Iterator[Edge]:
