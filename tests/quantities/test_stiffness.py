@@ -124,14 +124,14 @@ SCENE = """<mujoco><worldbody>
   <site name="robot_base"/>
   <body name="mat" pos="0.5 0 0.1"><geom type="box" size=".15 .15 .01" friction="0.6"{low}/>{cover}</body>
 </worldbody></mujoco>"""
-COVER = """<body gravcomp="1" pos="0 0 0.006"><joint type="slide" axis="0 0 1" stiffness="800" damping="20"/>
-  <geom type="box" size=".15 .15 .004" mass="0.5"/></body>"""
+COVER = """<body gravcomp="1" pos="0 0 0.006"><joint type="slide" axis="0 0 1" stiffness="{}" damping="{}"/>
+  <geom type="box" size=".15 .15 .004" mass="0.3"/></body>"""
 
 
 def test_how_soft_is_the_mat(tmp_path):
     """From the sentence to `<custom>`, on an arm whose hidden mat rests on a spring."""
     world = tmp_path / "world.xml"
-    world.write_text(SCENE.format(low=' pos="0 0 -0.012"', cover=COVER))
+    world.write_text(SCENE.format(low=' pos="0 0 -0.012"', cover=COVER.format(800, 20)))
     scene = pp.load(SCENE.format(low="", cover=""))
     plan = scene.plan("how soft is the mat?")
     assert plan.parameters == (STIFFNESS,)
@@ -141,3 +141,25 @@ def test_how_soft_is_the_mat(tmp_path):
     assert found.verdict == "identified"
     assert found.value[0] == pytest.approx(800, rel=0.03)
     assert "palpate_mat_stiffness" in run.twin.xml
+
+
+@pytest.mark.parametrize(
+    ("seed", "stiffness", "damping", "low", "told"),
+    [(107, 86, 8, -0.0222, True), (113, 64, 2.4, -0.0124, False)],
+)
+def test_what_hardly_bears_is_not_taken_for_what_is_below(
+    tmp_path, seed, stiffness, damping, low, told
+):
+    """14 mm of a mat that bear 1.2 N above something rigid are told at `lab`; 4.4 mm that bear 0.3 N are
+    not."""
+    world = tmp_path / "world.xml"
+    cover = COVER.format(stiffness, damping)
+    world.write_text(SCENE.format(low=f' pos="0 0 {low}"', cover=cover))
+    scene = pp.load(SCENE.format(low="", cover=""))
+    run = scene.plan("how soft is the mat?").run(world=world, noise="lab", seed=seed, fast=True)
+    found = run["mat.stiffness"]
+    if told:
+        assert found.value[0] == pytest.approx(stiffness, rel=0.1)
+    else:
+        assert found.verdict == "not identified"
+        assert "stiffer than" in found.method

@@ -68,12 +68,12 @@ def estimate_stiffness(trace: Trace, parameter: Parameter, body: Body | None) ->
     compliances = np.array([spring.compliance for spring in found])
     mean = float(np.average(compliances, weights=weights))
     std = float(np.hypot(weights.sum() ** -0.5, common))
-    most = max(spring.held + 2.0 * spring.held_std for spring in found)
+    most = max(spring.at_most(2.0) for spring in found)
     if most < tuning.RIGID or mean < std / tuning.RESOLVED:
         stiffer = 1.0 / (most if most < tuning.RIGID else max(mean, 0.0) + Z95 * std)
         resolved = (
-            f"{parameter.object} is stiffer than {_rounded(stiffer)} N/m, as stiff as a table is: how "
-            "stiff, pressing with the fingertips does not tell."
+            f"What stopped the fingertips on {parameter.object} is stiffer than {_rounded(stiffer)} N/m, as "
+            "stiff as a table is: how stiff, pressing with the fingertips does not tell."
         )
         return not_identified(parameter, UNIT, resolved, recordings)
     misfit = float(np.sum(weights * (compliances - mean) ** 2))
@@ -82,7 +82,7 @@ def estimate_stiffness(trace: Trace, parameter: Parameter, body: Body | None) ->
         parameter,
         UNIT,
         np.array([1.0 / mean]),
-        np.array([std / mean**2]),
+        np.array([(ends[1] - ends[0]) / (2.0 * Z95)]),
         np.array([ends]),
         _method(len(found)),
         recordings,

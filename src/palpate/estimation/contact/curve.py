@@ -50,11 +50,12 @@ def knee(descent: Descent, late: int, first: float) -> float:
 
 
 def bottomed(descent: Descent, late: int, first: float) -> float | None:
-    """m: the tip's height at which the surface became far stiffer than it had been."""
+    """m: the tip's height at which the surface became far stiffer than it had been: where its last stretch
+    would bear nothing, if that is higher."""
     late_z, late_force = float(descent.z[late]), float(descent.smooth[late])
     most, deepest = at_most(descent)
     before = (first - late_z) / late_force
     after = (late_z - deepest) / (most - late_force)
     if first - late_z < tuning.SOFT or after > tuning.STIFFER * before:
         return None
-    return late_z + tuning.STIFF_SHARE * (first - late_z)
+    return late_z + max(tuning.STIFF_SHARE * (first - late_z), after * late_force)

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from palpate.estimation import tuning
 from palpate.estimation.friction.joints import joint_friction
 from palpate.estimation.load.feeling import feeling
 from palpate.estimation.load.rubbing import TURNED, rubbing
@@ -20,9 +21,9 @@ from palpate.trace.samples import Samples, Trace
 
 
 def rubbed(trace: Trace, rows: slice, free: Mask, height: float) -> Array:
-    """(n,) N that it adds to the pressing force in some rows of a trace, against what it adds to it in those
-    (n,) in free air; by what the arm's motions above `height` (world z of the TCP, m) and those rows show. 0
-    where it is not known how joint torques made the force."""
+    """(n,) N that it adds to the pressing force in some rows of a trace, beyond the line through what it adds
+    to it in those (n,) in free air, which is free air's own; by what the arm's motions above `height` (world
+    z of the TCP, m) and those rows show. 0 where it is not known how joint torques made the force."""
     felt, samples = feeling(trace), trace.samples
     if felt.chain is None:
         return np.zeros(len(free))
@@ -32,7 +33,15 @@ def rubbed(trace: Trace, rows: slice, free: Mask, height: float) -> Array:
     still = np.median((felt.signals[rows] - turning)[free], axis=0)
     seen = np.linalg.pinv(felt.maps(samples.q[rows]))[:, 2, :]
     force = -np.einsum("nm,nm->n", seen, turning + still).astype(np.float64)
-    return force - float(np.median(force[free]))
+    return force - _line(samples.pose_world_tcp[rows, 2], force, free)
+
+
+def _line(z: Array, force: Array, free: Mask) -> Array:
+    """(n,) N, the line over the height (n,) through the rows in free air."""
+    if np.count_nonzero(free) < tuning.CURVE_ROWS:
+        return np.full(len(force), float(np.median(force[free])))
+    rise, level = np.polyfit(z[free], force[free], 1).tolist()
+    return rise * z + level
 
 
 @once

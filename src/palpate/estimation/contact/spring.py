@@ -176,7 +176,8 @@ def fit_spring(descent: Descent, onset: Onset, hand: Hand) -> Spring:
     # Where it changes, it is half of that off its mean; where it changes by more, it is no spring.
     certain = max(abs(hardening) - tuning.LOOKED_FOR * hardening_std, 0.0)
     uneven = min(certain, tuning.HARDENS) / 2
-    wander = descent.wander[2] / descent.full
+    # Of what it bore in those rows: what is stiff below something soft bears the rest.
+    wander = descent.wander[2] / (stiffness * float(curve.design(first)[:, STIFFNESS].max()))
     shares = total * np.array([relative, gain, slope, wander, uneven])
     std = np.linalg.norm([*shares, hand.tip_compliance_std])
     at_rest = np.array([onset.first_std, descent.friction * onset.secant]) / descent.full

@@ -7,6 +7,11 @@ Sensitive: hardly."""
 CONTACT_NOISE = 4.0
 """standard deviations of the noise that a force must exceed to be contact. Sensitive: hardly."""
 
+WRONG_BY = 12.0
+"""standard deviations of what free air wanders by, from which on a rise over its line is something soft, though
+it were less than what a datasheet says that a force may be wrong by. Where joints rub, free air makes up to
+9 of it by itself. Sensitive: mats of some 100 N/m that bear 1 N, not at all at half of it."""
+
 SOFT_FORCE = 0.15
 """N: a lower force is none; the repeatability of a force that the datasheet states. Sensitive:
 hardly."""
