@@ -242,7 +242,9 @@ def _free_air(samples: Samples, z: Array, smooth: Array, hand: Hand) -> _ChangeP
     calm = (weight == 1.0) & (z > soft.height)
     known = np.count_nonzero(calm) >= tuning.FREE_ROWS
     wander = _spread((smooth - soft.free_air(z))[calm]) if known else np.inf
-    doubt = min(2.0 * hand.force_accuracy, tuning.WRONG_BY * wander)
+    doubt = 2.0 * hand.force_accuracy
+    if soft.stiffness > tuning.STEEP:
+        doubt = min(doubt, tuning.WRONG_BY * wander)
     if bears < doubt or soft.height - stopped.height < tuning.SOFT:
         return stopped
     return soft

@@ -12,6 +12,10 @@ WRONG_BY = 12.0
 it were less than what a datasheet says that a force may be wrong by. Where joints rub, free air makes up to
 9 of it by itself. Sensitive: mats of some 100 N/m that bear 1 N, not at all at half of it."""
 
+STEEP = 50.0
+"""N/m above which that counts: free air by itself changed by 9 to 40 N/m over 5 to 60 mm before a table (some 250
+recorded descents of arms whose joints rub). Sensitive: mats below 60 N/m."""
+
 SOFT_FORCE = 0.15
 """N: a lower force is none; the repeatability of a force that the datasheet states. Sensitive:
 hardly."""
