@@ -19,7 +19,7 @@ from palpate.scene.load import parse_scene
 from palpate.settings import Settings
 from palpate.twin.twin import build_twin
 from palpate.vocabulary.state import SymbolicState
-from palpate.vocabulary.turning import SWINGS, Swing, Tilt, swing_angle
+from palpate.vocabulary.turning import SWINGS, Swing, Tilt, Turn, swing_angle
 
 SIZE = np.array([0.24, 0.02, 0.024])
 BAR = """<mujoco><worldbody>
@@ -62,7 +62,9 @@ def above(scene, height, holding=None):
     )
 
 
-@pytest.mark.parametrize("primitive", [Tilt(degrees=5.0), Tilt(about="x"), Swing()])
+@pytest.mark.parametrize(
+    "primitive", [Tilt(degrees=5.0), Tilt(about="x"), Turn(), Turn(degrees=-60), Swing()]
+)
 @pytest.mark.parametrize("holding", [None, "bar"])
 def test_in_free_air_nothing_speaks_against_it_and_all_is_as_it_was(scene, primitive, holding):
     state = above(scene, 0.15, holding)
@@ -118,10 +120,31 @@ def test_a_load_that_would_turn_in_the_grip_is_not_swung():
     assert "twist" in rules
 
 
+def test_what_it_turns_about_the_vertical_must_not_sweep_near_anything():
+    post = '<body name="post" pos="0.6 0.1 0.15"><geom type="box" size=".004 .004 .15"/></body>'
+    beside = parse_scene(
+        BAR.format(inertial="", mass="").replace("</worldbody>", post + "</worldbody>")
+    )
+    state = above(beside, 0.12, "bar")
+    assert {violation.rule for violation in Turn(degrees=90).violations(state)} == {"collision"}
+    assert Turn(degrees=-90).violations(state) == []
+
+
+def test_no_joint_comes_round_from_its_other_end(scene):
+    state = above(scene, 0.15)
+    level = state.pose_world_tcp
+    clockwise = turned(level.quaternion, np.radians([[0.0, 0.0, 150.0]]))[0]
+    far = replace(state, pose_world_tcp=Pose.of(level.position, clockwise))
+    (refused,) = Turn(degrees=-150.0).violations(far)
+    assert "a joint of the arm comes to its end; Turn(degrees=150)" in str(refused)
+    assert Turn(degrees=150.0).violations(far) == []
+
+
 def test_what_is_recorded_beside_it_tells_what_went_on(scene):
     state = above(scene, 0.15, "bar")
     assert Swing().during(state).context().activity == "swinging"
     assert Tilt().during(state).context().activity == "tilting"
+    assert Turn().during(state).context().activity == "turning"
 
 
 def test_swings_keep_within_the_arms_pace(scene):

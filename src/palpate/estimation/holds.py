@@ -4,10 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from palpate.estimation import tuning
 from palpate.estimation.droop import Droop
@@ -15,11 +13,11 @@ from palpate.estimation.load.fit import Load, fit_load
 from palpate.estimation.load.segments import Cut, Segment, Weighing, compared, weighings
 from palpate.estimation.load.weighing import whole_of
 from palpate.estimation.slip import PutDown
-from palpate.estimation.windows import at_rest, commanded, load_of, mean_pose, runs
+from palpate.estimation.windows import at_rest, commanded, load_of, mean_pose, runs, turns
 from palpate.geometry.pose import Array, Pose
 from palpate.mjcf.body import Body
 from palpate.trace.recording import Recording
-from palpate.trace.samples import FORCES, Samples, Trace
+from palpate.trace.samples import FORCES, Trace
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -204,19 +202,10 @@ def _bits(
 
 
 def _parts(trace: Trace, recording: Recording) -> dict[str, slice]:
-    """Rows of a tilting: each turn in bins, the same of its way in every recording, as far as it is
-    steady; and each rest."""
-    samples = trace.samples
-    t, told, resting = samples.t, commanded(samples), at_rest(samples)
+    """Rows of a tilting: each turn in bins, and each rest."""
+    t, resting = trace.samples.t, at_rest(trace.samples)
     inside = (t >= recording.start) & (t <= recording.end)
-    parts: dict[str, slice] = {}
-    for i, turn in enumerate(runs(told & inside)):
-        if turn.stop - turn.start > tuning.TURN_BINS * tuning.REST_ROWS:
-            edges = np.linspace(0.0, 1.0, tuning.TURN_BINS + 1)[1:-1]
-            cuts = _reached(samples.where(turn), edges) + turn.start
-            for k, (first, last) in enumerate(pairwise(cuts.tolist())):
-                if _steady(samples, slice(int(first), int(last))):
-                    parts[f"turn {i} {k}"] = slice(int(first), int(last))
+    parts = {f"turn {i} {k}": rows for (i, k), rows in turns(trace, recording).items()}
     rests = [rows for rows in runs(resting & inside) if _lasts(t[rows])]
     for i, rest in enumerate(rests):
         parts[f"rest {i}"] = rest
@@ -225,24 +214,6 @@ def _parts(trace: Trace, recording: Recording) -> dict[str, slice]:
 
 def _lasts(t: Array) -> bool:
     return float(t[-1] - t[0]) > tuning.TILT_HELD
-
-
-def _steady(samples: Samples, rows: slice) -> bool:
-    """Whether the hand turns evenly: what the load resists a change of that with is no weight."""
-    if rows.stop - rows.start < tuning.REST_ROWS:
-        return False
-    turning, t = samples.twist[rows, 3:], samples.t[rows]
-    since = t - t.mean()
-    trend = since @ turning / float(since @ since)
-    return float(np.linalg.norm(trend)) < tuning.TURN_STEADY
-
-
-def _reached(samples: Samples, shares: Array) -> NDArray[np.intp]:
-    """Rows at which shares of a turn are gone."""
-    quaternions = samples.pose_world_tcp[:, 3:]
-    gone = 2.0 * np.arccos(np.minimum(np.abs(quaternions @ quaternions[0]), 1.0))
-    progress = np.maximum.accumulate(gone)
-    return np.asarray(np.searchsorted(progress, shares * progress[-1]), dtype=np.intp)
 
 
 def _as_own(found: Weighing, time: float) -> Weighing:

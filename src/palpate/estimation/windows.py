@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -129,6 +130,40 @@ def aligned(samples: Samples, pose: Pose) -> Mask:
     """Rows where the TCP is oriented as in `pose`."""
     dots = np.abs(samples.pose_world_tcp[:, 3:] @ pose.quaternion)
     return 2.0 * np.arccos(np.minimum(dots, 1.0)) < tuning.NEAR_ANGLE
+
+
+def turns(trace: Trace, recording: Recording) -> dict[tuple[int, int], slice]:
+    """Rows of each turn of a recording in bins, the same of its way in every recording, as far as it is steady
+    there: by its number, and the bin's."""
+    samples, t = trace.samples, trace.samples.t
+    inside = (t >= recording.start) & (t <= recording.end)
+    edges = np.linspace(0.0, 1.0, tuning.TURN_BINS + 1)[1:-1]
+    found: dict[tuple[int, int], slice] = {}
+    for i, turn in enumerate(runs(commanded(samples) & inside)):
+        if turn.stop - turn.start > tuning.TURN_BINS * tuning.REST_ROWS:
+            cuts = _reached(samples.where(turn), edges) + turn.start
+            for k, (first, last) in enumerate(pairwise(cuts.tolist())):
+                if _turns_steadily(samples, slice(int(first), int(last))):
+                    found[i, k] = slice(int(first), int(last))
+    return found
+
+
+def _turns_steadily(samples: Samples, rows: slice) -> bool:
+    """Whether the hand turns evenly: what the load resists a change of that with is no weight."""
+    if rows.stop - rows.start < tuning.REST_ROWS:
+        return False
+    turning, t = samples.twist[rows, 3:], samples.t[rows]
+    since = t - t.mean()
+    trend = since @ turning / float(since @ since)
+    return float(np.linalg.norm(trend)) < tuning.TURN_STEADY
+
+
+def _reached(samples: Samples, shares: Array) -> NDArray[np.intp]:
+    """Rows at which shares of a turn are gone."""
+    quaternions = samples.pose_world_tcp[:, 3:]
+    gone = 2.0 * np.arccos(np.minimum(np.abs(quaternions @ quaternions[0]), 1.0))
+    progress = np.maximum.accumulate(gone)
+    return np.asarray(np.searchsorted(progress, shares * progress[-1]), dtype=np.intp)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -64,7 +64,22 @@ class CentreOfMass(Quantity):
             distinct="grasp",
             count=3,
         ),
+        Evidence(
+            FORCES,
+            "in a Parallel with Turn while it is held in free air",
+            activity=("turning",),
+            holding=True,
+            optional=True,
+        ),
+        Evidence(
+            FORCES,
+            "in a Parallel with Turn at the same pose with the empty hand",
+            activity=("turning",),
+            empty=True,
+            optional=True,
+        ),
     )
+    how = evidence[0].how
     derived = True
     estimators: ClassVar = {"torque": "palpate.quantities.com:estimate_com"}
 
@@ -132,7 +147,7 @@ class CentreOfMassInSpace(CentreOfMass):
     label = "centre of mass in all three axes"
     words: ClassVar = {"en": tuple(_in_space(CentreOfMass.words["en"]))}
     evidence = (
-        *CentreOfMass.evidence,
+        CentreOfMass.evidence[0],
         Evidence(
             FORCES,
             "in a Parallel with Tilt while it is held in free air",
@@ -146,6 +161,7 @@ class CentreOfMassInSpace(CentreOfMass):
             empty=True,
         ),
     )
+    how = f"{evidence[0].how}, and in a Parallel with Tilt, held in free air and empty"
     stands_for = "com"
 
     def status(self, body: BodyDescription) -> Status:

@@ -70,6 +70,7 @@ class Inertia(Quantity):
             empty=True,
         ),
     )
+    how = f"{evidence[0].how}, and in a Parallel with Swing, held there and with the empty hand"
     derived = True
     estimators: ClassVar = {"swings": "palpate.quantities.inertia:estimate_inertia"}
 

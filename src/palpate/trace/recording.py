@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-Activity = Literal["still", "moving", "sliding", "contact", "tilting", "swinging"]
+Activity = Literal["still", "moving", "sliding", "contact", "tilting", "turning", "swinging"]
 
 
 ABOVE = " + z_offset"
@@ -21,8 +21,8 @@ class Context:
     Attributes:
         activity: `still` in free air, `moving` in free air, `sliding` (a held object dragged along
             its support), `contact` (pressing on a surface after a guarded motion), `tilting` (held
-            still in free air at several tilts, one after the other) or `swinging` (turned to and fro
-            there).
+            still in free air at several tilts, one after the other), `turning` (turned about the vertical
+            there, and back) or `swinging` (turned to and fro there).
         at: the pose expression last reached.
         holding: the object between the fingers, if any.
         grasp: the pose expression at which it was grasped.

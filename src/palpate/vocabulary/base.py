@@ -131,6 +131,8 @@ class Primitive(BaseModel):
     writes: ClassVar[str | None] = None
     tilts: ClassVar[bool] = False
     """Whether it may lay over what is held."""
+    extra: ClassVar[bool] = False
+    """Whether it yields only what is worth having besides: no way is searched on which it comes."""
     measures: ClassVar[type[Quantity] | None] = None
     """What a conversion yields: a quantity of the catalogue."""
     timeout: ClassVar[float] = 30.0

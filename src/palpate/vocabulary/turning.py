@@ -1,8 +1,9 @@
 """Primitives that turn the hand where it is, with what it holds or empty, and bring it back.
 
-Gravity shows along which line a load hangs; tilted, where on that line. What a load resists turning
-with shows as it is swung. Either is a difference: what the arm itself feels in such a motion is far
-more, and the same motion with the empty hand, at the same pose, tells it.
+Gravity shows along which line a load hangs; tilted, where on that line; turned about the vertical, what of
+that was the sensors' own. What a load resists turning with shows as it is swung. Each is a difference: what
+the arm itself feels in such a motion is far more, and the same motion with the empty hand, at the same pose,
+tells it.
 """
 
 from __future__ import annotations
@@ -55,6 +56,11 @@ STEP = math.radians(12.0)
 """between the tilts that are judged: an arm's wrist is badly placed 19° to either side of straight."""
 SLACK = 0.9
 """part of the turning speed that a swing uses."""
+WAYS = (90.0, -90.0, 60.0, -60.0)
+"""degrees of a turn about the vertical that a planner tries: a quarter turn brings a lever that the arm's first
+and last joints bear across to those that feel it best; less of it tells less."""
+BENT = math.radians(10.0)
+"""by which a joint may turn farther than the hand, which hardly moves: else the arm bends otherwise."""
 
 
 def swing_angle(pace: Pace, frequency: float) -> float:
@@ -234,12 +240,63 @@ class Tilt(_Turning):
         return f"tilted by {self.degrees:g}° both ways"
 
 
+class Turn(_Turning):
+    """Turn the hand about the vertical and back.
+
+    In a Parallel with MeasureForces, empty and then with an object, it makes `com` surer."""
+
+    activity: ClassVar[Activity] = "turning"
+    extra: ClassVar[bool] = True
+
+    degrees: Annotated[
+        float,
+        Field(ge=-150.0, le=150.0, description="counterclockwise"),
+    ] = 90.0
+
+    @classmethod
+    def groundings(cls, around: Surroundings) -> Iterator[Primitive]:
+        if around.subject in around.state.scene.objects:
+            for degrees in WAYS:
+                yield cls(degrees=degrees)
+
+    def turns(self, state: SymbolicState) -> list[Array]:
+        assert state.pose_world_tcp is not None
+        upward = state.pose_world_tcp.rotation[2]
+        return [math.radians(self.degrees) * upward]
+
+    def requires(self, state: SymbolicState) -> list[Violation]:
+        return super().requires(state) or [*self._bending(state)]
+
+    def _bending(self, state: SymbolicState) -> Iterator[Violation]:
+        """That some joint would have to come round from its other end."""
+        now = state.q
+        most = math.radians(abs(self.degrees)) + BENT
+        for pose in self._ends(state):
+            then = solids(state.scene).configuration(pose)
+            if now is not None and then is not None and np.abs(then - now).max() > most:
+                yield Violation(
+                    "unreachable",
+                    f"turned by {self.degrees:g}° at '{state.at}', a joint of the arm comes to its end; "
+                    f"Turn(degrees={-self.degrees:g})",
+                )
+
+    def run(self, blackboard: Blackboard) -> Steps:
+        # About the vertical no weight turns in the fingers, and joints that rub come back otherwise.
+        robot, here = blackboard.robot, blackboard.state.pose_world_tcp
+        assert here is not None
+        self._start(blackboard)
+        for pose in (*self._ends(blackboard.state), here):
+            robot.move_pose(pose, blackboard.scene.arm.pace.speed)
+            yield from finish(blackboard)
+            yield from settle(blackboard, BRIEF)
+        return f"turned by {self.degrees:g}° and back"
+
+
 class Swing(_Turning):
-    """Swing the hand in place, with what it holds or empty: a few degrees to and fro about each
+    """Swing the hand in place: a few degrees to and fro about each
     axis of the hand in turn, slowly and fast. MovePose to `<object>_pose + z_offset` first.
 
-    In a Parallel with MeasureForces, holding an object in free air and again with the empty hand at the
-    same pose, it shows the object's inertia."""
+    In a Parallel with MeasureForces, with an object and empty as for Tilt, it shows the object's inertia."""
 
     timeout: ClassVar[float] = 60.0
     activity: ClassVar[Activity] = "swinging"

@@ -99,7 +99,34 @@ def test_a_centre_of_mass_takes_three_grasps_and_one_weighing(scene: Scene):
         "MovePose crate_pose + x_offset",
         "MovePose crate_pose - x_offset",
     ]
-    assert (done.count("MeasureForces"), done.count("Force2Mass")) == (3, 1)
+    turns = sum(action.startswith("Turn") for action in done)
+    assert (done.count("MeasureForces") - turns, done.count("Force2Mass")) == (3, 1)
+
+
+def test_a_centre_of_mass_takes_a_turn_with_the_object_and_one_before_it_is_taken(scene: Scene):
+    """The joints' friction is then left alike on the way up and down, with it and without."""
+    done = actions(planned(scene, "the balance point of the crate").tree)
+    last = len(done) - 1 - done[::-1].index("CloseGripper")
+    first, second = (i for i, action in enumerate(done) if action.startswith("Turn"))
+    assert first == last - 3
+    assert last < second < len(done) - 1 - done[::-1].index("OpenGripper")
+
+
+def test_it_turns_the_way_that_is_free_and_not_at_all_where_none_is():
+    def turns(*scene: str) -> list[str]:
+        plan = planned(bench(*scene), "the balance point of the bar")
+        assert plan.parameters
+        told = "There is no room for Turn with 'bar'." in plan.explanation
+        found = [action for action in actions(plan.tree) if action.startswith("Turn")]
+        assert told == (not found)
+        return found
+
+    post, wall = '<geom type="box" size=".004 .004 .15"/>', '<geom type="box" size=".04 .004 .05"/>'
+    assert turns(BAR) == ["Turn 90.0", "Turn 90.0"]
+    one = f'<body name="post" pos="0.6 0.085 0.15">{post}</body>'
+    assert turns(BAR, one) == ["Turn -90.0", "Turn -90.0"]
+    walls = [f'<body name="wall{y}" pos="0.5 {y} 0.05">{wall}</body>' for y in (-0.135, 0.135)]
+    assert turns(BAR, *walls) == []
 
 
 MALLET = BAR.replace("bar", "mallet").replace(

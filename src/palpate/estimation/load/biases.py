@@ -9,6 +9,7 @@ import numpy as np
 
 from palpate.estimation import tuning
 from palpate.estimation.load.segments import Segment, Weighing
+from palpate.estimation.windows import Mask
 from palpate.geometry.pose import Array
 
 
@@ -43,24 +44,39 @@ def _empty(found: Sequence[Segment], signal: int) -> float:
 
 def _bias(found: Sequence[Segment], apart: float) -> Array:
     """(bins, bins) N²: of one signal in units of its scale, all that is no noise: a constant bias, one
-    along the path of which each kind has a part `apart` of its own, what the arm's own motion makes, and
-    what a rest was left with."""
-    path = np.concatenate([segment.path for segment in found])
+    along the path of which each kind has a part `apart` of its own, and each turn all, what the arm's own motion
+    makes, and what a rest was left with."""
     kinds = np.concatenate([[segment.kind] * len(segment.t) for segment in found])
     own = np.concatenate([np.full(len(s.t), i) for i, s in enumerate(found)])
     at_rest = np.concatenate([np.full(len(s.t), float(s.at_rest)) for s in found])
     speed2 = np.concatenate([segment.speed2 for segment in found])
-    _, half = _middle(path)
-    powers = _powers(path, tuning.DEGREE)
-    near = np.maximum(0.0, 1.0 - np.abs(path[:, None] - path) * tuning.BINS / (2.0 * half))
+    turning = np.concatenate([np.full(len(s.t), s.turns) for s in found])
+    place = _places(found, turning)
+    powers = np.power.outer(place, np.arange(tuning.DEGREE + 1))
+    near = np.maximum(0.0, 1.0 - np.abs(place[:, None] - place) * tuning.BINS / 2.0)
+    share = np.where(turning, 1.0, apart)
     moving = tuning.CENTRIFUGAL**2 * np.outer(speed2, speed2)
     moving += tuning.VISCOUS**2 * np.sqrt(np.outer(speed2, speed2))
     along = tuning.KIND_BIAS**2 * (powers @ powers.T) + tuning.BIN_BIAS**2 * near
     same = kinds[:, None] == kinds
-    out = tuning.FORCE_BIAS**2 + (1.0 - apart**2) * along + (apart**2 * along + moving) * same
+    common = np.sqrt(1.0 - share**2)
+    out = tuning.FORCE_BIAS**2 + np.outer(common, common) * along
+    out += (np.outer(share, share) * along + moving) * same
     rested = (apart * tuning.REST_FRICTION) ** 2
     out += rested * np.outer(at_rest, at_rest) * (own[:, None] == own)
     return out
+
+
+def _places(found: Sequence[Segment], turning: Mask) -> Array:
+    """(bins,) from -1 to 1 along the path; of a turn, along all turns."""
+    path = np.concatenate([segment.path for segment in found])
+    turned = np.concatenate([segment.turned for segment in found])
+    places = np.zeros(len(path))
+    for rows, way in ((~turning, path), (turning, turned)):
+        if rows.any():
+            middle, half = _middle(way[rows])
+            places[rows] = (way[rows] - middle) / half
+    return places
 
 
 def _middle(path: Array) -> tuple[float, float]:

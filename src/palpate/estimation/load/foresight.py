@@ -96,4 +96,5 @@ class Lift:
             np.tile(self.white / part, (tuning.BINS, 1)),
             np.zeros((tuning.BINS, 0)),
             np.zeros((tuning.BINS, 0, 2)),
+            np.zeros(tuning.BINS),
         )

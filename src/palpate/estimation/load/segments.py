@@ -1,10 +1,11 @@
-"""Rests and passes of a trace that tell about the load on the hand, with and without it.
+"""Rests, passes and turns of a trace that tell about the load on the hand, with and without it.
 
 The sensed wrench is load + bias, and the bias depends on where the arm is, which way its joints
 slide, how it came to rest, and on time. All of that is the same with and without the object on the
 same path in the same direction. So a trace is cut into *rests* at the pose where the object was
 measured and *passes* along the straight line on which it was lifted, each loaded or empty, and each
-of a *kind*: what makes two of them comparable.
+of a *kind*: what makes two of them comparable. A *turn* of the hand where the object was measured is a pass,
+too, along which the moment of what hangs on it turns, and what the sensors are off by does not.
 """
 
 from __future__ import annotations
@@ -32,8 +33,9 @@ from palpate.estimation.windows import (
     mean_pose,
     near,
     runs,
+    turns,
 )
-from palpate.geometry.pose import Array
+from palpate.geometry.pose import Array, Pose
 from palpate.trace.once import once
 from palpate.trace.recording import Recording
 from palpate.trace.samples import FORCES, Samples, Trace
@@ -44,7 +46,7 @@ class Segment:
     """A rest, or a pass in k bins along the path.
 
     Attributes:
-        kind: `up`, `down` (passes) or `rest ...` with how the arm came to rest.
+        kind: `up`, `down` (passes), `rest ...` with how the arm came to rest, or `turn ...` with its number.
         loaded: with the object in the hand.
         grasp: s, when the hand took or left something last.
         start, end: s.
@@ -58,6 +60,8 @@ class Segment:
             where it is not known.
         rubbed: (k, m, 2) how the joints rub (`estimation.load.rubbing`); nothing, (k, 0, 2), where
             the signals are no joints'.
+        turned: (k,) rad by which the hand is turned about the vertical from where the load was measured; what
+            hangs on it turns with it, and so do the moments that `maps` are of.
     """
 
     kind: str
@@ -74,10 +78,21 @@ class Segment:
     variance: Array
     motion: Array
     rubbed: Array
+    turned: Array
 
     @property
     def at_rest(self) -> bool:
         return self.kind.startswith("rest")
+
+    @property
+    def turns(self) -> bool:
+        return self.kind.startswith(TURN)
+
+
+TURN = "turn"
+"""How kinds of turns begin."""
+LEVER = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
+"""What makes where a weight hangs, times it, of its moment about the TCP, world axes."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -140,10 +155,15 @@ def weighing(trace: Trace, recording: Recording) -> Weighing:
     rests = list(_rests(trace, recording, load, path))
     quiet = [cut for cut in rests if not told[cut.rows].any()]
     passes = _passes(trace, load, path, steady) if path is not None else []
-    signals = _signals(trace, load, path, [*rests, *passes])
+    turned = list(_turns(trace, recording))
+    signals = _signals(trace, load, path, [*rests, *passes, *(cut for cut, _ in turned)])
     found = [_segment(signals, cut, [cut.rows]) for cut in quiet]
     binned = _binned(signals, passes)
     found += [one for one in binned if _has_counterpart(one, binned)]
+    here = mean_pose(trace.of(recording))
+    found += [
+        _turned(_segment(signals, *one), signals, one[1], here, trace.gravity) for one in turned
+    ]
     if not any(segment.loaded for segment in found):
         # A recording of a motion is all there is.
         found = [_segment(signals, cut, [cut.rows]) for cut in rests]
@@ -274,6 +294,46 @@ def _rests(trace: Trace, recording: Recording, load: Load, path: Path | None) ->
                 yield Cut(f"rest {_arrival(samples, rows.start, path)}", loaded, rows)
 
 
+def _turns(trace: Trace, recording: Recording) -> Iterator[tuple[Cut, Sequence[slice]]]:
+    """Each turn where the object was measured, with it and without, in bins that all of them have."""
+    context, here = recording.context, mean_pose(trace.of(recording))
+    found: list[tuple[bool, dict[tuple[int, int], slice]]] = []
+    for one in trace.recordings:
+        holding = one.context.holding
+        if one.context.activity == "turning" and holding in (None, context.holding):
+            begins = mean_pose(trace.of(one).where(slice(0, 1)))
+            if begins.distance_to(here) < tuning.NEAR and begins.angle_to(here) < tuning.NEAR_ANGLE:
+                found.append((holding is not None, turns(trace, one)))
+    if {loaded for loaded, _ in found} != {True, False}:
+        return
+    (_, first), *others = found
+    common = [place for place in sorted(first) if all(place in bits for _, bits in others)]
+    for loaded, bits in found:
+        for number in sorted({turn for turn, _ in common}):
+            bins = [bits[turn, place] for turn, place in common if turn == number]
+            every = np.arange(len(trace.samples), dtype=np.intp)
+            yield (
+                Cut(f"{TURN} {number}", loaded, np.concatenate([every[one] for one in bins])),
+                bins,
+            )
+
+
+def _turned(
+    segment: Segment, signals: _Signals, bins: Sequence[slice], here: Pose, gravity: float
+) -> Segment:
+    """A turn, its moments in axes that turn with the hand from `here`, with what keeps the load on its circle."""
+    samples = signals.samples
+    angles: list[float] = []
+    maps = segment.maps.copy()
+    for i, rows in enumerate(bins):
+        now = mean_pose(samples.where(rows)).rotation @ here.rotation.T
+        rate = float(samples.twist[rows, 5].mean())
+        angles.append(float(np.arctan2(now[1, 0], now[0, 0])))
+        inward = -(rate**2) / gravity * now @ LEVER
+        maps[i, :, 3:] = maps[i, :, 3:] @ now + maps[i, :, :3] @ inward
+    return replace(segment, maps=maps, turned=np.array(angles))
+
+
 def _arrival(samples: Samples, row: int, path: Path | None) -> str:
     """How the arm came to rest at `row`: `up` or `down` the path, or `beside` it."""
     if path is None:
@@ -371,6 +431,7 @@ def _segment(signals: _Signals, cut: Cut, bins: Sequence[Rows]) -> Segment:
         np.array([signals.noise.white / len(samples.t[rows]) for rows in bins]),
         _means(signals.motion, bins),
         _means(signals.rubbed, bins),
+        np.zeros(len(bins)),
     )
 
 

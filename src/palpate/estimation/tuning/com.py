@@ -48,7 +48,7 @@ BLIND = 0.5
 no."""
 
 TURN_BINS = 8
-"""parts of a turn to a tilt, of which the first and the last are left out. Sensitive: no."""
+"""parts of a turn, to a tilt or about the vertical, of which the first and the last are left out. Sensitive: no."""
 
 TILT_HELD = 0.5
 """s that a tilt is held at least. Sensitive: no."""

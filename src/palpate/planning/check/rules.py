@@ -104,7 +104,7 @@ _ACTIONS = {
     "blocked": f"The hand, and what it holds, keeps {_mm(BESIDE)} from every other object on its whole way.",
     "collision": f"They keep {_mm(ENTERED)} from what they pass between the fingers, {_mm(FIXED)} from all that is "
     f"fixed (up to {_mm(UNSURE)} above a surface of unknown height, which is only probed), the arm's links "
-    f"{_mm(ARM)} from everything; Tilt and Swing turn {_mm(POSE_ERROR)} clear, in free air.",
+    f"{_mm(ARM)} from everything; Tilt, Turn and Swing turn {_mm(POSE_ERROR)} clear, in free air.",
     "self-collision": f"The arm keeps {_mm(ARM)} from itself.",
     "unsupported": f"What is let go of stands within {_mm(AS_FOUND)} of where it stood, or upright to "
     f"{_degrees(UPRIGHT)} with its centre of mass {_mm(TIPPING)} inside what carries it (unknown: all of it, "

@@ -38,11 +38,13 @@ from palpate.vocabulary.registry import Vocabulary, acquisition, vocabulary
 
 @dataclass(frozen=True, slots=True)
 class Assembled:
-    """A tree, the parameters it yields, and one sentence for each that it cannot."""
+    """A tree, the parameters it yields, and one sentence for each that it cannot, and for what there is no room
+    for."""
 
     tree: Node | None
     measured: tuple[Parameter, ...]
     failed: tuple[str, ...]
+    spared: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,10 +123,12 @@ def assemble(
     with the effort that it takes; `mirrored` as in `Backchainer`. Poses that a run finds out are taken
     where the whole of their regions passes the check."""
     words, wanted = words or vocabulary(), list(parameters)
-    made = _assembled(Backchainer(scene, words, mirrored), wanted, efforts or {})
-    if made.tree is not None and any(_refused(made.tree, words, scene)):
-        known_before = Backchainer(scene, words, mirrored, finds_out=False)
-        made = _assembled(known_before, wanted, efforts or {})
+    made = Assembled(None, (), ())
+    for finds_out, extras in ((True, True), (True, False), (False, True)):
+        chainer = Backchainer(scene, words, mirrored, finds_out, extras)
+        made = _assembled(chainer, wanted, efforts or {})
+        if made.tree is None or not any(_refused(made.tree, words, scene)):
+            break
     return made
 
 
@@ -149,7 +153,7 @@ def _assembled(
         failed += reasons
     chainer.go_home()
     tree = chainer.tree() if measured else None
-    return Assembled(tree, tuple(measured), tuple(dict.fromkeys(failed)))
+    return Assembled(tree, tuple(measured), tuple(dict.fromkeys(failed)), tuple(chainer.spared))
 
 
 def _with_needs(scene: Scene, wanted: Sequence[Parameter]) -> list[Parameter]:
@@ -307,7 +311,7 @@ def _explained(made: Assembled) -> list[str]:
         sentences.append(f"'{name}' is in the way; it is carried to a free place and back.")
     for name in _visited(made.tree, BALANCE):
         sentences.append(f"'{name}' is grasped last where the run finds it to balance.")
-    return [*sentences, "Everything is put back where it was."]
+    return [*sentences, *made.spared, "Everything is put back where it was."]
 
 
 def _acquired(id: str, names: Sequence[str]) -> str:

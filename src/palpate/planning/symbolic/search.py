@@ -9,7 +9,7 @@ the next.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 
@@ -37,6 +37,8 @@ from palpate.scene.scene import Scene
 from palpate.vocabulary.admissible.clearance import blockers
 from palpate.vocabulary.admissible.support import clear_of_support
 from palpate.vocabulary.base import Primitive, Surroundings
+from palpate.vocabulary.gripper import CloseGripper
+from palpate.vocabulary.motion.move_pose import MovePose
 from palpate.vocabulary.registry import Vocabulary, vocabulary
 from palpate.vocabulary.state import HOME_CONFIG, SymbolicState
 
@@ -57,6 +59,8 @@ class Backchainer:
         mirrored: things are slid aside to the other side first. What is dragged lags behind, and is
             left a little to where it came from: in turn, that evens out.
         finds_out: an object that is weighed, too, is grasped last where it turns out to balance.
+        extras: what is worth having besides is recorded, too.
+        spared: what of that there is no room for, in words.
         state, steps: the plan so far, and what is believed after it.
     """
 
@@ -64,6 +68,8 @@ class Backchainer:
     words: Vocabulary = field(default_factory=vocabulary)
     mirrored: bool = False
     finds_out: bool = True
+    extras: bool = True
+    spared: list[str] = field(default_factory=list[str], init=False)
     state: SymbolicState = field(init=False)
     steps: list[Step] = field(default_factory=list[Step], init=False)
     _found: dict[Kind, tuple[str, list[Step]]] = field(
@@ -143,8 +149,10 @@ class Backchainer:
                     self._acquire(parameter)
             self._improve(parameter)
             self._enrich(parameter)
+        done = self._add_extra(name, parameters)
         operators = self._operators(name, next(domains(self.scene, name)))
         self._reach(operators, when(at_rest(name)), f"'{name}' cannot be put back")
+        self._add_before(parameters, done)
         if not away:
             self._found[self._kind(parameters)] = (name, self.steps[first:])
         for blocker, place in reversed(away):
@@ -196,12 +204,73 @@ class Backchainer:
         """Record evidence on the way to a place, where that can be done."""
         operators = self._operators(parameter.object, [place])
         around = self._around(parameter.object, [place])
-        steps = yielding(parameter, operators, self.words, around)(self.state)
+        self._take(yielding(parameter, operators, self.words, around)(self.state) or ())
+
+    def _take(self, steps: Sequence[Step]) -> bool:
+        """Append some steps, where there are any and nothing speaks against them."""
         if not steps or first_refused(self.state, steps) is not None:
-            return
+            return False
         self.steps += steps
         for step in steps:
             self.state = step.effect(self.state)
+        return True
+
+    def _add_extra(self, name: str, parameters: Iterable[Parameter]) -> list[Primitive]:
+        """Do what yields only what is worth having besides, here, where something does and there is room; what
+        was done."""
+        wanted = [one for one in parameters if self._would_tell_more(one)]
+        extras = self._grounded(self._around(name, []), extra=True) if wanted else []
+        done = self._add_one(wanted, extras) if self.extras else []
+        if extras and not done:
+            kinds = " and ".join(dict.fromkeys(type(extra).__name__ for extra in extras))
+            self.spared.append(f"There is no room for {kinds} with '{name}'.")
+        return done
+
+    def _add_one(
+        self, parameters: Iterable[Parameter], operators: Iterable[Primitive]
+    ) -> list[Primitive]:
+        """Do the first of some operators that yields something of a parameter here and can be done."""
+        for operator, steps in self._yielding(parameters, operators):
+            if self._take(steps):
+                return [operator]
+        return []
+
+    def _add_before(self, parameters: Iterable[Parameter], operators: Iterable[Primitive]) -> None:
+        """The same with the empty hand, where it is now, but before it took there what it has put back: the
+        joints' friction is then left alike on the way up and down with it and without."""
+        for _, steps in self._yielding(parameters, operators):
+            if first_refused(self.state, steps) is None:
+                came = self._came_here()
+                self.steps[came:came] = steps
+                for step in steps:
+                    self.state = step.effect(self.state)
+                return
+
+    def _came_here(self) -> int:
+        """How many steps it took until the hand came to where it is now and then took something there."""
+        taken = False
+        for i, step in reversed(list(enumerate(self.steps))):
+            first, *_ = step.primitives
+            if taken and isinstance(first, MovePose) and first.pose == self.state.at:
+                return i + 1
+            taken = taken or isinstance(first, CloseGripper)
+        return len(self.steps)
+
+    def _yielding(
+        self, parameters: Iterable[Parameter], operators: Iterable[Primitive]
+    ) -> Iterator[tuple[Primitive, Sequence[Step]]]:
+        """Each operator that, done here, yields something of a parameter, with its steps."""
+        for parameter in parameters:
+            around = self._around(parameter.object, [])
+            for operator in operators:
+                steps = yielding(parameter, [operator], self.words, around)(self.state)
+                if steps:
+                    yield operator, steps
+
+    def _would_tell_more(self, parameter: Parameter) -> bool:
+        """Whether there is evidence of it that is worth having wherever it can be had."""
+        evidence = self.scene.catalogue[parameter.quantity].evidence
+        return any(one.optional and not one.place for one in evidence)
 
     def _enrich(self, parameter: Parameter) -> None:
         """What more there is to record of it, where there is room for that."""
@@ -294,10 +363,12 @@ class Backchainer:
 
     def _operators(self, subject: str, expressions: Iterable[str]) -> list[Primitive]:
         """What can move, with arguments that matter here."""
-        around = self._around(subject, expressions)
+        return self._grounded(self._around(subject, expressions), extra=False)
+
+    def _grounded(self, around: Surroundings, extra: bool) -> list[Primitive]:
         found: list[Primitive] = []
         for cls in self.words.primitives.values():
-            if cls.claims:
+            if cls.claims and cls.extra == extra:
                 found += cls.groundings(around)
         return found
 

@@ -102,7 +102,8 @@ def _over_time(segments: Sequence[Segment], trace: Trace) -> Chart:
 def _places(segments: Sequence[Segment], gravity: float) -> Iterator[Place]:
     """Each bin with the object, less the mean of the empty hand at the same places in the same kind of
     motion; over gravity and what it was accelerated with."""
-    for kind, group in groupby(sorted(segments, key=_kind), key=_kind):
+    along = [segment for segment in segments if not segment.turns]
+    for kind, group in groupby(sorted(along, key=_kind), key=_kind):
         of = list(group)
         empty = [segment for segment in of if not segment.loaded]
         for segment in of:

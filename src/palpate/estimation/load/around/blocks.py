@@ -37,6 +37,8 @@ class Blocks:
         tool: (k, 3, 3) the hand's axes in the world.
         acceleration: (k, 3) m/s² of the TCP.
         pull: (k, 3) what the load pulls with where it hangs, in units of its weight, upward.
+        inward: (k, 3, 3) what that changes by where it turns with the hand, for each metre that it hangs beside
+            the TCP: what keeps it on its circle.
         grasp: (k,) s, of the load.
         rubbed: (k, m, 2) as `estimation.load.rubbing`.
         resting: (k, rests) 1 where the arm is at a rest.
@@ -52,6 +54,7 @@ class Blocks:
     tool: Array
     acceleration: Array
     pull: Array
+    inward: Array
     grasp: Array
     rubbed: Array
     resting: Array
@@ -95,6 +98,8 @@ def blocks(
     grasp = [max([g for g in load.grasps if g <= time], default=-np.inf) for time in t[middle]]
     q = mean(samples.q)
     resting = [mean(rest) > 0.0 for rest in _rests(at_rest(samples))]
+    rate = mean(samples.twist[:, 3:])
+    inward = np.einsum("ki,kj->kij", rate, rate) - (rate**2).sum(axis=1)[:, None, None] * np.eye(3)
     return Blocks(
         count.astype(float),
         mean(t),
@@ -106,6 +111,7 @@ def blocks(
         rotations(samples.pose_world_tcp[middle, 3:]),
         mean(gaining),
         mean(pull),
+        inward / trace.gravity,
         np.array(grasp),
         mean(rubbing(samples.q)),
         np.array(resting, dtype=float).reshape(-1, len(groups)).T,
@@ -129,6 +135,7 @@ def free_rows(trace: Trace, name: str, surely: bool = False) -> list[Rows]:
         return []
     first, last = t[hangs][0] - tuning.WHOLE_AROUND, t[hangs][-1] + tuning.WHOLE_AROUND
     used = (hangs | (load.empty & apart(trace))) & (first <= t) & (t <= last)
+    used &= ~(hangs & _set_turning(samples))
     if surely:
         used &= _about(samples, hangs) & (_settled(samples) | _shaken(samples))
     length = max(tuning.WHOLE_BLOCK, float(min(last, t[-1]) - max(first, t[0])) / tuning.WHOLE_MOST)
@@ -140,6 +147,12 @@ def free_rows(trace: Trace, name: str, surely: bool = False) -> list[Rows]:
 def _hangs(trace: Trace, load: Load, surely: bool) -> Mask:
     above = tuning.CLEARANCE if surely else tuning.FREE_ABOVE
     return load.loaded & apart(trace) & lifted(trace, load, above)
+
+
+def _set_turning(samples: Samples) -> Mask:
+    """Rows in which the hand changes how it turns: what a load resists that with is no weight."""
+    change = gained(samples.twist[:, 3:], samples.t, tuning.SPEED_SMOOTH)[1]
+    return np.linalg.norm(change, axis=1) > tuning.TURN_STEADY
 
 
 def _about(samples: Samples, hangs: Mask) -> Mask:

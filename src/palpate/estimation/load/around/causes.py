@@ -40,8 +40,10 @@ def of_load(seen: Blocks, pull: Array) -> Iterator[Cause]:
     for grasp in seen.grasps:
         here = (seen.grasp == grasp)[:, None]
         for axis in range(3):
-            moment = np.cross(seen.tool[:, :, axis] * here, seen.pull)
-            yield Cause("lever", seen.turned(moment), tuning.LOAD_PRIOR)
+            lever = seen.tool[:, :, axis] * here
+            moment: Array = np.cross(lever, seen.pull).astype(np.float64)
+            held = seen.torques(np.einsum("kij,kj->ki", seen.inward, lever))
+            yield Cause("lever", seen.turned(moment) + held, tuning.LOAD_PRIOR)
 
 
 def of_arm(trace: Trace, felt: Feeling, seen: Blocks, lifted: Array, borne: Array) -> list[Cause]:
