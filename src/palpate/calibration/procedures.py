@@ -12,7 +12,7 @@ from palpate.calibration import bench, own_weight
 from palpate.calibration.gains import GainBelief, weighed
 from palpate.calibration.session import Session
 from palpate.calibration.stated import Known, Stated
-from palpate.calibration.tips import gauged
+from palpate.calibration.tips import gauged, require_places
 from palpate.errors import InputError, unknown_name
 from palpate.geometry.pose import Array
 from palpate.parameter import Parameter
@@ -79,6 +79,7 @@ def gauge(session: Session, known: Known) -> None:
         names = bench.gauges()
     else:
         scene, world, names = own, None, _surfaces(own, known)
+    require_places(len(names))
     heights = tuple(Parameter(name, "height") for name in names)
     once = _measuring(scene, heights).tree
     assert once is not None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -60,7 +61,7 @@ class Session:
         made = Run(self.settings, scene, plan, _findings(plan, scene))
         made = pipeline.rehearse(made, self.audience)
         if made.findings:
-            raise InputError(f"nothing is calibrated there: {made.findings[0].message}")
+            raise InputError(_in_the_way(made.findings))
         cell = self._cell(scene, world)
         pipeline.confirm(made, self.audience, cell)
         made = pipeline.measure(made, self.audience, cell)
@@ -83,6 +84,18 @@ class Session:
         if isinstance(cell, SimulatedCell):
             cell.visit = self.visits
         return cell
+
+
+def _in_the_way(findings: Sequence[Finding]) -> str:
+    """What the first of them says, without the advice to whom writes plans."""
+    what = findings[0].message.partition(";")[0]
+    often = (
+        "" if len(findings) == 1 else f" ({len(findings)} motions of the calibration are refused)"
+    )
+    return (
+        f"nothing is calibrated there: {what}{often}; nothing moved: take away what is in the way and leave it "
+        "out of the scene, or give a scene in which the arm has room, and the weight or the gauges are in reach"
+    )
 
 
 def _findings(plan: Plan, scene: Scene) -> tuple[Finding, ...]:

@@ -7,14 +7,15 @@ What a fingertip touches h too high, at x and y from the base, tells
 c: the tips are longer than was thought, or the base lower; s: the base leans, or the joints' zeros and
 links make it seem so, which over a few decimetres is the same. What such a plane leaves of the frames
 of arms that nobody calibrated is `BENT`, and how well an arm comes to a height again its datasheet says.
-Of this very arm the touches tell how much of the latter there is; five places, of which a plane takes three,
-tell too little of the former.
+Of this very arm the touches tell how much of both there is: a frame that is bent leans, too, and how far it
+leans and what a plane leaves are judged together. What a plane of five places leaves alone tells too little.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 
@@ -40,6 +41,10 @@ the arm's reach."""
 SHARES = (1.0 / 64.0, 1.0 / 8.0, 1.0)
 """parts of the pose's repeatability, which a datasheet states at most, that this very arm may have: from next
 to nothing to all of it, each as likely before it touched anything."""
+FRAMES = (1.0 / 4.0, 1.0 / 2.0, 1.0)
+"""parts of what is not known of the frame, likewise. Two leans and what a plane leaves of five places are
+small by chance now and then: of arms with all of it, 1 in 1000 heights is 4 deviations off; with less than a
+quarter it would be 8."""
 STIFF = 1e-6
 """m/N: what a gauge of steel, and what it stands on, give way by themselves."""
 
@@ -80,7 +85,7 @@ def gauged(
     found, hand = _touches(trace, surfaces), trace.hand
     places = _places(found, base)
     high = np.array([float(np.mean(place.heights)) for place in places]) - known.value
-    stated = _spread(places, hand.pose_repeatability)
+    stated = _spread(places, 1.0, hand.pose_repeatability)
     spots = np.array([place.spot for place in places])
     middle = spots.mean(axis=0)
     # About the middle of the gauges, where height and lean are told apart best.
@@ -88,18 +93,20 @@ def gauged(
     leaning = hand.tip_offset_std / reach
     prior = np.array([hand.tip_offset_std, leaning, leaning])
     deviations = [place.heights - known.value for place in places]
-    repeated = _repeated(deviations, design, prior, hand.pose_repeatability)
-    spread = _spread(places, repeated)
+    frame, share = _shares(deviations, design, prior, hand.pose_repeatability)
+    repeated = share * hand.pose_repeatability
+    spread = _spread(places, frame, repeated)
     white = design / spread[:, None]
-    covariance = _inverse(white.T @ white + np.diag(prior**-2.0))
+    scale = np.array([1.0, frame, frame])
+    covariance = _inverse(white.T @ white + np.diag((scale * prior) ** -2.0))
     mean = covariance @ (white.T @ (high / spread))
     _require_plane(high, design, mean, stated, prior, known)
     here = float(np.trace(design @ covariance @ design.T)) / len(places)
-    away = hand.tip_offset_std * AROUND / reach
+    away = leaning * AROUND
     along = np.sqrt(covariance.diagonal()[1:])
     return Tips(
         hand.tip_offset + float(mean[0] - mean[1:] @ middle),
-        float(np.linalg.norm([here**0.5, BENT, away, known.std])),
+        float(np.linalg.norm([here**0.5, frame * BENT, frame * away, known.std])),
         repeated,
         np.array([-mean[2], mean[1]]),
         np.array([along[1], along[0]]),
@@ -108,29 +115,35 @@ def gauged(
     )
 
 
-def _spread(places: Sequence[_Place], repeatability: float) -> Array:
-    """(n,) m (1 sigma) by which the mean of the touches at each place may be off a plane."""
+def _spread(places: Sequence[_Place], frame: float, repeatability: float) -> Array:
+    """(n,) m (1 sigma) by which the mean of the touches at each place may be off a plane, of an arm with
+    the part `frame` of `BENT`."""
     single = np.hypot(repeatability, tuning.UNSEEN)
-    return np.array([np.hypot(BENT, single / np.sqrt(len(place.heights))) for place in places])
+    each = [single / np.sqrt(len(place.heights)) for place in places]
+    return np.hypot(frame * BENT, each)
 
 
-def _repeated(heights: Sequence[Array], design: Array, prior: Array, stated: float) -> float:
-    """m, how well this arm's poses repeat: root mean square over how likely each of `SHARES` of what is
-    `stated` makes the `heights` (k,) felt at each place, m too high (Bishop, Pattern Recognition and Machine
-    Learning, section 3.4)."""
+def _shares(
+    heights: Sequence[Array], design: Array, prior: Array, repeatability: float
+) -> tuple[float, float]:
+    """How much this very arm has of what is not known of its frame, and of the stated `repeatability`, m:
+    root mean squares over how likely `FRAMES` and `SHARES` make the `heights` (k,) felt at each place, m too
+    high (Bishop, Pattern Recognition and Machine Learning, section 3.4)."""
     each = [len(high) for high in heights]
     felt, rows = np.concatenate(heights), np.repeat(design, each, axis=0)
-    place = np.repeat(np.arange(len(each)), each)
-    known: Array = (rows * prior) @ (rows * prior).T
-    known += BENT**2 * np.equal.outer(place, place) + tuning.UNSEEN**2 * np.eye(len(felt))
-    variances = (stated * np.array(SHARES)) ** 2
+    place, one = np.repeat(np.arange(len(each)), each), np.eye(sum(each))
+    level, leans = rows[:, :1] * prior[0], rows[:, 1:] * prior[1:]
+    always: Array = level @ level.T + tuning.UNSEEN**2 * one
+    framed: Array = leans @ leans.T + BENT**2 * np.equal.outer(place, place)
+    pairs = list(product(FRAMES, SHARES))
     likely: list[float] = []
-    for variance in variances.tolist():
-        covariance: Array = known + variance * np.eye(len(felt))
+    for frame, share in pairs:
+        covariance: Array = always + frame**2 * framed + (share * repeatability) ** 2 * one
         misfit = float(felt @ np.linalg.solve(covariance, felt))
         likely.append(-(misfit + float(np.linalg.slogdet(covariance)[1])) / 2.0)
     weights = np.exp(np.array(likely) - max(likely))
-    return float(np.sqrt(np.average(variances, weights=weights)))
+    frame, share = np.sqrt(np.average(np.square(pairs), axis=0, weights=weights)).tolist()
+    return frame, share
 
 
 def _require_plane(
@@ -179,15 +192,31 @@ def _touches(trace: Trace, surfaces: Sequence[Parameter]) -> list[Touch]:
     for surface in surfaces:
         met = [touched(trace, recording) for recording in probes(trace, surface)]
         found += [touch for touch in met if touch is not None]
-    for touch in found:
-        if touch.gives_way or touch.soft > 0.0:
-            raise InputError(
-                f"the gauge gives way by {1e6 * touch.spring.compliance:.0f} µm/N where it was touched: put it "
-                "on something rigid; nothing is written"
-            )
+    found = _rigid(found)
     sides = [test for touch in found for test in touch.sides()]
     require(sides, "the gauge")
     return found
+
+
+def _rigid(found: Sequence[Touch]) -> list[Touch]:
+    """The touches of what is rigid, as it is said to be: those that are known to be, where they are most; else
+    those that may be, of an arm whose own tips give way.
+
+    Raises:
+        InputError: most are of something that certainly gives way, or lies under something soft.
+    """
+    may_be = [touch for touch in found if touch.at_least <= tuning.RIGID and touch.soft == 0.0]
+    if 2 * len(may_be) <= len(found):
+        most = max((touch.at_least for touch in found), default=0.0)
+        how = (
+            f"by {1e6 * most:.0f} µm/N at least" if most > tuning.RIGID else "above something rigid"
+        )
+        raise InputError(
+            f"the gauge gives way {how} where it was touched: put it on something rigid, with nothing soft "
+            "on it; nothing is written"
+        )
+    known = [touch for touch in may_be if not touch.gives_way]
+    return known if 2 * len(known) > len(found) else may_be
 
 
 def _places(found: Sequence[Touch], base: Pose) -> list[_Place]:
@@ -205,17 +234,23 @@ def _places(found: Sequence[Touch], base: Pose) -> list[_Place]:
         else:
             spots.append(touch.spot)
             heights.append([touch.height])
-    if len(spots) < FEWEST:
-        raise InputError(
-            f"gauges were touched at {len(spots)} places, and {FEWEST} are needed, {1e3 * tuning.APART:g} "
-            "mm apart: fewer do not tell the fingers' length from how the arm's frame leans; give a "
-            "scene with gauges of that height at several places"
-        )
+    require_places(len(spots))
     found_places: list[_Place] = []
     for spot, high in zip(spots, heights, strict=True):
         local = base.local(np.array([*spot, high[0]]))
         found_places.append(_Place(local[:2], np.array(high)))
     return found_places
+
+
+def require_places(count: int) -> None:
+    """Raises InputError where so many places do not show how the arm's frame leans."""
+    if count < FEWEST:
+        there = "at one place" if count == 1 else f"at {count} places"
+        raise InputError(
+            f"there are gauges {there}, and {FEWEST} are needed, {1e3 * tuning.APART:g} mm apart: fewer do not "
+            "tell the fingers' length from how the arm's frame leans; give a scene with gauges of that height "
+            "at several places"
+        )
 
 
 def _is_near(spot: Array, other: Array) -> bool:
