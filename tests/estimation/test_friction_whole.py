@@ -33,8 +33,16 @@ def fitted(trace):
 
 
 def bound(run, **noise):
+    return of(run, {"torque": {"white": 0.1} | noise})
+
+
+def of_lean(run, **model):
+    return of(run, {"torque": {"white": 0.1}, "model": model})
+
+
+def of(run, noise):
     standing = run.scene.bodies["bottle"].pose_world.rotation
-    model = NoiseModel.model_validate({"torque": {"white": 0.1} | noise})
+    model = NoiseModel.model_validate(noise)
     about = MASS, TRUTH
     return of_friction(run.trace, "bottle", standing, about, run.scene.arm, model)
 
@@ -74,6 +82,32 @@ def test_an_arm_whose_links_nobody_knows_tells_no_more(run):
     hand = run.trace.hand
     unknown = replace(run.trace, hand=replace(hand, chain=replace(hand.chain, links=())))
     assert fitted(unknown)[1] is None
+
+
+def test_it_counts_what_slides_before_it_is_steady(run):
+    drags = steady_drags(run.trace, "bottle", feeling(run.trace))
+    assert sum(len(drag.slid) for drag in drags) > 1.2 * sum(len(drag.blocks) for drag in drags)
+
+
+@pytest.mark.parametrize("stiffness", [0.0, 20.0])
+def test_whether_something_pulls_with_the_place_is_told(run, stiffness):
+    samples, felt = run.trace.samples, feeling(run.trace)
+    torques, wrench = samples.tau_ext.copy(), samples.wrench.copy()
+    for drag in steady_drags(run.trace, "bottle", felt):
+        rows = (samples.t >= drag.t[0]) & (samples.t <= drag.t[-1])
+        pull = stiffness * (samples.pose_world_tcp[rows, 1] - 0.07)
+        torques[rows] += pull[:, None] * felt.maps(samples.q[rows])[:, :, 1]
+        wrench[rows, 1] += pull
+    pulled = replace(run.trace, samples=replace(samples, tau_ext=torques, wrench=wrench))
+    _, whole = fitted(pulled)
+    assert abs(whole.friction - TRUTH) < 3.0 * whole.std
+    _, level = fitted(run.trace)
+    assert (whole.std > 1.1 * level.std) == (stiffness > 0.0)
+
+
+def test_how_the_frame_of_the_arm_leans_is_in_the_bound(run):
+    assert bound(run) < of_lean(run, base_tilt=5e-3)
+    assert bound(run) < of_lean(run, joint_offset=5e-3)
 
 
 def test_gains_act_on_what_a_support_does_in_the_bound(run):

@@ -153,7 +153,7 @@ def estimate_friction(trace: Trace, parameter: Parameter, body: Body | None) -> 
         "dynamic": Part(value, std),
         "normal force": Part(float(normal.mean()), float(normal.std()), "N"),
     }
-    static = static_friction(drags, found)
+    static = static_friction(drags, found if whole is None else found.knowing(value, std))
     if static is not None:
         parts["static"] = Part(*static)
     # What is no narrower than what was believed before any slide says no more than that.

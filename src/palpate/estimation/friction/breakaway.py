@@ -36,6 +36,7 @@ class _Parting:
         mean, variance: of that.
         rows: that hold before the object lets go.
         normal: N, in them.
+        turning: N by which the arm's joints rub less in them than when they have turned round.
     """
 
     drag: int
@@ -44,6 +45,7 @@ class _Parting:
     variance: float
     rows: slice
     normal: float
+    turning: float
 
 
 def static_friction(drags: Sequence[Drag], sliding: Sliding) -> tuple[float, float] | None:
@@ -99,9 +101,11 @@ def _widened(chance: Array, values: Array, variance: float) -> Array:
 
 
 def _apart(sliding: Sliding, seen: Sequence[_Parting], weight: Array) -> float:
-    """Standard deviation of a weighted mean by what is no friction, which drags have in common."""
-    each = zip(seen, weight.tolist(), strict=True)
-    return sliding.apart([(part.drag, part.rows, share / part.normal) for part, share in each])
+    """Standard deviation of a weighted mean by what is no friction of the object, which drags have in common."""
+    each = list(zip(seen, weight.tolist(), strict=True))
+    turning = sum(share * part.turning / part.normal for part, share in each)
+    others = sliding.apart([(part.drag, part.rows, share / part.normal) for part, share in each])
+    return float(np.hypot(others, tuning.TURNING * turning))
 
 
 def _partings(drags: Sequence[Drag], sliding: Sliding, values: Array) -> Iterator[_Parting]:
@@ -136,7 +140,8 @@ def _parted(number: int, drag: Drag, sliding: Sliding, values: Array) -> _Partin
     wider = turning**2 / 12.0 + float(unsure / pressed) ** 2
     moved: Array = np.interp(values - turning / 2.0, values, chance)
     chance = _widened(moved, values, wider)
-    return _Parting(number, chance, *_moments(chance, values), rows, pressed)
+    less = sliding.turning(number, rows, drag.steady)
+    return _Parting(number, chance, *_moments(chance, values), rows, pressed, less)
 
 
 def _likely(ratio: Array, noise: Array, values: Array) -> Array:

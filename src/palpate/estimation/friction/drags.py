@@ -156,14 +156,35 @@ class Drag:
     @cached_property
     def steady(self) -> Mask:
         """Rows of steady sliding."""
-        return self.swung_out & self.moving & (self.normal > tuning.NORMAL_MIN)
+        return self.swung_out & self.moving & self._presses
+
+    @property
+    def _presses(self) -> Mask:
+        """Rows in which there is a quotient of forces."""
+        return self.normal > tuning.NORMAL_MIN
+
+    @property
+    def _parted(self) -> Mask:
+        """Rows in which it has broken away, and the hand follows."""
+        if self.breakaway is None:
+            return np.zeros(len(self.t), dtype=bool)
+        since = self.t > self.t[self.breakaway] + tuning.PARTED
+        return since & self.moving & (np.arange(len(self.t)) >= self.follows)
 
     @property
     def blocks(self) -> list[NDArray[np.intp]]:
         """Rows of each block of steady sliding."""
-        steady = np.flatnonzero(self.steady)
-        size = max(1, round(tuning.BLOCK / self.period))
-        return np.array_split(steady, max(1, len(steady) // size))
+        return self._split(self.steady)
+
+    @property
+    def slid(self) -> list[NDArray[np.intp]]:
+        """Rows of each block of sliding, at full speed or not."""
+        return self._split(self.steady | (self._parted & self._presses))
+
+    def _split(self, rows: Mask) -> list[NDArray[np.intp]]:
+        """In parts of about `tuning.BLOCK` s."""
+        found, size = np.flatnonzero(rows), max(1, round(tuning.BLOCK / self.period))
+        return np.array_split(found, max(1, len(found) // size))
 
     @cached_property
     def pressing(self) -> tuple[Array, float]:

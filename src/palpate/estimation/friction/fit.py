@@ -26,6 +26,7 @@ from palpate.estimation.friction.columns import MU, Columns, columns
 from palpate.estimation.friction.drags import Drag
 from palpate.estimation.load.biases import flicker
 from palpate.estimation.load.feeling import Feeling
+from palpate.estimation.windows import Mask
 from palpate.geometry.pose import Array
 from palpate.trace.recording import Hand
 
@@ -123,6 +124,14 @@ class Sliding:
         std = float(np.hypot(np.sqrt(self.found.covariance[MU, MU]), self.uneven))
         return float(self.found.mean[MU]), std
 
+    def knowing(self, friction: float, std: float) -> Sliding:
+        """With what is known better of the friction, from elsewhere, and what follows of the other unknowns."""
+        own = self.found.covariance[MU, MU]
+        follows = self.found.covariance[MU] / own
+        mean = self.found.mean + follows * (friction - self.found.mean[MU])
+        covariance = self.found.covariance + np.outer(follows, follows) * (std**2 - own)
+        return replace(self, found=replace(self.found, mean=mean, covariance=covariance))
+
     def aside(self, drag: int, rows: slice) -> tuple[float, float]:
         """N: mean over rows of a drag of what is no friction of the object, and its standard
         deviation."""
@@ -135,6 +144,14 @@ class Sliding:
         others = self.found.mean.copy()
         others[MU] = 0.0
         return self.columns.of[drag] @ others
+
+    def turning(self, drag: int, rows: slice, steady: Mask) -> float:
+        """N: root sum of squares over joints of how much less each rubs, mean over rows of a drag, than in
+        those in which it has turned round."""
+        joints = self.columns.joints
+        own = self.columns.of[drag][:, joints]
+        less = own[rows].mean(axis=0) - own[steady].mean(axis=0)
+        return float(np.linalg.norm(less * self.found.mean[joints]))
 
     def apart(self, shares: Sequence[tuple[int, slice, float]]) -> float:
         """Standard deviation of a sum over drags (by number) of what is no friction of the object, mean

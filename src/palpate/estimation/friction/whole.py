@@ -155,7 +155,7 @@ def _slid_rows(trace: Trace, drags: Sequence[Drag]) -> list[Rows]:
     found: list[Rows] = []
     for drag in drags:
         first = row_at(trace.samples, float(drag.t[0]))
-        found += [first + block for block in drag.blocks]
+        found += [first + block for block in drag.slid]
     return found
 
 
@@ -166,8 +166,8 @@ def _pressed(drags: Sequence[Drag], free: int) -> _Pressed:
     support: list[Array] = [np.zeros((free, FIRST))]
     for drag in drags:
         own = of_support(drag, middle, usual)
-        support.append(np.array([own[block].mean(axis=0) for block in drag.blocks]))
-        way.append(np.tile([*drag.way, 0.0], (len(drag.blocks), 1)))
+        support.append(np.array([own[block].mean(axis=0) for block in drag.slid]))
+        way.append(np.tile([*drag.way, 0.0], (len(drag.slid), 1)))
     return _Pressed(np.concatenate(way), np.concatenate(support))
 
 
@@ -201,7 +201,9 @@ def _unsure(causes: Sequence[Cause]) -> tuple[Unsure, ...]:
     """What of the scene's causes is learned from the recordings."""
     uneven = Unsure(named(causes, UNEVEN), tuning.UNEVEN, tuning.LIKELY_UNEVEN)
     holds = Unsure(named(causes, HOLDS), tuning.HOLDING_MORE, tuning.LIKELY_HOLDING)
-    return uneven, holds, Unsure(named(causes, STEP), (0.0, 1.0), tuning.LIKELY_STEP)
+    lean = Unsure(named(causes, LEAN), tuning.LEANING, tuning.LIKELY_LEANING)
+    pulls = Unsure(named(causes, PULLS), (0.0, 1.0), tuning.LIKELY_PULL)
+    return uneven, holds, lean, pulls, Unsure(named(causes, STEP), (0.0, 1.0), tuning.LIKELY_STEP)
 
 
 def _of_support(seen: Blocks, pressed: _Pressed, about: float) -> Iterator[Cause]:

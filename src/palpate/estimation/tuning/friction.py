@@ -50,6 +50,10 @@ TRANSIENT = 0.25
 """s after breakaway in which the spring between arm and object still swings. Sensitive: friction
 2.7 σ, std ×0.8–1.3."""
 
+PARTED = 0.05
+"""s after breakaway from which all joints together tell friction from what moves the arm's links, steadily or not.
+Sensitive: 0.02 to 0.25 s change a friction by 0.2 σ, its std by ×1.0–1.05."""
+
 DOWN = 0.006
 """m above the grasp that the hand may be while the object is on its support. Sensitive: no."""
 
@@ -128,10 +132,22 @@ LIKELY_HOLDING = (0.9, 0.08, 0.02)
 """... and how likely each is before it is felt. Dry friction is in proportion to pressure (Amontons); one thing
 in ten is taken to cling. Chosen, without a source. Sensitive: friction 0.5 σ, std ×0.9–1.9."""
 
-SLID_MISFIT = 5.0
+LIKELY_PULL = (0.9, 0.1)
+"""how likely nothing pulls with the place, and something does, where the arm's own forces are known. Chosen, without a
+source, as `LIKELY_HOLDING`. Sensitive: no from 0.8 to 0.95; friction 0.7 σ, std ×1.0–1.2 without it."""
+
+LEANING = (0.2, 1.0)
+"""times `LEAN` that a support may be out of level ... Sensitive: friction std ×0.85–1.3."""
+
+LIKELY_LEANING = (0.7, 0.3)
+"""... and how likely each is before it is felt: arms stand on what was levelled with a spirit level, to 1 mm/m, or on
+what stands on a floor. Chosen, without a source. Sensitive: hardly."""
+
+SLID_MISFIT = 8.0
 """mean square of what a model of all that an arm did leaves, in units of the noise, up to which a friction may
-rest on it, with its standard deviation widened by the root; of arms as their owners meet them it is 1.2 to 3.7.
-Sensitive: no."""
+rest on it, with its standard deviation widened by the root; of arms as their owners meet them it is 1.2 to 5.4, as
+the level of their 1/f noise shows in few rests and may come out at a quarter of what it is. Sensitive: no from 6 on;
+at 5 three of 30 such runs rest on how the force grows with the pressure alone."""
 
 STEP = 0.1
 """N m (1 sigma) that a sensor's zero may be another after the drags where it jumped, and from which a model without a
@@ -198,6 +214,10 @@ Engineers, table 5.1) ... Sensitive: `static` hardly."""
 
 STICKIER_FACTOR = 2.5
 """... by so many times more or less (1 sigma). Sensitive: `static` hardly."""
+
+TURNING = 0.5
+"""part (1 sigma), that is not known, of what joints that turn round rub less than they will: over how many mrad they
+do, `PRESLIDING`, is known to a factor of two or so. Sensitive: `static` std ×0.9–1.1 where joints rub by 0.4 N m."""
 
 STATIC_NOISE = 0.005
 """noise of a row's quotient of forces that is always assumed: what rises does not rise in a straight line.

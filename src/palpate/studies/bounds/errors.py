@@ -2,9 +2,8 @@
 number that the noise model draws.
 
 Of what an arm's owner is told nothing of (zeros, links, levels of friction) nothing is taken as
-known; of the rest, how large it may be. What is not here (cross-talk, curvature, hysteresis and
-ripple of the sensors, friction that grows with load or place, lost samples) could only raise a
-bound.
+known; of the rest, how large it may be. What is not here (curvature and hysteresis of the sensors,
+lost samples) could only raise a bound.
 """
 
 from __future__ import annotations
@@ -19,7 +18,14 @@ import numpy as np
 from palpate.geometry.pose import Array
 from palpate.robots.description import RobotDescription
 from palpate.robots.simulated.noise.around import REACH
-from palpate.robots.simulated.noise.model import Friction, Model, NoiseModel, Sticking
+from palpate.robots.simulated.noise.model import (
+    Friction,
+    Model,
+    NoiseModel,
+    Ripple,
+    Sticking,
+    Torque,
+)
 from palpate.robots.simulated.noise.rests import NEW_APPROACH, REST_SPEED
 from palpate.robots.simulated.noise.values import Drawn
 from palpate.studies.bounds.blocks import Blocks
@@ -73,12 +79,14 @@ def errors(
 ) -> list[Column]:
     """All errors of the arm, with what they make of a load."""
     links = _links(arm, blocks.q, gravity)
+    weight = gravity * links.shift[:, VERTICAL]
     return [
         *_each_joint(np.ones_like(blocks.q), ZERO * np.ones(blocks.q.shape[1])),
-        *_gains(noise, gravity * links.shift[:, VERTICAL], load),
+        *_gains(noise.torque, weight - weight[0] + load.torque),
+        *_rippled(noise.torque.ripple, samples, blocks),
         *_of_links(links),
         *_frame(noise.model, links, blocks, load, gravity),
-        *_rubbing(noise.friction, samples, blocks),
+        *_rubbing(noise.friction, samples, blocks, np.abs(weight + load.torque)),
         *_stuck(noise.sticking, samples, blocks),
         *_cable(noise.model.payload_cable, blocks),
     ]
@@ -97,9 +105,21 @@ def _each_joint(torque: Array, sizes: Array) -> Iterator[Column]:
         yield Column(alone, size)
 
 
-def _gains(noise: NoiseModel, weight: Array, load: Hanging) -> Iterator[Column]:
-    """A sensor shows the arm's weight right where it was zeroed, at the beginning."""
-    yield from _each_joint(weight - weight[0] + load.torque, deviation(noise.torque.gain_max))
+def _gains(torque: Torque, shown: Array) -> Iterator[Column]:
+    """Each sensor's own gain, and cross-talk of every other joint, of the torques (n, 7) that are `shown`: a
+    sensor shows the arm's weight right where it was zeroed, at the beginning."""
+    yield from _each_joint(shown, deviation(torque.gain_max))
+    crossed = deviation(torque.crosstalk) * (1.0 - np.eye(shown.shape[1]))
+    for felt, told in np.argwhere(crossed > 0.0).tolist():
+        alone = np.zeros_like(shown)
+        alone[:, felt] = shown[:, told]
+        yield Column(alone, float(crossed[felt, told]))
+
+
+def _rippled(ripple: Ripple, samples: Samples, blocks: Blocks) -> Iterator[Column]:
+    """Ripple of the sensors, whose phase nobody knows."""
+    for wave in (np.sin, np.cos):
+        yield from _each_joint(blocks.mean(wave(ripple.cycles * samples.q)), ripple.size)
 
 
 def _of_links(links: _Links) -> Iterator[Column]:
@@ -121,9 +141,12 @@ def _frame(
         yield Column(links.shift[:, axis] + load.mass[:, None] * pulled, size)
 
 
-def _rubbing(friction: Friction, samples: Samples, blocks: Blocks) -> Iterator[Column]:
+def _rubbing(
+    friction: Friction, samples: Samples, blocks: Blocks, borne: Array
+) -> Iterator[Column]:
     """Friction behind the sensors (Dahl): its level, of which nothing more is known than its order;
-    what it was at the start; and what grows with the speed."""
+    what it was at the start; what grows with the speed; how much more of it there is at a place, where
+    a joint is slow, and under the torque (n, 7) that is `borne`."""
     turned, left = np.zeros_like(samples.q), np.ones_like(samples.q)
     steps = np.diff(samples.q, axis=0)
     for row, step in enumerate(steps, start=1):
@@ -134,6 +157,13 @@ def _rubbing(friction: Friction, samples: Samples, blocks: Blocks) -> Iterator[C
     yield from _each_joint(friction.coulomb * blocks.mean(turned), ones)
     yield from _each_joint(friction.coulomb * blocks.mean(left), ones / math.sqrt(3.0))
     yield from _each_joint(friction.viscous * blocks.dq, ones)
+    level = friction.coulomb * blocks.mean(turned)
+    for wave in (np.sin, np.cos):
+        yield from _each_joint(level * wave(blocks.q), friction.position)
+    slow = np.exp(-((samples.dq / friction.stribeck_speed) ** 2))
+    more = (friction.static - 1.0) * friction.coulomb
+    yield from _each_joint(more * blocks.mean(turned * slow), ones)
+    yield from _each_joint(blocks.mean(turned) * borne, friction.load)
 
 
 def _stuck(sticking: Sticking, samples: Samples, blocks: Blocks) -> Iterator[Column]:

@@ -12,16 +12,14 @@ from palpate.estimation.load.free import apart, lifted
 from palpate.estimation.windows import Mask, load_of, runs
 from palpate.geometry.pose import Array
 from palpate.robots.description import RobotDescription
-from palpate.robots.simulated.noise.model import NoiseModel
+from palpate.robots.simulated.noise.model import Model, NoiseModel
 from palpate.studies.bounds.blocks import Blocks, blocks
-from palpate.studies.bounds.errors import Hanging, errors
+from palpate.studies.bounds.errors import Hanging, deviation, errors
 from palpate.studies.bounds.information import Column, covariance
 from palpate.trace.samples import Trace
 
 ANY_MASS, ANY_LEVER, ANY_FORCE, ANY_RATIO = 10.0, 1.0, 1e3, 10.0
 """kg, m, N or N m, and of a coefficient: so much that nothing is known beforehand."""
-LEAN = 3e-3
-"""rad (1 sigma): out of level by 3 mm/m, as floors may be (DIN 18202, quoted from memory)."""
 SLIDES, PRESSED = 5e-3, 1.0
 """m/s and N from which a thing slides along its support."""
 UP = np.array([0.0, 0.0, 1.0])
@@ -80,8 +78,8 @@ def of_friction(
     """Least standard deviation of the coefficient with which an object slid, beside its weight and
     all that the support did to it but the force along the motion; None where it did not slide.
 
-    It is that of one who knows that nothing else holds the object, that friction is even, and that joints rub
-    alike everywhere, of which no estimator is told; but not how the support leans.
+    It is that of one who knows that nothing else holds the object, that friction is even, and that the support
+    is level, of which no estimator is told; but not how the arm's own frame leans.
 
     `about`: the true mass (kg) and friction, where the equations are linearised.
     """
@@ -99,13 +97,16 @@ def of_friction(
     way = np.zeros((len(speed), 3))
     way[sliding, :2] = speed[sliding] / np.linalg.norm(speed[sliding], axis=1)[:, None]
     rubbed = Column(_torques(blocks, pressed[:, None] * way), ANY_RATIO)
-    support = list(_leaning(blocks, pressed, way))
+    support: list[Column] = []
     for place in np.flatnonzero(sliding):
         support += _supported(blocks, int(place), way[place], friction)
     borne = _torques(blocks, pressed[:, None] * (friction * way - sliding[:, None] * UP))
     found = covariance(
         [rubbed, *_of_weight(carried, mass, sliding * trace.gravity), *support],
-        _errors(trace, carried, mass, arm, noise, sliding * trace.gravity, borne),
+        [
+            *_errors(trace, carried, mass, arm, noise, sliding * trace.gravity, borne),
+            *_leaning(blocks, pressed, way, noise.model),
+        ],
         blocks,
         carried.free | sliding,
         noise.torque,
@@ -113,10 +114,16 @@ def of_friction(
     return float(np.sqrt(found[0, 0]))
 
 
-def _leaning(blocks: Blocks, pressed: Array, way: Array) -> Iterator[Column]:
-    """What a support that leans by a radian about either axis adds along the motion."""
-    for along in way[:, :2].T:
-        yield Column(_torques(blocks, (pressed * along)[:, None] * way), LEAN)
+def _leaning(blocks: Blocks, pressed: Array, way: Array, model: Model) -> Iterator[Column]:
+    """What a support adds along the motion that seems to lean, as the base is tilted, or encoders have
+    other zeros."""
+    zeros = zip(
+        blocks.maps[:, :, 3:].transpose(1, 0, 2), deviation(model.joint_offset), strict=True
+    )
+    tilts = zip(blocks.turn.T, deviation(model.base_tilt), strict=False)
+    for axis, size in (*zeros, *tilts):
+        along = (way * np.cross(axis, UP)).sum(axis=1)
+        yield Column(_torques(blocks, (pressed * along)[:, None] * way), float(size))
 
 
 def _supported(blocks: Blocks, place: int, way: Array, friction: float) -> Iterator[Column]:
