@@ -178,7 +178,9 @@ class Drag:
 
     @property
     def slid(self) -> list[NDArray[np.intp]]:
-        """Rows of each block of sliding, at full speed or not."""
+        """Rows of each block of sliding, at full speed or not; what nearly chatters may stick before it is steady."""
+        if self.roughness > tuning.NEARLY_ROUGH:
+            return self.blocks
         return self._split(self.steady | (self._parted & self._presses))
 
     def _split(self, rows: Mask) -> list[NDArray[np.intp]]:
