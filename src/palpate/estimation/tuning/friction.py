@@ -134,10 +134,10 @@ in ten is taken to cling. Chosen, without a source. Sensitive: friction 0.5 σ, 
 
 LIKELY_PULL = (0.9, 0.1)
 """how likely nothing pulls with the place, and something does, where the arm's own forces are known. Chosen, without a
-source, as `LIKELY_HOLDING`. Sensitive: no from 0.8 to 0.95; friction 0.7 σ, std ×1.0–1.2 without it."""
+source, as `LIKELY_HOLDING`. Sensitive: no at 0.95 (`lab`)."""
 
 LEANING = (0.2, 1.0)
-"""times `LEAN` that a support may be out of level ... Sensitive: friction std ×0.85–1.3."""
+"""times `LEAN` that a support may be out of level ... Sensitive: friction std ×0.85 or so without it."""
 
 LIKELY_LEANING = (0.7, 0.3)
 """... and how likely each is before it is felt: arms stand on what was levelled with a spirit level, to 1 mm/m, or on
@@ -146,8 +146,8 @@ what stands on a floor. Chosen, without a source. Sensitive: hardly."""
 SLID_MISFIT = 8.0
 """mean square of what a model of all that an arm did leaves, in units of the noise, up to which a friction may
 rest on it, with its standard deviation widened by the root; of arms as their owners meet them it is 1.2 to 5.4, as
-the level of their 1/f noise shows in few rests and may come out at a quarter of what it is. Sensitive: no from 6 on;
-at 5 three of 30 such runs rest on how the force grows with the pressure alone."""
+the level of their 1/f noise shows in few rests and may come out at a quarter of what it is. Sensitive: not above 5.4,
+the most of 30 recorded runs; at 5 three of these rest on how the force grows with the pressure alone."""
 
 STEP = 0.1
 """N m (1 sigma) that a sensor's zero may be another after the drags where it jumped, and from which a model without a
@@ -217,7 +217,7 @@ STICKIER_FACTOR = 2.5
 
 TURNING = 0.5
 """part (1 sigma), that is not known, of what joints that turn round rub less than they will: over how many mrad they
-do, `PRESLIDING`, is known to a factor of two or so. Sensitive: `static` std ×0.9–1.1 where joints rub by 0.4 N m."""
+do, `PRESLIDING`, is known to a factor of two or so. Sensitive: `static` std ×0.8 at 0 where joints rub by 0.4 N m."""
 
 STATIC_NOISE = 0.005
 """noise of a row's quotient of forces that is always assumed: what rises does not rise in a straight line.
