@@ -21,6 +21,7 @@ from palpate.planning.plan import Node
 from palpate.planning.symbolic.goals import Goal, Tail, at_rest, placed, when
 from palpate.planning.symbolic.passes import with_effort
 from palpate.planning.symbolic.places import (
+    NEARER,
     SIDEWAYS,
     approach,
     balanced,
@@ -35,10 +36,9 @@ from palpate.planning.symbolic.steps import TEMPORARY, Step, nodes
 from palpate.quantities.precision.effort import Effort
 from palpate.scene.scene import Scene
 from palpate.vocabulary.admissible.clearance import blockers
+from palpate.vocabulary.admissible.solids import solids
 from palpate.vocabulary.admissible.support import clear_of_support
 from palpate.vocabulary.base import Primitive, Surroundings
-from palpate.vocabulary.gripper import CloseGripper
-from palpate.vocabulary.motion.move_pose import MovePose
 from palpate.vocabulary.registry import Vocabulary, vocabulary
 from palpate.vocabulary.state import HOME_CONFIG, SymbolicState
 
@@ -76,11 +76,14 @@ class Backchainer:
         default_factory=dict[Kind, tuple[str, list[Step]]], init=False
     )
     """The object for which the like was measured first, and how."""
+    _began: tuple[int, SymbolicState] = field(init=False)
+    """The steps before the last way that was searched, and the state then."""
     _hindrance: str = field(default="", init=False)
     """What the last way that was found would have run into."""
 
     def __post_init__(self) -> None:
         self.state = SymbolicState(self.scene)
+        self._began = 0, self.state
 
     @classmethod
     def at_home(cls, scene: Scene, words: Vocabulary) -> Backchainer:
@@ -143,16 +146,20 @@ class Backchainer:
         self._require_support(name)
         first = len(self.steps)
         away = self._clear(name, (name,)) if name in self.scene.bodies else []
+        extras, added = self._extras(name, parameters), False
         for parameter in parameters:
             while not measured(parameter, self.state):
                 if not (self._weighs(parameters) and self._balances(parameter)):
                     self._acquire(parameter)
+                if not added and self._hangs_level(name):
+                    added = self._add_extra(parameters, extras)
             self._improve(parameter)
             self._enrich(parameter)
-        done = self._add_extra(name, parameters)
+        if extras and not (added or self._add_extra(parameters, extras)):
+            kinds = " and ".join(dict.fromkeys(type(extra).__name__ for extra in extras))
+            self.spared.append(f"There is no room for {kinds} with '{name}'.")
         operators = self._operators(name, next(domains(self.scene, name)))
         self._reach(operators, when(at_rest(name)), f"'{name}' cannot be put back")
-        self._add_before(parameters, done)
         if not away:
             self._found[self._kind(parameters)] = (name, self.steps[first:])
         for blocker, place in reversed(away):
@@ -215,57 +222,54 @@ class Backchainer:
             self.state = step.effect(self.state)
         return True
 
-    def _add_extra(self, name: str, parameters: Iterable[Parameter]) -> list[Primitive]:
-        """Do what yields only what is worth having besides, here, where something does and there is room; what
-        was done."""
-        wanted = [one for one in parameters if self._would_tell_more(one)]
-        extras = self._grounded(self._around(name, []), extra=True) if wanted else []
-        done = self._add_one(wanted, extras) if self.extras else []
-        if extras and not done:
-            kinds = " and ".join(dict.fromkeys(type(extra).__name__ for extra in extras))
-            self.spared.append(f"There is no room for {kinds} with '{name}'.")
-        return done
-
-    def _add_one(
-        self, parameters: Iterable[Parameter], operators: Iterable[Primitive]
-    ) -> list[Primitive]:
-        """Do the first of some operators that yields something of a parameter here and can be done."""
-        for operator, steps in self._yielding(parameters, operators):
+    def _add_extra(self, parameters: Iterable[Parameter], extras: Iterable[Primitive]) -> bool:
+        """Whether one of some operators, done here with what is held, yields something that is worth having besides; it
+        is done with the empty hand, too, where that came here: the joints' friction is then left alike on
+        the way down and up, with the object and without."""
+        for operator, steps in self._yielding(self.state, parameters, extras):
             if self._take(steps):
-                return [operator]
-        return []
+                self._add_before(parameters, operator)
+                return True
+        return False
 
-    def _add_before(self, parameters: Iterable[Parameter], operators: Iterable[Primitive]) -> None:
-        """The same with the empty hand, where it is now, but before it took there what it has put back: the
-        joints' friction is then left alike on the way up and down with it and without."""
-        for _, steps in self._yielding(parameters, operators):
-            if first_refused(self.state, steps) is None:
-                came = self._came_here()
-                self.steps[came:came] = steps
-                for step in steps:
-                    self.state = step.effect(self.state)
-                return
-
-    def _came_here(self) -> int:
-        """How many steps it took until the hand came to where it is now and then took something there."""
-        taken = False
-        for i, step in reversed(list(enumerate(self.steps))):
-            first, *_ = step.primitives
-            if taken and isinstance(first, MovePose) and first.pose == self.state.at:
-                return i + 1
-            taken = taken or isinstance(first, CloseGripper)
-        return len(self.steps)
+    def _add_before(self, parameters: Iterable[Parameter], operator: Primitive) -> None:
+        count, before = self._began
+        came: list[tuple[int, SymbolicState]] = []
+        for i, step in enumerate(self.steps[count:], start=count + 1):
+            before = step.effect(before)
+            if before.at == self.state.at and not before.holding:
+                came.append((i, before))
+        for i, there in came[-1:]:
+            for _, steps in self._yielding(there, parameters, [operator]):
+                if first_refused(there, steps) is None:
+                    self.steps[i:i] = steps
+                    logged = steps[-1].effect(there).logged[len(there.logged) :]
+                    self.state = replace(self.state, logged=(*self.state.logged, *logged))
 
     def _yielding(
-        self, parameters: Iterable[Parameter], operators: Iterable[Primitive]
+        self, state: SymbolicState, parameters: Iterable[Parameter], operators: Iterable[Primitive]
     ) -> Iterator[tuple[Primitive, Sequence[Step]]]:
-        """Each operator that, done here, yields something of a parameter, with its steps."""
+        """Each operator that, done in a state, yields something of a parameter, with its steps."""
         for parameter in parameters:
             around = self._around(parameter.object, [])
             for operator in operators:
-                steps = yielding(parameter, [operator], self.words, around)(self.state)
+                steps = yielding(parameter, [operator], self.words, around)(state)
                 if steps:
                     yield operator, steps
+
+    def _extras(self, name: str, parameters: Iterable[Parameter]) -> Sequence[Primitive]:
+        """What yields only what is worth having besides of some of the parameters."""
+        if not (self.extras and any(self._would_tell_more(one) for one in parameters)):
+            return []
+        return self._grounded(self._around(name, []), extra=True)
+
+    def _hangs_level(self, name: str) -> bool:
+        """Whether an object is held, as it is believed, where it balances: the less it turns in the fingers, the
+        longer it is held."""
+        held = self.state.pose_tcp_object
+        if self.state.holding != name or held is None:
+            return False
+        return abs(held.apply(solids(self.scene).centre_of_mass(name))[0]) < NEARER
 
     def _would_tell_more(self, parameter: Parameter) -> bool:
         """Whether there is evidence of it that is worth having wherever it can be had."""
@@ -390,6 +394,7 @@ class Backchainer:
             steps, after = found
             refusal = first_refused(self.state, steps)
             if refusal is None:
+                self._began = len(self.steps), self.state
                 self.steps += steps
                 self.state = after
                 return True
