@@ -168,6 +168,21 @@ def test_a_hand_that_hangs_tells_nothing_of_a_centre_straight_below(run: Run) ->
     assert com[2] > 0.1
 
 
+def test_a_place_aside_is_felt_along_the_fingers_way_alone(run: Run) -> None:
+    assert run.trace is not None
+    model = NoiseModel.model_validate({"torque": {"white": 0.1}})
+    stands, aside = (
+        of_load(run.trace, "cup", np.eye(3), MASS, run.scene.arm, model, place)
+        for place in (0.0, 0.01)
+    )
+    assert stands is not None
+    assert aside is not None
+    assert aside[0] == stands[0]
+    grown = np.sqrt(aside[1] ** 2 - stands[1] ** 2)
+    assert np.sort(grown[:2]) == pytest.approx([0.0, 0.01], abs=1e-3)
+    assert grown[2] == 0.0
+
+
 def test_a_height_is_known_as_well_as_the_fingertips_and_the_frame(run: Run) -> None:
     tip = height(run, model={"tip_offset": 2e-4})
     assert tip == pytest.approx(2e-4, rel=1e-4)

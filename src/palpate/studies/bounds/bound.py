@@ -6,6 +6,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
+from palpate.estimation.balance import accuracy
 from palpate.estimation.estimate import Estimate
 from palpate.geometry.pose import Array
 from palpate.parameter import Parameter
@@ -85,7 +86,8 @@ def _load(seen: _Seen) -> tuple[float, Array] | None:
     if mass is None:
         return None
     name = seen.parameter.object
-    return of_load(seen.trace, name, seen.standing, mass, seen.arm, seen.noise)
+    place = accuracy(seen.run.scene.bodies[name])
+    return of_load(seen.trace, name, seen.standing, mass, seen.arm, seen.noise, place)
 
 
 def _friction(seen: _Seen) -> Bounds | None:

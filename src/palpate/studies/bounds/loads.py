@@ -22,6 +22,8 @@ ANY_MASS, ANY_LEVER, ANY_FORCE, ANY_RATIO = 10.0, 1.0, 1e3, 10.0
 """kg, m, N or N m, and of a coefficient: so much that nothing is known beforehand."""
 SLIDES, PRESSED = 5e-3, 1.0
 """m/s and N from which a thing slides along its support."""
+LEVEL = 1e-2
+"""square of the part of the fingers' way that is not known yet, below which it tells nothing more."""
 UP = np.array([0.0, 0.0, 1.0])
 
 
@@ -44,13 +46,20 @@ class Carried:
 
 
 def of_load(
-    trace: Trace, name: str, standing: Array, mass: float, arm: RobotDescription, noise: NoiseModel
+    trace: Trace,
+    name: str,
+    standing: Array,
+    mass: float,
+    arm: RobotDescription,
+    noise: NoiseModel,
+    place: float = 0.0,
 ) -> tuple[float, Array] | None:
     """Least standard deviations of the mass (kg) and of the centre of mass (3,) (m, in the axes
     that the object has when it stands with the rotation matrix `standing`); None where the trace
     does not say what joint torques come from.
 
-    `mass`: the true one, kg, where the equations are linearised.
+    `mass`: the true one, kg, where the equations are linearised. `place`: m (1 sigma), each way, that it may
+    have stood elsewhere on the level than the scene has it.
     """
     carried = _carried(trace, name, standing)
     if carried is None:
@@ -64,7 +73,19 @@ def of_load(
         noise.torque,
     )
     stds = np.sqrt(np.diag(found))
-    return float(stds[0]), stds[1:]
+    return float(stds[0]), np.hypot(stds[1:], place * _unfelt(carried, standing))
+
+
+def _unfelt(carried: Carried, standing: Array) -> Array:
+    """(3,) along the object's axes: the part of a step aside on the level that nothing tells; fingers
+    that close on it tell what is along their way."""
+    unknown = standing.T @ np.diag([1.0, 1.0, 0.0]) @ standing
+    for rows in runs(carried.held):
+        closing = carried.axes[rows.start].T @ carried.blocks.rotation[rows.start][:, 1]
+        told = unknown @ closing
+        if (size := float(closing @ told)) > LEVEL:
+            unknown = unknown - np.outer(told, told) / size
+    return np.sqrt(np.clip(np.diag(unknown), 0.0, None))
 
 
 def of_friction(
