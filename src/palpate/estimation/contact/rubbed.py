@@ -37,8 +37,8 @@ def rubbed(trace: Trace, rows: slice, free: Mask, height: float) -> Array:
 
 
 def _line(z: Array, force: Array, free: Mask) -> Array:
-    """(n,) N, the line over the height (n,) through the rows in free air."""
-    if np.count_nonzero(free) < tuning.CURVE_ROWS:
+    """(n,) N, the line over the height (n,) through the rows in free air; level of few rows, or of one height."""
+    if np.count_nonzero(free) < tuning.CURVE_ROWS or np.ptp(z[free]) == 0.0:
         return np.full(len(force), float(np.median(force[free])))
     rise, level = np.polyfit(z[free], force[free], 1).tolist()
     return rise * z + level
