@@ -203,6 +203,23 @@ def test_a_height_of_a_centre_of_mass_is_asked_for_in_words(scene, request_):
     assert asked == Parameter("bar", "com_3d")
 
 
+def test_a_turn_about_the_vertical_tells_of_a_centre_of_mass(tmp_path):
+    run = measured(
+        tmp_path,
+        BAR.format(inertial='<inertial pos="? ? ?" mass="?" diaginertia="? ? ?"/>', mass=""),
+        BAR.format(
+            inertial=f'<inertial pos="0.02 0 0" mass="{MASS}" diaginertia="4e-5 2e-3 2e-3"/>',
+            mass="",
+        ),
+        "the centre of mass of the bar",
+        noise="none",
+    )
+    assert [leaf.primitive for leaf in run.trace.leaves].count("Turn") == 2
+    (found,) = run.estimates
+    assert found.value[:2] == pytest.approx([0.02, 0.0], abs=0.002)
+    assert "at 3 grasps, and along a turn about the vertical, each" in found.method
+
+
 def test_a_centre_of_mass_is_found_along_gravity(tmp_path):
     """From the words to the twin: its height, which top-down grasps do not show."""
     run = measured(

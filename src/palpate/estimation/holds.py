@@ -59,6 +59,11 @@ class Held:
     weighings: Sequence[Weighing]
     put_down: Sequence[PutDown]
 
+    @property
+    def turned(self) -> bool:
+        """Whether a turn about the vertical tells of it, too."""
+        return any(segment.turns for weighing in self.weighings for segment in weighing.segments)
+
     def droop(self, grasp: float, time: float) -> Droop:
         """What has turned the object in a grasp by a time, s."""
         moments = (hold.droop.moment for hold in self.holds if hold.grasp == grasp)
@@ -205,7 +210,7 @@ def _parts(trace: Trace, recording: Recording) -> dict[str, slice]:
     """Rows of a tilting: each turn in bins, and each rest."""
     t, resting = trace.samples.t, at_rest(trace.samples)
     inside = (t >= recording.start) & (t <= recording.end)
-    parts = {f"turn {i} {k}": rows for (i, k), rows in turns(trace, recording).items()}
+    parts = {f"tilt {i} {k}": rows for (i, k), rows in turns(trace, recording).items()}
     rests = [rows for rows in runs(resting & inside) if _lasts(t[rows])]
     for i, rest in enumerate(rests):
         parts[f"rest {i}"] = rest

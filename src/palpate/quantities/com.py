@@ -204,8 +204,8 @@ def estimate_com(trace: Trace, parameter: Parameter, body: Body | None) -> Estim
     value = centre, np.sqrt(np.diag(covariance))
     tests = (*load.tests, agree)
     level = len({hold.grasp for hold in found.holds})
-    counts = level, len(found.holds) - level
-    made = _estimate(parameter, body, grasps, counts, value, parts, tests)
+    where = _where(level, len(found.holds) - level, found.turned)
+    made = _estimate(parameter, body, grasps, where, value, parts, tests)
     method = made.method + WHOLE * bool(found.links)
     return replace(made, method=method, shared=shared, freedom=grasps.freedom)
 
@@ -220,7 +220,7 @@ def _estimate(
     parameter: Parameter,
     body: Body,
     grasps: Grasps,
-    counts: tuple[int, int],
+    where: str,
     found: tuple[Array, Array],
     parts: Mapping[str, Part],
     tests: tuple[FitTest, ...],
@@ -235,7 +235,7 @@ def _estimate(
         value,
         std,
         np.column_stack([value - half, value + half]),
-        _method(*counts, blind.tolist(), body),
+        _method(where, blind.tolist(), body),
         tuple(grasps.recordings),
         "prior-dominated" if bool(blind.all()) else "identified",
         parts,
@@ -244,14 +244,22 @@ def _estimate(
     )
 
 
-def _method(grasps: int, tilts: int, blind: Sequence[bool], body: Body) -> str:
+def _where(grasps: int, tilts: int, turned: bool) -> str:
     """Of so many grasps held level, and so many bits of tilts of what was held in one of them."""
-    tilted = f", and in {tilts} bits of tilts" if tilts else ""
+    held = f"at {grasps} grasp{'s' * (grasps > 1)}"
+    if turned:
+        held += ", and along a turn about the vertical"
+    if tilts:
+        held += f", and in {tilts} bits of tilts"
+    return held
+
+
+def _method(where: str, blind: Sequence[bool], body: Body) -> str:
     said = "as stated" if body.accuracy else "assumed, as poses.yaml states no accuracy"
     method = (
-        f"Horizontal moment over weight of the object held still at {grasps} "
-        f"grasp{'s' * (grasps > 1)}{tilted}, each against the empty hand, and from where the scene has the "
-        f"object, whose error along the fingers, {1e3 * accuracy(body):.2g} mm (1 sigma, {said}), no grasp shows"
+        f"Horizontal moment over weight of the object held still {where}, each against the empty hand, and from "
+        "where the scene has the object, whose error along the fingers, "
+        f"{1e3 * accuracy(body):.2g} mm (1 sigma, {said}), no grasp shows"
     )
     axes = " and ".join(axis for axis, unseen in zip("xyz", blind, strict=True) if unseen)
     if axes:
