@@ -31,6 +31,7 @@ from palpate.scene.pictured.detected import DetectedScene, SceneBuilder
 from palpate.scene.poses import MAX_BYTES as MAX_POSES
 from palpate.scene.poses import Poses, parse_poses, read_poses
 from palpate.settings import Settings
+from palpate.vocabulary.admissible.room import require_room
 from palpate.vocabulary.composites import COMPOSITES
 from palpate.vocabulary.registry import vocabulary
 
@@ -152,13 +153,14 @@ def check_file(
         robot_body: bodies that the scene's own robots begin with.
 
     Raises:
-        InputError: a file that cannot be read.
+        InputError: a file that cannot be read, or a scene without room for the arm.
     """
     proposal = load_proposal(plan)
     description = load_description(arm)
     known = None
     if scene is not None:
         known = load_scene(scene, poses, description, root=root, robot_body=robot_body)
+        require_room(known)
     elif poses is not None and proposal.scene:
         builder = SceneBuilder(read_poses(poses), description)
         known = DetectedScene(builder, proposal.scene).scene()

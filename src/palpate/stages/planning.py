@@ -22,6 +22,7 @@ from palpate.scene.poses import Poses, read_poses, seen_by
 from palpate.scene.scene import Scene
 from palpate.settings import Settings
 from palpate.stages.workplace import pictures_of
+from palpate.vocabulary.admissible.room import require_room
 
 
 def plan(settings: Settings, scene: Scene | None, planner: Planner | None = None) -> Run:
@@ -31,11 +32,12 @@ def plan(settings: Settings, scene: Scene | None, planner: Planner | None = None
     model saw in the picture.
 
     Raises:
-        InputError: bad input.
+        InputError: bad input, or a scene without room for the arm.
         Unavailable: the provider.
     """
     if scene is not None:
         settings.within.check(scene.bodies)
+        require_room(scene)
     poses = _poses(settings, scene)
     planner = planner or _planner(settings, poses)
     pictures = _pictures(planner, settings, scene, poses)

@@ -31,7 +31,7 @@ from palpate.vocabulary.admissible.sweep.crowd import (
 )
 from palpate.vocabulary.admissible.sweep.sweep import Hit, Part, Sweep
 from palpate.vocabulary.admissible.sweep.way import Way, of_fingers, of_joints, straight
-from palpate.vocabulary.state import SAME_POSE, SymbolicState
+from palpate.vocabulary.state import HOME_CONFIG, SAME_POSE, SymbolicState
 from palpate.vocabulary.violation import Violation
 
 ENTERED = 0.0015
@@ -101,7 +101,7 @@ def _finger_hits(state: SymbolicState, end: float, around: str | None) -> Iterat
         yield Violation(
             "collision",
             f"at '{state.at}' the {hit.part.owner} would move into '{hit.other.owner}' at "
-            f"{_place(hit)}; choose a grasp clear of it, or carry it away first and back later",
+            f"{hit.place}; choose a grasp clear of it, or carry it away first and back later",
         )
 
 
@@ -227,16 +227,17 @@ def _told(hit: Hit, before: SymbolicState, after: SymbolicState, passing: Passin
     part, name = _called(hit.part), hit.other.owner
     where = "joint motion" if after.is_bent else f"way to '{after.at}'"
     how = f"run {-1e3 * hit.distance:.0f} mm into" if hit.distance < 0 else "come too near to"
-    met = f"on the {where} {part} would {how} '{name}' at {_place(hit)}"
+    met = f"on the {where} {part} would {how} '{name}' at {hit.place}"
     if hit.other.kind == FELT:
         rise = 1e3 * higher(before)[name]
         return Violation(
             "collision", f"{met}, which was felt to be {rise:.0f} mm higher than believed"
         )
+    detour = _detour(before, after)
     if hit.other.kind == LINK or name == after.scene.arm.base:
-        return Violation("self-collision", f"{met}; go by way of 'home_config', or nearer poses")
+        return Violation("self-collision", f"{met}; {detour}choose nearer poses")
     if hit.part.kind == LINK:
-        return Violation("collision", f"{met}; go by way of 'home_config', or choose another pose")
+        return Violation("collision", f"{met}; {detour}choose another pose")
     if name in passing.between:
         return Violation("collision", f"{met}; {_entering(before, name)}")
     if name in after.scene.objects:
@@ -244,6 +245,11 @@ def _told(hit: Hit, before: SymbolicState, after: SymbolicState, passing: Passin
     if hit.part.kind == LOAD:
         return Violation("collision", f"{met}; choose a higher pose, or go around it")
     return Violation("collision", f"{met}; {_instead(after, name)}")
+
+
+def _detour(before: SymbolicState, after: SymbolicState) -> str:
+    """The remedy of going by way of home, in words; none where the way begins or ends there."""
+    return "" if HOME_CONFIG in (before.at, after.at) else "go by way of 'home_config', or "
 
 
 def _entering(before: SymbolicState, name: str) -> str:
@@ -276,8 +282,3 @@ def _instead(after: SymbolicState, name: str) -> str:
 
 def _called(part: Part) -> str:
     return f"'{part.owner}' in the hand" if part.kind == LOAD else f"the arm's {part.owner}"
-
-
-def _place(hit: Hit) -> str:
-    x, y, z = hit.where
-    return f"({x:.3f}, {y:.3f}, {z:.3f}) m"

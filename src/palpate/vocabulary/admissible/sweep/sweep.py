@@ -54,6 +54,12 @@ class Hit:
     where: tuple[float, float, float]
     share: float
 
+    @property
+    def place(self) -> str:
+        """Where, in words."""
+        x, y, z = self.where
+        return f"({x:.3f}, {y:.3f}, {z:.3f}) m"
+
 
 @dataclass(eq=False)
 class Moment:
@@ -191,6 +197,13 @@ class Sweep:
                     found.append(self._hit(pair, moment))
             if found:
                 yield found
+
+    def overlaps(self) -> Iterator[Hit]:
+        """Pairs that are inside each other at the start."""
+        start = self._moment(0)
+        for pair in np.flatnonzero(self.bounds[0] < 0.0).tolist():
+            if self._exact(start, pair) < 0.0:
+                yield self._hit(pair, start)
 
     def near(self, growth: float) -> NDArray[np.bool_]:
         """(n - 1,) bool: whether any pair may come within `growth` m between two moments."""
