@@ -169,3 +169,11 @@ def test_a_tilt_that_did_not_end_well_costs_the_height_alone(bench, noises):
         if found.has_value:
             assert found.verdict == "identified"
             assert found.unseen == (2,)
+
+
+def test_a_grasp_counts_once_though_a_lift_beside_it_is_weighed_with_it(bench, noises, scene):
+    close = [0.0, 0.016, -0.016]
+    found = estimate_com(lift_at(bench, noises["lab"], close), PARAMETER, scene.body("hammer"))
+    assert "at 3 grasps" in found.method
+    assert found.identified, found.method
+    assert np.all(np.abs(found.value[:2] - COM) < 3 * found.std[:2])

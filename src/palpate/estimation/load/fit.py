@@ -203,7 +203,8 @@ def _evidence(rows: Sequence[Rows], model: Model) -> float:
 
 
 def _grasps(weighings: Sequence[Weighing]) -> tuple[float, ...]:
-    return tuple(time for weighing in weighings for time in weighing.grasps)
+    """s, of each grasp once, on however many paths the load was weighed in it."""
+    return tuple(dict.fromkeys(time for weighing in weighings for time in weighing.grasps))
 
 
 def load_model(rows: Sequence[Rows], grasps: Sequence[float], about: Array, hand: Hand) -> Model:
