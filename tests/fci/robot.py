@@ -46,6 +46,7 @@ class FrankaRobot:
 
     Attributes:
         mode: a `RobotMode`. commanded: cycles in motion. lost: those without a command, in all.
+        unanswered: states of a motion that were told before its first command.
         loses: share of commands that get lost on the way.
     """
 
@@ -73,7 +74,7 @@ class FrankaRobot:
         self._ids, self._arrivals = 0, Arrivals()
         self.lost = self.commanded = 0
         self.loses, self._chance = 0.0, np.random.default_rng(seed)
-        self._awaits_first = False
+        self._awaits_first, self.unanswered = False, 0
         self._tell()
 
     @property
@@ -184,7 +185,7 @@ class FrankaRobot:
             self._answer(asked, MoveStatus.INVALID)
             return
         self._move, self.mode = asked, RobotMode.MOVE
-        self._awaits_first = True
+        self._awaits_first, self.unanswered = True, 0
         self._arrivals.begin()
         self.controller.start()
         self._answer(asked, MoveStatus.STARTED)
@@ -257,6 +258,7 @@ class FrankaRobot:
     def _obey(self, command: NDArray[np.void] | None) -> None:
         """Make a torque of a command, or of what was commanded last."""
         if self._awaits_first and command is None:
+            self.unanswered += 1
             self._stay()
             return
         self._awaits_first = False

@@ -41,8 +41,13 @@ BEHIND = 0.05
 """s: a clock that is late by more starts anew."""
 HAND_EVERY = 10
 """Cycles between two states of the hand."""
+LOOKS = 2
+"""States of a motion that a client looks at before it answers one (libfranka: one when it has asked
+for the motion, one before its first command)."""
 FIRST = 0.01
-"""s that a client has for its first command."""
+"""s between those."""
+PATIENCE = 0.3
+"""s that a client then has for its first command; libfranka itself gives up after 1 s."""
 IDLE = 0.5
 """s between two looks at whether somebody has connected."""
 HAND_WAITS = 0.05
@@ -236,10 +241,12 @@ class Server:
     def _spacing(self) -> float:
         """s between two cycles that wait for no answer. A client's first command answers a state
         after some that it only looked at: if that took it several cycles, the answers to them would
-        be lost."""
+        be lost, and its motion would begin with a jump."""
         if not self._robot.moving:
             return self._cycle
-        return FIRST if self._lockstep else CYCLE
+        if not self._lockstep:
+            return CYCLE
+        return FIRST if self._robot.unanswered < LOOKS else PATIENCE
 
     def _schedule(self, cycle: float) -> None:
         """When the next cycle is due, s after the last one; a clock that is late starts anew."""
