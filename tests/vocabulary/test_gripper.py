@@ -151,3 +151,14 @@ def test_fingers_fold_on_nothing_alone(start, make, after) -> None:
     folded = after(start, "OpenGripper", ("MovePose", "cup_top"), "FoldFingers")
     assert (folded.gripper, folded.holding) == ("closed", None)
     assert "must be open" in fold.requires(folded)[0].message
+
+
+def test_folded_fingers_do_not_open_on_what_they_press(start, make, after) -> None:
+    """They would push it aside, or over."""
+    opening, touch = make("OpenGripper"), ("MoveUntilContact", "-z")
+    pressing = after(start, "OpenGripper", ("MovePose", "cup_top"), "FoldFingers", touch)
+    (found,) = opening.requires(pressing)
+    assert found.rule == "gripper-state"
+    assert "press on 'cup'" in found.message
+    assert "MovePose to 'cup_top + z_offset' first" in found.message
+    assert not opening.requires(after(pressing, ("MovePose", "cup_top")))

@@ -9,7 +9,7 @@ from typing import ClassVar
 from palpate.robots.safety import Expectation
 from palpate.vocabulary.admissible.collision import finger_collisions
 from palpate.vocabulary.admissible.grasp import ungraspable
-from palpate.vocabulary.admissible.support import would_fall
+from palpate.vocabulary.admissible.support import above, would_fall
 from palpate.vocabulary.base import (
     Blackboard,
     LeafFailure,
@@ -58,7 +58,11 @@ class OpenGripper(Primitive):
 
     def requires(self, state: SymbolicState) -> list[Violation]:
         opening = state.scene.arm.hand.opening
-        return [*would_fall(state), *finger_collisions(state, opening, state.holding)]
+        return [
+            *would_fall(state),
+            *_would_rub(state),
+            *finger_collisions(state, opening, state.holding),
+        ]
 
     def effects(self, state: SymbolicState) -> SymbolicState:
         touched_through_it = state.activity == "contact" and state.contact is None
@@ -171,11 +175,11 @@ class CloseGripper(Primitive):
 
 
 class FoldFingers(Primitive):
-    """Close the empty fingers on each other, so that both make one narrow tip; fails when something is
+    """Close the empty fingers on each other, making one narrow tip; fails when something is
     between them.
 
-    Fold them at `<object>_top`, then touch the object's top with MoveUntilContact -z;
-    OpenGripper afterwards."""
+    Fold them at `<object>_top`, touch the top with MoveUntilContact -z, MovePose away,
+    OpenGripper."""
 
     claims: ClassVar[frozenset[Resource]] = frozenset({"gripper"})
     group: ClassVar = "gripper"
@@ -206,6 +210,17 @@ class FoldFingers(Primitive):
         if blackboard.robot.state.gripping:
             raise LeafFailure("the fingers met something: what is between them is not believed")
         return f"folded to {1e3 * blackboard.robot.state.width:.0f} mm"
+
+
+def _would_rub(state: SymbolicState) -> Iterator[Violation]:
+    """That folded fingers press on something: opening they would push it aside."""
+    if state.contact is None or state.holding is not None or state.gripper != "closed":
+        return
+    yield Violation(
+        "gripper-state",
+        f"the folded fingers press on '{state.contact}' and would push it aside as they open; "
+        f"MovePose to '{above(state, state.at)}' first",
+    )
 
 
 def _nearest(state: SymbolicState) -> str:
