@@ -276,8 +276,14 @@ def _support(trace: Trace, body: Body) -> tuple[float, float]:
 
 
 def _tests(touches: Iterable[Touch]) -> Iterator[FitTest]:
+    """Whether what was met of the top is the object itself, and nothing soft on it or under it.
+
+    An object ends where it is met. It may give way a little as it is pressed, or what it stands on:
+    where it was met is then uncertain by a part of that, which its standard deviation tells.
+    """
     for touch in touches:
-        yield touch.firm()
+        if touch.penetration > tuning.SOFT:
+            yield touch.firm()
 
 
 def _method(axes: set[int]) -> str:
