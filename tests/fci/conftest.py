@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterator
 from typing import Any
 
 import pytest
 
 from .served import Served, files, served
+
+RESTS = 0.5
+"""s of robot time after which an arm that nobody commands is still."""
 
 
 @pytest.fixture(scope="session")
@@ -31,3 +35,11 @@ def connected(bench: Served) -> Any:
     robot.set_collision_behavior(60.0, 60.0)
     robot.relative_dynamics_factor = 0.3
     return robot
+
+
+def passed(robot: Any, seconds: float) -> Any:
+    """The state after so much robot time, however busy the machine is that the robot is served on."""
+    end = robot.state.time.to_sec() + seconds
+    while robot.state.time.to_sec() < end:
+        time.sleep(0.01)
+    return robot.state
