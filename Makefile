@@ -19,15 +19,15 @@ test-all: test
 	OPENBLAS_NUM_THREADS=1 $(BIN)/pytest -n auto --dist loadfile -m long
 
 bench: $(VENV)/.dev
-	$(BIN)/python -m palpate.studies.bench
+	$(BIN)/python -m bench speed
 
 # Every scenario at every noise against the table of what it measured before; some minutes.
 golden: $(VENV)/.dev
-	$(BIN)/python tests/golden/golden.py compare
+	$(BIN)/python bench/golden/golden.py compare
 
 lint: $(VENV)/.dev
-	$(BIN)/ruff check src tests examples
-	$(BIN)/ruff format --check src tests examples
+	$(BIN)/ruff check src tests bench examples
+	$(BIN)/ruff format --check src tests bench examples
 	$(BIN)/pyright
 
 $(VENV)/.run: pyproject.toml requirements.txt

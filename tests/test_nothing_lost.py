@@ -14,11 +14,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from bench import DESK, MASS, Bench
 from failing import Failing
 from standin import StandIn
 
 import palpate as pp
+from bench import DESK, MASS, Bench
 from palpate import api
 from palpate.stages import building
 from palpate.trace.mcap import read_mcap

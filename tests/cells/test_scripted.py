@@ -10,10 +10,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from bench import DESK, MASS, Bench
 from installed import install
 
 import palpate as pp
+from bench import DESK, MASS, Bench
 from palpate.cells.registry import drivers
 
 PACKAGE = """from palpate.cells.registry import Driver

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from bench.bounds.loads import of_friction
 from palpate import pipeline
 from palpate.estimation.friction.drags import steady_drags
 from palpate.estimation.friction.fit import fit_sliding
@@ -14,7 +15,6 @@ from palpate.estimation.friction.whole import fit_whole
 from palpate.estimation.load.feeling import feeling
 from palpate.robots.simulated.noise.model import NoiseModel
 from palpate.scenarios.catalogue import scenario
-from palpate.studies.bounds.loads import of_friction
 
 TRUTH, MASS = 0.34, 0.32
 

@@ -15,7 +15,6 @@ from palpate.parameter import Parameter
 from palpate.runs.run import Run
 from palpate.scenarios.catalogue import scenario
 from palpate.settings import Settings
-from palpate.studies.bounds.bound import bounds_of
 from palpate.studies.engine.workers import spread
 from palpate.studies.places import about_there
 
@@ -35,8 +34,6 @@ class ScoredEstimate:
         single_shot: for masses, the naive mean of F_z/g from the same recording.
         unit: as printed.
         verdict: of this component.
-        bound: the least standard deviation that the recording allows, see
-            `studies.bounds`; None where that is not known.
     """
 
     parameter: Parameter
@@ -50,7 +47,6 @@ class ScoredEstimate:
     single_shot: float | None
     unit: str = ""
     verdict: Verdict = "identified"
-    bound: float | None = None
 
     @property
     def covered(self) -> bool:
@@ -175,7 +171,6 @@ def _scored(run: Run, estimate: Estimate) -> Iterator[ScoredEstimate]:
     if truth is None or not estimate.has_value:
         return
     naive = estimate.parts.get("single-shot")
-    bounds = bounds_of(run, estimate) or (None,) * len(truth)
     for i, true_value in enumerate(truth):
         low, high = estimate.ci95[i].tolist()
         yield ScoredEstimate(
@@ -190,7 +185,6 @@ def _scored(run: Run, estimate: Estimate) -> Iterator[ScoredEstimate]:
             naive.value if naive else None,
             estimate.unit,
             estimate.verdicts[i],
-            bounds[i],
         )
 
 

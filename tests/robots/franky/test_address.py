@@ -10,11 +10,11 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 import pytest
-from tests.fci.served import own_address
 
 import palpate as pp
 from palpate.robots.franky.address import Address, read_address
 from palpate.robots.franky.preflight import ROBOT_PORT, greet
+from tests.fci.served import own_address
 
 DESK = """<mujoco><worldbody>
   <geom name="desk" type="box" size=".3 .4 .1" pos=".5 0 .1"/>

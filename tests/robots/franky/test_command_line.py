@@ -14,6 +14,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import pytest
+
 from tests.fci.served import ROOT, Served, served
 
 pytest.importorskip("franky", reason="franky-control has no wheel for this machine")

@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from tests.fci.served import Served, files, served
 
 import palpate as pp
 from palpate.audience import Audience
@@ -24,6 +23,7 @@ from palpate.scenarios.catalogue import scenario
 from palpate.scene.scene import with_real_arm
 from palpate.stages.executing import perform
 from palpate.stages.workplace import robot_of
+from tests.fci.served import Served, files, served
 
 pytest.importorskip("franky", reason="franky-control has no wheel for this machine")
 

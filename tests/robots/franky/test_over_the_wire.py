@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from tests.fci.served import Served, files, served
 
 import palpate as pp
 from palpate.cells.registry import drivers
 from palpate.scenarios.catalogue import scenario
+from tests.fci.served import Served, files, served
 
 pytest.importorskip("franky", reason="franky-control has no wheel for this machine")
 

@@ -27,7 +27,7 @@ def drawn(count: int, freedom: float, stated: float = 1.0) -> list[ScoredEstimat
     found: list[ScoredEstimate] = []
     for seed, error in enumerate(random.standard_t(freedom, count) / stated):
         ends = (2.0 + error - half, 2.0 + error + half)
-        found.append(ScoredEstimate(MASS, 0, seed, 2.0 + error, 1.0, *ends, 2.0, None, bound=0.5))
+        found.append(ScoredEstimate(MASS, 0, seed, 2.0 + error, 1.0, *ends, 2.0, None))
     return found
 
 
@@ -89,8 +89,6 @@ def test_scores_tell_timid_from_bold() -> None:
     assert bold.stated.low < 0.5 < bold.stated.high
     assert bold.coverage95.high < 0.8 < 0.95 < timid.coverage95.low
     assert bold.coverage50.high < 0.5 < timid.coverage50.low
-    assert timid.over_bound is not None
-    assert timid.over_bound.value == pytest.approx(2 / timid.stated.value)
     assert 5 < bold.worst < 9
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,16 +14,13 @@ from palpate.cli.options.model import BaseUrl, CriticModel
 from palpate.cli.options.motion import NoiseLevel, RobotConfig
 from palpate.cli.options.results import Widths, widths
 from palpate.cli.options.scene import Request
-from palpate.errors import InputError
 
 if TYPE_CHECKING:
     from palpate.studies.accuracy import Question
-    from palpate.studies.campaign.campaign import Order
     from palpate.studies.planners.attempt import Conditions
     from palpate.studies.scores.kept import Runs
 
 
-CORES = os.cpu_count() or 1
 Names = Annotated[list[str] | None, typer.Argument(metavar="[SCENARIO]...")]
 Tasks = Annotated[
     list[str] | None,
@@ -33,9 +29,7 @@ Tasks = Annotated[
     ),
 ]
 FIRST = ["bottle_and_table"]
-Seeds = Annotated[int, typer.Option("--seeds", min=1)]
 Seed = Annotated[int, typer.Option("--seed", min=0)]
-Workers = Annotated[int, typer.Option("--workers", help="Processes.", min=1)]
 Planners = Annotated[
     list[str],
     typer.Option("--planner", help="Planner to study, e.g. openai:MODEL; may be repeated."),
@@ -86,7 +80,7 @@ class AskedOptions:
 class SeedOptions:
     """Over which seeds, by whom, and where they are kept."""
 
-    seeds: Seeds = 20
+    seeds: Annotated[int, typer.Option("--seeds", min=1)] = 20
     first_seed: Annotated[int, typer.Option("--first-seed", help="The first one.", min=0)] = 0
     workers: Annotated[
         int | None,
@@ -149,41 +143,3 @@ class TrialOptions:
             self.base_url, rounds=self.feedback, critic=self.critic, dollars=self.budget_dollars
         )
         return Conditions(tuple(self.image or ()), self.noise, asking)
-
-
-@dataclass(frozen=True)
-class FaultOptions:
-    """What is to go wrong, besides the mishaps."""
-
-    kind: Annotated[
-        str,
-        typer.Option(
-            "--kind",
-            help="mishaps, plans, nasty, runtime, signals, poses, obstacles, "
-            "cautious, light or inputs.",
-        ),
-    ] = "mishaps"
-    count: Annotated[
-        int | None, typer.Option("--count", min=1, help="Cases (plans: 10000 to be checked).")
-    ] = None
-    execute: Annotated[
-        int, typer.Option("--execute", min=0, help="Of --kind plans: how many are executed.")
-    ] = 0
-    bypass_check: Annotated[
-        bool, typer.Option("--bypass-check", help="As many again of those that are refused.")
-    ] = False
-    seed: Seed = 0
-    case: Annotated[
-        str | None, typer.Option("--case", help="Repeat one case, by its number or name.")
-    ] = None
-    out: Annotated[Path | None, typer.Option("--out", help="Folder of the rows and the page.")] = (
-        None
-    )
-
-    def order(self, workers: int) -> Order:
-        """As the campaign takes it."""
-        from palpate.studies.campaign.campaign import Order
-
-        if self.out is None:
-            raise InputError("a campaign needs a folder for its rows and its page; give one, out=")
-        return Order(self.out, self.count, self.execute, self.bypass_check, self.seed, workers)

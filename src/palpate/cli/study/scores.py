@@ -9,7 +9,7 @@ import typer
 
 from palpate.cli.options.motion import NoiseLevel
 from palpate.cli.options.results import AsJson
-from palpate.cli.study.options import CORES, AskedOptions, Names, Seed, SeedOptions, Workers
+from palpate.cli.study.options import AskedOptions, Names, Seed, SeedOptions
 
 
 def accuracy(
@@ -40,17 +40,6 @@ def accuracy(
         over.page()
     found = {group.scenario: seeds for group, seeds in runs.items()}
     show_seed_runs(found, f"--noise {asked.noise}", as_json)
-
-
-def variety(
-    *, noise: NoiseLevel = "lab", seed: Seed = 0, workers: Workers = CORES, as_json: AsJson = False
-) -> None:
-    """Ten scenes of other objects, heights and gaps, one run each."""
-    from palpate.cli.show.studies.scores import show_seed_runs
-    from palpate.studies.variety import run_all
-
-    runs = {name: [run] for name, run in run_all(noise, seed, workers).items()}
-    show_seed_runs(runs, f"--noise {noise}", as_json)
 
 
 def efficiency(

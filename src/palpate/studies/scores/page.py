@@ -26,7 +26,6 @@ AIMS = {
     "coverage95": (0.92, 0.98),
     "coverage50": (0.42, 0.58),
     "stated": plots.GOOD,
-    "over_bound": plots.BOUNDED,
 }
 """Within which a figure is aimed at; one whose 95 % interval lies outside is marked."""
 TIMID_ABOVE = {"coverage95", "coverage50", "stated"}
@@ -154,11 +153,9 @@ def _section(group: Group, runs: Sequence[SeedRun], figures: dict[str, Figure]) 
     if scored:
         figures[f"{place}-coverage"] = plots.coverage(by_quantity)
         wide.append(("Coverage: intervals that hold the truth, by level", f"{place}-coverage"))
-        dots = [
-            plots.Dot(names[row.key], scores.stated, scores.over_bound) for row, scores in scored
-        ]
-        figures[f"{place}-ratios"] = plots.ratios(dots)
-        wide.append(("What is stated, and what was possible", f"{place}-ratios"))
+        stated = [(names[row.key], scores.stated) for row, scores in scored]
+        figures[f"{place}-ratios"] = plots.ratios(stated)
+        wide.append(("Stated over actual error", f"{place}-ratios"))
     cards: list[Card] = []
     for number, (row, _) in enumerate(scored):
         card = _card(names[row.key], row, by_parameter[row.key], f"{place}-{number}", figures)
@@ -210,7 +207,7 @@ def _line(name: str, row: Summary) -> Line:
     measured = Cell(f"{row.runs}/{row.asked}", others)
     scores = row.scores
     if scores is None or row.bias is None or row.sd is None:
-        return Line(name, (measured, *[Cell("–")] * 9))
+        return Line(name, (measured, *[Cell("–")] * 8))
     unit, scale = SMALL.get(row.unit, (row.unit, 1.0))
 
     def shown(value: float | None, sign: str = "") -> Cell:
@@ -218,7 +215,7 @@ def _line(name: str, row: Summary) -> Line:
 
     error = scale * row.sd / row.runs**0.5
     bias = Cell(shown(row.bias, "+").text, f"± {significant(error, 2)}")
-    figures = (bias, shown(row.sd), shown(row.rmse), shown(row.claimed), shown(row.bound))
+    figures = (bias, shown(row.sd), shown(row.rmse), shown(row.claimed))
     return Line(name, (measured, *figures, *_score_cells(scores)))
 
 
@@ -227,12 +224,9 @@ def _score_cells(scores: Scores) -> Iterator[Cell]:
     yield _ranged("coverage95", scores.coverage95, percent=True)
     yield _ranged("coverage50", scores.coverage50, percent=True)
     yield Cell(f"{scores.worst:.1f}")
-    yield _ranged("over_bound", scores.over_bound)
 
 
-def _ranged(name: str, figure: Ranged | None, percent: bool = False) -> Cell:
-    if figure is None:
-        return Cell("no bound")
+def _ranged(name: str, figure: Ranged, percent: bool = False) -> Cell:
     low, high = AIMS[name]
     mark = ""
     if figure.high < low:

@@ -6,7 +6,6 @@ Colours of paper, grid and text are left to the page, which knows whether it is 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from html import escape
 from typing import Any
 
@@ -28,19 +27,10 @@ POINTS = 400
 """Most points of a quantile plot."""
 REACH = 1e-9
 """Shares nearer than this to 0 or 1 are drawn as if they were as near: some 6 standard deviations."""
-GOOD, BOUNDED = (0.8, 1.3), (0.0, 1.3)
-"""Stated over actual, and RMSE over the bound, that are aimed at."""
+GOOD = (0.8, 1.3)
+"""Target range of stated std over actual error."""
 
 MARGIN = {"l": 52, "r": 12, "t": 10, "b": 42}
-
-
-@dataclass(frozen=True, slots=True)
-class Dot:
-    """A figure with its interval in a row of its own."""
-
-    name: str
-    stated: Ranged
-    over_bound: Ranged | None
 
 
 def errors(estimates: Sequence[ScoredEstimate], scale: float, unit: str) -> Figure:
@@ -121,39 +111,27 @@ def coverage(groups: Mapping[str, Sequence[ScoredEstimate]]) -> Figure:
     return {"data": lines, "layout": layout | {"height": 420, "showlegend": True, "legend": legend}}
 
 
-def ratios(rows: Sequence[Dot]) -> Figure:
-    """What is stated over what is so, and what is so over the bound, a row a parameter, with 95 %
-    intervals; shaded is what is aimed at."""
-    rows = list(reversed(rows))
-    names = [escape(row.name) for row in rows]
-    bounded = [(name, row.over_bound) for name, row in zip(names, rows, strict=True)]
-    known = [(name, figure) for name, figure in bounded if figure is not None]
-    stated = [(name, row.stated) for name, row in zip(names, rows, strict=True)]
+def ratios(rows: Sequence[tuple[str, Ranged]]) -> Figure:
+    """Stated std over actual error, one row a parameter, with 95 % intervals; the target range is
+    shaded."""
+    rows = [(escape(name), stated) for name, stated in reversed(rows)]
     scale = {"type": "log", "range": [np.log10(0.2), np.log10(5.0)], "showgrid": True}
     scale |= {"tickvals": [0.25, 0.5, 1, 2, 4], "ticktext": ["¼", "½", "1", "2", "4"]}
-    right = {**scale, "domain": [0.55, 1.0], "title": {"text": "RMSE over the bound"}}
-    left = {**scale, "domain": [0.0, 0.45], "title": {"text": "stated over actual"}}
     return {
-        "data": [_dots(stated, "x"), _dots(known, "x2")],
+        "data": [_dots(rows, "x")],
         "layout": {
             "height": 130 + 30 * len(rows),
             "margin": {"l": 10, "r": 12, "t": 10, "b": 46},
             "showlegend": False,
-            "xaxis": left,
-            "xaxis2": right | {"anchor": "y"},
+            "xaxis": scale | {"title": {"text": "stated over actual"}},
             "yaxis": {
                 "automargin": True,
                 "categoryorder": "array",
-                "categoryarray": names,
+                "categoryarray": [name for name, _ in rows],
                 "range": [-0.6, len(rows) - 0.4],
                 "ticks": "",
             },
-            "shapes": [
-                *_aim("x", GOOD),
-                *_aim("x2", (0.2, BOUNDED[1])),
-                _rule("x", 1.0, FAINT, "dot"),
-                _rule("x2", 1.0, FAINT, "dot"),
-            ],
+            "shapes": [*_aim("x", GOOD), _rule("x", 1.0, FAINT, "dot")],
         },
     }
 

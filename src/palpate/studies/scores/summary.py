@@ -64,8 +64,6 @@ class Scores:
         coverage95, coverage50: share of the 95 % and 50 % intervals that hold the truth.
         stated: one over the root mean square of the errors in stated standard deviations.
         worst: the largest of these.
-        over_bound: root mean square of the errors over the bound (`studies.bounds`), of those that
-            have one; None without any.
     """
 
     runs: int
@@ -73,20 +71,17 @@ class Scores:
     coverage50: Ranged
     stated: Ranged
     worst: float
-    over_bound: Ranged | None
 
     @classmethod
     def of(cls, estimates: Sequence[ScoredEstimate]) -> Scores:
         """Of at least one."""
         z = errors_in_std(estimates)
-        bounded = [each.error / each.bound for each in estimates if each.bound]
         return cls(
             len(estimates),
             Ranged.share(each.covered for each in estimates),
             Ranged.share(bool(level <= 0.5) for level in levels(estimates)),
             Ranged.rms(z).inverse,
             float(np.abs(z).max()),
-            Ranged.rms(np.array(bounded)) if bounded else None,
         )
 
 
@@ -107,7 +102,6 @@ class Summary:
         asked: seeds that should have identified it.
         verdicts: how many ended with which.
         rmse: root mean square of the errors.
-        bound: of the bounds; None where there is none.
     """
 
     parameter: Parameter
@@ -124,7 +118,6 @@ class Summary:
     asked: int = 0
     verdicts: dict[str, int] = field(default_factory=dict[str, int])
     rmse: float | None = None
-    bound: float | None = None
     scores: Scores | None = None
 
     @property
@@ -151,7 +144,6 @@ def _summary(key: Key, found: Sequence[ScoredEstimate | Unmeasured], asked: int)
         return Summary(*key, 0, truth, None, None, None, None, 0, None, *about)
     errors = [each.error for each in identified]
     naive = [each.single_shot - each.truth for each in identified if each.single_shot is not None]
-    bounds = np.array([each.bound for each in identified if each.bound is not None])
     return Summary(
         *key,
         len(identified),
@@ -164,7 +156,6 @@ def _summary(key: Key, found: Sequence[ScoredEstimate | Unmeasured], asked: int)
         _sd(naive) if naive else None,
         *about,
         float(np.sqrt(np.mean(np.square(errors)))),
-        float(np.sqrt(np.mean(bounds**2))) if len(bounds) else None,
         Scores.of(identified),
     )
 

@@ -19,7 +19,7 @@ from palpate.studies.accuracy import SeedRun
 from palpate.studies.efficiency import Comparison, PublishedEffort
 from palpate.studies.scores.summary import Summary, summarise
 
-SUMMARY = ("parameter", "truth", "bias", "SD", "stated", "1-shot", "/bound", "in 95 %", "known")
+SUMMARY = ("parameter", "truth", "bias", "SD", "stated", "1-shot", "in 95 %", "known")
 SUMMARY_WIDTH = 80
 """Characters of its narrowest form."""
 EFFORT = (
@@ -73,7 +73,6 @@ def _summary_cells(row: Summary) -> list[str]:
     name = str(row.parameter)
     if row.component:
         name += f"[{row.component}]"
-    over_bound = row.scores.over_bound if row.scores else None
     return [
         escape(name),
         f"{row.truth:.4g}",
@@ -81,7 +80,6 @@ def _summary_cells(row: Summary) -> list[str]:
         _figure(row.sd, ".2g"),
         _figure(row.claimed, ".2g"),
         _figure(row.single_shot_sd, ".2g"),
-        _figure(over_bound.value if over_bound else None, ".2f"),
         f"{row.covered}/{row.runs}",
         f"{row.runs}/{row.asked}",
     ]

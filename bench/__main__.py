@@ -1,0 +1,155 @@
+"""Command line of the instruments: `python -m bench --help`."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Annotated
+
+# Threads of BLAS in processes side by side wait for each other; set before numpy is loaded.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+import typer
+
+from palpate.cli.command import command
+from palpate.cli.console import aside
+from palpate.cli.options.motion import NoiseLevel
+from palpate.cli.options.results import AsJson
+from palpate.errors import InputError
+
+CORES = os.cpu_count() or 1
+Names = Annotated[list[str] | None, typer.Argument(metavar="[NAME]...")]
+Noises = Annotated[
+    list[str], typer.Option("--noise", metavar="NAME|FILE.yaml", help="Noise; may be repeated.")
+]
+Seed = Annotated[int, typer.Option("--seed", min=0, help="First seed.")]
+Seeds = Annotated[int, typer.Option("--seeds", min=1, help="Number of seeds.")]
+Workers = Annotated[int, typer.Option("--workers", min=1, help="Processes.")]
+Out = Annotated[Path | None, typer.Option("--out", help="Folder of rows and page; resumed.")]
+
+app = typer.Typer(no_args_is_help=True, help=__doc__)
+
+
+@command(app)
+def speed() -> None:
+    """Processor time of loop, help and planning, as ratios taken side by side."""
+    from bench.speed import main
+
+    main()
+
+
+@command(app)
+def mishaps(
+    names: Names = None,
+    *,
+    noise: NoiseLevel = "lab",
+    seeds: Seeds = 5,
+    workers: Workers = CORES,
+    as_json: AsJson = False,
+) -> None:
+    """Endings of the bundled mishaps: status, dropped and still held objects."""
+    from bench import mishaps
+    from bench.show import show_endings
+
+    endings = mishaps.faults(names or mishaps.mishaps(), noise, range(seeds), workers)
+    show_endings(endings, as_json)
+
+
+@command(app)
+def faults(
+    *,
+    kind: Annotated[
+        str,
+        typer.Option(
+            "--kind",
+            help="plans, nasty, runtime, signals, poses, obstacles, cautious, light, inputs "
+            "or schema.",
+        ),
+    ],
+    count: Annotated[int | None, typer.Option("--count", min=1, help="Number of cases.")] = None,
+    execute: Annotated[
+        int, typer.Option("--execute", min=0, help="Of --kind plans: accepted plans to execute.")
+    ] = 0,
+    bypass_check: Annotated[
+        bool, typer.Option("--bypass-check", help="Execute as many refused plans, too.")
+    ] = False,
+    seed: Seed = 0,
+    case: Annotated[str | None, typer.Option("--case", help="Repeat one case by name.")] = None,
+    out: Out = None,
+    workers: Workers = CORES,
+    as_json: AsJson = False,
+) -> None:
+    """Harm and crashes under corrupted plans, faults, signals, hidden obstacles and bad input.
+
+    Forces come from MuJoCo's own state at every physics step.
+    """
+    from bench.faults.campaign import Order, conduct, repeat
+    from bench.show import show_campaign, show_case
+
+    if case is not None:
+        show_case(repeat(kind, case, seed), as_json)
+        return
+    if out is None:
+        raise InputError("a campaign needs a folder for its rows and its page; add --out DIR")
+    order = Order(out, count, execute, bypass_check, seed, workers)
+    show_campaign(conduct(kind, order, aside), as_json)
+
+
+@command(app)
+def deceptions(
+    names: Names = None,
+    *,
+    out: Annotated[Path, typer.Option("--out", help="Folder of rows and page; resumed.")],
+    noise: Noises = ["lab"],  # noqa: B006 - typer's default of an option that may be repeated
+    seed: Seed = 0,
+    seeds: Seeds = 1,
+    traces: Annotated[
+        Path | None, typer.Option("--traces", help="Folder of traces; estimated again if there.")
+    ] = None,
+    workers: Workers = CORES,
+    as_json: AsJson = False,
+) -> None:
+    """Verdicts in worlds that deceive (tethers, magnets, moving masses) and in innocent ones.
+
+    An identified value must be within 4 of its standard deviations. A deceptive world may also
+    be contradicted or not identified; an innocent one may not.
+    """
+    from bench.deceptions import study, world
+    from bench.show import show_deceptions
+
+    chosen = study.cases(names or world.deceptions(), noise, range(seed, seed + seeds))
+    show_deceptions(study.deceive(chosen, out, workers, traces, aside), as_json)
+
+
+@command(app)
+def variety(
+    *, noise: NoiseLevel = "lab", seed: Seed = 0, workers: Workers = CORES, as_json: AsJson = False
+) -> None:
+    """Ten scenes of other objects, heights and gaps, one run each."""
+    from bench.variety import run_all
+    from palpate.cli.show.studies.scores import show_seed_runs
+
+    runs = {name: [run] for name, run in run_all(noise, seed, workers).items()}
+    show_seed_runs(runs, f"--noise {noise}", as_json)
+
+
+@command(app)
+def bounds(
+    names: Names = None,
+    *,
+    noise: NoiseLevel = "lab",
+    seed: Seed = 0,
+    seeds: Seeds = 20,
+    workers: Workers = CORES,
+    as_json: AsJson = False,
+) -> None:
+    """RMS error over the Cramér-Rao bound of the same recordings, a line a parameter."""
+    from bench.bounds.efficiency import over_bounds
+    from bench.show import show_bounds
+
+    found = over_bounds(names or ["bottle_and_table"], noise, range(seed, seed + seeds), workers)
+    show_bounds(found, as_json)
+
+
+if __name__ == "__main__":
+    app()

@@ -1,0 +1,251 @@
+"""What the errors of an arm make of its joint torques along a recorded motion: one column for every
+number that the noise model draws.
+
+Of what an arm's owner is told nothing of (zeros, links, levels of friction) nothing is taken as
+known; of the rest, how large it may be. What is not here (curvature and hysteresis of the sensors,
+lost samples) could only raise a bound.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from bench.bounds.blocks import Blocks
+from bench.bounds.information import Column
+from palpate.geometry.pose import Array
+from palpate.robots.description import RobotDescription
+from palpate.robots.simulated.noise.around import REACH
+from palpate.robots.simulated.noise.model import (
+    Friction,
+    Model,
+    NoiseModel,
+    Ripple,
+    Sticking,
+    Torque,
+)
+from palpate.robots.simulated.noise.rests import NEW_APPROACH, REST_SPEED
+from palpate.robots.simulated.noise.values import Drawn
+from palpate.trace.samples import Samples
+
+ZERO = 10.0
+"""N m: where a sensor's zero may be, of which nothing is known beforehand."""
+ANY_PLACE = 0.1
+"""m: where a link's centre may be, likewise."""
+VERTICAL = 2
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Hanging:
+    """What hangs on the hand in each block.
+
+    Attributes:
+        torque: (n, 7) N m that it makes in the joints.
+        mass: (n,) kg.
+    """
+
+    torque: Array
+    mass: Array
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Links:
+    """The arm's own weight along a motion.
+
+    Attributes:
+        shift: (n, 3, 7) N m that an acceleration of 1 m/s² of everything makes, base axes.
+        mass: (n, k, 7) N m that a further kilogram at the centre of body k makes.
+        com: (n, k, 3, 7) what a metre makes by which its centre lies elsewhere in its own axes.
+        nominal: (k,) kg.
+    """
+
+    shift: Array
+    mass: Array
+    com: Array
+    nominal: Array
+
+
+def errors(
+    blocks: Blocks,
+    samples: Samples,
+    load: Hanging,
+    arm: RobotDescription,
+    noise: NoiseModel,
+    gravity: float,
+) -> list[Column]:
+    """All errors of the arm, with what they make of a load."""
+    links = _links(arm, blocks.q, gravity)
+    weight = gravity * links.shift[:, VERTICAL]
+    return [
+        *_each_joint(np.ones_like(blocks.q), ZERO * np.ones(blocks.q.shape[1])),
+        *_gains(noise.torque, weight - weight[0] + load.torque),
+        *_rippled(noise.torque.ripple, samples, blocks),
+        *_of_links(links),
+        *_frame(noise.model, links, blocks, load, gravity),
+        *_rubbing(noise.friction, samples, blocks, np.abs(weight + load.torque)),
+        *_stuck(noise.sticking, samples, blocks),
+        *_cable(noise.model.payload_cable, blocks),
+    ]
+
+
+def deviation(drawn: Drawn) -> Array:
+    """Its standard deviation; none where it is fixed, and so known."""
+    return drawn.size / math.sqrt(3.0) if drawn.law == "uniform" else drawn.size
+
+
+def _each_joint(torque: Array, sizes: Array) -> Iterator[Column]:
+    """One unknown a joint: `torque` (n, 7) N m a unit of it."""
+    for joint, size in enumerate(sizes.tolist()):
+        alone = np.zeros_like(torque)
+        alone[:, joint] = torque[:, joint]
+        yield Column(alone, size)
+
+
+def _gains(torque: Torque, shown: Array) -> Iterator[Column]:
+    """Each sensor's own gain, and cross-talk of every other joint, of the torques (n, 7) that are `shown`: a
+    sensor shows the arm's weight right where it was zeroed, at the beginning."""
+    yield from _each_joint(shown, deviation(torque.gain_max))
+    crossed = deviation(torque.crosstalk) * (1.0 - np.eye(shown.shape[1]))
+    for felt, told in np.argwhere(crossed > 0.0).tolist():
+        alone = np.zeros_like(shown)
+        alone[:, felt] = shown[:, told]
+        yield Column(alone, float(crossed[felt, told]))
+
+
+def _rippled(ripple: Ripple, samples: Samples, blocks: Blocks) -> Iterator[Column]:
+    """Ripple of the sensors, whose phase nobody knows."""
+    for wave in (np.sin, np.cos):
+        yield from _each_joint(blocks.mean(wave(ripple.cycles * samples.q)), ripple.size)
+
+
+def _of_links(links: _Links) -> Iterator[Column]:
+    """Masses and centres of the links, and last of the hand. How well they are known no datasheet
+    says."""
+    for k, nominal in enumerate(links.nominal.tolist()):
+        yield Column(links.mass[:, k], nominal)
+        for axis in range(3):
+            yield Column(links.com[:, k, axis], ANY_PLACE)
+
+
+def _frame(
+    model: Model, links: _Links, blocks: Blocks, load: Hanging, gravity: float
+) -> Iterator[Column]:
+    """The way gravity points in the base's axes, and its size."""
+    tilt = gravity * deviation(model.base_tilt)
+    for axis, size in enumerate([*tilt.tolist(), float(deviation(model.gravity))]):
+        pulled = blocks.maps[:, :, :3] @ blocks.turn[:, axis]
+        yield Column(links.shift[:, axis] + load.mass[:, None] * pulled, size)
+
+
+def _rubbing(
+    friction: Friction, samples: Samples, blocks: Blocks, borne: Array
+) -> Iterator[Column]:
+    """Friction behind the sensors (Dahl): its level, of which nothing more is known than its order;
+    what it was at the start; what grows with the speed; how much more of it there is at a place, where
+    a joint is slow, and under the torque (n, 7) that is `borne`."""
+    turned, left = np.zeros_like(samples.q), np.ones_like(samples.q)
+    steps = np.diff(samples.q, axis=0)
+    for row, step in enumerate(steps, start=1):
+        keep = np.exp(-np.abs(step) / friction.presliding)
+        turned[row] = keep * turned[row - 1] + np.copysign(1.0 - keep, step)
+        left[row] = keep * left[row - 1]
+    ones = np.ones(samples.q.shape[1])
+    yield from _each_joint(friction.coulomb * blocks.mean(turned), ones)
+    yield from _each_joint(friction.coulomb * blocks.mean(left), ones / math.sqrt(3.0))
+    yield from _each_joint(friction.viscous * blocks.dq, ones)
+    level = friction.coulomb * blocks.mean(turned)
+    for wave in (np.sin, np.cos):
+        yield from _each_joint(level * wave(blocks.q), friction.position)
+    slow = np.exp(-((samples.dq / friction.stribeck_speed) ** 2))
+    more = (friction.static - 1.0) * friction.coulomb
+    yield from _each_joint(more * blocks.mean(turned * slow), ones)
+    yield from _each_joint(blocks.mean(turned) * borne, friction.load)
+
+
+def _stuck(sticking: Sticking, samples: Samples, blocks: Blocks) -> Iterator[Column]:
+    """What each rest leaves in the joints: a force at the TCP, and a torque of each joint."""
+    forces, torques = deviation(sticking.force), deviation(sticking.torque)
+    if not (forces.any() or torques.any()):
+        return
+    shares, begins = _approaches(sticking, samples)
+    means = blocks.mean(shares)
+    memory = sticking.memory
+    for i, row in enumerate(begins):
+        # What a rest has in common with the next ones was drawn here.
+        common = math.sqrt(1.0 - memory**2) if i else 1.0
+        faded = common * memory ** np.arange(len(begins) - i)
+        share = means[:, i:] @ faded
+        jacobian = blocks.maps[blocks.place[row]]
+        for axis, size in enumerate(forces.tolist()):
+            yield Column(share[:, None] * jacobian[:, axis], size)
+        yield from _each_joint(share[:, None] * np.ones(samples.q.shape[1]), torques)
+
+
+def _approaches(sticking: Sticking, samples: Samples) -> tuple[Array, Sequence[int]]:
+    """(rows, k) how much of what each of k rests left is there, and the rows at which they began:
+    as `robots.simulated.noise.rests` has it."""
+    period = float(np.median(np.diff(samples.t)))
+    steps = np.linalg.norm(samples.dq, axis=1) * period
+    builds, stays = min(1.0, period / sticking.settling), math.exp(-period / sticking.relaxation)
+    begins: list[int] = []
+    moved, resting = math.inf, False
+    for row, slid in enumerate(steps.tolist()):
+        moved += slid
+        still = slid < REST_SPEED * period
+        if still and not resting and moved > NEW_APPROACH:
+            begins.append(row)
+            moved = 0.0
+        resting = still or (resting and moved <= NEW_APPROACH)
+    shares = np.zeros((len(steps), len(begins)))
+    now, goal, current = np.zeros(len(begins)), 1.0, -1
+    for row, slid in enumerate(steps.tolist()):
+        now *= math.exp(-slid / sticking.release)
+        if current + 1 < len(begins) and row == begins[current + 1]:
+            current, goal = current + 1, 1.0
+        if slid < REST_SPEED * period and current >= 0:
+            now *= 1.0 - builds
+            now[current] += goal * builds
+            goal *= stays
+        shares[row] = now
+    return shares, begins
+
+
+def _cable(size: float, blocks: Blocks) -> Iterator[Column]:
+    """A force at the TCP that varies over `REACH` m, to first order about the middle."""
+    away = (blocks.position - blocks.position.mean(axis=0)) / REACH
+    for share in (np.ones(len(away)), *away.T):
+        for axis in range(3):
+            yield Column(share[:, None] * blocks.maps[:, :, axis], size)
+
+
+def _links(arm: RobotDescription, q: Array, gravity: float) -> _Links:
+    """Of every link, and last of the hand, at joint angles `q` (n, 7)."""
+    model = arm.spec().compile()
+    data = mujoco.MjData(model)
+    qpos = [int(model.jnt_qposadr[model.joint(name).id]) for name in arm.joints]
+    dofs = [int(model.jnt_dofadr[model.joint(name).id]) for name in arm.joints]
+    bodies = [int(model.jnt_bodyid[model.joint(name).id]) for name in arm.joints]
+    bodies.append(int(model.body(arm.hand.body).id))
+    heavy = [body for body in range(model.nbody) if model.body_mass[body] > 0.0]
+    shift = np.zeros((len(q), 3, len(dofs)))
+    mass = np.zeros((len(q), len(bodies), len(dofs)))
+    com = np.zeros((len(q), len(bodies), 3, len(dofs)))
+    linear, angular = np.zeros((3, model.nv)), np.zeros((3, model.nv))
+    for i, angles in enumerate(q):
+        data.qpos[qpos] = angles
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_comPos(model, data)
+        for body in heavy:
+            mujoco.mj_jac(model, data, linear, angular, data.xipos[body], body)
+            shift[i] += model.body_mass[body] * linear[:, dofs]
+        for k, body in enumerate(bodies):
+            mujoco.mj_jac(model, data, linear, angular, data.xipos[body], body)
+            mass[i, k] = gravity * linear[VERTICAL, dofs]
+            weight = gravity * float(model.body_mass[body])
+            for axis, way in enumerate(data.xmat[body].reshape(3, 3).T):
+                com[i, k, axis] = weight * np.cross(angular[:, dofs].T, way)[:, VERTICAL]
+    return _Links(shift, mass, com, np.array([model.body_mass[body] for body in bodies]))

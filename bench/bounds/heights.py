@@ -1,0 +1,69 @@
+"""The least that can be known of a height that fingertips touch: where the arm, its links and its
+fingertips are."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import mujoco
+import numpy as np
+
+from bench.bounds.errors import deviation
+from palpate.estimation.contact.descent import probes
+from palpate.geometry.pose import Array, Pose
+from palpate.parameter import Parameter
+from palpate.robots.description import RobotDescription
+from palpate.robots.simulated.noise.model import NoiseModel
+from palpate.trace.samples import Trace
+
+VERTICAL = 2
+
+
+def of_height(
+    trace: Trace, parameter: Parameter, base: Pose, arm: RobotDescription, noise: NoiseModel
+) -> float | None:
+    """Least standard deviation (m) of a surface's height; None where it was not touched.
+
+    Touching cannot tell a higher surface from a higher base, another link or longer fingertips,
+    which are drawn once a robot: all that they do to the height of the fingertips, and what of the
+    pose's repeatability is left after n touches, root of the sum of squares. Force noise is left
+    out: over the stiffness of a rigid surface it is nothing.
+    """
+    touches = probes(trace, parameter)
+    if not touches:
+        return None
+    q = trace.of(touches[-1]).q.mean(axis=0)
+    repeated = deviation(noise.pose.repeatability)[VERTICAL] / np.sqrt(len(touches))
+    parts = [repeated, noise.pose.thermal, *_of_robot(q, base, arm, noise)]
+    return float(np.linalg.norm(parts))
+
+
+def _of_robot(q: Array, base: Pose, arm: RobotDescription, noise: NoiseModel) -> Iterator[float]:
+    """m by which the errors that are drawn once a robot raise the fingertips, at angles `q`."""
+    drawn = noise.model
+    model = arm.spec().compile()
+    data = mujoco.MjData(model)
+    joints = [int(model.joint(name).id) for name in arm.joints]
+    data.qpos[[int(model.jnt_qposadr[joint]) for joint in joints]] = q
+    mujoco.mj_kinematics(model, data)
+    mujoco.mj_comPos(model, data)
+    hand = int(model.body(arm.hand.body).id)
+    tool = data.xmat[hand].reshape(3, 3)
+    tip = data.site(arm.tcp).xpos + tool[:, VERTICAL] * arm.tip
+    jacobian = np.zeros((3, model.nv))
+    mujoco.mj_jac(model, data, jacobian, None, tip, hand)
+    dofs = [int(model.jnt_dofadr[joint]) for joint in joints]
+    yield from (deviation(drawn.joint_offset) * jacobian[VERTICAL, dofs]).tolist()
+    for joint, size in zip(joints, deviation(drawn.link_length).tolist(), strict=True):
+        body = int(model.jnt_bodyid[joint])
+        way, length = model.body_pos[body], float(np.linalg.norm(model.body_pos[body]))
+        along = way / length if length else model.jnt_axis[joint]
+        parent = data.xmat[model.body_parentid[body]].reshape(3, 3)
+        yield size * float((parent @ along)[VERTICAL])
+    away = base.rotation @ tip
+    tilt = deviation(drawn.base_tilt)
+    yield float(tilt[0] * away[1])
+    yield float(tilt[1] * away[0])
+    yield float(deviation(drawn.base_position)[VERTICAL])
+    yield float(deviation(drawn.tip_offset)) * float(tool[VERTICAL, VERTICAL])
+    yield from (deviation(drawn.tip_lateral) * tool[VERTICAL, :2]).tolist()

@@ -1,0 +1,91 @@
+"""What a recorded motion can tell, whatever the estimator.
+
+Joint torques are, block by block, linear in the unknowns: what is sought, and every error of the arm
+that the noise model draws, each with its own size,
+
+    y_j = sum_k H_jk theta_k + n_j          theta_k ~ N(0, sigma_k²),  n_j ~ N(0, C_j)
+
+n is the white noise, drift and 1/f noise of joint j. The covariance of the unknowns given y,
+(H^T C^-1 H + diag(sigma^-2))^-1, is the Cramér-Rao bound for those who know how large every error
+may be (S. M. Kay, Fundamentals of Statistical Signal Processing I, 1993, sections 3.8 and 10.6;
+H. L. Van Trees, Detection, Estimation, and Modulation Theory I, 1968, section 2.4.3).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from bench.bounds.blocks import BLOCK, Blocks
+from palpate.estimation.windows import Mask
+from palpate.geometry.pose import Array
+from palpate.robots.simulated.noise.model import Torque
+from palpate.robots.simulated.noise.wander import PER_DECADE, WALK_TIME
+from palpate.robots.simulated.timing import BLOCK as CYCLES
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Column:
+    """What one unknown makes of the torques: (n, 7) N m a unit, and its standard deviation
+    beforehand."""
+
+    torque: Array
+    size: float
+
+
+def covariance(
+    sought: Sequence[Column],
+    errors: Sequence[Column],
+    blocks: Blocks,
+    counted: Mask,
+    noise: Torque,
+) -> Array:
+    """(k, k) of the k unknowns that are `sought`, from the blocks that are `counted` (n,)."""
+    columns = [*sought, *(error for error in errors if error.size > 0.0)]
+    design = np.array([column.torque[counted] for column in columns])
+    information = np.diag([column.size**-2.0 for column in columns])
+    for joint, own in enumerate(_covariances(blocks, counted, noise)):
+        white = np.linalg.solve(np.linalg.cholesky(own), design[:, :, joint].T)
+        information += white.T @ white
+    # Sizes span many powers of ten: in units of each it is well conditioned.
+    scale = 1.0 / np.sqrt(np.diag(information))
+    inverse = np.linalg.inv(information * np.outer(scale, scale)) * np.outer(scale, scale)
+    return inverse[: len(sought), : len(sought)].astype(np.float64)
+
+
+def _covariances(blocks: Blocks, counted: Mask, noise: Torque) -> Sequence[Array]:
+    """(n, n) N² m² of each joint's noise in block means."""
+    t, rows = blocks.t[counted], blocks.rows[counted]
+    apart = BLOCK * np.round(np.abs(t[:, None] - t) / BLOCK)
+    drift = _drift(noise.drift.time_constant, t, apart)
+    low, high = noise.flicker.band
+    corners = np.geomspace(low, high, max(2, math.ceil(PER_DECADE * math.log10(high / low)) + 1))
+    step = math.log(corners[1] / corners[0])
+    flicker = sum(step * _relaxing(2 * np.pi * corner, apart) for corner in corners.tolist())
+    found: list[Array] = []
+    for white, drifting, flickering in zip(
+        noise.white.tolist(), noise.drift.size.tolist(), noise.flicker.level.tolist(), strict=True
+    ):
+        own = drifting**2 * drift + flickering**2 * flicker
+        # Reading is exact to what no sensor resolves, lest nothing be divided by.
+        found.append(own + np.diag(white**2 / (rows * CYCLES) + 1e-12))
+    return found
+
+
+def _drift(time: float, t: Array, apart: Array) -> Array:
+    """(n, n) of a drift of unit size: Ornstein-Uhlenbeck, or a random walk."""
+    if math.isinf(time):
+        return 2.0 / WALK_TIME * np.minimum(t[:, None], t)
+    return _relaxing(1.0 / time, apart)
+
+
+def _relaxing(rate: float, apart: Array) -> Array:
+    """(n, n) of means over `BLOCK` s of an Ornstein-Uhlenbeck process of unit variance and `rate`
+    1/s."""
+    x = rate * BLOCK
+    within = 2.0 * (x + math.expm1(-x)) / x**2
+    between = (math.sinh(x / 2.0) / (x / 2.0)) ** 2
+    return np.where(apart < BLOCK / 2.0, within, between * np.exp(-rate * apart))

@@ -1,0 +1,183 @@
+"""What the scene gets wrong: things that stand up to 20 mm from where it has them, and posts and
+light objects that it does not show at all."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from bench.campaign.ledger import (
+    Drawn,
+    Ledger,
+    Row,
+    drawn,
+    judged_run,
+    within_time,
+)
+from bench.faults.bases import bases
+from bench.harm.probe import probed_run
+from bench.harm.touch import CAUTIOUS, CAUTIOUS_RIGID, UNSEEN, Figures
+from palpate import pipeline
+from palpate.geometry.pose import Pose
+from palpate.scenarios.catalogue import scenario
+from palpate.scene.load import rearranged, scene_from_text
+from palpate.scene.scene import Scene
+
+MOST = 0.020
+"""m: how far things stand from where the scene has them."""
+STIFFNESS = (1e4, 1e5, 1e6)
+"""N/m of a post's contact with the arm."""
+RIGID = 1e6
+"""N/m from which on a contact is rigid."""
+POST_MASS = 1.0
+"""kg of a post: an aluminium one of its size has 0.8."""
+CONTACT, CONTACT_DAMPING = 3e6, 1200.0
+"""1/s^2 and 1/s of its contact: what physics steps of 0.5 ms resolve."""
+POST = "hidden_post"
+LIGHT_THING = "hidden_cup"
+
+
+def met(case: Drawn) -> Row:
+    """A valid plan in a world that is not quite the scene's.
+
+    Kinds: `poses`, `obstacles`, `light`, and `cautious`, which are obstacles for the slow self of
+    the arm, by the figures of what is shown.
+    """
+    blank = case.blank()
+    return within_time(lambda: _met(case, blank), blank)
+
+
+def _met(case: Drawn, blank: Row) -> Row:
+    random = case.random(11)
+    light = [base for base in bases() if base.light and base.world and base.scene.objects]
+    base = light[int(random.integers(0, len(light)))]
+    settings = scenario(base.name.partition(":")[0]).settings(cautious=case.kind == "cautious")
+    scene = pipeline.load(settings)
+    true = pipeline.load(replace(settings, scene=settings.world))
+    assert scene is not None
+    assert true is not None
+    wrong = wrong_world(case.kind, true, random)
+    seen = probed_run(
+        base.plan,
+        scene,
+        wrong.world,
+        "lab",
+        case.number,
+        unseen=wrong.unseen,
+        hidden=wrong.figures,
+    )
+    row = judged_run(replace(blank, what=f"{base.name}: {wrong.what}"), seen)
+    listed = [str(fate) for fate in seen.harm.unseen]
+    return replace(row, figures={**row.figures, "base": base.name, "unseen": listed})
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Wrong:
+    """A hidden world, and what is wrong with it.
+
+    Attributes:
+        what: in words.
+        unseen: names of what no scene shows.
+        figures: what it may be met with.
+    """
+
+    world: Scene
+    what: str
+    unseen: tuple[str, ...] = ()
+    figures: Figures = UNSEEN
+
+
+def wrong_world(kind: str, true: Scene, random: np.random.Generator) -> Wrong:
+    """The world of a case of a kind."""
+    if kind == "poses":
+        return Wrong(*_shifted(true, random))
+    place = _on_the_way(true, random)
+    if kind == "light":
+        world = scene_from_text(_with(true.text, _cup(place)), true)
+        return Wrong(world, f"a cup at {_at(place)}", (LIGHT_THING,))
+    stiffness = STIFFNESS[int(random.integers(0, len(STIFFNESS)))]
+    world = scene_from_text(_with(true.text, post(place, stiffness)), true)
+    figures = UNSEEN
+    if kind == "cautious":
+        figures = CAUTIOUS_RIGID if stiffness >= RIGID else CAUTIOUS
+    return Wrong(world, f"a post of {stiffness:.0e} N/m at {_at(place)}", (POST,), figures)
+
+
+def _shifted(true: Scene, random: np.random.Generator) -> tuple[Scene, str]:
+    """Every object somewhere within `MOST` of where it was, on its surface."""
+    shifts: list[str] = []
+    poses: dict[str, Pose] = {}
+    for name, body in true.objects.items():
+        way, angle = MOST * np.sqrt(random.random()), random.uniform(0, 2 * np.pi)
+        aside = way * np.array([np.cos(angle), np.sin(angle), 0.0])
+        poses[name] = body.pose_world.translated(aside)
+        shifts.append(f"{name} {1e3 * way:.0f} mm")
+    return rearranged(true, poses), f"off: {', '.join(shifts)}"
+
+
+def _on_the_way(true: Scene, random: np.random.Generator) -> tuple[float, float, float]:
+    """A spot on a table near its objects, or between the arm and them, and its top's height."""
+    objects = list(true.objects.values())
+    body = objects[int(random.integers(0, len(objects)))]
+    at, base = body.pose_world.position, true.pose_world_base.position
+    share = random.uniform(0.35, 1.25)
+    aside = random.uniform(-0.15, 0.15)
+    ahead = (at - base)[:2]
+    across = np.array([-ahead[1], ahead[0]]) / max(float(np.linalg.norm(ahead)), 1e-6)
+    spot = base[:2] + share * ahead + aside * across
+    for other in objects:  # not inside one
+        near = other.pose_world.position[:2]
+        if np.linalg.norm(spot - near) < 0.10:
+            spot = near + 0.10 * (spot - near) / max(float(np.linalg.norm(spot - near)), 1e-6)
+    bottom = float(at[2] - body.size[2] / 2)
+    return float(spot[0]), float(spot[1]), bottom
+
+
+def post(place: tuple[float, float, float], stiffness: float) -> str:
+    """MJCF of a post, 0.4 m high and 20 mm off the ground, that gives way by a force over
+    `stiffness`, N/m, whatever runs into it.
+
+    MuJoCo's contacts are as stiff as the masses in them make them: `solref="-k -b"` gives k times
+    the effective mass (manual, solver parameters). So the post stands on springs, and its contact
+    is stiffer than these. A fifth of the critical damping, of what 10 kg do on it, leaves a rebound
+    of about one half.
+    """
+    x, y, z = place
+    damping = 2 * 0.2 * np.sqrt(10.0 * stiffness)
+    slides = "".join(
+        f'<joint type="slide" axis="{axis}" stiffness="{stiffness}" damping="{damping}"/>'
+        for axis in ("1 0 0", "0 1 0", "0 0 1")
+    )
+    return (
+        f'<body name="{POST}" pos="{x} {y} {z + 0.21}" gravcomp="1">{slides}'
+        f'<geom type="cylinder" size=".015 .19" mass="{POST_MASS}" priority="2" '
+        f'solref="{-CONTACT} {-CONTACT_DAMPING}" solimp="0.99 0.99 0.001"/></body>'
+    )
+
+
+def _cup(place: tuple[float, float, float]) -> str:
+    x, y, z = place
+    return (
+        f'<body name="{LIGHT_THING}" pos="{x} {y} {z + 0.061}"><freejoint/>'
+        '<geom type="cylinder" size=".03 .06" mass=".1" friction="0.6 0.005 0.0001"/></body>'
+    )
+
+
+def _with(text: str, body: str) -> str:
+    head, end, tail = text.rpartition("</worldbody>")
+    return head + body + end + tail
+
+
+def _at(place: tuple[float, float, float]) -> str:
+    return f"({place[0]:.2f}, {place[1]:.2f})"
+
+
+def meet(
+    folder: Path, kind: str, count: int, seed: int, workers: int, say: Callable[[str], None]
+) -> list[Row]:
+    """`count` runs of a kind."""
+    cases = drawn(kind, seed, count)
+    return Ledger(folder / f"{kind}.jsonl").complete(cases, met, workers, say)

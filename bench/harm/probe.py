@@ -1,0 +1,93 @@
+"""A plan executed in a simulated world under the eyes of a `Witness`, and what it did there.
+
+Nobody asks the check here: a plan is executed as it stands, with no more than the leaves' own
+checks at run time.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from bench.harm.harm import Harm, harm
+from bench.harm.touch import SHOWN, UNSEEN, Figures
+from bench.harm.witness import Witness
+from palpate.audience import Audience
+from palpate.cells.simulated import SimulatedCell, simulated_cell
+from palpate.errors import InputError
+from palpate.execution.recovery import OnFailure
+from palpate.planning.plan import Plan
+from palpate.scene.scene import Scene
+from palpate.stages import executing
+
+if TYPE_CHECKING:
+    from palpate.execution.runner import Execution, Observer
+
+
+AFTERWARDS = 1.0
+"""s that the world is watched for after a run has ended: what was let go of in its last moment
+falls, or topples, in less."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Probed:
+    """What palpate says of a run, and what it did to the world; the second knows nothing of the
+    first."""
+
+    execution: Execution
+    harm: Harm
+
+
+def probed_run(
+    plan: Plan,
+    scene: Scene,
+    world: Path | Scene | None = None,
+    noise: str = "lab",
+    seed: int = 0,
+    *,
+    cell: SimulatedCell | None = None,
+    observer: Observer | None = None,
+    on_failure: OnFailure = "stop",
+    unseen: Collection[str] = (),
+    shown: Figures = SHOWN,
+    hidden: Figures = UNSEEN,
+) -> Probed:
+    """Execute a plan, checked or not, and judge it by what MuJoCo says.
+
+    Args:
+        world: MJCF of the hidden world; without one D itself, its unknowns drawn from priors.
+        cell: instead of `world`, `noise` and `seed`.
+        unseen: names of bodies of the world that the scene does not show, for which the figures
+            `hidden` hold; for everything else those of `shown`.
+
+    Raises:
+        InputError: the plan has no tree, or world and scene do not match.
+    """
+    cell = cell or simulated_cell(scene, world, noise=noise, seed=seed)
+    robot = cell.robot()
+    witness = Witness.of(robot.world)
+    execution = executing.perform(plan, scene, robot, Audience(observer), on_failure)
+    robot.advance(AFTERWARDS)
+    return Probed(execution, harm(witness, named(plan, scene), unseen, shown, hidden))
+
+
+def named(plan: Plan, scene: Scene) -> frozenset[str]:
+    """The objects that a plan speaks of: what it wants to know, and where it goes."""
+    found = {parameter.object for parameter in plan.parameters}
+    if plan.tree is not None:
+        for _, node in plan.tree.walk():
+            found.update(*(_subject(value, scene) for _, value in node.args))
+    return frozenset(found & set(scene.objects))
+
+
+def _subject(value: object, scene: Scene) -> set[str]:
+    """The object that an argument names, or whose pose it is."""
+    if not isinstance(value, str):
+        return set()
+    try:
+        place = scene.symbols.parse(value).name
+    except InputError:
+        return {value}
+    return {value, scene.symbols.subjects.get(place, place)}

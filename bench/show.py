@@ -1,0 +1,148 @@
+"""Tables of the instruments on the terminal."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+
+from rich.markup import escape
+from rich.text import Text
+
+from bench import mishaps
+from bench.bounds.efficiency import OverBound
+from bench.campaign import ledger
+from bench.campaign.page import counts
+from bench.deceptions.coverage import Coverage, coverage
+from bench.deceptions.page import by_world, worst
+from bench.mishaps import Ending
+from palpate.cli.console import out, print_json
+from palpate.cli.show.layout import Column, print_rows
+
+MISHAPS = (
+    Column("mishap"),
+    Column("ended", words=True),
+    Column("as it should", right=True),
+    Column("dropped", right=True),
+    Column("still held", right=True),
+)
+CAMPAIGN = (
+    Column("kind"),
+    Column("cases", right=True),
+    Column("crashes", right=True),
+    Column("beyond", right=True),
+    Column("ended", words=True),
+)
+WORLDS = (
+    Column("world", words=True),
+    Column("kind"),
+    Column("answers", words=True),
+    Column("worst std", right=True),
+)
+COVERAGE = (
+    Column("identified"),
+    Column("values", right=True),
+    Column("in 95 %", right=True),
+    Column("in 50 %", right=True),
+    Column("stated / actual", right=True),
+    Column("worst", right=True),
+)
+
+
+BOUNDS = (
+    Column("scenario"),
+    Column("parameter"),
+    Column("values", right=True),
+    Column("RMSE / bound", right=True),
+    Column("95 % interval", right=True),
+)
+
+
+def show_bounds(rows: Sequence[OverBound], as_json: bool) -> None:
+    """Errors over their Cramér-Rao bounds."""
+    if as_json:
+        print_json({"rows": [asdict(row) for row in rows]})
+        return
+    cells: list[list[str]] = []
+    for row in rows:
+        interval = f"{row.ratio.low:.2f} … {row.ratio.high:.2f}"
+        ratio = f"{row.ratio.value:.2f}"
+        cells.append([escape(row.scenario), row.component, str(row.values), ratio, interval])
+    print_rows(BOUNDS, cells)
+
+
+def show_endings(endings: Sequence[Ending], as_json: bool) -> None:
+    """How the mishaps ended, and why."""
+    if as_json:
+        print_json({"runs": [asdict(ending) for ending in endings]})
+        return
+    rows: list[list[str]] = []
+    reasons: list[Text] = []
+    for row in mishaps.table(endings):
+        ended = ", ".join(f"{status} {count}" for status, count in row.endings.items())
+        as_expected = f"{row.as_expected}/{row.runs}"
+        counts = [as_expected, str(row.dropped), str(row.holding)]
+        rows.append([escape(row.scenario), ended, *counts])
+        reasons.append(Text(f"{row.scenario}: {row.reason[:200]}", "dim"))
+    print_rows(MISHAPS, rows)
+    out.print(*reasons, sep="\n")
+
+
+def show_campaign(rows: Mapping[str, Sequence[ledger.Row]], as_json: bool) -> None:
+    """Counts of every kind, and what was beyond the figures."""
+    if as_json:
+        print_json({kind: [asdict(row) for row in found] for kind, found in rows.items()})
+        return
+    print_rows(CAMPAIGN, [[kind, *_counts(of), _outcomes(of)] for kind, of in rows.items()])
+    for found in rows.values():
+        for row in found:
+            if row.beyond or row.crash:
+                out.print(Text(_beyond(row), "dim"))
+
+
+def show_deceptions(rows: Sequence[ledger.Row], as_json: bool) -> None:
+    """What was answered in every world, and how honest the intervals are."""
+    found = coverage(rows)
+    if as_json:
+        print_json({"coverage": [asdict(row) for row in found], "rows": [asdict(r) for r in rows]})
+        return
+    worlds: list[list[str]] = []
+    for name, group in by_world(rows).items():
+        off = worst(group)
+        shown = "–" if off is None else f"{off:.1f}"
+        kind = str(group[0].figures["kind"])
+        worlds.append([escape(name), kind, _outcomes(group), shown])
+    print_rows(WORLDS, worlds)
+    print_rows(COVERAGE, [_coverage_cells(row) for row in found])
+    for row in rows:
+        if row.beyond or row.crash:
+            out.print(Text(_beyond(row), "dim"), soft_wrap=True)
+
+
+def _coverage_cells(row: Coverage) -> list[str]:
+    parts = f"{row.covered95:.1%}", f"{row.covered50:.1%}", f"{row.stated:.2f}"
+    return [row.quantity, str(row.values), *parts, f"{row.worst:.1f}"]
+
+
+def _counts(rows: Sequence[ledger.Row]) -> list[str]:
+    return [str(count) for count in counts(rows).values()]
+
+
+def _outcomes(rows: Sequence[ledger.Row]) -> str:
+    """How cases ended, the most frequent first."""
+    endings = Counter(row.outcome for row in rows)
+    return ", ".join(f"{outcome} {count}" for outcome, count in endings.most_common())
+
+
+def show_case(row: ledger.Row, as_json: bool) -> None:
+    """One case of a campaign."""
+    if as_json:
+        print_json(asdict(row))
+        return
+    lines = [f"{row.what}: {row.outcome}", *row.said, *row.beyond, row.crash]
+    out.print(Text("\n".join(line for line in lines if line)))
+
+
+def _beyond(row: ledger.Row) -> str:
+    reason = "; ".join(row.beyond) or row.crash.strip().splitlines()[-1]
+    return f"{row.command}: {reason}"

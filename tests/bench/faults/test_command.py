@@ -1,0 +1,45 @@
+"""`python -m bench faults --kind …`: campaigns, and their cases again."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from typer.testing import Result
+
+from bench.campaign.ledger import Row
+from bench.faults import campaign
+
+
+def test_one_case_is_repeated(instrument: Callable[..., Result]) -> None:
+    answer = instrument("faults", "--kind", "nasty", "--case", "six angles")
+    assert answer.exit_code == 0
+    assert "MoveJoints needs 7 angles" in answer.output
+    answer = instrument("faults", "--kind", "nasty", "--case", "six angles", "--json")
+    assert json.loads(answer.output)["outcome"] == "refused"
+
+
+def test_a_campaign_needs_a_folder_and_a_kind(
+    instrument: Callable[..., Result], tmp_path: Path
+) -> None:
+    answer = instrument("faults", "--kind", "nasty")
+    assert (answer.exit_code, "--out" in answer.output) == (2, True)
+    answer = instrument("faults", "--kind", "floods", "--out", tmp_path)
+    assert (answer.exit_code, "schema" in answer.output) == (2, True)
+
+
+def test_a_campaign_shows_what_was_beyond(
+    instrument: Callable[..., Result], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    row = Row("nasty", "deep", "too deep", "python -m bench …", "complete", beyond=("table hit",))
+
+    def judge(*_: object) -> list[Row]:
+        return [row]
+
+    monkeypatch.setattr(campaign.nasty, "judge_nasty", judge)
+    answer = instrument("faults", "--kind", "nasty", "--out", tmp_path)
+    assert answer.exit_code == 0
+    assert "python -m bench …: table hit" in answer.output
+    assert (tmp_path / "campaign.html").exists()
