@@ -14,11 +14,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from desk import DESK, MASS, Bench
 from failing import Failing
 from standin import StandIn
 
 import palpate as pp
-from bench import DESK, MASS, Bench
 from palpate import api
 from palpate.stages import building
 from palpate.trace.mcap import read_mcap
@@ -161,7 +161,7 @@ def test_a_disk_that_is_full(plan: api.Plan, tmp_path: Path) -> None:
 KILLED = """
 import os, sys
 sys.path[:0] = {path}
-import bench
+import desk
 import palpate as pp
 
 def kill(arm):
@@ -169,9 +169,9 @@ def kill(arm):
     if calls.count({call!r}) == {times}:
         os._exit(9)
 
-cell = bench.Bench()
+cell = desk.Bench()
 cell.arm.on_advance = kill
-pp.load(bench.DESK).plan("how heavy is the mug?").run(cell, rehearse=False, out={out!r})
+pp.load(desk.DESK).plan("how heavy is the mug?").run(cell, rehearse=False, out={out!r})
 """
 
 

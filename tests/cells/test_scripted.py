@@ -10,14 +10,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from desk import DESK, MASS, Bench
 from installed import install
 
 import palpate as pp
-from bench import DESK, MASS, Bench
 from palpate.cells.registry import drivers
 
 PACKAGE = """from palpate.cells.registry import Driver
-from bench import Bench
+from desk import Bench
 
 driver = Driver("scripted", lambda url, scene: Bench(url))
 """
