@@ -163,12 +163,12 @@ def test_contact_corrects_heights_and_with_them_shapes_and_places() -> None:
     """Believed 3 cm too low, the can seems farther back; once the table is felt, everything is
     where it is."""
     before = DetectedScene(SceneBuilder(poses()), things(level=0.03)).scene()
-    after = before.learned(Parameter("table", "height"), (0.03,))
+    after = learned(before, Parameter("table", "height"), (0.03,))
     assert before.body("can").pose_world.position[0] == pytest.approx(0.482, abs=4e-3)
     assert after.body("can").pose_world.position[:2] == pytest.approx([0.5, 0.1], abs=1e-3)
     assert after.body("can").bottom_z() == pytest.approx(0.03, abs=1e-4)
     assert after.body("can").size == pytest.approx([0.06, 0.06, 0.12], abs=1e-3)
-    assert before.learned(Parameter("can", "mass"), (0.3,)) is before
+    assert learned(before, Parameter("can", "mass"), (0.3,)) is before
 
 
 def test_touched_sizes_correct_the_shapes_of_what_was_seen() -> None:
@@ -190,7 +190,7 @@ def test_a_scene_that_was_given_learns_nothing_new(tmp_path) -> None:
     file = tmp_path / "scene.xml"
     file.write_text(DetectedScene(SceneBuilder(poses()), things()).scene().text, encoding="utf-8")
     scene = load_scene(file)
-    assert scene.learned(Parameter("table", "height"), (0.2,)) is scene
+    assert learned(scene, Parameter("table", "height"), (0.2,)) is scene
 
 
 def test_a_known_place_and_direction_are_kept() -> None:

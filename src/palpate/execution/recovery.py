@@ -90,7 +90,7 @@ def _planned_again(
     """See `replan`; what was executed outlives a planning that fails."""
     try:
         return replan(
-            rest, rearranged(scene, done.final_state.not_restored(), done.final_state.tops), planner
+            rest, rearranged(done.final_state.scene, done.final_state.not_restored()), planner
         )
     except Exception as error:
         log.warning("no further attempt, planning it failed: %s: %s", type(error).__name__, error)

@@ -23,6 +23,7 @@ from palpate.quantities.precision.effort import Effort
 from palpate.quantities.precision.within import Precision, Within, shown
 from palpate.robots.robot import Robot
 from palpate.scene.load import rearranged
+from palpate.scene.raised import as_measured
 from palpate.scene.scene import Scene
 
 if TYPE_CHECKING:
@@ -90,7 +91,7 @@ def _lacking(
     asked: Sequence[Parameter], done: Execution, scene: Scene, within: Within
 ) -> Iterator[tuple[Parameter, Precision]]:
     """What more of the same would narrow: not what contradicts itself or was not found."""
-    for estimate in estimate_all(asked, done.trace, scene.bodies):
+    for estimate in estimate_all(asked, done.trace, as_measured(scene, done.trace).bodies):
         precision = within.precision(estimate)
         if precision is None or estimate.contradiction or not estimate.has_value:
             continue
@@ -127,7 +128,7 @@ def _planned(
     if not efforts:
         return None
     try:
-        around = rearranged(scene, done.final_state.not_restored(), done.final_state.tops)
+        around = rearranged(done.final_state.scene, done.final_state.not_restored())
         made = assemble(around, efforts, None, efforts, mirrored)
         if made.tree is None:
             return None

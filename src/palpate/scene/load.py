@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
 
@@ -17,6 +16,7 @@ from palpate.robots.description import RobotDescription
 from palpate.robots.registry import load_description
 from palpate.scene.named_poses import derive_symbols
 from palpate.scene.poses import PoseEntry, Poses, parse_poses, read_poses
+from palpate.scene.raised import level, raised
 from palpate.scene.resolve import resolve
 from palpate.scene.scene import Scene
 
@@ -80,12 +80,13 @@ def scene_from_text(
     return _scene(document, like.path, poses, like.arm, like.catalogue)
 
 
-def rearranged(
-    scene: Scene, poses: Mapping[str, Pose], felt: Mapping[str, float] | None = None
-) -> Scene:
-    """The scene with some objects standing elsewhere, `poses` of their body frames in the world, and
-    with what was `felt` of its surfaces (`Scene.felt`)."""
-    return replace(scene_from_text(scene.text, scene, poses), felt=felt or scene.felt)
+def rearranged(scene: Scene, poses: Mapping[str, Pose]) -> Scene:
+    """The scene with some objects standing elsewhere, `poses` of their body frames in the world; the
+    heights that were measured of its surfaces hold."""
+    given = scene_from_text(scene.text, scene, level(scene, poses))
+    for surface in [name for name in scene.rises if name in scene.surfaces]:
+        given = raised(given, surface, scene.body(surface).top_z())
+    return given
 
 
 def _entry(pose: Pose) -> PoseEntry:

@@ -38,7 +38,9 @@ class Scene:
         resolved: the file it was read from, which can be completed: for `spec` and the twin.
         refit: of a scene seen in a picture: the scene anew, when contact has told a surface's
             height (m).
-        felt: surface to the world z, m, that its top reaches at most, by what was felt of it.
+        rises: surfaces whose height was measured, and what stands on them, to the m by which each is
+            higher than the scene was given.
+        as_given: the scene before any height was measured; None where it is that one.
     """
 
     text: str
@@ -51,7 +53,8 @@ class Scene:
     priors: Mapping[Parameter, tuple[float, ...]]
     resolved: ResolvedScene
     refit: Callable[[str, float], Scene] | None = None
-    felt: Mapping[str, float] = field(default_factory=dict[str, float])
+    rises: Mapping[str, float] = field(default_factory=dict[str, float])
+    as_given: Scene | None = None
 
     objects: Mapping[str, Body] = field(init=False)
     """Bodies with a free joint."""
@@ -106,13 +109,6 @@ class Scene:
         if name not in self.bodies:
             raise unknown_name("object or surface", name, self.bodies)
         return self.bodies[name]
-
-    def learned(self, parameter: Parameter, value: tuple[float, ...]) -> Scene:
-        """What is believed of the cell once a parameter has been measured: a scene seen in a
-        picture gets new shapes."""
-        if self.refit is not None and parameter.quantity == "height":
-            return self.refit(parameter.object, value[0])
-        return self
 
     @property
     def missing(self) -> tuple[Parameter, ...]:

@@ -20,8 +20,8 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field
-from functools import cached_property
+from dataclasses import dataclass, field, replace
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -192,14 +192,17 @@ class Symbols:
             return self._on_line(name, bound or {})
         if name not in self.later:
             raise unknown_name("pose", name, self.names)
-        if name not in self._found:
-            self._found[name] = self.later[name]()
-        found = self._found[name]
+        found = self._later(name)
         if found is None:
             raise InputError(
                 f"there is no free place within reach for '{name}'; give one in poses.yaml"
             )
         return found
+
+    def _later(self, name: str) -> Pose | None:
+        if name not in self._found:
+            self._found[name] = self.later[name]()
+        return self._found[name]
 
     def _on_line(self, name: str, bound: Mapping[str, float]) -> Pose:
         line = self.lines[name]
@@ -217,6 +220,28 @@ class Symbols:
         if name not in self.offsets:
             raise unknown_name("offset", name, [*self.offsets, *own], f"It is used with '{pose}'.")
         return self.offsets[name]
+
+    def raised(self, rises: Mapping[str, float], places: Mapping[str, float]) -> Symbols:
+        """The same names with the poses of some objects and surfaces higher, `rises` in m by object or
+        surface, and some `places` that belong to none."""
+
+        def up(name: str) -> Array:
+            subject = self.subjects.get(name, "")
+            return np.array([0.0, 0.0, rises.get(subject, places.get(name, 0.0))])
+
+        def found_later(name: str) -> Pose | None:
+            pose = self._later(name)
+            return None if pose is None else pose.translated(up(name))
+
+        return replace(
+            self,
+            poses={name: pose.translated(up(name)) for name, pose in self.poses.items()},
+            later={name: partial(found_later, name) for name in self.later},
+            lines={
+                name: replace(line, pose=line.pose.translated(up(name)))
+                for name, line in self.lines.items()
+            },
+        )
 
     def joints(self, name: str) -> Array:
         """(7,) rad, a named joint configuration.

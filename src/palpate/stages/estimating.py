@@ -9,9 +9,11 @@ from palpate.audience import SILENT, Audience
 from palpate.cells.cell import Cell
 from palpate.errors import InputError, PalpateError
 from palpate.estimation.estimate import Estimate
+from palpate.mjcf.body import Body
 from palpate.parameter import Parameter
 from palpate.quantities.estimators import estimate_all, failed
 from palpate.runs.run import Run
+from palpate.scene.raised import as_measured
 from palpate.stages.workplace import truths
 from palpate.twin.held_out.judge import held_out, with_tests
 from palpate.twin.held_out.judged import HeldOut
@@ -31,8 +33,9 @@ def estimates(made: Run, cell: Cell | None, audience: Audience = SILENT) -> Iter
     audience.progress("estimating")
     # The trace is read once, not for every estimate.
     made = replace(made, estimates=(), held_out=None, recorded=made.trace)
+    bodies = made.scene.bodies if made.trace is None else as_measured(made.scene, made.trace).bodies
     for parameter in made.plan.parameters:
-        found = _estimate_of(made, parameter)
+        found = _estimate_of(made, parameter, bodies)
         made = replace(made, estimates=(*made.estimates, found))
         yield made
     audience.progress("judging them on motions that they were not fitted to")
@@ -59,7 +62,8 @@ def reestimate(made: Run, choice: Mapping[str, str] | None = None) -> Run:
         where = "this run" if made.folder is None else f"'{made.folder}'"
         raise InputError(f"{where} has no trace to make estimates of: nothing was executed")
     _require_scene(made)
-    found = estimate_all(made.plan.parameters, trace, made.scene.bodies, choice or {})
+    bodies = as_measured(made.scene, trace).bodies
+    found = estimate_all(made.plan.parameters, trace, bodies, choice or {})
     told = tuple(_told(made, estimate) for estimate in found)
     again = replace(made, recorded=trace, estimates=told, held_out=None, twin=None)
     return _judged(again, choice)
@@ -74,12 +78,12 @@ def _require_scene(made: Run) -> None:
         )
 
 
-def _estimate_of(made: Run, parameter: Parameter) -> Estimate:
+def _estimate_of(made: Run, parameter: Parameter, bodies: Mapping[str, Body]) -> Estimate:
     """The estimate of a parameter from the run's trace, whatever goes wrong on the way."""
     if made.trace is None:
         return failed(parameter, "Nothing was recorded.")
     try:
-        found = estimate_all([parameter], made.trace, made.scene.bodies)[0]
+        found = estimate_all([parameter], made.trace, bodies)[0]
         return _told(made, found)
     except PalpateError as error:
         return failed(parameter, f"There is no estimator: {error}.")
@@ -99,7 +103,7 @@ def _judged(made: Run, choice: Mapping[str, str] | None = None) -> Run:
     if made.trace is None:
         return made
     try:
-        held = held_out(made.scene, made.trace, made.estimates, choice)
+        held = held_out(as_measured(made.scene, made.trace), made.trace, made.estimates, choice)
     except Exception as error:
         reason = f"nothing was held out: {type(error).__name__}: {error}"
         return replace(made, held_out=HeldOut((), (reason,)))

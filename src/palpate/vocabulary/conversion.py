@@ -79,8 +79,7 @@ class _Conversion(ConversionPrimitive):
         if found.verdict == "not identified":
             raise LeafFailure(f"{parameter} is not identified: {found.method}")
         blackboard.recorder.conversions.append(conversion)
-        scene = blackboard.scene.learned(parameter, tuple(found.value.tolist()))
-        blackboard.state = replace(blackboard.state, scene=scene)
+        blackboard.state = blackboard.state.learned(parameter, tuple(found.value.tolist()))
         pairs = zip(found.value.tolist(), found.std.tolist(), strict=True)
         shown = ", ".join(" ± ".join(rounded(value, std)) for value, std in pairs)
         return f"{subject} {quantity.label} {shown} {quantity.unit}"

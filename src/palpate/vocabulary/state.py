@@ -17,6 +17,7 @@ from palpate.geometry.pose import Array, Pose, digits
 from palpate.mjcf.body import Body
 from palpate.parameter import Parameter
 from palpate.robots.kinematics import forward_kinematics
+from palpate.scene.raised import learned, raised, risen
 from palpate.scene.scene import Scene
 from palpate.trace.recording import Activity, Context
 from palpate.vocabulary.admissible.grip import Grip, grip
@@ -43,10 +44,6 @@ SAGS = 0.01
 SAME_POSE = 1e-4
 """m and rad: poses that differ by less are one."""
 
-HARDLY_HIGHER = 0.0015
-"""m: what the hand keeps from a top where it is believed (`admissible.collision`), 3 mm, is enough for one
-that is no higher than that."""
-
 
 @dataclass(frozen=True, slots=True)
 class SymbolicState:
@@ -64,7 +61,6 @@ class SymbolicState:
         lifted: the held object is clear of its support.
         contact: surface touched by the last guarded motion, until the arm moves on.
         moved: poses of objects that are not where the scene has them.
-        felt: surface to the world z, m, that its top reaches at most, by what was felt of it.
         activity: what a sensing leaf that starts now would record.
         buffers: the context in which each buffer was last written.
         logged: every recording so far, `(buffer, context)`.
@@ -85,7 +81,6 @@ class SymbolicState:
     lifted: bool = False
     contact: str | None = None
     moved: Mapping[str, Pose] = field(default_factory=dict[str, Pose])
-    felt: Mapping[str, float] = field(default_factory=dict[str, float])
     activity: Activity = "still"
     buffers: Mapping[str, Context] = field(default_factory=dict[str, Context])
     logged: tuple[tuple[str, Context], ...] = ()
@@ -121,18 +116,21 @@ class SymbolicState:
         """Where an object is believed to be now."""
         return self.moved.get(name) or self.scene.body(name).pose_world
 
-    @property
-    def tops(self) -> Mapping[str, float]:
-        """World z, m, that the tops of the surfaces that were touched reach at most."""
-        return {**self.scene.felt, **self.felt}
+    def raised(self, surface: str, top: float) -> SymbolicState:
+        """With the top of a surface at world z `top`, m, and what stands on it now with it."""
+        rises = risen(self.scene, surface, top, self.pose_of)
+        moved = {
+            name: pose.translated((0.0, 0.0, rises.get(name, 0.0)))
+            for name, pose in self.moved.items()
+        }
+        return replace(self, scene=raised(self.scene, surface, top), moved=moved)
 
-    def rise(self, surface: str) -> float:
-        """m by which a surface may be higher than believed, by what was felt of it; 0 where it is not,
-        or hardly: then the belief is the safer one of both."""
-        if surface not in self.tops:
-            return 0.0
-        rise = self.tops[surface] - self.scene.body(surface).top_z()
-        return rise if rise > HARDLY_HIGHER else 0.0
+    def learned(self, parameter: Parameter, value: tuple[float, ...]) -> SymbolicState:
+        """Once a parameter has been measured: see `scene.raised.learned`."""
+        after = learned(self.scene, parameter, value)
+        if after.as_given is None:
+            return replace(self, scene=after)
+        return self if after is self.scene else self.raised(parameter.object, value[0])
 
     @property
     def is_bent(self) -> bool:
@@ -168,7 +166,6 @@ class SymbolicState:
             self.holding,
             None if held is None else held.digits,
             *self.placed,
-            *sorted(self.tops.items()),
         )
 
     def object_at(self, pose_world_tcp: Pose) -> Body | None:
@@ -209,9 +206,8 @@ class SymbolicState:
         return met
 
     def top_of(self, body: Body) -> float:
-        """World z, m, of the top of an object or surface: the higher one of what is believed of it
-        and what was felt."""
-        return body.top_z(self.pose_of(body.name)) + self.rise(body.name)
+        """World z, m, of the top of an object or surface."""
+        return body.top_z(self.pose_of(body.name))
 
     def not_restored(self) -> dict[str, Pose]:
         """Objects left away from where the scene has them, with where they are."""

@@ -17,12 +17,12 @@ import numpy as np
 
 from palpate.errors import InputError
 from palpate.geometry.pose import Array, Pose
-from palpate.parameter import Parameter
+from palpate.scene.raised import is_open, risen
 from palpate.vocabulary.admissible.clearance import STEEP, straddled
-from palpate.vocabulary.admissible.footing import SETTLES, footing, higher, origins
+from palpate.vocabulary.admissible.footing import SETTLES, footing
 from palpate.vocabulary.admissible.solids import SIDES, solids
 from palpate.vocabulary.admissible.sweep.crowd import (
-    FELT,
+    HIGHER,
     LINK,
     LOAD,
     arm_sweep,
@@ -42,11 +42,9 @@ FIXED = 0.003
 """m that they keep from what never moves: derived grasps leave `grasp.GROUND`."""
 ARM = 0.005
 """m that the arm's links keep from everything, and from each other."""
-SURE = 2.0
-"""Standard deviations of a height that is not known, by which the hand stays above it."""
 UNSURE = 0.05
-"""m: no more is kept, however little is known, and by nothing: an approach pose is 0.1 m above its
-surface."""
+"""m by which a surface of unknown height may be higher than believed, and what stands on it, until it is
+touched; an approach pose is 0.1 m above its surface."""
 SHOWN = 3
 """Hits that are told of one motion."""
 
@@ -60,16 +58,14 @@ class Passing:
         carriers: what the load stands on at its end. As high as that is, so high are the fingers that
             hold it: as high above it as where they took it.
         touched: what a probe touches.
-        origins: what the load stood on at first: it is as much higher as that was felt to be.
-        left: the surface that the hand was felt to come down on, and that it leaves by the way it came:
-            wherever that was believed to be, the hand has just been there.
+        left: the surface that the hand came down on, and that it leaves by the way it came: the hand has
+            just been there.
     """
 
     between: frozenset[str]
     carriers: frozenset[str]
     touched: str | None
     left: str | None = None
-    origins: frozenset[str] = frozenset()
 
 
 def collisions(before: SymbolicState, after: SymbolicState) -> tuple[Violation, ...]:
@@ -112,7 +108,7 @@ def _collisions(before: SymbolicState, after: SymbolicState) -> Iterator[Violati
         way = _way(before, after, width)
         if way is None:
             return
-        swept = arm_sweep(before, way).within(UNSURE)
+        swept = arm_sweep(before, way, _higher(before, after)).within(UNSURE)
         hits = sorted(swept.hits(_margins(before, swept, passing)), key=lambda hit: hit.distance)
         for hit in hits:
             pair = (hit.part.owner, hit.other.owner)
@@ -126,8 +122,7 @@ def _passing(before: SymbolicState, after: SymbolicState) -> Passing:
     if held is not None:
         lying = footing(before, held, after.pose_of(held)).carriers
         carriers = frozenset(top.owner for top in lying)
-        own = origins(before, held) if before.tops else frozenset[str]()
-        return Passing(frozenset(), carriers, None, origins=own)
+        return Passing(frozenset(), carriers, None)
     ends = {straddled(before, before.pose_world_tcp), straddled(before, pose)} - {None}
     between = frozenset(name for name in ends if name)
     touched = after.contact if after.activity == "contact" else None
@@ -202,8 +197,6 @@ def _margin(
         return ARM
     if name == passing.touched and part.kind in SIDES:
         return -np.inf
-    if other.kind == FELT:
-        return -np.inf if part.kind == LOAD and name in passing.origins else BESIDE
     if part.kind == LOAD and name in passing.carriers:
         return -SETTLES
     if name in passing.between:
@@ -216,11 +209,25 @@ def _margin(
 
 
 def _unsure(state: SymbolicState, name: str) -> float:
-    """m that the top of a surface may be higher than believed, where it was not felt yet."""
-    if name in state.tops:
-        return 0.0
-    prior = state.scene.resolved.priors.get(Parameter(name, "height"))
-    return min(SURE * prior.std[0], UNSURE) if prior is not None else 0.0
+    """m that the top of a surface may be higher than believed."""
+    return UNSURE if _is_unmeasured(state, name) else 0.0
+
+
+def _is_unmeasured(state: SymbolicState, name: str) -> bool:
+    return is_open(state.scene, name) and name not in state.scene.rises
+
+
+def _higher(before: SymbolicState, after: SymbolicState) -> dict[str, float]:
+    """m by which objects may be higher than believed on the way to where a surface of unknown height is
+    to be probed: those that stand on it."""
+    if after.is_bent or after.at is None:
+        return {}
+    surface = after.scene.symbols.subject(after.at)
+    if surface is None or not _is_unmeasured(before, surface):
+        return {}
+    top = before.scene.body(surface).top_z() + UNSURE
+    rises = risen(before.scene, surface, top, before.pose_of)
+    return {name: UNSURE for name in rises if name in before.scene.objects}
 
 
 def _told(hit: Hit, before: SymbolicState, after: SymbolicState, passing: Passing) -> Violation:
@@ -228,10 +235,11 @@ def _told(hit: Hit, before: SymbolicState, after: SymbolicState, passing: Passin
     where = "joint motion" if after.is_bent else f"way to '{after.at}'"
     how = f"run {-1e3 * hit.distance:.0f} mm into" if hit.distance < 0 else "come too near to"
     met = f"on the {where} {part} would {how} '{name}' at {hit.place}"
-    if hit.other.kind == FELT:
-        rise = 1e3 * higher(before)[name]
+    if hit.other.kind == HIGHER:
         return Violation(
-            "collision", f"{met}, which was felt to be {rise:.0f} mm higher than believed"
+            "collision",
+            f"{met}, which may be up to {1e3 * UNSURE:.0f} mm higher than believed until the surface "
+            "below it is touched; come from a higher pose",
         )
     detour = _detour(before, after)
     if hit.other.kind == LINK or name == after.scene.arm.base:

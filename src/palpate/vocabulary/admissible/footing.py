@@ -6,7 +6,7 @@ carried is its support polygon; it stays where its centre of mass is over that.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -15,7 +15,6 @@ import numpy as np
 from palpate.geometry.outline import rim, slab
 from palpate.geometry.polygon import clipped, hull
 from palpate.geometry.pose import Array, Pose
-from palpate.scene.scene import Scene
 from palpate.vocabulary.admissible.solids import ORIGIN, Solids, solids
 from palpate.vocabulary.admissible.sweep.frames import Shape
 from palpate.vocabulary.state import SymbolicState
@@ -72,61 +71,14 @@ class Footing:
 
 
 def footing(state: SymbolicState, name: str, pose_world_object: Pose) -> Footing:
-    """The footing of an object at a pose, among everything that is not held, and itself left out.
-
-    A surface that was felt to be higher than believed is there, too, but for what stands on it where
-    the scene has it: that is as much higher as its surface."""
+    """The footing of an object at a pose, among everything that is not held, and itself left out."""
     shapes = solids(state.scene)
     placed = [entry for entry in state.placed if entry[0] != name]
-    felt = sorted(state.tops.items())
-    key = ("footing", name, pose_world_object.digits, state.holding, *placed, *felt)
-    return shapes.remembered(key, lambda: _felt(shapes, state, name, pose_world_object))
+    key = ("footing", name, pose_world_object.digits, state.holding, *placed)
+    return shapes.remembered(key, lambda: _footing(shapes, state, name, pose_world_object))
 
 
-def origins(state: SymbolicState, name: str) -> frozenset[str]:
-    """What an object stands on where the scene has it, what carries that, and so on."""
-    shapes = solids(state.scene)
-    return shapes.remembered(("origins", name), lambda: _origins(shapes, state.scene, name))
-
-
-def higher(state: SymbolicState) -> dict[str, float]:
-    """m by which surfaces, and what stands on them, may be higher than believed, by what was felt."""
-    found = _risen(state)
-    for name in state.scene.objects if found else ():
-        under = found.keys() & origins(state, name)
-        if under:
-            found[name] = max(found[surface] for surface in under)
-    return found
-
-
-def _risen(state: SymbolicState) -> dict[str, float]:
-    return {surface: rise for surface in state.tops if (rise := state.rise(surface)) > 0.0}
-
-
-def _origins(shapes: Solids, scene: Scene, name: str) -> frozenset[str]:
-    found, queue = set[str](), [name]
-    at_first = SymbolicState(scene)
-    while queue:
-        above = queue.pop()
-        there = _footing(shapes, at_first, above, at_first.pose_of(above), {})
-        for owner in {top.owner for top in there.carriers} - found:
-            found.add(owner)
-            if owner in scene.objects:
-                queue.append(owner)
-    return frozenset(found)
-
-
-def _felt(shapes: Solids, state: SymbolicState, name: str, pose: Pose) -> Footing:
-    rises = _risen(state)
-    if rises:
-        own = origins(state, name)
-        rises = {surface: rise for surface, rise in rises.items() if surface not in own}
-    return _footing(shapes, state, name, pose, rises)
-
-
-def _footing(
-    shapes: Solids, state: SymbolicState, name: str, pose: Pose, rises: Mapping[str, float]
-) -> Footing:
+def _footing(shapes: Solids, state: SymbolicState, name: str, pose: Pose) -> Footing:
     parts = [shapes.convex(shape, pose) for shape in shapes.objects[name]]
     points = np.concatenate([part.points for part in parts])
     bottom = float(points[:, 2].min())
@@ -134,20 +86,15 @@ def _footing(
     outline, face = hull(rim(points[:, :2])), hull(np.concatenate(faces))
     tops = [
         top
-        for top in _tops(shapes, _others(shapes, state, name, rises), outline, bottom)
+        for top in _tops(shapes, _others(shapes, state, name), outline, bottom)
         if len(clipped(outline, top.outline)) > 2
     ]
     return Footing(name, bottom, outline, face, tuple(tops))
 
 
-def _others(
-    shapes: Solids, state: SymbolicState, name: str, rises: Mapping[str, float]
-) -> Iterator[tuple[str, Shape, Pose]]:
+def _others(shapes: Solids, state: SymbolicState, name: str) -> Iterator[tuple[str, Shape, Pose]]:
     for shape in shapes.fixed:
-        owner = shapes.owners[shape.geom]
-        yield owner, shape, ORIGIN
-        if owner in rises:
-            yield owner, shape, ORIGIN.translated((0.0, 0.0, rises[owner]))
+        yield shapes.owners[shape.geom], shape, ORIGIN
     for other in state.scene.objects:
         if other not in (name, state.holding):
             for shape in shapes.objects[other]:

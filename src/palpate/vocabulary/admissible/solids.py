@@ -8,7 +8,7 @@ says the distance between two of them: real shapes, not the boxes around them.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 from typing import TypeVar, cast
 
@@ -108,6 +108,14 @@ class Solids:
         """Where the fixed shapes are, at the one moment that is as good as any."""
         return Cluster.of(self.fixed).at(np.zeros((1, 3)), np.eye(3)[None])
 
+    def raised(self, scene: Scene) -> Solids:
+        """The same in the scene with some surfaces higher."""
+        fixed: list[Shape] = []
+        for shape in self.fixed:
+            up = np.array([0.0, 0.0, scene.rises.get(self.owners[shape.geom], 0.0)])
+            fixed.append(replace(shape, position=shape.position + up))
+        return replace(self, scene=scene, fixed=tuple(fixed), _known={})
+
     def pads(self, side: str) -> tuple[Shape, ...]:
         """What of a finger grasps: the shapes whose friction overrules others', else all."""
         finger = self.fingers[side]
@@ -192,11 +200,13 @@ class Solids:
 
 @lru_cache(CACHED_SCENES)
 def solids(scene: Scene) -> Solids:
-    """The shapes of a scene and its arm, compiled once.
+    """The shapes of a scene and its arm, compiled once, whatever heights are measured later.
 
     Raises:
         InputError: the scene does not compile with the arm in it.
     """
+    if scene.as_given is not None:
+        return solids(scene.as_given).raised(scene)
     model = compiled_with(scene, _solid_arm(scene.arm))
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)

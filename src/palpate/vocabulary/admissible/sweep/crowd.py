@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from palpate.geometry.pose import Pose
-from palpate.vocabulary.admissible.footing import higher
 from palpate.vocabulary.admissible.grip import grip
-from palpate.vocabulary.admissible.solids import ORIGIN, SIDES, Solids, solids
+from palpate.vocabulary.admissible.solids import SIDES, Solids, solids
 from palpate.vocabulary.admissible.sweep.frames import Cluster, Frames, Shape
 from palpate.vocabulary.admissible.sweep.sweep import Part, Sweep
 from palpate.vocabulary.admissible.sweep.way import Way, of_hand
@@ -20,9 +19,10 @@ from palpate.vocabulary.state import SymbolicState
 HAND = "hand"
 LOAD = "load"
 LINK = "link"
-FELT = "felt"
-"""Kinds of parts, beside the two fingers; the last is of what stands, where it was felt to be higher
-than believed."""
+HIGHER = "higher"
+"""Kinds of parts, beside the two fingers; the last is of what stands on a surface of unknown height, as
+high as it may be."""
+NOTHING: Mapping[str, float] = {}
 NEIGHBOURS = 2
 """Joints: parts of the arm with no more of them between cannot, or always nearly, touch."""
 SPACING = 0.01
@@ -34,10 +34,10 @@ def hand_sweep(state: SymbolicState, way: Way) -> Sweep:
     return _Crowd.of(state).sweep(way)
 
 
-def arm_sweep(state: SymbolicState, way: Way) -> Sweep:
+def arm_sweep(state: SymbolicState, way: Way, higher: Mapping[str, float] = NOTHING) -> Sweep:
     """The whole arm with hand and load along a way that says how it is bent, among everything that
-    is not held and its own links."""
-    return _Crowd.of(state).sweep(way, with_links=True)
+    is not held and its own links; some objects may be `higher` by so many m."""
+    return _Crowd.of(state, higher).sweep(way, with_links=True)
 
 
 def near_spans(
@@ -74,12 +74,12 @@ class _Crowd:
     there: Frames
 
     @classmethod
-    def of(cls, state: SymbolicState) -> _Crowd:
+    def of(cls, state: SymbolicState, higher: Mapping[str, float] = NOTHING) -> _Crowd:
         """Everything, as it is in a state."""
         shapes = solids(state.scene)
         links = [(Part(g, LINK, shapes.owners[g]), joint) for g, joint in shapes.links.items()]
-        key = ("standing", state.holding, *state.placed, *sorted(state.tops.items()))
-        standing, there = shapes.remembered(key, lambda: _standing(shapes, state))
+        key = ("standing", state.holding, *state.placed, *sorted(higher.items()))
+        standing, there = shapes.remembered(key, lambda: _standing(shapes, state, higher))
         return cls(shapes, tuple(_carried(shapes, state)), tuple(links), standing, there)
 
     def sweep(self, way: Way, with_links: bool = False) -> Sweep:
@@ -134,18 +134,22 @@ class _Crowd:
         return place
 
 
-def _standing(shapes: Solids, state: SymbolicState) -> tuple[tuple[Part, ...], Frames]:
+def _standing(
+    shapes: Solids, state: SymbolicState, higher: Mapping[str, float]
+) -> tuple[tuple[Part, ...], Frames]:
     """What is not held, and where it is."""
     standing = [Part(shape.geom, "", shapes.owners[shape.geom]) for shape in shapes.fixed]
     there = [shapes.standing]
     for name in state.scene.objects:
-        if name != state.holding:
-            pose, cluster = state.pose_of(name), shapes.clusters[name]
-            standing += [Part(shape.geom, "", name) for shape in shapes.objects[name]]
+        if name == state.holding:
+            continue
+        cluster = shapes.clusters[name]
+        for kind, rise in (("", 0.0), (HIGHER, higher.get(name, 0.0))):
+            if kind and not rise:
+                continue
+            pose = state.pose_of(name).translated((0.0, 0.0, rise))
+            standing += [Part(shape.geom, kind, name) for shape in shapes.objects[name]]
             there.append(cluster.at(pose.position[None], pose.rotation[None]))
-    for part, frames in _raised(shapes, state):
-        standing.append(part)
-        there.append(frames)
     return tuple(standing), Frames.joined(there)
 
 
@@ -160,23 +164,6 @@ def _carried(shapes: Solids, state: SymbolicState) -> Iterator[tuple[Part, Shape
         for shape in shapes.objects[state.holding]:
             held = _within(state.pose_tcp_object, shape)
             yield Part(shape.geom, LOAD, state.holding), held
-
-
-def _raised(shapes: Solids, state: SymbolicState) -> Iterator[tuple[Part, Frames]]:
-    """What was felt to be higher than believed, once more, that much higher."""
-    for name, rise in higher(state).items():
-        if name == state.holding:
-            continue
-        own, pose = shapes.objects.get(name), state.pose_of(name)
-        if own is None:
-            own, pose = (
-                [shape for shape in shapes.fixed if shapes.owners[shape.geom] == name],
-                ORIGIN,
-            )
-        there = pose.translated((0.0, 0.0, rise))
-        for shape in own:
-            frames = Cluster.of([shape]).at(there.position[None], there.rotation[None])
-            yield Part(shape.geom, FELT, name), frames
 
 
 def _within(carrier: Pose, shape: Shape) -> Shape:
