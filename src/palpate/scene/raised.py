@@ -15,11 +15,14 @@ from palpate.mjcf.body import Body
 from palpate.mjcf.shapes import RESTING
 from palpate.parameter import Parameter
 from palpate.quantities.estimators import estimate_all
+from palpate.scene.places import GUESSED
 from palpate.scene.scene import Scene
 from palpate.trace.samples import Trace
 
 INSIDE = 0.001
 """m: what begins this far above the bottom of an object, within its height, stands on it or in it."""
+PROBED = 0.002
+"""Measured heights may be this much beyond the limit of a guess, m."""
 BELOW = 0.05
 """m that a named place may be below the top of the surface that it belongs to."""
 
@@ -50,8 +53,21 @@ def as_measured(scene: Scene, trace: Trace) -> Scene:
     return scene
 
 
-def is_open(scene: Scene, surface: str) -> bool:
-    """Whether nobody has stated the height of a surface."""
+def beyond_guess(scene: Scene, name: str) -> str | None:
+    """Reason, with a remedy, not to approach an object whose surface was measured farther from its
+    guessed height than motions keep clear; None where it was not."""
+    rise = scene.rises.get(name, 0.0)
+    if name not in scene.objects or abs(rise) <= GUESSED + PROBED:
+        return None
+    how = f"{1e3 * abs(rise):.0f} mm {'higher' if rise > 0 else 'lower'}"
+    return (
+        f"the surface below '{name}' is {how} than the z of '{name}' says, more than the "
+        f"{1e3 * GUESSED:.0f} mm that a guess may be off: change that z by as much and run again"
+    )
+
+
+def is_open(scene: Scene, surface: str | None) -> bool:
+    """True for a surface whose height the scene does not state."""
     return surface in scene.surfaces and "height" in scene.surfaces[surface].missing
 
 

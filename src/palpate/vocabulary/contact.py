@@ -67,11 +67,8 @@ SIDE_FORCE = 2.0
 from the joints' friction for certain."""
 CONTACT_TORQUE = 3.0
 """N m, likewise."""
-GUESSED = 0.05
-"""m by which a surface of unknown height may be higher or lower than believed: as far as the way to a
-probe is kept clear (`admissible.collision.UNSURE`)."""
 STATED = 0.01
-"""m by which one of stated height may be."""
+"""Largest error of the stated height of a surface, m."""
 PROBE_TRAVEL = 0.30
 """m."""
 
@@ -241,17 +238,25 @@ def _reached(state: SymbolicState, robot: RobotState) -> float:
 
 
 def _contradicted(state: SymbolicState, name: str | None, robot: RobotState) -> str | None:
-    """Why a surface cannot be where it was touched, in words; None where it can."""
-    scene = state.scene.as_given or state.scene
-    if name is None or name not in scene.surfaces or scene.refit is not None:
+    """Contradiction between the stated height of a surface and the touch; None without one.
+
+    A touch lower than stated contradicts nothing: the surface may be soft.
+    """
+    scene = state.scene
+    if (
+        name is None
+        or name not in scene.surfaces
+        or is_open(scene, name)
+        or scene.refit is not None
+    ):
         return None
-    off, stated = _reached(state, robot) - scene.body(name).top_z(), not is_open(scene, name)
-    if abs(off) <= (STATED if stated else GUESSED):
+    rise = _reached(state, robot) - scene.body(name).top_z()
+    if rise <= STATED:
         return None
-    how = f"{1e3 * abs(off):.0f} mm {'higher' if off > 0 else 'lower'} than the scene "
-    if stated:
-        return f"'{name}' is {how}states: correct its z, or write '?' there to have it measured"
-    return f"'{name}' is {how}says: correct the z of what stands on it, or its own, and run again"
+    return (
+        f"'{name}' is {1e3 * rise:.0f} mm higher than the scene states: "
+        "correct its z, or write '?' there to have it measured"
+    )
 
 
 def withstands(state: SymbolicState, name: str, z: float) -> float:

@@ -17,7 +17,8 @@ import numpy as np
 
 from palpate.errors import InputError
 from palpate.geometry.pose import Array, Pose
-from palpate.scene.raised import is_open, risen
+from palpate.scene.places import GUESSED
+from palpate.scene.raised import beyond_guess, is_open, risen
 from palpate.vocabulary.admissible.clearance import STEEP, straddled
 from palpate.vocabulary.admissible.footing import SETTLES, footing
 from palpate.vocabulary.admissible.solids import SIDES, solids
@@ -42,9 +43,6 @@ FIXED = 0.003
 """m that they keep from what never moves: derived grasps leave `grasp.GROUND`."""
 ARM = 0.005
 """m that the arm's links keep from everything, and from each other."""
-UNSURE = 0.05
-"""m by which a surface of unknown height may be higher than believed, and what stands on it, until it is
-touched; an approach pose is 0.1 m above its surface."""
 SHOWN = 3
 """Hits that are told of one motion."""
 
@@ -91,7 +89,7 @@ def _finger_hits(state: SymbolicState, end: float, around: str | None) -> Iterat
         return
     free = replace(state, holding=None, pose_tcp_object=None)
     fingers = of_fingers(state.pose_world_tcp, opening(state), end)
-    swept = hand_sweep(free, fingers).within(UNSURE)
+    swept = hand_sweep(free, fingers).within(GUESSED)
     passing = Passing(frozenset({around or ""}), frozenset(), around)
     for hit in islice(swept.hits(_margins(free, swept, passing)), SHOWN):
         yield Violation(
@@ -102,13 +100,17 @@ def _finger_hits(state: SymbolicState, end: float, around: str | None) -> Iterat
 
 
 def _collisions(before: SymbolicState, after: SymbolicState) -> Iterator[Violation]:
+    reason = beyond_guess(before.scene, _subject(after) or "")
+    if reason is not None:
+        yield Violation("collision", reason)
+        return
     passing = _passing(before, after)
     told: set[tuple[str, str]] = set()
     for width in _widths(before):
         way = _way(before, after, width)
         if way is None:
             return
-        swept = arm_sweep(before, way, _higher(before, after)).within(UNSURE)
+        swept = arm_sweep(before, way, _higher(before, after)).within(GUESSED)
         hits = sorted(swept.hits(_margins(before, swept, passing)), key=lambda hit: hit.distance)
         for hit in hits:
             pair = (hit.part.owner, hit.other.owner)
@@ -210,24 +212,40 @@ def _margin(
 
 def _unsure(state: SymbolicState, name: str) -> float:
     """m that the top of a surface may be higher than believed."""
-    return UNSURE if _is_unmeasured(state, name) else 0.0
+    return GUESSED if _is_unmeasured(state, name) else 0.0
 
 
 def _is_unmeasured(state: SymbolicState, name: str) -> bool:
     return is_open(state.scene, name) and name not in state.scene.rises
 
 
+def _subject(state: SymbolicState) -> str | None:
+    """The object or surface that the pose of the hand is named after."""
+    if state.is_bent or state.at is None:
+        return None
+    # a primitive of one's own may call a place anything
+    named = state.at.split(" ")[0] in state.scene.symbols.names
+    return state.scene.symbols.subject(state.at) if named else None
+
+
 def _higher(before: SymbolicState, after: SymbolicState) -> dict[str, float]:
-    """m by which objects may be higher than believed on the way to where a surface of unknown height is
-    to be probed: those that stand on it."""
+    """Objects on a surface of unknown height, and m by which they may be higher than believed, on the
+    way to where the surface is to be probed."""
     if after.is_bent or after.at is None:
         return {}
-    surface = after.scene.symbols.subject(after.at)
-    if surface is None or not _is_unmeasured(before, surface):
+    symbols = after.scene.symbols
+    named = (
+        after.at.split(" ")[0] in symbols.names
+    )  # a primitive of one's own may call a place anything
+    surface = symbols.subject(after.at) if named else None
+    # Where the hand touches the surface, both are as much higher as the objects.
+    if surface is None or surface in (before.contact, after.contact):
         return {}
-    top = before.scene.body(surface).top_z() + UNSURE
+    if not _is_unmeasured(before, surface):
+        return {}
+    top = before.scene.body(surface).top_z() + GUESSED
     rises = risen(before.scene, surface, top, before.pose_of)
-    return {name: UNSURE for name in rises if name in before.scene.objects}
+    return {name: GUESSED for name in rises if name in before.scene.objects}
 
 
 def _told(hit: Hit, before: SymbolicState, after: SymbolicState, passing: Passing) -> Violation:
@@ -238,7 +256,7 @@ def _told(hit: Hit, before: SymbolicState, after: SymbolicState, passing: Passin
     if hit.other.kind == HIGHER:
         return Violation(
             "collision",
-            f"{met}, which may be up to {1e3 * UNSURE:.0f} mm higher than believed until the surface "
+            f"{met}, which may be up to {1e3 * GUESSED:.0f} mm higher than believed until the surface "
             "below it is touched; come from a higher pose",
         )
     detour = _detour(before, after)
