@@ -12,7 +12,7 @@ import pytest
 from palpate import pipeline
 from palpate.cells.simulated import SimulatedCell
 from palpate.errors import Unavailable
-from palpate.execution.recovery import MAX_REPLANS, OnFailure, failed_at, recover
+from palpate.execution.recovery import ATTEMPTS, OnFailure, failed_at, recover
 from palpate.execution.rehearsal import rehearse
 from palpate.execution.runner import Execution, run
 from palpate.parameter import Parameter
@@ -92,7 +92,14 @@ def test_skip_leaves_the_slippery_one_alone_and_weighs_the_other(scene: Scene) -
 def test_replanning_is_bounded(scene: Scene) -> None:
     done = execute(scene, planned(scene, Parameter("wet", "mass")), "replan")
     assert done.status == "stopped"
-    assert len(done.setbacks) == MAX_REPLANS
+    assert len(done.setbacks) == ATTEMPTS["replan"] - 1
+
+
+def test_replanning_leaves_a_lost_object_alone_and_weighs_the_others(scene: Scene) -> None:
+    done = execute(scene, planned(scene, *BOTH), "replan")
+    assert (done.status, measured(done)) == ("complete", {"dry"})
+    assert len(done.setbacks) == ATTEMPTS["replan"]
+    assert all("slip" in setback for setback in done.setbacks)
 
 
 class StoppedArm:

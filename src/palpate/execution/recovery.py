@@ -7,7 +7,7 @@ run on.
 
 - `stop`: the run is over.
 - `skip`: the object at which it failed is left alone, the rest is measured.
-- `replan`: everything still missing is tried again, at most `MAX_REPLANS` times.
+- `replan`: everything still missing is tried again; an object at which it failed twice is left alone.
 
 A run that somebody stopped, that still holds an object, or whose robot cannot be believed is never
 taken up again. Nor is a real robot that stopped itself, or was stopped by its user stop, unless a person
@@ -18,6 +18,7 @@ from __future__ import annotations
 
 import logging
 import time
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Literal
@@ -43,7 +44,8 @@ log = logging.getLogger(__name__)
 Runner = Callable[[Plan, Scene, Robot], "Execution"]
 Resume = Callable[[str], bool]
 """Told what stopped a real robot; whether a person has seen to it, and lets it go on."""
-MAX_REPLANS = 2
+ATTEMPTS = {"stop": 0, "skip": 1, "replan": 2}
+"""Failures at one object after which it is left alone, by policy."""
 
 
 def nobody(_: str) -> bool:
@@ -63,9 +65,9 @@ def recover(
 ) -> Execution:
     """The execution with all further attempts that the policy allows joined to it; `real`: something
     real moves, and where it was stopped `may_resume` is asked."""
-    done, now, left_alone = first, plan, set[str]()
-    for attempt in range(len(scene.bodies) if policy == "skip" else MAX_REPLANS):
-        if policy == "stop" or not resumable(done, robot):
+    done, now, failures = first, plan, Counter[str]()
+    for attempt in range(ATTEMPTS[policy] * len(scene.bodies)):
+        if not resumable(done, robot):
             break
         if real and (done.reflex or done.fault):
             let = let_go_on(done, robot, may_resume)
@@ -73,9 +75,9 @@ def recover(
                 break
             done = let
         rest = remaining(plan.parameters, done.trace)
-        if policy == "skip" and rest:
-            left_alone.add(failed_at(done.trace, now, scene) or rest[0].object)
-            rest = [parameter for parameter in rest if parameter.object not in left_alone]
+        if rest:
+            failures[failed_at(done.trace, now, scene) or rest[0].object] += 1
+            rest = [one for one in rest if failures[one.object] < ATTEMPTS[policy]]
         again = _planned_again(rest, scene, done, f"{plan.planner}, {policy}")
         if again is None:
             break

@@ -68,7 +68,8 @@ def beyond_guess(scene: Scene, name: str) -> str | None:
 
 def is_open(scene: Scene, surface: str | None) -> bool:
     """True for a surface whose height the scene does not state."""
-    return surface in scene.surfaces and "height" in scene.surfaces[surface].missing
+    body = scene.surfaces.get(surface or "")
+    return body is not None and "height" in body.missing
 
 
 def raised(scene: Scene, surface: str, top: float) -> Scene:
