@@ -67,11 +67,6 @@ SIDE_FORCE = 2.0
 from the joints' friction for certain."""
 CONTACT_TORQUE = 3.0
 """N m, likewise."""
-GUESSED = 0.05
-"""m by which a surface of unknown height may be higher or lower than believed: as far as the way to a
-probe is kept clear (`admissible.collision.UNSURE`)."""
-STATED = 0.01
-"""m by which one of stated height may be."""
 PROBE_TRAVEL = 0.30
 """m."""
 
@@ -195,8 +190,6 @@ class MoveUntilContact(Primitive):
                     yield from self._press(blackboard, contact)
                 elif _presses(robot.state.contact) > robot.limits.free_force - REPEATABLE:
                     yield from self._ease(blackboard, contact)
-                if reason := _contradicted(state, self.effects(state).contact, robot.state):
-                    raise LeafFailure(reason)
                 return f"contact after {1e3 * travelled:.0f} mm"
         raise LeafFailure(
             f"nothing touched within {PROBE_TRAVEL:.2f} m along {self.axis}; "
@@ -238,20 +231,6 @@ class MoveUntilContact(Primitive):
 def _reached(state: SymbolicState, robot: RobotState) -> float:
     """World z, m, of the top under the fingertips."""
     return float(robot.pose_world_tcp.position[2]) - state.scene.arm.tip
-
-
-def _contradicted(state: SymbolicState, name: str | None, robot: RobotState) -> str | None:
-    """Why a surface cannot be where it was touched, in words; None where it can."""
-    scene = state.scene.as_given or state.scene
-    if name is None or name not in scene.surfaces or scene.refit is not None:
-        return None
-    off, stated = _reached(state, robot) - scene.body(name).top_z(), not is_open(scene, name)
-    if abs(off) <= (STATED if stated else GUESSED):
-        return None
-    how = f"{1e3 * abs(off):.0f} mm {'higher' if off > 0 else 'lower'} than the scene "
-    if stated:
-        return f"'{name}' is {how}states: correct its z, or write '?' there to have it measured"
-    return f"'{name}' is {how}says: correct the z of what stands on it, or its own, and run again"
 
 
 def withstands(state: SymbolicState, name: str, z: float) -> float:

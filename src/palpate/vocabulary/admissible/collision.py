@@ -9,7 +9,7 @@ probe, with the fingers' ends.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from itertools import islice
 
@@ -17,9 +17,10 @@ import numpy as np
 
 from palpate.errors import InputError
 from palpate.geometry.pose import Array, Pose
-from palpate.scene.raised import is_open, risen
+from palpate.scene.raised import GUESS
 from palpate.vocabulary.admissible.clearance import STEEP, straddled
 from palpate.vocabulary.admissible.footing import SETTLES, footing
+from palpate.vocabulary.admissible.guessed import higher, is_unmeasured, supposed, touched
 from palpate.vocabulary.admissible.solids import SIDES, solids
 from palpate.vocabulary.admissible.sweep.crowd import (
     HIGHER,
@@ -42,9 +43,11 @@ FIXED = 0.003
 """m that they keep from what never moves: derived grasps leave `grasp.GROUND`."""
 ARM = 0.005
 """m that the arm's links keep from everything, and from each other."""
-UNSURE = 0.05
+UNSURE = GUESS
 """m by which a surface of unknown height may be higher than believed, and what stands on it, until it is
 touched; an approach pose is 0.1 m above its surface."""
+SHOWS = 0.002
+"""m: a smaller measured rise is not worth a word."""
 SHOWN = 3
 """Hits that are told of one motion."""
 
@@ -72,8 +75,8 @@ def collisions(before: SymbolicState, after: SymbolicState) -> tuple[Violation, 
     """What the arm would run into on its way from one state to the other, worst first; the start is
     known."""
     goal = (after.at, after.contact, after.activity)
-    came = (before.contact, before.at if before.contact else None)
-    key = ("collisions", *before.arrangement, *came, *after.arrangement, *goal)
+    came = (before.contact, before.at if before.contact or touched(before) else None)
+    key = ("collisions", *before.arrangement, *came, touched(before), *after.arrangement, *goal)
     return solids(before.scene).remembered(key, lambda: tuple(_collisions(before, after)))
 
 
@@ -102,13 +105,24 @@ def _finger_hits(state: SymbolicState, end: float, around: str | None) -> Iterat
 
 
 def _collisions(before: SymbolicState, after: SymbolicState) -> Iterator[Violation]:
+    found = list(_hits(before, after, higher(before, after)))
+    yield from found
+    for start, end, words in () if found else supposed(before, after):
+        for hit in _hits(start, end, {}):
+            yield replace(hit, message=f"if {words} than guessed, {hit.message}")
+            return
+
+
+def _hits(
+    before: SymbolicState, after: SymbolicState, rises: Mapping[str, float]
+) -> Iterator[Violation]:
     passing = _passing(before, after)
     told: set[tuple[str, str]] = set()
     for width in _widths(before):
         way = _way(before, after, width)
         if way is None:
             return
-        swept = arm_sweep(before, way, _higher(before, after)).within(UNSURE)
+        swept = arm_sweep(before, way, rises).within(UNSURE)
         hits = sorted(swept.hits(_margins(before, swept, passing)), key=lambda hit: hit.distance)
         for hit in hits:
             pair = (hit.part.owner, hit.other.owner)
@@ -210,35 +224,18 @@ def _margin(
 
 def _unsure(state: SymbolicState, name: str) -> float:
     """m that the top of a surface may be higher than believed."""
-    return UNSURE if _is_unmeasured(state, name) else 0.0
-
-
-def _is_unmeasured(state: SymbolicState, name: str) -> bool:
-    return is_open(state.scene, name) and name not in state.scene.rises
-
-
-def _higher(before: SymbolicState, after: SymbolicState) -> dict[str, float]:
-    """m by which objects may be higher than believed on the way to where a surface of unknown height is
-    to be probed: those that stand on it."""
-    if after.is_bent or after.at is None:
-        return {}
-    surface = after.scene.symbols.subject(after.at)
-    if surface is None or not _is_unmeasured(before, surface):
-        return {}
-    top = before.scene.body(surface).top_z() + UNSURE
-    rises = risen(before.scene, surface, top, before.pose_of)
-    return {name: UNSURE for name in rises if name in before.scene.objects}
+    return UNSURE if is_unmeasured(state, name) else 0.0
 
 
 def _told(hit: Hit, before: SymbolicState, after: SymbolicState, passing: Passing) -> Violation:
     part, name = _called(hit.part), hit.other.owner
     where = "joint motion" if after.is_bent else f"way to '{after.at}'"
     how = f"run {-1e3 * hit.distance:.0f} mm into" if hit.distance < 0 else "come too near to"
-    met = f"on the {where} {part} would {how} '{name}' at {hit.place}"
+    met = f"on the {where} {part} would {how} '{name}'{_measured(before, name)} at {hit.place}"
     if hit.other.kind == HIGHER:
         return Violation(
             "collision",
-            f"{met}, which may be up to {1e3 * UNSURE:.0f} mm higher than believed until the surface "
+            f"{met}, which may be up to 50 mm higher than believed until the surface "
             "below it is touched; come from a higher pose",
         )
     detour = _detour(before, after)
@@ -253,6 +250,15 @@ def _told(hit: Hit, before: SymbolicState, after: SymbolicState, passing: Passin
     if hit.part.kind == LOAD:
         return Violation("collision", f"{met}; choose a higher pose, or go around it")
     return Violation("collision", f"{met}; {_instead(after, name)}")
+
+
+def _measured(state: SymbolicState, name: str) -> str:
+    """A measured rise of an object or a surface, in words."""
+    rise = state.scene.rises.get(name, 0.0)
+    if abs(rise) < SHOWS:
+        return ""
+    side = "higher" if rise > 0 else "lower"
+    return f" (measured {1e3 * abs(rise):.0f} mm {side} than the scene has it)"
 
 
 def _detour(before: SymbolicState, after: SymbolicState) -> str:
