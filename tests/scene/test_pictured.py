@@ -20,6 +20,7 @@ from palpate.scene.pictured.detected import DetectedScene, SceneBuilder
 from palpate.scene.pictured.fit import fit, projected
 from palpate.scene.pictured.objects import SceneObject, Shape
 from palpate.scene.poses import Poses, parse_poses
+from palpate.scene.raised import learned
 
 POSES = """
 camera: {pos: [1.15, 0.0, 1.1], quat: [0.6826014, 0.1845407, 0.1845407, 0.6826014], fovy: 45, size: [640, 480]}
@@ -186,11 +187,16 @@ def test_touched_sizes_correct_the_shapes_of_what_was_seen() -> None:
     assert data.geom_xpos[geom][2] - 0.03 == pytest.approx(0.01, abs=2e-4)
 
 
-def test_a_scene_that_was_given_learns_nothing_new(tmp_path) -> None:
+def test_a_scene_that_was_given_keeps_its_shapes_when_a_height_is_measured(tmp_path) -> None:
     file = tmp_path / "scene.xml"
     file.write_text(DetectedScene(SceneBuilder(poses()), things()).scene().text, encoding="utf-8")
     scene = load_scene(file)
-    assert learned(scene, Parameter("table", "height"), (0.2,)) is scene
+    after = learned(scene, Parameter("table", "height"), (0.02,))
+    assert after.body("can").size == pytest.approx(scene.body("can").size)
+    assert after.body("can").bottom_z() == pytest.approx(0.02, abs=1e-6)
+    assert after.body("can").pose_world.position[:2].tolist() == (
+        scene.body("can").pose_world.position[:2].tolist()
+    )
 
 
 def test_a_known_place_and_direction_are_kept() -> None:

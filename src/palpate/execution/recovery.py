@@ -7,7 +7,8 @@ run on.
 
 - `stop`: the run is over.
 - `skip`: the object at which it failed is left alone, the rest is measured.
-- `replan`: everything still missing is tried again, at most `MAX_REPLANS` times.
+- `replan`: everything still missing is tried again; an object at which it failed comes last, is tried
+  again at most `MAX_REPLANS` times, and is left alone once it was lost from the fingers.
 
 A run that somebody stopped, that still holds an object, or whose robot cannot be believed is never
 taken up again. Nor is a real robot that stopped itself, or was stopped by its user stop, unless a person
@@ -18,6 +19,7 @@ from __future__ import annotations
 
 import logging
 import time
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Literal
@@ -63,8 +65,8 @@ def recover(
 ) -> Execution:
     """The execution with all further attempts that the policy allows joined to it; `real`: something
     real moves, and where it was stopped `may_resume` is asked."""
-    done, now, left_alone = first, plan, set[str]()
-    for attempt in range(len(scene.bodies) if policy == "skip" else MAX_REPLANS):
+    done, now, failures = first, plan, Counter[str]()
+    for attempt in range(MAX_REPLANS + len(scene.bodies)):
         if policy == "stop" or not resumable(done, robot):
             break
         if real and (done.reflex or done.fault):
@@ -73,10 +75,13 @@ def recover(
                 break
             done = let
         rest = remaining(plan.parameters, done.trace)
-        if policy == "skip" and rest:
-            left_alone.add(failed_at(done.trace, now, scene) or rest[0].object)
-            rest = [parameter for parameter in rest if parameter.object not in left_alone]
-        again = _planned_again(rest, scene, done, f"{plan.planner}, {policy}")
+        name = failed_at(done.trace, now, scene) or (rest[0].object if rest else "")
+        final = policy == "skip" or _lost(done, name)
+        failures[name] += MAX_REPLANS + 1 if final else 1
+        rest = [wanted for wanted in rest if failures[wanted.object] <= MAX_REPLANS]
+        # Where it failed comes last: the others do not wait for it.
+        rest.sort(key=lambda wanted: failures[wanted.object])
+        again = _planned_again(rest, done, f"{plan.planner}, {policy}")
         if again is None:
             break
         now, around = again
@@ -84,8 +89,13 @@ def recover(
     return done
 
 
+def _lost(done: Execution, name: str) -> bool:
+    """Whether an object slipped out of the fingers, so that nobody knows where it is."""
+    return done.held is not None and (done.held.object, done.held.became) == (name, "lost")
+
+
 def _planned_again(
-    rest: Sequence[Parameter], scene: Scene, done: Execution, planner: str
+    rest: Sequence[Parameter], done: Execution, planner: str
 ) -> tuple[Plan, Scene] | None:
     """See `replan`; what was executed outlives a planning that fails."""
     try:

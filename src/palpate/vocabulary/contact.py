@@ -16,6 +16,7 @@ from palpate.robots.safety import Expectation
 from palpate.scene.raised import is_open
 from palpate.trace.samples import STANDARD_GRAVITY
 from palpate.vocabulary.admissible.clearance import Motion
+from palpate.vocabulary.admissible.guessed import is_unmeasured
 from palpate.vocabulary.admissible.probe import starts, touch, untouchable
 from palpate.vocabulary.admissible.profile import POSE_ERROR
 from palpate.vocabulary.admissible.support import above
@@ -38,8 +39,7 @@ APPROACH_SPEED = 0.020
 """m/s while contact is not expected yet, but may come. Less than twice the speed of the contact, by
 which the loading curve is read."""
 EXPECTED_WITHIN = 0.03
-"""m above the believed top in which contact is expected: three standard deviations of the height of
-a surface that something tells of."""
+"""m above the known top in which contact is expected; above one of unknown height it is everywhere."""
 CONTACT_FORCE = 8.0
 """N: the threshold tau_c of the paper, against the force felt in free air on the way."""
 FIRM_FORCE = 30.0
@@ -223,7 +223,7 @@ class MoveUntilContact(Primitive):
         if self.axis != "-z" or below is None:
             return [(PROBE_SPEED, PROBE_TRAVEL)]
         far = z - state.scene.arm.tip - state.top_of(below) - EXPECTED_WITHIN
-        if far < EXPECTED_WITHIN:
+        if far < EXPECTED_WITHIN or is_unmeasured(state, below.name):
             return [(PROBE_SPEED, PROBE_TRAVEL)]
         return [(APPROACH_SPEED, far), (PROBE_SPEED, PROBE_TRAVEL - far)]
 
