@@ -43,7 +43,11 @@ def higher(before: SymbolicState, after: SymbolicState) -> dict[str, float]:
         return {}
     unknown = [name for name in scene.surfaces if is_unmeasured(before, name)]
     known = touched(before)
-    if scene.symbols.subject(after.at) not in set(unknown).difference(known):
+    try:
+        goal = scene.symbols.subject(after.at)
+    except InputError:  # a primitive of another package says in its own words where it is
+        return {}
+    if goal not in set(unknown).difference(known):
         return {}
     found: dict[str, float] = {}
     for surface in set(unknown).difference(known):
