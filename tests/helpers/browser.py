@@ -41,7 +41,8 @@ class Page:
         while True:
             answer = json.loads(self._socket.recv(timeout=PATIENCE))
             if answer.get("id") == self._number:
-                return answer["result"]["result"].get("value")
+                # a page that is being left answers with an error
+                return answer.get("result", {}).get("result", {}).get("value")
 
     @property
     def text(self) -> str:

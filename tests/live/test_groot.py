@@ -189,3 +189,15 @@ def free_port() -> int:
     with socket.socket() as one:
         one.bind(("127.0.0.1", 0))
         return one.getsockname()[1]
+
+
+def test_a_web_page_and_an_oversized_message_are_not_heard() -> None:
+    with GrootPublisher(port=0) as publisher:
+        port = int(publisher.url.rsplit(":", 1)[1])
+        with socket.create_connection(("127.0.0.1", port), timeout=5) as browser:
+            browser.sendall(b"POST / HTTP/1.1\r\nOrigin: http://evil.example\r\n\r\nT")
+            assert b"palpate" not in browser.recv(1000)
+        with groot2(publisher.url) as ask, pytest.raises(zmq.Again):
+            ask("T", bytes(2 << 20))
+        with groot2(publisher.url) as ask:
+            assert ask("T") == [b"error", b"no tree is being run yet"]

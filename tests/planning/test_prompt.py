@@ -30,6 +30,7 @@ from palpate.planning.model.prompt.compose import (
 from palpate.quantities.catalogue import catalogue
 from palpate.robots.registry import load_description
 from palpate.scenarios.catalogue import scenario, scenarios
+from palpate.scene import places
 from palpate.scene.load import load_scene, parse_scene
 from palpate.scene.pictured.detected import SceneBuilder
 from palpate.scene.poses import read_poses
@@ -146,7 +147,7 @@ NUMBERS = [
     ("collision", collision, "ENTERED"),
     ("collision", collision, "FIXED"),
     ("collision", collision, "ARM"),
-    ("collision", collision, "UNSURE"),
+    ("collision", places, "GUESSED"),
     ("collision", profile, "POSE_ERROR"),
     ("unsupported", support, "AS_FOUND"),
     ("unsupported", support, "UPRIGHT"),

@@ -12,7 +12,6 @@ from palpate.geometry.pose import Array, Pose
 from palpate.mjcf.compile import compile_model
 from palpate.pictures.footage import Footage
 from palpate.robots.model import PREFIX
-from palpate.scene.armed import armed
 from palpate.scene.scene import Scene
 from palpate.trace.samples import Trace
 
@@ -29,7 +28,7 @@ class PosedCell:
     """
 
     def __init__(self, scene: Scene) -> None:
-        self.spec = armed(scene, scene.arm.spec())
+        self.spec = scene.spec_with(scene.arm.spec())
         self.model = compile_model(self.spec)
         self.data = mujoco.MjData(self.model)
         self._arm = [self._address(name) for name in scene.arm.joints]

@@ -29,7 +29,7 @@ from palpate.mjcf.body import Body
 from palpate.mjcf.shapes import RESTING
 from palpate.robots.description import RobotDescription
 from palpate.robots.grasp import Grasp, derive_grasp, turned_grasp
-from palpate.scene.places import APPROACH, approach_pose, free_spot
+from palpate.scene.places import APPROACH, GUESSED, approach_pose, free_spot
 from palpate.scene.poses import Poses
 from palpate.scene.resolve import ResolvedScene
 from palpate.scene.symbols import (
@@ -335,7 +335,7 @@ def _approach(geometry: Geometry, name: str) -> Pose | None:
         geometry.tops[name],
         geometry.others(name),
         geometry.on(name),
-        APPROACH,
+        APPROACH + (GUESSED if "height" in geometry.bodies[name].missing else 0.0),
         geometry.base,
     )
 

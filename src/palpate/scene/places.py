@@ -16,7 +16,11 @@ MARGINS = (0.06, 0.04, 0.02, 0.005)
 """m between the hand and the nearest object; the largest that leaves a spot is used."""
 
 APPROACH = 0.10
-"""m: how far above a surface its approach pose has the TCP."""
+"""Height of a surface's approach pose above it, m."""
+
+GUESSED = 0.05
+"""Largest error of the z that is guessed for a surface of unknown height, m. Until the surface is touched,
+motions keep clear of it, and of what stands on it, by as much."""
 
 STEP = 0.02
 """m: spacing of the grid of candidate spots."""

@@ -10,8 +10,10 @@ from typing import TYPE_CHECKING
 from palpate.errors import unknown_name
 from palpate.geometry.pose import Pose
 from palpate.mjcf.body import Body
+from palpate.mjcf.compile import refused
 from palpate.parameter import Parameter
 from palpate.quantities.catalogue import Catalogue
+from palpate.robots.model import PREFIX
 
 if TYPE_CHECKING:
     import mujoco
@@ -123,6 +125,26 @@ class Scene:
         """The scene as an editable model without any robot, unknowns filled from `values`, else
         from priors."""
         return self.resolved.spec(values or {})
+
+    def spec_with(self, robot: mujoco.MjSpec) -> mujoco.MjSpec:
+        """The scene as a model with a robot at its base, to look at: nothing is simulated in it.
+
+        Raises:
+            InputError: the scene does not take the robot in.
+        """
+        spec = self.spec()
+        for key in list(spec.keys):
+            spec.delete(key)
+        base = self.pose_world_base
+        frame = spec.worldbody.add_frame(pos=base.position, quat=base.quaternion)
+        # Options are of no use here; where the two differ MuJoCo would warn.
+        for name in ("timestep", "integrator", "cone", "impratio", "gravity"):
+            setattr(robot.option, name, getattr(spec.option, name))
+        try:
+            spec.attach(robot, frame=frame, prefix=PREFIX)
+        except ValueError as error:
+            raise refused(error) from None
+        return spec
 
 
 def _counted(number: int, noun: str) -> str:

@@ -79,8 +79,9 @@ class _Conversion(ConversionPrimitive):
         if found.verdict == "not identified":
             raise LeafFailure(f"{parameter} is not identified: {found.method}")
         blackboard.recorder.conversions.append(conversion)
-        blackboard.state = blackboard.state.learned(parameter, tuple(found.value.tolist()))
-        pairs = zip(found.value.tolist(), found.std.tolist(), strict=True)
+        value = tuple(found.value.tolist())
+        blackboard.state = blackboard.state.learned(parameter, value)
+        pairs = zip(value, found.std.tolist(), strict=True)
         shown = ", ".join(" ± ".join(rounded(value, std)) for value, std in pairs)
         return f"{subject} {quantity.label} {shown} {quantity.unit}"
 

@@ -127,7 +127,7 @@ CASES = [
     Case(
         "into a table of unknown height",
         "collision",
-        (*BEGIN, "MovePose bench_approach", "MovePose bench_approach - 0.7*z_offset", HOME),
+        (*BEGIN, "MovePose bench_approach", "MovePose bench_approach - 1.2*z_offset", HOME),
         height="?",
     ),
     Case("seven angles aside", None, (*BEGIN, angles(*ASIDE), HOME)),

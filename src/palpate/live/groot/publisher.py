@@ -1,6 +1,7 @@
-"""A run as Groot2 shows it: the tree with its statuses, live, over ZeroMQ on this machine alone.
+"""Publisher for Groot2: the tree with its statuses, live, over ZeroMQ on this machine alone.
 
-Breakpoints and substituted results are refused: nobody holds up a moving arm from a viewer.
+Read-only: breakpoints and substituted results are refused, so that no viewer stops or steers a moving arm.
+The protocol knows no password; a web page cannot speak it (ZMTP's greeting is no HTTP request).
 """
 
 # zmq is typed in part.
@@ -32,6 +33,8 @@ PORT = 1667
 """Groot2's own default (source: BehaviorTree.CPP 4.8, groot2_publisher.h)."""
 PATIENCE_MS = 100
 """How long a request is waited for before it is asked whether all is over."""
+MOST_BYTES = 1 << 20
+"""Size of a message above which its sender is disconnected."""
 MOST_TRANSITIONS = 1000
 """A recording keeps the newest."""
 
@@ -143,6 +146,7 @@ def _listening(port: int) -> tuple[zmq.Socket[bytes], str]:
         raise Unavailable(why) from None
     socket = zmq.Context.instance().socket(zmq.REP)
     socket.linger = 0
+    socket.maxmsgsize = MOST_BYTES
     try:
         socket.bind(f"tcp://{HOST}:{port or '*'}")
     except zmq.ZMQError as error:

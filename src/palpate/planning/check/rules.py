@@ -12,8 +12,9 @@ from typing import Literal
 
 import numpy as np
 
+from palpate.scene.places import GUESSED
 from palpate.vocabulary.admissible.clearance import STEEP
-from palpate.vocabulary.admissible.collision import ARM, BESIDE, ENTERED, FIXED, UNSURE
+from palpate.vocabulary.admissible.collision import ARM, BESIDE, ENTERED, FIXED
 from palpate.vocabulary.admissible.grasp import PUSHED
 from palpate.vocabulary.admissible.motion import HELD_UPRIGHT
 from palpate.vocabulary.admissible.profile import POSE_ERROR
@@ -103,7 +104,7 @@ _ACTIONS = {
     f"its length, less than {_mm(STEEP)} aside, never by MoveJoints.",
     "blocked": f"The hand, and what it holds, keeps {_mm(BESIDE)} from every other object on its whole way.",
     "collision": f"They keep {_mm(ENTERED)} from what they pass between the fingers, {_mm(FIXED)} from all that is "
-    f"fixed (up to {_mm(UNSURE)} above a surface of unknown height, which is only probed), the arm's links "
+    f"fixed (up to {_mm(GUESSED)} above a surface of unknown height, which is only probed), the arm's links "
     f"{_mm(ARM)} from everything; Tilt, Turn and Swing turn {_mm(POSE_ERROR)} clear, in free air.",
     "self-collision": f"The arm keeps {_mm(ARM)} from itself.",
     "unsupported": f"What is let go of stands within {_mm(AS_FOUND)} of where it stood, or upright to "

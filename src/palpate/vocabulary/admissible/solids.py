@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from palpate.geometry.outline import Convex
 from palpate.geometry.pose import Array, Pose
+from palpate.mjcf.compile import compile_model
 from palpate.mjcf.hulls import hull_edges, hull_points
 from palpate.mjcf.whole import whole
 from palpate.robots.description import RobotDescription
@@ -25,7 +26,6 @@ from palpate.robots.kinematics import inverse_kinematics
 from palpate.robots.model import PREFIX
 from palpate.robots.nominal import NominalArm
 from palpate.robots.sheet import Box
-from palpate.scene.armed import compiled_with
 from palpate.scene.scene import Scene
 from palpate.vocabulary.admissible.sweep.frames import Cluster, Frames, Shape
 
@@ -207,7 +207,7 @@ def solids(scene: Scene) -> Solids:
     """
     if scene.as_given is not None:
         return solids(scene.as_given).raised(scene)
-    model = compiled_with(scene, _solid_arm(scene.arm))
+    model = compile_model(scene.spec_with(_solid_arm(scene.arm)))
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     reader = _Reader(scene, model, data)

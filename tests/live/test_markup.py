@@ -1,4 +1,4 @@
-from palpate.live.outline import Line, outline
+from palpate.live.markup import Line, outline
 
 
 def test_names_of_nodes_are_no_markup() -> None:
