@@ -82,5 +82,5 @@ def test_a_desk_far_from_its_guess_stops_the_run_with_a_remedy(off: float, how: 
     assert run.status != "complete"
     stopped = run.execution.stopped_by
     assert f"what 'tin' stands on was measured {how} than the scene has it" in stopped
-    assert "change that z by as much and run again" in stopped
+    assert "for 'tin' and run again" in stopped
     assert run["desk.height"].value[0] == pytest.approx(TOP + off, abs=0.002)

@@ -64,7 +64,7 @@ def test_nothing_else_is_free_where_a_belief_was_wrong() -> None:
 
 
 def test_what_was_measured_higher_is_kept_clear_of_from_then_on() -> None:
-    there = APPROACH.translated((0.0, 0.0, -0.03))
+    there = APPROACH.translated((0.0, 0.0, -0.08))
     state = replace(after_touching(HIGHER), at=None)
     hits = collisions(state, replace(state, pose_world_tcp=there))
     assert any("'bench' (measured 78 mm higher than the scene has it)" in h.message for h in hits)
@@ -96,9 +96,11 @@ def test_what_stands_more_than_50_mm_from_where_it_was_guessed_is_not_touched() 
 
 
 def test_near_what_was_measured_higher_the_arm_goes_slowly() -> None:
-    start = APPROACH.translated((0.0, 0.0, 0.1))
+    low = SCENE.body("bench").top_z() + SCENE.arm.tip + 0.1 - float(APPROACH.position[2])
+    end = APPROACH.translated((0.0, 0.0, low))
+    start = end.translated((0.0, 0.0, 0.1))
     for state, guarded in ((after_touching(0.0), [False]), (after_touching(HIGHER), [False, True])):
-        assert [span.guarded for span in spans(state, start, APPROACH)] == guarded
+        assert [span.guarded for span in spans(state, start, end)] == guarded
 
 
 def test_a_bare_desk_that_is_78_mm_higher_is_measured_and_places_above_it_follow(tmp_path) -> None:
