@@ -96,7 +96,7 @@ def test_what_stands_more_than_50_mm_from_where_it_was_guessed_is_not_touched() 
 
 
 def test_near_what_was_measured_higher_the_arm_goes_slowly() -> None:
-    low = SCENE.body("bench").top_z() + SCENE.arm.tip + 0.1 - float(APPROACH.position[2])
+    low = SCENE.body("bench").top_z() + 0.1 - float(APPROACH.position[2])
     end = APPROACH.translated((0.0, 0.0, low))
     start = end.translated((0.0, 0.0, 0.1))
     for state, guarded in ((after_touching(0.0), [False]), (after_touching(HIGHER), [False, True])):
