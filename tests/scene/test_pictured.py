@@ -187,14 +187,16 @@ def test_touched_sizes_correct_the_shapes_of_what_was_seen() -> None:
     assert data.geom_xpos[geom][2] - 0.03 == pytest.approx(0.01, abs=2e-4)
 
 
-def test_objects_of_a_given_scene_move_with_their_surface(tmp_path) -> None:
+def test_a_scene_that_was_given_keeps_its_shapes_when_a_height_is_measured(tmp_path) -> None:
     file = tmp_path / "scene.xml"
     file.write_text(DetectedScene(SceneBuilder(poses()), things()).scene().text, encoding="utf-8")
     scene = load_scene(file)
-    after = learned(scene, Parameter("table", "height"), (0.2,))
-    assert after.body("table").top_z() == pytest.approx(0.2)
-    assert after.body("can").bottom_z() == pytest.approx(0.2, abs=1e-6)
-    assert learned(after, Parameter("can", "mass"), (0.3,)) is after
+    after = learned(scene, Parameter("table", "height"), (0.02,))
+    assert after.body("can").size == pytest.approx(scene.body("can").size)
+    assert after.body("can").bottom_z() == pytest.approx(0.02, abs=1e-6)
+    assert after.body("can").pose_world.position[:2].tolist() == (
+        scene.body("can").pose_world.position[:2].tolist()
+    )
 
 
 def test_a_known_place_and_direction_are_kept() -> None:

@@ -7,7 +7,8 @@ run on.
 
 - `stop`: the run is over.
 - `skip`: the object at which it failed is left alone, the rest is measured.
-- `replan`: everything still missing is tried again; an object at which it failed twice is left alone.
+- `replan`: everything still missing is planned again; an object at which it failed comes last, is left
+  alone after `ATTEMPTS` failures, and at once when it slipped out of the fingers.
 
 A run that somebody stopped, that still holds an object, or whose robot cannot be believed is never
 taken up again. Nor is a real robot that stopped itself, or was stopped by its user stop, unless a person
@@ -44,7 +45,7 @@ log = logging.getLogger(__name__)
 Runner = Callable[[Plan, Scene, Robot], "Execution"]
 Resume = Callable[[str], bool]
 """Told what stopped a real robot; whether a person has seen to it, and lets it go on."""
-ATTEMPTS = {"stop": 0, "skip": 1, "replan": 2}
+ATTEMPTS = {"stop": 0, "skip": 1, "replan": 3}
 """Failures at one object after which it is left alone, by policy."""
 
 
@@ -66,7 +67,8 @@ def recover(
     """The execution with all further attempts that the policy allows joined to it; `real`: something
     real moves, and where it was stopped `may_resume` is asked."""
     done, now, failures = first, plan, Counter[str]()
-    for attempt in range(ATTEMPTS[policy] * len(scene.bodies)):
+    attempts = ATTEMPTS[policy]
+    for attempt in range(attempts * len(scene.bodies)):
         if not resumable(done, robot):
             break
         if real and (done.reflex or done.fault):
@@ -75,10 +77,12 @@ def recover(
                 break
             done = let
         rest = remaining(plan.parameters, done.trace)
-        if rest:
-            failures[failed_at(done.trace, now, scene) or rest[0].object] += 1
-            rest = [one for one in rest if failures[one.object] < ATTEMPTS[policy]]
-        again = _planned_again(rest, scene, done, f"{plan.planner}, {policy}")
+        name = failed_at(done.trace, now, scene) or (rest[0].object if rest else "")
+        failures[name] += attempts if _lost(done, name) else 1
+        rest = [wanted for wanted in rest if failures[wanted.object] < attempts]
+        # Where it failed comes last: the others do not wait for it.
+        rest.sort(key=lambda wanted: failures[wanted.object])
+        again = _planned_again(rest, done, f"{plan.planner}, {policy}")
         if again is None:
             break
         now, around = again
@@ -86,8 +90,13 @@ def recover(
     return done
 
 
+def _lost(done: Execution, name: str) -> bool:
+    """True when the object slipped out of the fingers: its pose is unknown."""
+    return done.held is not None and (done.held.object, done.held.became) == (name, "lost")
+
+
 def _planned_again(
-    rest: Sequence[Parameter], scene: Scene, done: Execution, planner: str
+    rest: Sequence[Parameter], done: Execution, planner: str
 ) -> tuple[Plan, Scene] | None:
     """See `replan`; what was executed outlives a planning that fails."""
     try:

@@ -19,6 +19,10 @@ RUBBING = 1.0
 """N m, root of the sum of squares, with which a Franka's joints rub as its sensors see it: half of phi_1 of
 Gaz, Cognetti, Oliva, Robuffo Giordano, De Luca, RA-L 2019, doi:10.1109/LRA.2019.2931248."""
 
+REVERSED = 2.2
+"""Change of friction from one side to the other, where it breaks away at 1.1 of what it is under way
+(`hardware.yaml`)."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Doubt:
@@ -61,6 +65,14 @@ def rubbing(arm: RobotDescription, pose_base_tcp: Pose) -> float:
     moment across them, and what rubs is felt as any.
     """
     return RUBBING * _magnified(arm, tuple(pose_base_tcp.vector.round(6).tolist()))
+
+
+def turned_round(arm: RobotDescription, pose_base_tcp: Pose) -> float:
+    """N along the ground at the TCP by which what is felt changes at most where friction of `RUBBING` turns
+    round: as the arm sets out upwards after it came down."""
+    there = jacobian(arm, configuration(arm, pose_base_tcp))
+    level = np.linalg.solve(there @ there.T + RIDGE, there)[:2]
+    return REVERSED * RUBBING * float(np.linalg.norm(level, 2))
 
 
 @lru_cache(maxsize=4096)

@@ -15,54 +15,62 @@ from palpate.mjcf.body import Body
 from palpate.mjcf.shapes import RESTING
 from palpate.parameter import Parameter
 from palpate.quantities.estimators import estimate_all
-from palpate.scene.places import GUESSED
 from palpate.scene.scene import Scene
 from palpate.trace.samples import Trace
 
+GUESS = 0.055
+"""m by which a surface of unknown height, and what stands on it, may be higher or lower than the scene
+has it: the 50 mm that the documentation promises, and 5 mm for poses and for the touch itself."""
 INSIDE = 0.001
 """m: what begins this far above the bottom of an object, within its height, stands on it or in it."""
-PROBED = 0.002
-"""Measured heights may be this much beyond the limit of a guess, m."""
 BELOW = 0.05
 """m that a named place may be below the top of the surface that it belongs to."""
+
+TEMPORARY = "_temporary"
 
 PoseOf = Callable[[str], Pose]
 """World pose of the frame of an object or a surface."""
 
 
 def learned(scene: Scene, parameter: Parameter, value: tuple[float, ...]) -> Scene:
-    """What is believed of the cell once a parameter has been measured: a surface of unknown height is
-    as high as that, and what stands on it; a scene seen in a picture gets new shapes."""
-    if parameter.quantity != "height" or not is_open(scene, parameter.object):
+    """The scene once a parameter has been measured: a surface is as high as its measured height, and
+    what stands on it moves with it; a scene seen in a picture gets new shapes."""
+    if parameter.quantity != "height" or parameter.object not in scene.surfaces:
         return scene
     if scene.refit is not None:
         return scene.refit(parameter.object, value[0])
     return raised(scene, parameter.object, value[0])
 
 
+def moves(scene: Scene, parameter: Parameter) -> bool:
+    """Whether measuring a parameter moves a surface of the scene, and nothing else about it."""
+    is_height = parameter.quantity == "height" and parameter.object in scene.surfaces
+    return is_height and scene.refit is None
+
+
 def as_measured(scene: Scene, trace: Trace) -> Scene:
-    """The scene with its surfaces as high as the touches of a trace tell, for what is estimated of the
-    things that stand on them."""
+    """The scene with its surfaces as high as the trace has measured them, for the estimates of what
+    stands on them."""
     if scene.refit is not None:
         return scene
-    open_ones = [Parameter(name, "height") for name in scene.surfaces if is_open(scene, name)]
-    touched = [one for one in open_ones if trace.converted(one) is not None]
+    heights = [Parameter(name, "height") for name in scene.surfaces]
+    touched = [one for one in heights if trace.converted(one) is not None]
     for found in estimate_all(touched, trace, scene.bodies):
         if found.identified:
             scene = learned(scene, found.parameter, tuple(found.value.tolist()))
     return scene
 
 
-def beyond_guess(scene: Scene, name: str) -> str | None:
-    """Reason, with a remedy, not to approach an object whose surface was measured farther from its
-    guessed height than motions keep clear; None where it was not."""
+def beyond(scene: Scene, name: str) -> str | None:
+    """Why an object is not to be touched in the raised scene, with the remedy; None where it may: its
+    surface is farther from where the scene has it than a guess may be."""
     rise = scene.rises.get(name, 0.0)
-    if name not in scene.objects or abs(rise) <= GUESSED + PROBED:
+    if abs(rise) <= GUESS:
         return None
-    how = f"{1e3 * abs(rise):.0f} mm {'higher' if rise > 0 else 'lower'}"
+    side, z = "higher" if rise > 0 else "lower", float(scene.body(name).pose_world.position[2])
     return (
-        f"the surface below '{name}' is {how} than the z of '{name}' says, more than the "
-        f"{1e3 * GUESSED:.0f} mm that a guess may be off: change that z by as much and run again"
+        f"what '{name}' stands on was measured {1e3 * abs(rise):.0f} mm {side} than the scene has it, "
+        f"more than the 50 mm by which a guess may be off; write z {z:.3f} for '{name}' and run again"
     )
 
 
@@ -98,51 +106,47 @@ def risen(scene: Scene, surface: str, top: float, pose_of: PoseOf) -> dict[str, 
     Objects right on it end at its top; what is stacked on them keeps its place on them.
     """
     found = {surface: top - scene.bodies[surface].top_z(pose_of(surface))}
-    queue = [surface]
-    while queue:
-        base = scene.bodies[queue.pop(0)]
-        for other in scene.bodies.values():
-            if other.name in found or not _stands_on(other, base, pose_of):
-                continue
-            direct = base.name == surface and other.role == "object"
-            bottom = other.bottom_z(pose_of(other.name))
-            found[other.name] = top - bottom if direct else found[base.name]
-            queue.append(other.name)
+    for other in sorted(scene.bodies.values(), key=lambda body: body.bottom_z(pose_of(body.name))):
+        base = _support(scene, other, pose_of)
+        if other.name in found or base is None or base.name not in found:
+            continue
+        direct = base.name == surface and other.role == "object"
+        bottom = other.bottom_z(pose_of(other.name))
+        found[other.name] = top - bottom if direct else found[base.name]
     return found
 
 
 def level(scene: Scene, poses: Mapping[str, Pose]) -> dict[str, Pose]:
-    """World poses of objects in the raised scene, as they would be in the scene as it was given."""
+    """World poses of objects in the raised scene, as they would be in the given one."""
+
+    def pose_of(name: str) -> Pose:
+        return poses.get(name) or scene.bodies[name].pose_world
+
     found: dict[str, Pose] = {}
     for name, pose in poses.items():
-        rises = [
-            rise
-            for surface, rise in scene.rises.items()
-            if surface in scene.surfaces
-            and _stands_on(
-                scene.bodies[name],
-                scene.bodies[surface],
-                lambda other, name=name, pose=pose: (
-                    pose if other == name else scene.bodies[other].pose_world
-                ),
-            )
-        ]
-        found[name] = pose.translated((0.0, 0.0, -max(rises, default=0.0, key=abs)))
+        base = _support(scene, scene.bodies[name], pose_of)
+        rise = 0.0 if base is None else scene.rises.get(base.name, 0.0)
+        found[name] = pose.translated((0.0, 0.0, -rise))
     return found
 
 
+def _support(scene: Scene, body: Body, pose_of: PoseOf) -> Body | None:
+    """What a body stands on: rather an object below it than the surface below that."""
+    below = [base for base in scene.bodies.values() if _stands_on(body, base, pose_of)]
+    carriers = [base for base in below if base.role == "object"] or below
+    return max(carriers, key=lambda base: base.top_z(pose_of(base.name)), default=None)
+
+
 def _stands_on(other: Body, base: Body, pose_of: PoseOf) -> bool:
-    if other.name == base.name:
+    if other.name == base.name or (other.role, base.role) == ("surface", "object"):
         return False
     pose, below = pose_of(other.name), pose_of(base.name)
     x, y, _ = pose.apply(other.centre).tolist()
-    if not base.covers(x, y, below):
-        return False
     bottom, top = other.bottom_z(pose), base.top_z(below)
-    if base.role == "surface":
-        return abs(bottom - top) < RESTING
+    if not base.covers(x, y, below) or bottom < base.bottom_z(below) + INSIDE:
+        return False
     # In a bowl or on a tray: it begins somewhere within the height of what carries it.
-    return base.bottom_z(below) + INSIDE < bottom < top + RESTING
+    return bottom < top + RESTING if base.role == "object" else abs(bottom - top) < RESTING
 
 
 def _body(body: Body, rise: float) -> Body:
@@ -159,9 +163,10 @@ def _body(body: Body, rise: float) -> Body:
 
 
 def _places(scene: Scene, rises: Mapping[str, float]) -> Iterator[tuple[str, float]]:
-    """Named poses that belong to no object or surface, and m by which the surface below each rises."""
+    """Named poses that belong to no object or surface, and free spots for objects, which may be on
+    another surface, with m by which the surface below each rises."""
     for name, pose in scene.symbols.poses.items():
-        if name in scene.symbols.subjects:
+        if name in scene.symbols.subjects and not name.endswith(TEMPORARY):
             continue
         x, y, z = pose.position.tolist()
         below = [
@@ -170,5 +175,4 @@ def _places(scene: Scene, rises: Mapping[str, float]) -> Iterator[tuple[str, flo
             if body.covers(x, y) and body.top_z() < z + BELOW
         ]
         support = max(below, key=lambda body: body.top_z(), default=None)
-        if support is not None and support.name in rises:
-            yield name, rises[support.name]
+        yield name, 0.0 if support is None else rises.get(support.name, 0.0)

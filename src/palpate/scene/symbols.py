@@ -223,11 +223,11 @@ class Symbols:
 
     def raised(self, rises: Mapping[str, float], places: Mapping[str, float]) -> Symbols:
         """The same names with the poses of some objects and surfaces higher, `rises` in m by object or
-        surface, and some `places` that belong to none."""
+        surface; `places` holds the m for poses that do not move with their subject."""
 
         def up(name: str) -> Array:
-            subject = self.subjects.get(name, "")
-            return np.array([0.0, 0.0, rises.get(subject, places.get(name, 0.0))])
+            of_subject = rises.get(self.subjects.get(name, ""), 0.0)
+            return np.array([0.0, 0.0, places.get(name, of_subject)])
 
         def found_later(name: str) -> Pose | None:
             pose = self._later(name)

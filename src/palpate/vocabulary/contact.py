@@ -16,6 +16,7 @@ from palpate.robots.safety import Expectation
 from palpate.scene.raised import is_open
 from palpate.trace.samples import STANDARD_GRAVITY
 from palpate.vocabulary.admissible.clearance import Motion
+from palpate.vocabulary.admissible.guessed import is_unmeasured
 from palpate.vocabulary.admissible.probe import starts, touch, untouchable
 from palpate.vocabulary.admissible.profile import POSE_ERROR
 from palpate.vocabulary.admissible.support import above
@@ -38,8 +39,7 @@ APPROACH_SPEED = 0.020
 """m/s while contact is not expected yet, but may come. Less than twice the speed of the contact, by
 which the loading curve is read."""
 EXPECTED_WITHIN = 0.03
-"""m above the believed top in which contact is expected: three standard deviations of the height of
-a surface that something tells of."""
+"""m above the known top in which contact is expected; above one of unknown height it is everywhere."""
 CONTACT_FORCE = 8.0
 """N: the threshold tau_c of the paper, against the force felt in free air on the way."""
 FIRM_FORCE = 30.0
@@ -67,8 +67,6 @@ SIDE_FORCE = 2.0
 from the joints' friction for certain."""
 CONTACT_TORQUE = 3.0
 """N m, likewise."""
-STATED = 0.01
-"""Largest error of the stated height of a surface, m."""
 PROBE_TRAVEL = 0.30
 """m."""
 
@@ -192,8 +190,6 @@ class MoveUntilContact(Primitive):
                     yield from self._press(blackboard, contact)
                 elif _presses(robot.state.contact) > robot.limits.free_force - REPEATABLE:
                     yield from self._ease(blackboard, contact)
-                if reason := _contradicted(state, self.effects(state).contact, robot.state):
-                    raise LeafFailure(reason)
                 return f"contact after {1e3 * travelled:.0f} mm"
         raise LeafFailure(
             f"nothing touched within {PROBE_TRAVEL:.2f} m along {self.axis}; "
@@ -227,7 +223,7 @@ class MoveUntilContact(Primitive):
         if self.axis != "-z" or below is None:
             return [(PROBE_SPEED, PROBE_TRAVEL)]
         far = z - state.scene.arm.tip - state.top_of(below) - EXPECTED_WITHIN
-        if far < EXPECTED_WITHIN:
+        if far < EXPECTED_WITHIN or is_unmeasured(state, below.name):
             return [(PROBE_SPEED, PROBE_TRAVEL)]
         return [(APPROACH_SPEED, far), (PROBE_SPEED, PROBE_TRAVEL - far)]
 
@@ -235,28 +231,6 @@ class MoveUntilContact(Primitive):
 def _reached(state: SymbolicState, robot: RobotState) -> float:
     """World z, m, of the top under the fingertips."""
     return float(robot.pose_world_tcp.position[2]) - state.scene.arm.tip
-
-
-def _contradicted(state: SymbolicState, name: str | None, robot: RobotState) -> str | None:
-    """Contradiction between the stated height of a surface and the touch; None without one.
-
-    A touch lower than stated contradicts nothing: the surface may be soft.
-    """
-    scene = state.scene
-    if (
-        name is None
-        or name not in scene.surfaces
-        or is_open(scene, name)
-        or scene.refit is not None
-    ):
-        return None
-    rise = _reached(state, robot) - scene.body(name).top_z()
-    if rise <= STATED:
-        return None
-    return (
-        f"'{name}' is {1e3 * rise:.0f} mm higher than the scene states: "
-        "correct its z, or write '?' there to have it measured"
-    )
 
 
 def withstands(state: SymbolicState, name: str, z: float) -> float:

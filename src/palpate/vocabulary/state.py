@@ -17,7 +17,7 @@ from palpate.geometry.pose import Array, Pose, digits
 from palpate.mjcf.body import Body
 from palpate.parameter import Parameter
 from palpate.robots.kinematics import forward_kinematics
-from palpate.scene.raised import learned, raised, risen
+from palpate.scene.raised import learned, moves, raised, risen
 from palpate.scene.scene import Scene
 from palpate.trace.recording import Activity, Context
 from palpate.vocabulary.admissible.grip import Grip, grip
@@ -127,10 +127,9 @@ class SymbolicState:
 
     def learned(self, parameter: Parameter, value: tuple[float, ...]) -> SymbolicState:
         """Once a parameter has been measured: see `scene.raised.learned`."""
-        after = learned(self.scene, parameter, value)
-        if after.as_given is None:
-            return replace(self, scene=after)
-        return self if after is self.scene else self.raised(parameter.object, value[0])
+        if moves(self.scene, parameter):
+            return self.raised(parameter.object, value[0])
+        return replace(self, scene=learned(self.scene, parameter, value))
 
     @property
     def is_bent(self) -> bool:

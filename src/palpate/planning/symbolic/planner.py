@@ -30,6 +30,7 @@ from palpate.quantities.catalogue import catalogue
 from palpate.quantities.precision.effort import Effort
 from palpate.quantities.precision.within import Within
 from palpate.robots.kinematics import reachable
+from palpate.scene.raised import is_open, risen
 from palpate.scene.scene import Scene
 from palpate.vocabulary.admissible.grasp import does_not_fit, too_heavy
 from palpate.vocabulary.admissible.reach import too_far
@@ -80,7 +81,7 @@ class SymbolicPlanner:
             raise PlanRejected(" ".join([*made.failed, *cannot]))
         notes = [_known_note(parameter, scene) for parameter in known]
         sentences = [*asked.remarks, *_explained(made), *notes, *made.failed, *cannot]
-        remarks = [*notes, *made.failed]
+        remarks = [*notes, *_guessed(made, scene), *made.failed]
         if made.measured:
             remarks += cannot
         return Plan(
@@ -273,6 +274,23 @@ def _known_note(parameter: Parameter, scene: Scene) -> str:
         f"{_spoken([parameter])} is stated by the scene ({value}{unit}) and not measured again "
         "unless it is to be remeasured."
     )
+
+
+def _guessed(made: Assembled, scene: Scene) -> list[str]:
+    """One sentence for each surface of unknown height that the plan leaves unmeasured under what it
+    measures."""
+    sentences: list[str] = []
+    for name, body in scene.surfaces.items():
+        if not is_open(scene, name) or Parameter(name, "height") in made.measured:
+            continue
+        on = risen(scene, name, body.top_z(), lambda other: scene.bodies[other].pose_world)
+        touched = sorted({one.object for one in made.measured} & on.keys() & scene.objects.keys())
+        if touched:
+            sentences.append(
+                f"The height of '{name}' is unknown and not asked for: {', '.join(map(repr, touched))} "
+                "must stand within 3 mm of the z in the scene; else ask for the height, too."
+            )
+    return sentences
 
 
 def _identifiable(parameters: Iterable[Parameter]) -> list[Parameter]:

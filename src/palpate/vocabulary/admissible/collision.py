@@ -9,7 +9,7 @@ probe, with the fingers' ends.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from itertools import islice
 
@@ -17,10 +17,10 @@ import numpy as np
 
 from palpate.errors import InputError
 from palpate.geometry.pose import Array, Pose
-from palpate.scene.places import GUESSED
-from palpate.scene.raised import beyond_guess, is_open, risen
+from palpate.scene.raised import GUESS
 from palpate.vocabulary.admissible.clearance import STEEP, straddled
 from palpate.vocabulary.admissible.footing import SETTLES, footing
+from palpate.vocabulary.admissible.guessed import higher, is_unmeasured, supposed, touched
 from palpate.vocabulary.admissible.solids import SIDES, solids
 from palpate.vocabulary.admissible.sweep.crowd import (
     HIGHER,
@@ -43,6 +43,11 @@ FIXED = 0.003
 """m that they keep from what never moves: derived grasps leave `grasp.GROUND`."""
 ARM = 0.005
 """m that the arm's links keep from everything, and from each other."""
+UNSURE = GUESS
+"""m by which a surface of unknown height may be higher than believed, and what stands on it, until it is
+touched; an approach pose is 0.1 m above its surface."""
+SHOWS = 0.002
+"""m: a smaller measured rise is not worth a word."""
 SHOWN = 3
 """Hits that are told of one motion."""
 
@@ -70,8 +75,8 @@ def collisions(before: SymbolicState, after: SymbolicState) -> tuple[Violation, 
     """What the arm would run into on its way from one state to the other, worst first; the start is
     known."""
     goal = (after.at, after.contact, after.activity)
-    came = (before.contact, before.at if before.contact else None)
-    key = ("collisions", *before.arrangement, *came, *after.arrangement, *goal)
+    came = (before.contact, before.at if before.contact or touched(before) else None)
+    key = ("collisions", *before.arrangement, *came, touched(before), *after.arrangement, *goal)
     return solids(before.scene).remembered(key, lambda: tuple(_collisions(before, after)))
 
 
@@ -89,7 +94,7 @@ def _finger_hits(state: SymbolicState, end: float, around: str | None) -> Iterat
         return
     free = replace(state, holding=None, pose_tcp_object=None)
     fingers = of_fingers(state.pose_world_tcp, opening(state), end)
-    swept = hand_sweep(free, fingers).within(GUESSED)
+    swept = hand_sweep(free, fingers).within(UNSURE)
     passing = Passing(frozenset({around or ""}), frozenset(), around)
     for hit in islice(swept.hits(_margins(free, swept, passing)), SHOWN):
         yield Violation(
@@ -100,17 +105,24 @@ def _finger_hits(state: SymbolicState, end: float, around: str | None) -> Iterat
 
 
 def _collisions(before: SymbolicState, after: SymbolicState) -> Iterator[Violation]:
-    reason = beyond_guess(before.scene, _subject(after) or "")
-    if reason is not None:
-        yield Violation("collision", reason)
-        return
+    found = list(_hits(before, after, higher(before, after)))
+    yield from found
+    for start, end, words in () if found else supposed(before, after):
+        for hit in _hits(start, end, {}):
+            yield replace(hit, message=f"if {words} than guessed, {hit.message}")
+            return
+
+
+def _hits(
+    before: SymbolicState, after: SymbolicState, rises: Mapping[str, float]
+) -> Iterator[Violation]:
     passing = _passing(before, after)
     told: set[tuple[str, str]] = set()
     for width in _widths(before):
         way = _way(before, after, width)
         if way is None:
             return
-        swept = arm_sweep(before, way, _higher(before, after)).within(GUESSED)
+        swept = arm_sweep(before, way, rises).within(UNSURE)
         hits = sorted(swept.hits(_margins(before, swept, passing)), key=lambda hit: hit.distance)
         for hit in hits:
             pair = (hit.part.owner, hit.other.owner)
@@ -212,51 +224,18 @@ def _margin(
 
 def _unsure(state: SymbolicState, name: str) -> float:
     """m that the top of a surface may be higher than believed."""
-    return GUESSED if _is_unmeasured(state, name) else 0.0
-
-
-def _is_unmeasured(state: SymbolicState, name: str) -> bool:
-    return is_open(state.scene, name) and name not in state.scene.rises
-
-
-def _subject(state: SymbolicState) -> str | None:
-    """The object or surface that the pose of the hand is named after."""
-    if state.is_bent or state.at is None:
-        return None
-    # a primitive of one's own may call a place anything
-    named = state.at.split(" ")[0] in state.scene.symbols.names
-    return state.scene.symbols.subject(state.at) if named else None
-
-
-def _higher(before: SymbolicState, after: SymbolicState) -> dict[str, float]:
-    """Objects on a surface of unknown height, and m by which they may be higher than believed, on the
-    way to where the surface is to be probed."""
-    if after.is_bent or after.at is None:
-        return {}
-    symbols = after.scene.symbols
-    named = (
-        after.at.split(" ")[0] in symbols.names
-    )  # a primitive of one's own may call a place anything
-    surface = symbols.subject(after.at) if named else None
-    # Where the hand touches the surface, both are as much higher as the objects.
-    if surface is None or surface in (before.contact, after.contact):
-        return {}
-    if not _is_unmeasured(before, surface):
-        return {}
-    top = before.scene.body(surface).top_z() + GUESSED
-    rises = risen(before.scene, surface, top, before.pose_of)
-    return {name: GUESSED for name in rises if name in before.scene.objects}
+    return UNSURE if is_unmeasured(state, name) else 0.0
 
 
 def _told(hit: Hit, before: SymbolicState, after: SymbolicState, passing: Passing) -> Violation:
     part, name = _called(hit.part), hit.other.owner
     where = "joint motion" if after.is_bent else f"way to '{after.at}'"
     how = f"run {-1e3 * hit.distance:.0f} mm into" if hit.distance < 0 else "come too near to"
-    met = f"on the {where} {part} would {how} '{name}' at {hit.place}"
+    met = f"on the {where} {part} would {how} '{name}'{_measured(before, name)} at {hit.place}"
     if hit.other.kind == HIGHER:
         return Violation(
             "collision",
-            f"{met}, which may be up to {1e3 * GUESSED:.0f} mm higher than believed until the surface "
+            f"{met}, which may be up to 50 mm higher than believed until the surface "
             "below it is touched; come from a higher pose",
         )
     detour = _detour(before, after)
@@ -271,6 +250,15 @@ def _told(hit: Hit, before: SymbolicState, after: SymbolicState, passing: Passin
     if hit.part.kind == LOAD:
         return Violation("collision", f"{met}; choose a higher pose, or go around it")
     return Violation("collision", f"{met}; {_instead(after, name)}")
+
+
+def _measured(state: SymbolicState, name: str) -> str:
+    """A measured rise of an object or a surface, in words."""
+    rise = state.scene.rises.get(name, 0.0)
+    if abs(rise) < SHOWS:
+        return ""
+    side = "higher" if rise > 0 else "lower"
+    return f" (measured {1e3 * abs(rise):.0f} mm {side} than the scene has it)"
 
 
 def _detour(before: SymbolicState, after: SymbolicState) -> str:

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from palpate.geometry.pose import Array
+from palpate.robots.accuracy import turned_round
 from palpate.robots.reflex import Reflex, Reflexes
 from palpate.vocabulary.admissible.profile import Span, leaves
 from palpate.vocabulary.base import Blackboard, LeafFailure, Steps
@@ -27,6 +28,7 @@ def feel_on(
         LeafFailure: it meets something else; the arm still presses on it.
     """
     robot, feeling = blackboard.robot, Feeling(blackboard.robot)
+    least = _least(blackboard, span)
     yield
     while not _passed(blackboard, span, left):
         wrench = feeling.now()
@@ -35,7 +37,7 @@ def feel_on(
             robot.hold()
             return True
         met = change[:3] - _explained(blackboard, change, sets_down, span)
-        if np.linalg.norm(met) > MET:
+        if np.linalg.norm(met) > least:
             before = 1e3 * (left + robot.state.pose_world_tcp.distance_to(span.end))
             raise LeafFailure(
                 f"unexpected contact: the hand pushes with {in_words(met)} on something "
@@ -43,6 +45,14 @@ def feel_on(
             )
         yield
     return False
+
+
+def _least(blackboard: Blackboard, span: Span) -> float:
+    """N of a change that is something met: more than the joints' friction that turns round in a lift."""
+    if blackboard.state.holding is None or not leaves(span.start, span.end):
+        return MET
+    scene = blackboard.scene
+    return max(MET, turned_round(scene.arm, scene.pose_world_base.inverse() @ span.start))
 
 
 def go_on(blackboard: Blackboard, span: Span, left: float) -> Steps:

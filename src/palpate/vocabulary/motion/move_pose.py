@@ -12,6 +12,7 @@ from palpate.errors import InputError
 from palpate.geometry.pose import Pose
 from palpate.robots.accuracy import doubt
 from palpate.robots.safety import Expectation
+from palpate.scene.raised import beyond
 from palpate.vocabulary.admissible.profile import (
     POSE_ERROR,
     Span,
@@ -44,7 +45,7 @@ from palpate.vocabulary.touch import (
     finish,
     settle,
 )
-from palpate.vocabulary.violation import Violation
+from palpate.vocabulary.violation import PRECONDITION, Violation
 
 LEAST_SPEED = 0.01
 """m/s that a plan may ask for: more slowly some joints of an arm stick and slip."""
@@ -101,7 +102,14 @@ class MovePose(Primitive):
             target = self.target(state)
         except InputError as error:
             return [Violation("unknown-symbol", str(error))]
-        return out_of_reach(state, target, self.pose)
+        return [*out_of_reach(state, target, self.pose), *self._misplaced(state)]
+
+    def _misplaced(self, state: SymbolicState) -> Iterator[Violation]:
+        name = state.scene.symbols.subject(self.pose)
+        if name is None or name not in state.scene.objects or state.holding is not None:
+            return
+        if reason := beyond(state.scene, name):
+            yield Violation(PRECONDITION, reason)
 
     def bind(self, blackboard: Blackboard) -> None:
         name = blackboard.scene.symbols.found_out(self.pose)
