@@ -9,6 +9,7 @@ becomes of a run that is cut short.
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -71,6 +72,7 @@ def run(settings: Settings, audience: Audience = SILENT) -> Run:
         Unavailable: planner or robot out of reach.
         ExecutionAborted: not confirmed, or interrupted before anything moved.
     """
+    began = time.perf_counter()
     settings = settings.checked()
     folder = folder_for(settings)
     check_writable(folder)
@@ -78,7 +80,7 @@ def run(settings: Settings, audience: Audience = SILENT) -> Run:
         preflight(settings)
         scene = load(settings)
         audience.progress("planning")
-        made = plan(settings, scene)
+        made = replace(plan(settings, scene), begun=began)
     return carry_out(made, audience, folder=folder)
 
 
@@ -97,6 +99,8 @@ def carry_out(
         ExecutionAborted: not confirmed, or interrupted before anything moved.
     """
     audience = audience.unfailing()
+    if made.begun is None:
+        made = replace(made, begun=time.perf_counter())
     with interrupts() as signals:
         with before_anything_moves("rehearsing"):
             made = rehearse(made, audience)

@@ -182,7 +182,7 @@ def make_data() -> ReportData:
         measured=(Measured(mass, (0.254,)), Measured(height, (0.765,))),
         trace=trace,
         robot_seconds=31.0,
-        wall_seconds=4.2,
+        total_seconds=4.2,
         twin_diff="".join(diff),
         twin_checks={"Plan replayed in the twin": "off by 0.02 N", "Comes to rest": "yes"},
         versions={"palpate": "0.1.0", "mujoco": "4.0.0"},

@@ -232,6 +232,9 @@ def test_an_aborted_run_says_why_and_shows_the_stop(data: ReportData, tmp_path: 
         "unexpected contact of 21 N",
         "Controlled stop",
         "not identified",
+        "What to do next",
+        "what the hand met",
+        "--on-failure skip",
     ):
         assert words in page.text, words
     assert "#failed" in [a["href"] for a in page.all("a")]
@@ -259,7 +262,11 @@ def test_the_headline_says_what_became_of_what_was_held(
     data: ReportData, held: Held | None, headline: str, tmp_path: Path
 ) -> None:
     stopped = replace(data, status="aborted", stopped_by="interrupted", held=held, trace=None)
-    assert headline in page_of(stopped, tmp_path).text
+    page = page_of(stopped, tmp_path)
+    assert headline in page.text
+    assert "What to do next" in page.text
+    if held is not None and held.became == "held":
+        assert "open the fingers, and put it back where the scene has it" in page.text
 
 
 def test_what_disagrees_is_said_beside_the_value(data: ReportData, tmp_path: Path) -> None:

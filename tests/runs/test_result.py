@@ -56,7 +56,9 @@ TWIN = Twin(
 REJECTED = Run(
     Settings(request="the mass of the cup", seed=7), SCENE, replace(PLAN, tree=None, parameters=())
 )
-COMPLETE = replace(REJECTED, plan=PLAN, execution=EXECUTION, estimates=(WEIGHED,), twin=TWIN)
+COMPLETE = replace(
+    REJECTED, plan=PLAN, execution=EXECUTION, estimates=(WEIGHED,), twin=TWIN, waited=5.5
+)
 
 
 def result(run: Run, folder: Path | None = None) -> dict[str, Any]:
@@ -86,6 +88,7 @@ def test_a_complete_run(tmp_path: Path) -> None:
         "actions": 3,
         "robot_seconds": 31.2,
         "wall_seconds": 4.0,
+        "total_seconds": 5.5,
         "stopped_by": None,
         "setbacks": ["bad luck"],
         "held": None,

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from palpate.estimation.agreement import FitTest
+from palpate.estimation.view import FitView
 from palpate.geometry.pose import Array
 from palpate.parameter import Parameter
 from palpate.trace.recording import Recording
@@ -79,6 +80,7 @@ class Estimate:
         freedom: degrees of freedom of the noise in the rest of it, with which `ci95` was made.
         unseen: components that its recordings say nothing of, which are as they were believed to
             be; the verdict is that of the others.
+        views: what was fitted, for charts; not part of `result.json`.
     """
 
     parameter: Parameter
@@ -94,6 +96,7 @@ class Estimate:
     shared: tuple[Shared, ...] = ()
     freedom: float = math.inf
     unseen: tuple[int, ...] = ()
+    views: tuple[FitView, ...] = ()
 
     @classmethod
     def normal(
@@ -109,6 +112,7 @@ class Estimate:
         least: float = -math.inf,
         tests: tuple[FitTest, ...] = (),
         unseen: tuple[int, ...] = (),
+        views: tuple[FitView, ...] = (),
     ) -> Estimate:
         """With the interval of a normal distribution, cut off below `least`."""
         return cls(
@@ -123,6 +127,7 @@ class Estimate:
             parts or {},
             tests,
             unseen=unseen,
+            views=views,
         )
 
     def __post_init__(self) -> None:

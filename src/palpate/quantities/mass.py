@@ -198,6 +198,7 @@ def estimate_mass(trace: Trace, parameter: Parameter, body: Body | None) -> Esti
         weight.tests,
         weight.shared,
         weight.freedom,
+        views=(weight.view(trace.gravity),),
     )
 
 

@@ -135,6 +135,7 @@ def report_data(run: Run, pictures: Pictures, scratch: Path, place: Path) -> Rep
         files=tuple(_files(scratch)),
         simulated=run.simulated,
         drawn=run.drawn,
+        total_seconds=run.total_seconds,
         command=shlex.join(reproducing(settings, place.absolute())),
     )
     if run.execution is not None:
@@ -164,7 +165,6 @@ def _with_execution(data: ReportData, done: Ending) -> ReportData:
         stopped_by=done.stopped_by,
         held=done.held,
         robot_seconds=done.robot_seconds,
-        wall_seconds=done.wall_seconds,
     )
 
 

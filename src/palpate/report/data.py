@@ -50,13 +50,14 @@ class ReportData:
         trace: None when nothing was executed.
         stopped_by: why the robot stopped early.
         held: what the fingers held then, and what became of it.
-        robot_seconds, wall_seconds: how long the execution took.
+        robot_seconds: duration of the execution, robot time.
+        total_seconds: wall time from the start of the command to this page.
         workspace, before, after: PNG or JPEG.
         video: MP4, played `video_speed` times faster than robot time.
         `video_believed`: no camera saw it, it is the trace, played again.
         twin_diff: unified diff from the user's MJCF to the twin.
         twin_checks: label to value, e.g. the residual of the replayed measurement.
-        held_out: how well motions were predicted that nothing was fitted to.
+        held_out: predictions of motions that were left out of the fits.
         twin_notes: remarks about the twin.
         versions: name to version.
         seed, noise: of a simulated world.
@@ -78,7 +79,7 @@ class ReportData:
     stopped_by: str | None = None
     held: Held | None = None
     robot_seconds: float | None = None
-    wall_seconds: float | None = None
+    total_seconds: float | None = None
     workspace: bytes | None = None
     before: bytes | None = None
     after: bytes | None = None

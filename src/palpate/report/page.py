@@ -14,6 +14,7 @@ from palpate.report.data import ReportData
 from palpate.report.evidence.windows import windows
 from palpate.report.forest import FEW, forest
 from palpate.report.plots import FAILED, GROUPS, Figure, timeline
+from palpate.report.remedy import next_steps
 from palpate.report.tables import parameter_groups
 from palpate.report.tree import aftermath, branches, first_failure, primitive_groups
 from palpate.report.twin.changes import change
@@ -41,6 +42,7 @@ def render_report(data: ReportData) -> str:
     """The page's HTML."""
     made = cards(data.measured, data.trace)
     tree = branches(data.plan, data.trace)
+    failure = first_failure(tree)
     return template("palpate.report", "template.html").render(
         data=data,
         verdict=_verdict(data),
@@ -54,7 +56,8 @@ def render_report(data: ReportData) -> str:
         captions=in_words(data.measured),
         parameters=parameter_groups(data.parameters, data.measured),
         tree=tree,
-        failure=first_failure(tree),
+        failure=failure,
+        steps=next_steps(data, failure),
         aftermath=aftermath(data.plan, data.trace),
         predictions=predictions(data.held_out),
         diff=diff_lines(data.twin_diff),

@@ -97,7 +97,9 @@ class Keeper:
 
     def finished(self, run: Run) -> Run:
         """`run`, with nothing left to do."""
-        return self.kept(replace(run, stage=None, interrupted=None))
+        return self.kept(
+            replace(run, stage=None, interrupted=None, begun=None, waited=run.total_seconds)
+        )
 
     def kept(self, run: Run) -> Run:
         """`run` with what it fell short of, its state written to result.json."""

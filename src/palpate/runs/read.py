@@ -106,6 +106,7 @@ def _run(folder: Path, settings: Settings, result: dict[str, Any]) -> Run:
         stage=result.get("stage"),
         interrupted=result.get("interrupted"),
         shortfalls=tuple(result.get("shortfalls", ())),
+        waited=_waited(result["execution"]),
     )
 
 
@@ -161,6 +162,11 @@ def _ending(document: dict[str, Any] | None) -> Ending | None:
         tuple(document["setbacks"]),
         Held(**held) if (held := document.get("held")) else None,
     )
+
+
+def _waited(document: dict[str, Any] | None) -> float | None:
+    """Wall time of the command; None in folders of versions that did not write it."""
+    return None if document is None else document.get("total_seconds")
 
 
 def estimate_from(row: Mapping[str, Any]) -> Estimate:

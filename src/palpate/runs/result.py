@@ -151,6 +151,7 @@ def _execution_json(run: Run) -> dict[str, Any] | None:
         "actions": done.actions,
         "robot_seconds": round(done.robot_seconds, 3),
         "wall_seconds": round(done.wall_seconds, 3),
+        "total_seconds": None if run.total_seconds is None else round(run.total_seconds, 3),
         "stopped_by": done.stopped_by,
         "setbacks": list(done.setbacks),
         "held": None if done.held is None else asdict(done.held),

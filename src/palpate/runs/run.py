@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -93,13 +94,15 @@ class Run:
             `cycles.npz` in the folder.
         estimates: one a parameter of the plan.
         truth: what is so, where somebody knows.
-        held_out: how well motions were predicted that nothing was fitted to; None where nothing was
+        held_out: predictions of motions that were left out of the fits; None where nothing was
             lifted.
         twin: the finished scene.
         folder: where all of this lies.
         stage: what is being done, or was when the run was cut off; None when all is done.
         interrupted: what a signal cut short, in words.
         shortfalls: what could not be made or written, and why, a line each.
+        begun: `time.perf_counter()` when the command began; None when it ended.
+        waited: s of wall time from its start to its end, None where that is not known.
     """
 
     settings: Settings
@@ -127,6 +130,13 @@ class Run:
     stage: Stage | None = None
     interrupted: str | None = None
     shortfalls: tuple[str, ...] = ()
+    begun: float | None = None
+    waited: float | None = None
+
+    @property
+    def total_seconds(self) -> float | None:
+        """Wall time from the start of the command until now, or until its end."""
+        return self.waited if self.begun is None else time.perf_counter() - self.begun
 
     @property
     def ready(self) -> bool:

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from dataclasses import replace
+
+import numpy as np
 
 from palpate.audience import SILENT, Audience
 from palpate.cells.cell import Cell
@@ -67,6 +70,23 @@ def reestimate(made: Run, choice: Mapping[str, str] | None = None) -> Run:
     told = tuple(_told(made, estimate) for estimate in found)
     again = replace(made, recorded=trace, estimates=told, held_out=None, twin=None)
     return _judged(again, choice)
+
+
+def with_views(made: Run) -> Run:
+    """Add what was fitted to the estimates of a run that was read from its folder, by making them
+    again from its trace; without a trace or a scene, or where a value differs, they stay as they are."""
+    if made.trace is None or not made.scene.bodies or any(one.views for one in made.estimates):
+        return made
+    with suppress(PalpateError):
+        wanted = [one.parameter for one in made.estimates]
+        found = estimate_all(wanted, made.trace, made.scene.bodies)
+        pairs = zip(made.estimates, found, strict=True)
+        same = [
+            replace(one, views=again.views) if np.array_equal(one.value, again.value) else one
+            for one, again in pairs
+        ]
+        return replace(made, recorded=made.trace, estimates=tuple(same))
+    return made
 
 
 def _require_scene(made: Run) -> None:

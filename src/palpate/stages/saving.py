@@ -12,6 +12,7 @@ from palpate.errors import InputError
 from palpate.runs.folder import default_folder, new_folder, read_json, write_json
 from palpate.runs.run import Run
 from palpate.settings import Settings, request_json, settings_from
+from palpate.stages.estimating import with_views
 from palpate.stages.executing import cut_off
 
 if TYPE_CHECKING:
@@ -54,7 +55,8 @@ def write_report(made: Run, folder: Path, darkroom: Darkroom | None = None) -> R
     its shortfalls."""
     from palpate.report.writing import write_all
 
-    shortfalls = write_all(replace(made, stage=None), folder, darkroom)
+    shown = with_views(replace(made, stage=None))
+    shortfalls = write_all(shown, folder, darkroom)
     return replace(made, shortfalls=(*made.shortfalls, *shortfalls))
 
 
@@ -75,7 +77,7 @@ def save(made: Run, folder: Path | None = None) -> Run:
         with new_folder(folder) as scratch:
             write_json(scratch / "request.json", request_json(made.settings))
             write_files(made, scratch, folder)
-            shortfalls = write_all(made, scratch, place=folder)
+            shortfalls = write_all(with_views(made), scratch, place=folder)
     except OSError as error:
         raise InputError(f"cannot write '{folder}': {error.strerror}") from error
     return replace(made, folder=folder, shortfalls=(*made.shortfalls, *shortfalls))

@@ -77,6 +77,7 @@ class Load:
         tests: of what else might act on it.
         gains: (1 + 2n, signals) what one standard deviation of each signal's gain does to `value`; of
             gains that were measured together, of as many causes that are independent.
+        weighings, rows, model: what was fitted.
     """
 
     grasps: tuple[float, ...]
@@ -85,6 +86,9 @@ class Load:
     freedom: float
     tests: tuple[FitTest, ...]
     gains: Array
+    weighings: Sequence[Weighing]
+    rows: Sequence[Rows]
+    model: Model
 
     @property
     def agrees(self) -> bool:
@@ -154,7 +158,8 @@ def _fit(weighings: Sequence[Weighing], gravity: float, hand: Hand) -> Load:
     tests = tests_of(rows, grasps, model, float(mean[0]), hand.force_repeatability)
     # With prior deviations P of the coefficients x, the error is -covariance P^-2 x.
     gains = -(covariance / model.prior)[:, -(int(rows[0].signal.max()) + 1) :]
-    return Load(grasps, mean[:count], covariance[:, :count], model.freedom, tests, gains)
+    fitted = mean[:count], covariance[:, :count], model.freedom
+    return Load(grasps, *fitted, tests, gains, weighings, rows, model)
 
 
 def _solved(

@@ -15,6 +15,8 @@ from palpate.estimation.load.around.whole import Whole, fit_whole
 from palpate.estimation.load.equations import FORCE_Z
 from palpate.estimation.load.fit import Load, fit_load, untested
 from palpate.estimation.load.segments import Segment, Weighing, referenced, weighings
+from palpate.estimation.load.view import weighing_view, whole_view
+from palpate.estimation.view import FitView
 from palpate.geometry.pose import Array
 from palpate.trace.recording import Recording
 from palpate.trace.samples import FORCES, Trace
@@ -32,6 +34,7 @@ class Weight:
         tests: of what else might have acted on it.
         shared: what it has in common with other weighings on that arm.
         freedom: of the noise.
+        load: the fit of the weighings.
         whole: what it follows from, where all that the arm did around the weighing tells more.
     """
 
@@ -43,12 +46,19 @@ class Weight:
     tests: tuple[FitTest, ...]
     shared: tuple[Shared, ...]
     freedom: float
+    load: Load
     whole: Whole | None = None
 
     @property
     def part(self) -> Part:
         """As a part of another estimate."""
         return Part(self.mass, self.std, "kg")
+
+    def view(self, gravity: float) -> FitView:
+        """The fit that made `mass`, by parts of the recording."""
+        if self.whole is None:
+            return weighing_view(self.load, gravity)
+        return whole_view(self.whole, gravity)
 
     @property
     def segments(self) -> Sequence[Segment]:
@@ -75,7 +85,7 @@ def weigh(trace: Trace, recording: Recording) -> Weight:
     mass, std = force / trace.gravity, std / trace.gravity
     half = std * half95(load.freedom)
     low, high = mass - half, mass + half
-    common = shared, load.freedom, whole
+    common = shared, load.freedom, load, whole
     if low > 0.0:
         # Without anything to compare with, the arm's own bias is what was believed before.
         compared = any(referenced(weighing.segments) for weighing in found)

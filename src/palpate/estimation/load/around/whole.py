@@ -47,6 +47,7 @@ class Whole:
         gains: (1 + 3n, m) what one standard deviation of each cause of the sensors' gains makes of it.
         links: (1 + 3n,) what one of each error of the arm's links makes of it, by its name.
         misfit: mean square of what is left, in units of the noise.
+        seen, noise, model: what was fitted.
     """
 
     grasps: tuple[float, ...]
@@ -55,6 +56,9 @@ class Whole:
     gains: Array
     links: Mapping[str, Array]
     misfit: float
+    seen: Blocks
+    noise: Noise
+    model: Model
 
     @property
     def force(self) -> float:
@@ -125,7 +129,7 @@ def _fitted(trace: Trace, felt: Feeling, seen: Blocks, noise: Noise, about_force
     misfit = float(left @ left) / len(left)
     value, square = mean[: len(load)], covariance[:, : len(load)]
     gains = effects[:, named(causes, GAIN)]
-    return Whole(seen.grasps, value, square, gains, of_links, misfit)
+    return Whole(seen.grasps, value, square, gains, of_links, misfit, seen, noise, model)
 
 
 def _model(
