@@ -4,6 +4,7 @@ costs no more than itself."""
 from __future__ import annotations
 
 import shutil
+import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -97,14 +98,14 @@ class Keeper:
 
     def finished(self, run: Run) -> Run:
         """`run`, with nothing left to do."""
-        return self.kept(
-            replace(run, stage=None, interrupted=None, begun=None, waited=run.total_seconds)
-        )
+        return self.kept(replace(run, stage=None, interrupted=None))
 
     def kept(self, run: Run) -> Run:
         """`run` with what it fell short of, its state written to result.json."""
         with self._signals.noted():
             run = self._with_shortfalls(run)
+            if run.begun is not None:
+                run = replace(run, total_seconds=time.perf_counter() - run.begun)
             if self.folder is not None:
                 content = result_json(run, self.folder)
                 self.tried("result.json", lambda at: write_json(at / "result.json", content))

@@ -106,7 +106,7 @@ def _run(folder: Path, settings: Settings, result: dict[str, Any]) -> Run:
         stage=result.get("stage"),
         interrupted=result.get("interrupted"),
         shortfalls=tuple(result.get("shortfalls", ())),
-        waited=_waited(result["execution"]),
+        total_seconds=_total_seconds(result["execution"]),
     )
 
 
@@ -164,7 +164,7 @@ def _ending(document: dict[str, Any] | None) -> Ending | None:
     )
 
 
-def _waited(document: dict[str, Any] | None) -> float | None:
+def _total_seconds(document: dict[str, Any] | None) -> float | None:
     """Wall time of the command; None in folders of versions that did not write it."""
     return None if document is None else document.get("total_seconds")
 

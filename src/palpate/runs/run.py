@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -101,8 +100,8 @@ class Run:
         stage: what is being done, or was when the run was cut off; None when all is done.
         interrupted: what a signal cut short, in words.
         shortfalls: what could not be made or written, and why, a line each.
-        begun: `time.perf_counter()` when the command began; None when it ended.
-        waited: s of wall time from its start to its end, None where that is not known.
+        begun: `time.perf_counter()` when the command began.
+        total_seconds: s of wall time from then until this state of the run; None where it is not known.
     """
 
     settings: Settings
@@ -131,12 +130,7 @@ class Run:
     interrupted: str | None = None
     shortfalls: tuple[str, ...] = ()
     begun: float | None = None
-    waited: float | None = None
-
-    @property
-    def total_seconds(self) -> float | None:
-        """Wall time from the start of the command until now, or until its end."""
-        return self.waited if self.begun is None else time.perf_counter() - self.begun
+    total_seconds: float | None = None
 
     @property
     def ready(self) -> bool:

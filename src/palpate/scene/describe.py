@@ -55,8 +55,11 @@ class Description:
     refused: dict[str, str]
 
 
-def describe(document: Document, poses: Poses, catalogue: Catalogue) -> Description:
-    """Sort a document, take in the poses, and compile it once with stand-ins.
+def describe(
+    document: Document, poses: Poses, catalogue: Catalogue, settled: bool = True
+) -> Description:
+    """Sort a document, take in the poses, and compile it once with stand-ins; `settled`: with objects
+    that hang just above their support let down onto it, else exactly as the file has them.
 
     Raises:
         InputError: a `?` where nothing can be measured, names that do not match, scenes MuJoCo does
@@ -73,7 +76,7 @@ def describe(document: Document, poses: Poses, catalogue: Catalogue) -> Descript
         edits += slot.placeholder()
     shapes = compile_shapes(document, roles, [*edits, *placed], extent.is_large)
     bodies = _described(roles, shapes, poses)
-    lowered = dict(let_down(bodies, shapes))
+    lowered = dict(let_down(bodies, shapes)) if settled else {}
     if lowered:
         placed = (*placed, *lowered.values())
         shapes = compile_shapes(document, roles, [*edits, *placed])

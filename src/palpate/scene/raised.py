@@ -55,10 +55,8 @@ def as_measured(scene: Scene, trace: Trace) -> Scene:
         return scene
     heights = [Parameter(name, "height") for name in scene.surfaces]
     touched = [one for one in heights if trace.converted(one) is not None]
-    for found in estimate_all(touched, trace, scene.bodies):
-        if found.identified:
-            scene = learned(scene, found.parameter, tuple(found.value.tolist()))
-    return scene
+    found = [one for one in estimate_all(touched, trace, scene.bodies) if one.identified]
+    return at_heights(scene, {one.parameter: tuple(one.value.tolist()) for one in found})
 
 
 def beyond(scene: Scene, name: str) -> str | None:
@@ -78,6 +76,14 @@ def is_open(scene: Scene, surface: str | None) -> bool:
     """True for a surface whose height the scene does not state."""
     body = scene.surfaces.get(surface or "")
     return body is not None and "height" in body.missing
+
+
+def at_heights(scene: Scene, values: Mapping[Parameter, tuple[float, ...]]) -> Scene:
+    """The scene with the surfaces of which `values` has a height at that height, world z in m."""
+    for parameter, value in values.items():
+        if parameter.quantity == "height" and parameter.object in scene.surfaces:
+            scene = raised(scene, parameter.object, value[0])
+    return scene
 
 
 def raised(scene: Scene, surface: str, top: float) -> Scene:

@@ -79,7 +79,8 @@ def with_views(made: Run) -> Run:
         return made
     with suppress(PalpateError):
         wanted = [one.parameter for one in made.estimates]
-        found = estimate_all(wanted, made.trace, made.scene.bodies)
+        bodies = as_measured(made.scene, made.trace).bodies
+        found = estimate_all(wanted, made.trace, bodies)
         pairs = zip(made.estimates, found, strict=True)
         same = [
             replace(one, views=again.views) if np.array_equal(one.value, again.value) else one

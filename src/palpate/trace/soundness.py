@@ -40,7 +40,7 @@ def spoiled(trace: Trace) -> tuple[Span, ...]:
     for leaf in trace.leaves:
         attempts.setdefault(_attempt(leaf.node), []).append(leaf)
     starts = [min(leaf.start for leaf in leaves) for leaves in attempts.values()]
-    ends = [*starts[1:], math.inf]
+    ends = [*starts, math.inf][1:]
     found: list[Span] = []
     for leaves, end in zip(attempts.values(), ends, strict=True):
         failed = [leaf for leaf in leaves if leaf.status != "SUCCESS"]

@@ -14,8 +14,8 @@ from palpate.errors import InputError
 from palpate.estimation.estimate import Estimate, Part, rounded
 from palpate.mjcf.body import BodyDescription
 from palpate.mjcf.defaults import answered_elsewhere
-from palpate.mjcf.document import Element, Texts, elements
-from palpate.mjcf.edits import Change, Edit
+from palpate.mjcf.document import Element, Texts, elements, has_unknown, tokens
+from palpate.mjcf.edits import Change, Edit, number
 from palpate.mjcf.reading import parse_document
 from palpate.parameter import Parameter
 from palpate.quantities.catalogue import Catalogue, catalogue
@@ -23,6 +23,7 @@ from palpate.quantities.quantity import Quantity, Values
 from palpate.scene.describe import Description, describe
 from palpate.scene.fill import changes
 from palpate.scene.poses import Poses
+from palpate.scene.raised import at_heights
 from palpate.scene.scene import Scene
 from palpate.twin.one_text import in_one
 from palpate.twin.reading import misread
@@ -149,7 +150,26 @@ def _filled(
     unmeasured = {p: scene.priors[p] for p in marked if p not in fitting}
     filled = scene.resolved.completed(unmeasured, fitting)
     records = [estimate for estimate in estimates if estimate.parameter in fitting]
-    return _injected(description, scene.catalogue, filled, records), filled
+    moved = tuple(_moved_along(scene, description, fitting, records))
+    return _injected(description, scene.catalogue, filled, records, moved), filled
+
+
+def _moved_along(
+    scene: Scene, description: Description, values: Values, records: Sequence[Estimate]
+) -> Iterator[Edit]:
+    """The z of each object that stands on a surface of measured height. An open z follows by itself
+    (`Position.follows`), and a z of the poses belongs to the poses."""
+    heights = {parameter.object: parameter for parameter in values if parameter.quantity == "height"}
+    std = min((_deviations(records)[one] for one in heights.values()), default=None)
+    for name, rise in at_heights(scene, values).rises.items():
+        body = description.bodies[name]
+        element = body.elements.element
+        if body.role == "surface" or scene.resolved.description.bodies[name].given is not None:
+            continue
+        if has_unknown(element, "pos", 2) or body.elements.moved_by() is not None:
+            continue
+        z = float(tokens(element.get("pos") or "0 0 0")[2]) + rise
+        yield Edit(element, "pos", {2: number(z, std)}, "0 0 0")
 
 
 def _misread(
@@ -235,9 +255,14 @@ def _unfit(scene: Scene, parameter: Parameter, values: Values, marked: Sequence[
 
 
 def _injected(
-    description: Description, quantities: Catalogue, values: Values, records: Sequence[Estimate]
+    description: Description,
+    quantities: Catalogue,
+    values: Values,
+    records: Sequence[Estimate],
+    moved: Sequence[Edit] = (),
 ) -> Texts:
     edits = list(changes(description.bodies, quantities, values, {}, _deviations(records)))
+    edits += moved
     edits += _leftovers(description, quantities, values, edits)
     texts = rewritten(description.document, edits)
     return replace(texts, main=recorded(texts.main, records))

@@ -16,6 +16,7 @@ from palpate.geometry.pose import Pose
 from palpate.mjcf.document import Document, Texts
 from palpate.parameter import Parameter
 from palpate.scene.load import scene_from_text
+from palpate.scene.raised import at_heights
 from palpate.scene.scene import Scene
 from palpate.trace.samples import Trace
 from palpate.twin.inject import complete
@@ -197,13 +198,18 @@ def _unified(before: str, after: str, name: str, new_name: str) -> str:
 
 def _measured_places(scene: Scene, estimates: Sequence[Estimate]) -> dict[str, Pose]:
     """Where objects were found to be: the poses that came with the scene overrule the MJCF, but not
-    what was measured."""
+    what was measured, of them or of what they stand on."""
+    values = {one.parameter: tuple(one.value.tolist()) for one in estimates}
+    scene = at_heights(scene, values)
     found: dict[str, Pose] = {}
-    for estimate in estimates:
-        body = scene.bodies.get(estimate.parameter.object)
-        quantity = scene.catalogue.get(estimate.parameter.quantity)
+    for name in scene.rises:
+        if scene.resolved.description.bodies[name].given is not None:
+            found[name] = scene.bodies[name].pose_world
+    for parameter, value in values.items():
+        body = scene.bodies.get(parameter.object)
+        quantity = scene.catalogue.get(parameter.quantity)
         if body is not None and quantity is not None:
-            pose = quantity.places(body, tuple(estimate.value.tolist()))
+            pose = quantity.places(body, value)
             if pose is not None:
                 found[body.name] = pose
     return found

@@ -82,7 +82,7 @@ def export_twin(
     if twin.scene is None:
         raise InputError(f"there is no twin to export: {'; '.join(twin.notes) or 'nothing moved'}")
     document = reparsed(twin.texts or Texts(twin.xml), twin.scene.resolved.document)
-    description = describe(document, Poses(), twin.scene.catalogue)
+    description = describe(document, Poses(), twin.scene.catalogue, settled=False)
     write_contained(document, scratch)
     scene = scratch / SCENE
     try:

@@ -148,7 +148,7 @@ def differences(
             continue
         for what, mine, its in _pairs(facts, other, friction):
             if mine.shape != its.shape or not np.allclose(its, mine, CLOSE, _least(mine)):
-                yield name, f"its {what} is {_numbers(its)} instead of {_numbers(mine)}"
+                yield name, _differing(what, mine, its)
 
 
 def _pairs(one: Facts, other: Facts, friction: bool) -> Iterator[tuple[str, Array, Array]]:
@@ -176,5 +176,9 @@ def _frictions(shapes: Sequence[Shape]) -> Array:
     return np.array([shape.friction for shape in shapes if shape.friction is not None])
 
 
-def _numbers(values: Array) -> str:
-    return " ".join(f"{value:.6g}" for value in values.ravel()[:9].tolist())
+def _differing(what: str, mine: Array, its: Array) -> str:
+    """The first number that differs, with the digits that show it."""
+    if mine.shape != its.shape:
+        return f"its {what} has {its.size} numbers instead of {mine.size}"
+    apart = int(np.argmax(np.abs(its - mine)))
+    return f"its {what} has {its.flat[apart]:.8g} instead of {mine.flat[apart]:.8g}"

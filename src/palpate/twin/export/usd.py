@@ -48,7 +48,8 @@ def write_usd(spec: mujoco.MjSpec, mjcf: Path, folder: Path) -> Path:
     diagnostics.activateDiagnosticsDelegate()
     diagnostics.setDiagnosticsLevel(diagnostics.DiagnosticsLevel.eError)
     converter = _module("mujoco_usd_converter").Converter(layer_structure=False)
-    return Path(str(converter.convert(str(mjcf), str(folder)).path))
+    written = converter.convert(str(mjcf), str(folder.resolve()))
+    return folder / Path(str(written.path)).name
 
 
 def read_usd(path: Path) -> dict[str, Facts]:

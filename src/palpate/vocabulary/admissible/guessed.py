@@ -37,7 +37,8 @@ def touched(state: SymbolicState) -> tuple[str, ...]:
 
 def higher(before: SymbolicState, after: SymbolicState) -> dict[str, float]:
     """m by which objects may be higher than believed on the way to where a surface of unknown height is
-    to be probed: those on surfaces that have not been touched."""
+    to be probed: those on surfaces that have not been touched. A probe ends on its surface however high
+    that is, and what stands on it is as near as believed then."""
     scene = before.scene
     if after.is_bent or after.at is None:
         return {}
@@ -50,7 +51,7 @@ def higher(before: SymbolicState, after: SymbolicState) -> dict[str, float]:
     if goal not in set(unknown).difference(known):
         return {}
     found: dict[str, float] = {}
-    for surface in set(unknown).difference(known):
+    for surface in set(unknown).difference(known, (after.contact,)):
         top = scene.body(surface).top_z() + GUESS
         rises = risen(scene, surface, top, before.pose_of)
         found |= {name: GUESS for name in rises if name in scene.objects}
