@@ -4,15 +4,19 @@ everything ends."""
 from __future__ import annotations
 
 from collections.abc import Collection
+from pathlib import Path
 
 import numpy as np
 
 from palpate import pipeline
+from palpate.errors import Unavailable
 from palpate.estimation.estimate import Estimate
 from palpate.parameter import Parameter
 from palpate.runs.run import Run
 from palpate.scenarios.catalogue import Scenario
 from palpate.studies.planners.judgement import judge
+from palpate.twin.export.export import FORMATS, export_twin, require_format
+from palpate.twin.twin import build_twin
 
 TOLERANCE = {"height": 0.0005, "friction": 0.02, "com": 0.003}
 """At `--noise lab`: m, -, m (horizontally: no torque tells the height of a centre of mass)."""
@@ -46,6 +50,20 @@ def assert_acquired(
     assert run.execution.stopped_by is None
     judgement = judge(run.trace, expected, may_touch)
     assert judgement.success, judgement.reason
+
+
+def assert_exported(run: Run, folder: Path) -> None:
+    """The twin is read back from every format."""
+    twin = build_twin(run.scene, run.estimates)
+    for to in FORMATS:
+        try:
+            chosen = require_format(to)
+        except Unavailable:
+            continue
+        made, scratch = folder / to, folder / f"{to}-scratch"
+        made.mkdir()
+        scratch.mkdir()
+        assert export_twin(twin, run.estimates, chosen, made, scratch).file.exists()
 
 
 def assert_near_truth(run: Run) -> None:

@@ -3,12 +3,14 @@ hidden world."""
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 
 from palpate.errors import InputError
 from palpate.scenarios.catalogue import scenario, scenarios
 
-from .judge import assert_acquired, assert_near_truth, assert_restored, executed
+from .judge import assert_acquired, assert_exported, assert_near_truth, assert_restored, executed
 
 ELSEWHERE = ("vision/contents", "vision/labels", "vision/open_box")
 """Moved as `two_of_three` is: what is special about them is judged in `test_vision`."""
@@ -16,7 +18,7 @@ ENDING = [n for n in scenarios() if not n.startswith("mishaps/") and n not in EL
 
 
 @pytest.mark.parametrize("name", ENDING)
-def test_a_scenario_ends_as_it_should(name: str) -> None:
+def test_a_scenario_ends_as_it_should(name: str, tmp_path: Path) -> None:
     chosen = scenario(name)
     run = executed(chosen)
     assert run.status == chosen.status, run.plan.explanation
@@ -28,6 +30,7 @@ def test_a_scenario_ends_as_it_should(name: str) -> None:
     assert_acquired(run, chosen.expects, chosen.may_touch)
     assert_near_truth(run)
     assert_restored(run)
+    assert_exported(run, tmp_path)
 
 
 def test_unknown_scenario_lists_those_there_are() -> None:

@@ -29,7 +29,7 @@ SEARCH = 1.0
 """m: how far around the first choice spots are looked for."""
 
 TOUCHING = 0.012
-"""m: half extent of the closed fingertips, which must land on the surface."""
+"""m: half extent of the closed fingertips."""
 
 
 def reachable(reach: Reach, spots: Array, z: float, base: Pose) -> NDArray[np.bool_]:
@@ -111,18 +111,20 @@ def approach_pose(
     obstacles = above(others, height + 0.002)
     near = _middle(arm.reach, top, objects, base)
     turn = float(np.arctan2(base.rotation[1, 0], base.rotation[0, 0]))
-    tips = rectangle(np.zeros(2), np.array([1.0, 0.0]), TOUCHING, TOUCHING)
-    found: list[tuple[float, Pose]] = []
-    for yaw in (turn, turn + np.pi / 2):
-        along = np.array([np.cos(yaw), np.sin(yaw)])
-        hand = rectangle(np.zeros(2), along, *arm.hand.half_extents)
-        spot = free_spot(arm.reach, hand, tips, top, obstacles, near, height, base)
-        if spot is not None:
-            found.append((spot[1], Pose.top_down((*spot[0], height + clear), yaw)))
-    if not found:
-        return None
-    _, pose = max(found, key=lambda candidate: candidate[0])
-    return pose
+    open_tips = arm.hand.opening / 2 + arm.hand.finger
+    # Both open fingertips should land on the surface; on a narrow one, only closed ones can.
+    for half_span in (open_tips, TOUCHING):
+        found: list[tuple[float, Pose]] = []
+        for yaw in (turn, turn + np.pi / 2):
+            along = np.array([np.cos(yaw), np.sin(yaw)])
+            hand = rectangle(np.zeros(2), along, *arm.hand.half_extents)
+            tips = rectangle(np.zeros(2), along, TOUCHING, half_span)
+            spot = free_spot(arm.reach, hand, tips, top, obstacles, near, height, base)
+            if spot is not None:
+                found.append((spot[1], Pose.top_down((*spot[0], height + clear), yaw)))
+        if found:
+            return max(found, key=lambda candidate: candidate[0])[1]
+    return None
 
 
 def _middle(reach: Reach, top: Array, objects: Sequence[Array], base: Pose) -> Array:

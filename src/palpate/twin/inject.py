@@ -159,7 +159,9 @@ def _moved_along(
 ) -> Iterator[Edit]:
     """The z of each object that stands on a surface of measured height. An open z follows by itself
     (`Position.follows`), and a z of the poses belongs to the poses."""
-    heights = {parameter.object: parameter for parameter in values if parameter.quantity == "height"}
+    heights = {
+        parameter.object: parameter for parameter in values if parameter.quantity == "height"
+    }
     std = min((_deviations(records)[one] for one in heights.values()), default=None)
     for name, rise in at_heights(scene, values).rises.items():
         body = description.bodies[name]

@@ -98,7 +98,9 @@ def _view(
 def _stretches(seen: Blocks) -> Iterator[Mask]:
     """(k,) blocks of each stretch in which the load hung free."""
     hanging = np.flatnonzero(seen.pull[:, 2] > 0.0)
-    for run in np.split(hanging, np.flatnonzero(np.diff(seen.t[hanging]) > tuning.VIEW_STRETCH) + 1):
+    for run in np.split(
+        hanging, np.flatnonzero(np.diff(seen.t[hanging]) > tuning.VIEW_STRETCH) + 1
+    ):
         lasted = float(np.ptp(seen.t[run]))
         for rows in np.array_split(run, max(1, round(lasted / tuning.VIEW_STRETCH))):
             part = np.zeros(len(seen.t), dtype=bool)
