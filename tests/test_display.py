@@ -7,7 +7,7 @@ import json
 
 from rich.table import Table
 
-from palpate.display import json_visible, visible
+from palpate.display import json_text, visible
 from palpate.live.console import SafeConsole
 
 EVIL = "a\x1b[31m\x07\r\x7f\x9b\u202e\u2066\U000e0041\ud800\tb\nc é 漢 👍"
@@ -20,9 +20,10 @@ def test_control_characters_are_seen() -> None:
 
 
 def test_json_says_the_same() -> None:
-    text = json.dumps({"a": EVIL}, ensure_ascii=False)
-    assert json.loads(json_visible(text)) == {"a": EVIL}
-    assert not set("\x9b\u202e\U000e0041\ud800") & set(json_visible(text))
+    text = json_text({"a": EVIL})
+    assert json.loads(text) == {"a": EVIL}
+    assert "é 漢 👍" in text
+    assert not set("\x9b\u202e\U000e0041\ud800") & set(text)
 
 
 def test_nothing_on_the_console_is_a_command() -> None:

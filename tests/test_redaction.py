@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import json
+import re
 import time
 from urllib.parse import quote
 
@@ -67,6 +68,24 @@ def test_what_looks_like_a_key_is_one() -> None:
     )
     assert text == "[key], [key], [key]"
     assert redact("https://me:secret@host/v1 and me@host") == "https://[key]@host/v1 and me@host"
+
+
+@pytest.mark.parametrize("length", [6, 8, 12, 15, 19])
+def test_a_short_key_is_blotted_out_whole(length: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    key = "pA5-sw0rd/k3y+Xv9qLm"[:length]
+    monkeypatch.setenv("VLLM_API_KEY", key)
+    for written in (key, base64_of(key), key.encode().hex(), quote(key, safe=""), " ".join(key)):
+        # The last letters of base64 hold few bits of the key, or none.
+        assert re.fullmatch(r"it is \[key\].{0,3}\.", redact(f"it is {written}."))
+
+
+@pytest.mark.parametrize(
+    "query", ["?key={}", "?v=1&key={}", "?api_key={}", "?api-key={}", "?access_token={}", "?sig={}"]
+)
+def test_a_key_in_the_query_of_an_address_is_blotted_out(query: str) -> None:
+    address = f"https://host/v1{query.format('aB3')}&stream=true#end"
+    assert redact(address) == f"https://host/v1{query.format('[key]')}&stream=true#end"
+    assert redact("what?key=none of it") == "what?key=[key] of it"
 
 
 def test_other_text_stays_as_it_is() -> None:

@@ -3,9 +3,11 @@ things look in a notebook: small tables, everything in them escaped."""
 
 from __future__ import annotations
 
+import json
 import re
 from collections.abc import Iterable, Sequence
 from html import escape
+from typing import Any
 
 _UNSEEN = re.compile(
     "["
@@ -24,8 +26,13 @@ def visible(text: str) -> str:
     return _UNSEEN.sub(_escape, text)
 
 
-def json_visible(text: str) -> str:
-    """JSON text with the same characters as JSON's own escapes: the same document."""
+def json_text(content: Any, indent: int | None = None) -> str:
+    """Strict JSON (no NaN) with every control character escaped: the same document.
+
+    Raises:
+        ValueError: a number is not finite.
+    """
+    text = json.dumps(content, indent=indent, ensure_ascii=False, allow_nan=False)
     return _UNSEEN.sub(_json_escape, text)
 
 

@@ -29,6 +29,11 @@ _KEY_NAME = re.compile(r".*_API_KEY$")
 _KEY_LIKE = re.compile(r"\b(?:sk-[\w-]{12,}|AIza[\w-]{20,})|(?i:bearer\s+)[\w.~+/-]{12,}=*")
 _CREDENTIALS = re.compile(r"(?<=://)[^\s/@\"'<>]+@")
 """User and password in an address."""
+_QUERY = re.compile(
+    r"([?&;](?:[\w-]*(?:key|token|secret|passw(?:or)?d|signature)|auth|sig|pwd)=)[^&;#\s\"'<>]+",
+    re.I,
+)
+"""A key in the query of an address."""
 
 _BETWEEN = r"[\s\u00ad\u200b-\u200f\u2060\ufeff]*"
 """What one key may be spread with: white space and characters that nobody sees."""
@@ -48,6 +53,7 @@ def redacted(content: T) -> T:
 def _without(keys: Iterable[str], text: str) -> str:
     """`text` without `keys`, and without what looks like one."""
     text = _CREDENTIALS.sub(f"{BLOT}@", _KEY_LIKE.sub(BLOT, text))
+    text = _QUERY.sub(rf"\1{BLOT}", text)
     for key in keys:
         text = _without_stretches(_spread(key).sub(BLOT, text), _forms(key))
     return text

@@ -1,14 +1,19 @@
 from __future__ import annotations
 
 import contextlib
+import tracemalloc
 from dataclasses import fields, replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+import zstandard
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from mcap.data_stream import RecordBuilder
 from mcap.reader import make_reader
+from mcap.records import Chunk
+from mcap.writer import Writer
 from mcap_ros2.decoder import DecoderFactory
 
 from palpate.errors import InputError
@@ -16,6 +21,7 @@ from palpate.robots.registry import load_description
 from palpate.trace.mcap import read_mcap, write_mcap
 from palpate.trace.recording import Hand
 from palpate.trace.samples import Samples, Trace
+from palpate.trace.stream import PROFILE
 
 
 def assert_same(a: Trace, b: Trace) -> None:
@@ -114,6 +120,35 @@ def test_a_trace_from_before_joints_were_named_is_an_fr3s() -> None:
     )
     arm = load_description("fr3").nominal
     assert (hand.joints, hand.fingers) == (arm.joints, arm.fingers)
+
+
+@pytest.mark.parametrize("profile", ["ros2", PROFILE])
+@pytest.mark.parametrize("chunks", [1, 40])
+def test_a_file_that_unpacks_to_much_is_refused_in_little_memory(
+    profile: str, chunks: int, tmp_path: Path
+) -> None:
+    """1 GB of zeros in one chunk of 32 kB, which claims to have 1 kB; or 7 MiB in each of 40 chunks."""
+    size = (1 << 30) // (1 if chunks == 1 else 146)
+    path = tmp_path / "trace.mcap"
+    with path.open("wb") as file:
+        writer = Writer(file)
+        writer.start(profile=profile)
+        packer = zstandard.ZstdCompressor(level=19).compressobj()
+        mib = bytes(1 << 20)
+        packed = b"".join(packer.compress(mib) for _ in range(size >> 20)) + packer.flush()
+        for _ in range(chunks):
+            record = RecordBuilder()
+            Chunk("zstd", packed, 0, 0, 0, 1000).write(record)
+            file.write(record.end())
+        writer.finish()
+    assert path.stat().st_size < 100_000
+    tracemalloc.start()
+    try:
+        with pytest.raises(InputError, match="not a trace"):
+            read_mcap(path)
+        assert tracemalloc.get_traced_memory()[1] < 64 << 20
+    finally:
+        tracemalloc.stop()
 
 
 def test_a_cut_file_is_refused(trace: Trace, tmp_path: Path) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 import os
 import sys
@@ -15,7 +14,7 @@ from rich.table import Table
 from rich.text import Text
 
 from palpate.cli.exits import exit_status, in_flags
-from palpate.display import json_visible, visible
+from palpate.display import json_text, visible
 from palpate.errors import PalpateError
 from palpate.live.console import SafeConsole
 from palpate.redaction import redact
@@ -26,8 +25,7 @@ err = SafeConsole(stderr=True, highlight=False)
 
 def print_json(content: Any) -> None:
     """One object on stdout, strict JSON."""
-    text = json.dumps(content, ensure_ascii=False, allow_nan=False)
-    sys.stdout.write(json_visible(text) + "\n")
+    sys.stdout.write(json_text(content) + "\n")
 
 
 def print_error(error: PalpateError, as_json: bool) -> int:

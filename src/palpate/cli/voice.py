@@ -81,4 +81,5 @@ class _Redacting(logging.Formatter):
     """Without keys of the environment, and with nothing that a terminal would take for a command."""
 
     def format(self, record: logging.LogRecord) -> str:
-        return "\n".join(map(visible, redact(super().format(record)).splitlines()))
+        # Indented, no line of a message looks like the first line of another one.
+        return visible(redact(super().format(record))).replace("\n", "\n    ")

@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, Literal, NoReturn, TypeVar, cast, get_args
 
+from palpate.display import json_text
 from palpate.errors import InputError
 from palpate.parameter import Parameter
 from palpate.redaction import redact
@@ -164,7 +165,7 @@ def dump_plan(plan: Plan, extra: Mapping[str, Any] | None = None) -> str:
     for key, value in (extra or {}).items():
         if key not in Plan.__slots__:
             document[key] = value
-    return json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+    return json_text(document, indent=2) + "\n"
 
 
 def _outcome(value: object, tree: Node | None) -> Outcome | None:

@@ -68,10 +68,11 @@ def template(package: str, name: str) -> Template:
 
 
 def _shown(value: Any) -> Any:
-    """Text as a page shows it: nothing in it turns the order of writing round."""
-    if type(value) is str:  # markup is the page's own
-        return visible(value)
-    return value
+    """Text and markup as a page shows them: nothing in them turns the order of writing round."""
+    if isinstance(value, int | float):
+        return value
+    text = visible(str(value))
+    return type(value)(text) if hasattr(value, "__html__") else text
 
 
 def policy() -> str:

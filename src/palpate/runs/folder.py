@@ -17,6 +17,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any, cast
 
+from palpate.display import json_text
 from palpate.errors import InputError
 from palpate.files.read import read_text
 from palpate.redaction import redact, redacted
@@ -177,8 +178,7 @@ def read_json(path: Path) -> dict[str, Any]:
 
 def write_json(path: Path, content: Any) -> None:
     """Pretty, strict JSON (no NaN), without keys of the environment, at once."""
-    text = json.dumps(redacted(content), indent=2, ensure_ascii=False, allow_nan=False)
-    write_text(path, f"{text}\n")
+    write_text(path, json_text(redacted(content), indent=2) + "\n")
 
 
 def write_text(path: Path, text: str) -> None:

@@ -20,18 +20,15 @@ from palpate.redaction import redact
 from palpate.trace.ros2_messages import definition
 from palpate.trace.samples import Trace
 from palpate.trace.stream import PROFILE, Record, read_stream
-from palpate.trace.topics import Message, messages, samples_of, topics
+from palpate.trace.topics import Message, messages, samples_of
+from palpate.trace.unpacked import records
 
 if TYPE_CHECKING:
-    from mcap.reader import SeekingReader
     from mcap.writer import Writer
 
 METADATA = "palpate.trace"
 MAX_BYTES = 1 << 30
 """A file larger than this is not read; an hour of samples has a tenth of it."""
-
-MAX_RECORD = 64 << 20
-"""A record that claims more bytes is damaged; chunks are cut at 1 MiB."""
 
 
 def write_mcap(path: Path, trace: Trace, shown: Sequence[Message] = ()) -> None:
@@ -69,15 +66,13 @@ def read_mcap(path: Path) -> Trace:
     Raises:
         InputError: not such a file.
     """
-    from mcap.reader import SeekingReader
-
     if not path.exists():
         raise InputError(f"no trace at '{path}'")
     try:
         with opened(path, MAX_BYTES, "a trace of palpate's") as file:
             if _is_unfinished(file):
-                return read_stream(file, MAX_RECORD)
-            return _read(SeekingReader(file, validate_crcs=True, record_size_limit=MAX_RECORD))
+                return read_stream(file)
+            return _read(file)
     except InputError:
         raise
     # On damaged bytes the reader raises anything from struct.error to NameError.
@@ -86,16 +81,22 @@ def read_mcap(path: Path) -> Trace:
         raise InputError(f"'{path}' is not a trace written by palpate: {reason}") from error
 
 
-def _read(reader: SeekingReader) -> Trace:
+def _read(file: IO[bytes]) -> Trace:
+    from mcap.records import Channel, Message, Metadata
     from pydantic import TypeAdapter
 
-    metadata = {m.name: m.metadata for m in reader.iter_metadata()}
-    record = TypeAdapter(Record).validate_json(metadata[METADATA]["trace"])
-    names = topics(record.hand)
+    record: Record | None = None
+    channels: dict[int, str] = {}
     by_topic: defaultdict[str, list[bytes]] = defaultdict(list)
-    # Written in order of time: read as they lie, nothing need be sorted.
-    for _, channel, message in reader.iter_messages(list(names), log_time_order=False):
-        by_topic[channel.topic].append(message.data)
+    for found in records(file):
+        if isinstance(found, Metadata) and found.name == METADATA:
+            record = TypeAdapter(Record).validate_json(found.metadata["trace"])
+        elif isinstance(found, Channel):
+            channels[found.id] = found.topic
+        elif isinstance(found, Message):
+            by_topic[channels[found.channel_id]].append(found.data)
+    if record is None:
+        raise ValueError(f"there is no '{METADATA}' in it")
     return Trace(
         samples_of(by_topic, record.hand),
         record.leaves,

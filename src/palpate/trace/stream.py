@@ -20,6 +20,7 @@ from palpate.geometry.pose import Array
 from palpate.redaction import redact
 from palpate.trace.recording import Conversion, Hand, LeafRun, Recording
 from palpate.trace.samples import COLUMNS, Samples, Trace
+from palpate.trace.unpacked import records
 
 if TYPE_CHECKING:
     from pydantic import ConfigDict
@@ -135,42 +136,40 @@ class TraceStream:
         self._writer.add_message(channel, time, data, publish_time=time)
 
 
-def read_stream(file: IO[bytes], most: int) -> Trace:
-    """The trace in a file that a `TraceStream` wrote, as far as it goes; no record of it has more
-    than `most` bytes.
+def read_stream(file: IO[bytes]) -> Trace:
+    """The trace in a file that a `TraceStream` wrote, as far as it goes.
 
     Raises:
         ValueError: not such a file.
     """
     from mcap.records import Channel, Message
-    from mcap.stream_reader import StreamReader
     from pydantic import TypeAdapter
 
     adapter = TypeAdapter(Record)
     topics: dict[int, str] = {}
     blocks: list[Samples] = []
-    records: list[Record] = []
+    noted: list[Record] = []
     try:
-        for record in StreamReader(file, record_size_limit=most).records:
+        for record in records(file, finished=False):
             if isinstance(record, Channel):
                 topics[record.id] = record.topic
             elif isinstance(record, Message) and topics.get(record.channel_id) == BLOCKS:
                 blocks.append(_samples(record.data))
             elif isinstance(record, Message) and topics.get(record.channel_id) == EVENTS:
-                records.append(adapter.validate_json(record.data))
+                noted.append(adapter.validate_json(record.data))
     # Where the file was cut off, the reader raises anything from EndOfFile to struct.error.
     except Exception as error:
-        if not records:
+        if not noted:
             raise ValueError("it does not begin like one") from error
-    if not records:
+    if not noted:
         raise ValueError("there is nothing of palpate's in it")
     return Trace(
         Samples.concatenate(blocks),
-        tuple(leaf for record in records for leaf in record.leaves),
-        tuple(recording for record in records for recording in record.recordings),
-        tuple(conversion for record in records for conversion in record.conversions),
-        records[0].hand,
-        records[0].gravity,
+        tuple(leaf for record in noted for leaf in record.leaves),
+        tuple(recording for record in noted for recording in record.recordings),
+        tuple(conversion for record in noted for conversion in record.conversions),
+        noted[0].hand,
+        noted[0].gravity,
     )
 
 

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, BinaryIO, cast
 
+from palpate.display import json_text
 from palpate.errors import InputError
 from palpate.files.read import read_bytes
 
@@ -41,7 +42,7 @@ class Lines:
         Raises:
             InputError: the file cannot be written.
         """
-        lines = [json.dumps(_strict(row), ensure_ascii=False) + "\n" for row in rows]
+        lines = [json_text(_strict(row)) + "\n" for row in rows]
         try:
             self.file.parent.mkdir(parents=True, exist_ok=True)
             with self.file.open("ab+") as file:

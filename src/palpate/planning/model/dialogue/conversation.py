@@ -10,6 +10,7 @@ from typing import Any
 
 from pydantic import TypeAdapter, ValidationError
 
+from palpate.display import json_text
 from palpate.errors import InputError
 from palpate.files.read import read_text
 from palpate.planning.plan import MAX_BYTES
@@ -175,7 +176,7 @@ class Conversation:
 
     def dump(self) -> str:
         """As JSON text; `load` reads it back."""
-        return json.dumps(asdict(self), indent=2, ensure_ascii=False) + "\n"
+        return json_text(asdict(self), indent=2) + "\n"
 
     @classmethod
     def load(cls, text: str) -> Conversation:
