@@ -11,8 +11,10 @@ import pytest
 from palpate.errors import InputError
 from palpate.mjcf.document import MAX_BYTES, MAX_DEPTH, with_tokens
 from palpate.mjcf.reading import parse_document, read_document
+from palpate.mjcf.root import is_too_wide
 from palpate.parameter import Parameter
 from palpate.scene.load import load_scene, scene_from_text
+from palpate.scene.remarks import remarks
 from palpate.twin.inject import inject
 
 SCENE = "<mujoco><worldbody/></mujoco>"
@@ -105,7 +107,7 @@ def test_files_outside_the_folder_are_refused(tmp_path: Path, line: str) -> None
     write(tmp_path, CUBE, "outside.obj")
     path = write(tmp_path, f"<mujoco>{line}</mujoco>", "inner/scene.xml")
     with pytest.raises(InputError, match="outside of"):
-        read_document(path)
+        read_document(path, path.parent)
 
 
 def test_a_link_out_of_the_folder_is_refused(tmp_path: Path) -> None:
@@ -115,7 +117,7 @@ def test_a_link_out_of_the_folder_is_refused(tmp_path: Path) -> None:
     )
     os.symlink(outside, path.parent / "link.obj")
     with pytest.raises(InputError, match="outside of"):
-        read_document(path)
+        read_document(path, path.parent)
 
 
 def test_includes_are_expanded_in_place_and_remembered(tmp_path: Path) -> None:
@@ -161,26 +163,69 @@ def test_an_ordinary_scene_is_read(tmp_path: Path) -> None:
 OBJECT = '<body name="a" pos="0.5 0 1"><freejoint/><geom type="mesh" mesh="m"/></body>'
 
 
-@pytest.mark.parametrize("marker", [".git", None])
-def test_files_beside_the_scenes_folder(tmp_path: Path, marker: str | None) -> None:
-    """In a repository they are found; elsewhere the folder that holds both has to be given."""
-    write(tmp_path, CUBE, "assets/m.obj")
-    scene = tmp_path / "scenes" / "scene.xml"
+def beside(tmp_path: Path, name: str = "share") -> Path:
+    """A scene in one folder with a mesh in the next."""
+    write(tmp_path / name, CUBE, "assets/m.obj")
+    scene = tmp_path / name / "scenes" / "scene.xml"
     scene.parent.mkdir()
     scene.write_text(
         '<mujoco><compiler meshdir="../assets"/><asset><mesh name="m" file="m.obj"/></asset>'
         f"<worldbody>{OBJECT}</worldbody></mujoco>"
     )
-    if marker:
-        (tmp_path / marker).mkdir()
-        found = load_scene(scene)
-    else:
-        with pytest.raises(InputError, match=f"allow another with root={tmp_path}"):
-            load_scene(scene)
-        found = load_scene(scene, root=tmp_path)
-    assert found.files == (tmp_path / "assets" / "m.obj",)
+    return scene
+
+
+@pytest.mark.parametrize("root", [None, ".", ".."])
+def test_files_beside_the_scenes_folder(tmp_path: Path, root: str | None) -> None:
+    scene = beside(tmp_path)
+    share = tmp_path / "share"
+    found = load_scene(scene, root=None if root is None else share / root)
+    assert found.files == (share / "assets" / "m.obj",)
+    given = share if root is None else (share / root).resolve()
+    assert f"1 files are read from below '{given}'" in " ".join(remarks(found))
     twin = scene_from_text(found.text, found)
     assert twin.spec().compile().nmesh == 1
+
+
+def test_files_of_a_scene_that_needs_no_others_are_not_told_of(tmp_path: Path) -> None:
+    write(tmp_path, CUBE, "m.obj")
+    scene = tmp_path / "scene.xml"
+    scene.write_text(
+        '<mujoco><asset><mesh name="m" file="m.obj"/></asset>'
+        f"<worldbody>{OBJECT}</worldbody></mujoco>"
+    )
+    assert "are read from below" not in " ".join(remarks(load_scene(scene)))
+
+
+@pytest.mark.parametrize("where", ["home", "above homes"])
+def test_a_whole_home_is_read_only_when_it_is_named(
+    where: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    home = tmp_path / "share" if where == "home" else tmp_path / "share" / "homes" / "me"
+    monkeypatch.setenv("HOME", str(home))
+    scene = beside(tmp_path)
+    with pytest.raises(InputError, match=f"only read with root={tmp_path / 'share'}; or move"):
+        load_scene(scene)
+    assert load_scene(scene, root=tmp_path / "share").files
+
+
+@pytest.mark.parametrize(
+    "folder", ["/", "/etc", "/usr/share", "/var/lib", "/home/me", "/home", "/tmp", "/root", "/opt"]
+)
+def test_folders_that_hold_more_than_scenes_are_too_wide(folder: str) -> None:
+    assert is_too_wide(Path(folder))
+    assert not is_too_wide(Path(folder) / "scenes" / "kitchen")
+    assert not is_too_wide(Path("/data/scenes"))
+
+
+def test_nobody_learns_whether_a_file_of_the_system_exists(tmp_path: Path) -> None:
+    said: set[str] = set()
+    for name in ("/etc/passwd", "/etc/passwt"):
+        (tmp_path / "scene.xml").write_text(f'<mujoco><include file="{name}"/></mujoco>')
+        with pytest.raises(InputError) as error:
+            load_scene(tmp_path / "scene.xml")
+        said.add(str(error.value).replace("passwt", "passwd"))
+    assert len(said) == 1
 
 
 def test_parts_are_found_where_mujoco_finds_them(tmp_path: Path) -> None:

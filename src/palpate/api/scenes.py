@@ -125,7 +125,8 @@ def load(
         cautious: the arm is to move slowly everywhere, for what no scene shows.
         robot_config: `robot.yaml`: what was measured of this very arm.
         root: the folder outside of which none of the scene's files is read; by default the
-            repository, or else the home, that the scene is in, or else its own folder.
+            nearest common folder of the scene and all that it refers to, where that is no whole home,
+            folder of the system or file system's root.
         robot_body: the body that the scene's own robot begins with, or several, or `none`; by
             default what actuators drive, or ends in a hand. The arm takes its place.
 

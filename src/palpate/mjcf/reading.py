@@ -29,6 +29,7 @@ from palpate.mjcf.document import (
     read_text,
     spelled_out,
 )
+from palpate.mjcf.root import common, is_too_wide
 
 MAX_INCLUDES = 100
 """Most files that a scene includes, and most models that it attaches."""
@@ -50,8 +51,9 @@ _FILE_ATTRIBUTES = ("file", "fileright", "fileleft", "fileup", "filedown", "file
 
 
 def read_document(path: Path, home: Path | None = None) -> Document:
-    """A scene file with everything it includes. Files are read from below `home` alone: unless
-    given, the repository, or else the user's home, that the scene is in, or else its own folder.
+    """A scene file with everything it includes. Files are read from below `home` alone: unless given,
+    the nearest common folder of the scene and all that it refers to, where that is not too wide
+    (`palpate.mjcf.root`).
 
     Raises:
         InputError: unreadable, malformed, files missing or outside of `home`, or more in it than
@@ -70,9 +72,8 @@ def parse_document(
 ) -> Document:
     """As `read_document`, from text; `folder` is where relative file names start, `robots` as in
     `Document`; `texts` are read in the place of included files."""
-    if folder is not None:
-        home = (home or default_home(folder)).resolve()
-    reader = _Reader(folder, home, given=texts or {})
+    start = None if folder is None else folder.resolve()
+    reader = _Reader(folder, start, home and home.resolve(), given=texts or {})
     return replace(reader.document(text, where), robots=tuple(robots))
 
 
@@ -83,15 +84,11 @@ def reparsed(texts: Texts, like: Document) -> Document:
     return parse_document(texts.main, like.folder, home=like.home, robots=like.robots, texts=parts)
 
 
-def default_home(folder: Path) -> Path:
-    """The nearest repository, else the user's home, around a folder; else the folder itself."""
-    folder = folder.resolve()
-    around = (folder, *folder.parents)
-    for above in around:
-        if (above / ".git").exists():
-            return above
-    home = Path.home().resolve()
-    return home if home in around else folder
+def _root(start: Path | None, files: Sequence[Path]) -> Path | None:
+    """Nearest common folder of the scene's own and of its files."""
+    for path in files if start is not None else ():
+        start = common(start, path)
+    return start
 
 
 @dataclass(slots=True)
@@ -99,7 +96,10 @@ class _Reader:
     """What reading one scene has taken so far: of its files, and of those that they name."""
 
     folder: Path | None
+    start: Path | None
+    """Folder of the whole scene, resolved."""
     home: Path | None
+    """The only folder from which files are read; None: any that is near the scene (`_inside`)."""
     bytes: int = 0
     asset_bytes: int = 0
     models: int = 0
@@ -137,7 +137,7 @@ class _Reader:
             root,
             self.index,
             self.folder,
-            self.home,
+            self.home or _root(self.start, found),
             tuple(dict.fromkeys(found)),
             includes,
             self.beside,
@@ -220,7 +220,32 @@ class _Reader:
             beside = bare or name
             if _exists(origin, beside):
                 name = str(origin / beside)
-        return _inside(self.folder, self.home, name, element, where)
+        what = f"{where}: {label(element)} names the file '{name[:200]}'"
+        if self.folder is None or self.start is None:
+            raise InputError(f"{what}, but text alone has no folder")
+        try:
+            path = (self.folder.resolve() / name).resolve()
+        except (OSError, RuntimeError, ValueError):
+            raise InputError(f"{what}, which is no path") from None
+        self._require_near(path, self.start, what)
+        if not path.exists():
+            raise InputError(f"{what}, which does not exist ({path})")
+        files.require_regular(path, MAX_ASSET_BYTES, "a file that a scene may name")
+        return path
+
+    def _require_near(self, path: Path, start: Path, what: str) -> None:
+        """Raise InputError for a file outside of the root; nobody learns whether it exists."""
+        if self.home is not None:
+            if not path.is_relative_to(self.home):
+                raise InputError(
+                    f"{what}, which is outside of '{self.home}', the folder that this scene's files are "
+                    f"read from; allow another with root={common(start, path)}, or move the file"
+                )
+        elif not path.is_relative_to(start) and is_too_wide(root := common(start, path)):
+            raise InputError(
+                f"{what}; the nearest folder that holds it and the scene is '{root}', in which files are "
+                f"only read with root={root}; or move the file beside the scene"
+            )
 
     def _attached(self, path: Path, where: str) -> Document:
         """A model that the scene attaches, which has its own folder and may attach others."""
@@ -236,6 +261,7 @@ class _Reader:
         text = self.given[path] if path in self.given else read_text(path)
         inner = _Reader(
             path.parent,
+            self.start,
             self.home,
             self.bytes,
             self.asset_bytes,
@@ -299,36 +325,6 @@ def _exists(folder: Path | None, name: str) -> bool:
         return folder is not None and (folder / name).exists()
     except (OSError, ValueError):
         return False
-
-
-def _inside(
-    folder: Path | None, home: Path | None, name: str, element: Element, where: str
-) -> Path:
-    """An existing file below `home`, named from `folder`, links resolved."""
-    if folder is None or home is None:
-        raise InputError(
-            f"{where}: {label(element)} names the file '{name[:200]}', but text alone has no folder"
-        )
-    folder = folder.resolve()
-    try:
-        path = (folder / name).resolve()
-    except (OSError, RuntimeError, ValueError):
-        raise InputError(
-            f"{where}: {label(element)} names the file '{name[:200]}', which is no path"
-        ) from None
-    if not path.is_relative_to(home):
-        both = os.path.commonpath([folder, path])
-        raise InputError(
-            f"{where}: {label(element)} names the file '{name[:200]}', which is outside of '{home}', "
-            f"the folder that this scene's files are read from; allow another with root={both}, or "
-            "move the file beside the scene"
-        )
-    if not path.exists():
-        raise InputError(
-            f"{where}: {label(element)} names the file '{name[:200]}', which does not exist ({path})"
-        )
-    files.require_regular(path, MAX_ASSET_BYTES, "a file that a scene may name")
-    return path
 
 
 def _require_model(root: Element, where: str) -> None:

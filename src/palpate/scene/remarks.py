@@ -101,6 +101,9 @@ def _others(scene: Scene) -> Iterator[str]:
 def _otherwise(scene: Scene) -> Iterator[str]:
     """What is taken otherwise than the file has it."""
     description = scene.resolved.description
+    document = description.document
+    if document.folder is not None and document.home not in (None, document.folder.resolve()):
+        yield f"The scene's {len(document.files)} files are read from below '{document.home}'."
     for name in scene.objects:
         if reason := scene.catalogue["mass"].overruled(description.bodies[name]):
             yield f"What is measured of '{name}' in the hand would not be its own: {reason}."

@@ -28,7 +28,7 @@ Root = Annotated[
     typer.Option(
         "--root",
         metavar="DIR",
-        help="Folder that the scene's files may lie in (default: its repository, home or folder).",
+        help="Folder that the scene's files may lie in (default: the nearest that holds them all).",
     ),
 ]
 RobotBody = Annotated[
