@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from palpate.geometry.pose import Pose
@@ -55,6 +55,7 @@ def test_a_long_motion_cruises_at_its_speed() -> None:
     st.lists(st.tuples(st.floats(0.003, 0.4), st.floats(0.01, 0.25)), min_size=1, max_size=6),
     st.floats(0.5, 3.0),
 )
+@example([(0.003, 0.03125)], 1.0)
 def test_every_stretch_is_gone_no_faster_than_it_may_be(
     parts: list[tuple[float, float]], acceleration: float
 ) -> None:

@@ -16,7 +16,10 @@ from palpate.robots.sense.fault import Fault
 FORCE, TORQUE = 4.0, 2.0
 """N, N m by which a contact may grow from one state to the next and be believed at once: at 20 mm/s
 it grows by 1 N. A hard one grows by more, and is believed 20 ms late; the robot's own reflex is not.
-What is pressed and rubbed may let go and hold again: as much as is felt may come and go, too."""
+What is pressed and rubbed may let go and hold again (stick-slip): as much as was felt within
+`RUBBED` may come and go, too."""
+RUBBED = 0.3
+"""s in which the largest contact felt is forgotten (time constant); stick-slip comes back within 0.1 s."""
 LOAD = 0.25
 """Of a joint's torque limit: the same for what it bears."""
 MOST, WINDOW = 4, 1.0
@@ -32,9 +35,11 @@ class Spikes:
         self._believed: RobotState | None = None
         self._doubted: RobotState | None = None
         self._times: deque[float] = deque(maxlen=MOST)
+        self._pressed, self._twisted = 0.0, 0.0  # N, N m: largest contact felt lately
 
     def follow(self, state: RobotState) -> Fault | None:
         """Take the next state."""
+        self._forget(state.t)
         if self._doubted is not None and self._believed is not None:
             if self._apart(state, self._doubted) <= self._apart(state, self._believed):
                 self._believed = state
@@ -63,13 +68,20 @@ class Spikes:
         what = f"the forces jumped and came back {MOST} times within {t - times[0]:.2f} s"
         return Fault("spikes", what, times[0])
 
+    def _forget(self, t: float) -> None:
+        """The largest contact felt lately, once time `t` has come."""
+        if self._believed is None:
+            return
+        left = math.exp(min(self._believed.t - t, 0.0) / RUBBED)
+        contact = self._believed.contact
+        self._pressed = max(_norm(contact[:3]), left * self._pressed)
+        self._twisted = max(_norm(contact[3:]), left * self._twisted)
+
     def _apart(self, state: RobotState, other: RobotState) -> float:
         """How far apart two states' forces are, in units of what is believed at once."""
         scale = self._scale.copy()
-        if self._believed is not None:
-            contact = self._believed.contact
-            scale[:3] = max(FORCE, _norm(contact[:3]))
-            scale[3:6] = max(TORQUE, _norm(contact[3:]))
+        scale[:3] = max(FORCE, self._pressed)
+        scale[3:6] = max(TORQUE, self._twisted)
         return float(np.abs((_felt(state) - _felt(other)) / scale).max())
 
 

@@ -91,7 +91,7 @@ def _pieces(stretches: Sequence[Stretch], acceleration: float) -> Iterator[_Piec
         rise, fall = _ramp(before, steady, acceleration), _ramp(steady, after, acceleration)
         rising, falling = rise * (before + steady) / 2, fall * (steady + after) / 2
         if rising + falling > length * (1 + 1e-9):  # too short for more than one change of speed
-            yield _short(start, stretch.end, before, after, acceleration)
+            yield _short(start, stretch, before, after, acceleration)
         else:
             risen, falls = start + rising, stretch.end - falling
             yield _Piece(rise, start, risen, before, steady)
@@ -126,13 +126,16 @@ def _ramp(before: float, after: float, acceleration: float) -> float:
     return max(SHORTEST_RAMP, RAMP_ACCELERATION * change / acceleration) if change else 0.0
 
 
-def _short(start: float, end: float, before: float, after: float, acceleration: float) -> _Piece:
-    """All of a stretch in one change of speed."""
-    length = end - start
+def _short(
+    start: float, stretch: Stretch, before: float, after: float, acceleration: float
+) -> _Piece:
+    """All of a stretch in one change of speed, or from rest to rest."""
+    length = stretch.end - start
     if before + after:
-        return _Piece(2 * length / (before + after), start, end, before, after)
-    duration = max(2 * SHORTEST, (PEAK_ACCELERATION * length / acceleration) ** 0.5)
-    return _Piece(duration, start, end, 0.0, 0.0)
+        return _Piece(2 * length / (before + after), start, stretch.end, before, after)
+    shortest = (PEAK_ACCELERATION * length / acceleration) ** 0.5
+    duration = max(2 * SHORTEST, PEAK_SPEED * length / stretch.speed, shortest)
+    return _Piece(duration, start, stretch.end, 0.0, 0.0)
 
 
 def _share(piece: _Piece) -> Array:

@@ -9,9 +9,12 @@ from palpate.geometry.pose import Array
 from palpate.robots.reflex import Reflex
 from palpate.vocabulary.admissible.grasp import most_sideways
 from palpate.vocabulary.base import Blackboard
-from palpate.vocabulary.load import ROUGHEST
+from palpate.vocabulary.load import BREAKAWAY, ROUGHEST
 from palpate.vocabulary.touch import MET, Feeling
 
+PEAK = 1.4
+"""Largest normal force on a slide over the pressing force: the arm presses while it sets out and changes
+its speed (21.3 N for 15 N, simulated FR3, friction 1)."""
 CONTACT_SPEED = 0.02
 """m/s, whenever something is or may be touched."""
 FIRMLY = 0.8
@@ -33,8 +36,8 @@ def reflex_sliding(blackboard: Blackboard) -> Reflex:
     """At what the arm stops itself as it drags what it holds: at more than the roughest support
     holds back of what presses on it, it has met something else."""
     contact = blackboard.robot.limits.reflexes.contact
-    pressed = max(force for _, force, _ in PRESSED) + _weight(blackboard)
-    return replace(contact, sideways=ROUGHEST * pressed + MET)
+    pressed = PEAK * max(force for _, force, _ in PRESSED) + _weight(blackboard)
+    return replace(contact, sideways=BREAKAWAY * ROUGHEST * pressed + MET)
 
 
 def lowered(blackboard: Blackboard, way: Array, force: float) -> float:
