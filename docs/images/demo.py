@@ -82,7 +82,7 @@ def _captioned(pixels: Pixels, run: Run, now: float) -> Pixels:
         draw.text((LEFT, top + 51), truth, DIM, _font(14))
     doing = [leaf.label for leaf in run.trace.leaves if _runs(leaf, now)] if run.trace else []
     draw.rectangle((0, SIZE[1] - 30, *SIZE), fill=(15, 20, 26, 190))
-    draw.text((14, SIZE[1] - 24), " ".join(doing), (240, 244, 248), _font(15))
+    draw.text((14, SIZE[1] - 24), " ".join(doing) or "palpate demo", (240, 244, 248), _font(15))
     return np.asarray(picture)
 
 
