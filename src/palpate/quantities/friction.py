@@ -167,8 +167,8 @@ def estimate_friction(trace: Trace, parameter: Parameter, body: Body | None) -> 
 def _whole(
     trace: Trace, name: str, drags: Sequence[Drag], felt: Feeling, found: Sliding
 ) -> Whole | None:
-    """Friction from all that the arm did around its drags, where that tells more than how their forces grow
-    with pressure, and agrees with it."""
+    """Friction fitted to all motion around the drags, where it is more precise than the contrast of
+    the drags' forces and agrees with it; else None."""
     value, std = found.friction
     whole = fit_whole(trace, name, drags, felt, value)
     if whole is None or not whole.explains or whole.std >= std:
@@ -177,7 +177,7 @@ def _whole(
 
 
 def _tests(drags: Sequence[Drag], found: Sliding) -> tuple[FitTest, ...]:
-    """Whether one coefficient of dry friction is all that there is."""
+    """Goodness-of-fit tests of Coulomb friction with a single coefficient."""
     held = sum(int(np.sum(drag.swung_out & ~drag.moving)) for drag in drags)
     rows = sum(int(drag.swung_out.sum()) for drag in drags)
     value, unsure = found.friction
@@ -223,7 +223,7 @@ def _tests(drags: Sequence[Drag], found: Sliding) -> tuple[FitTest, ...]:
 
 
 def _alike(found: Sliding, what: slice, name: str, where: str) -> FitTest:
-    """Whether friction is the same; a few per cent are no harm."""
+    """Test for equal friction in two subsets; differences of a few per cent are tolerated."""
     small = tuning.ALIKE_FRICTION * found.friction[0]
     seen = found.difference(what, tuning.FRICTION_RANGE, small)
     finding = f"Friction differs by {2 * seen.size:.2g} {where}."
@@ -231,7 +231,7 @@ def _alike(found: Sliding, what: slice, name: str, where: str) -> FitTest:
 
 
 def _unpressed(found: Sliding) -> FitTest:
-    """Whether all of the force grows with the normal force."""
+    """Test for a tangential force that does not grow with the normal force."""
     seen = found.difference(HELD, tuning.HELD_RANGE, tuning.FORCE_BIAS)
     return chi_squared(
         "force without pressure",

@@ -50,7 +50,7 @@ SPEEDS = 8
 """Speeds of a pass that are weighed against each other."""
 
 ROUND = 8.0
-"""s that another round takes besides its passes: from home to the object, and back."""
+"""s of a further round without its passes: from home to the object, and back."""
 
 MOST_CYCLES = 4
 """In one tree; what they do not reach is measured again."""
@@ -106,8 +106,7 @@ class Mass(Quantity):
         return Prior((weighed + mass,), (0.5 * mass,))
 
     def draw(self, body: Body, prior: Prior, random: np.random.Generator) -> tuple[float, ...]:
-        """Within `PRIOR_FACTOR` of the prior, evenly on a logarithmic scale, besides what the file
-        states."""
+        """Log-uniform within `PRIOR_FACTOR` of the prior, plus the part that the file states."""
         factor = PRIOR_FACTOR ** random.uniform(-1, 1)
         unknown = 2.0 * prior.std[0]
         stated = prior.mean[0] - unknown

@@ -103,7 +103,8 @@ def _stopped(run: Run, task: Scenario, blind: bool) -> Ruling:
 
 
 def _errors(run: Run, expected: Iterable[Parameter]) -> Iterator[str]:
-    """Relative errors of the twin's values that exceed the tolerance."""
+    """Reasons against the twin: expected parameters not identified, not written, or off by more
+    than FAR stated standard deviations."""
     estimates = {estimate.parameter: estimate for estimate in run.estimates}
     unwritten = run.twin.unwritten if run.twin else ()
     for parameter in expected:
