@@ -110,7 +110,7 @@ class _Swung:
     """Linear observation of an object's ten inertial parameters by a sinusoidal swing.
 
     Attributes:
-        felt, variance: (m,) what the load makes of the signals.
+        observed, variance: (m,) signals of the load, and their variance.
         load: (m, 10) what unit parameters in the tool's axes make of them.
         rate: rad/s.
         axis: which axis of the tool it is about.
@@ -118,7 +118,7 @@ class _Swung:
         droop: what has turned it since.
     """
 
-    felt: Array
+    observed: Array
     variance: Array
     load: Array
     rate: float
@@ -191,12 +191,12 @@ def _evidence(trace: Trace, body: Body) -> _Evidence | None:
     for recording in swung:
         if recording.context.holding == body.name:
             pose = pose_in_hand(trace, recording, body)
-            for swing, felt, spread in contrast(swings(trace, recording, noise), empty):
+            for swing, observed, spread in contrast(swings(trace, recording, noise), empty):
                 droop = still.droop(grasped(trace, recording, body), swing.time)
-                gain = trace.hand.torque_gain / np.sqrt(3.0) * felt
+                gain = trace.hand.torque_gain / np.sqrt(3.0) * observed
                 variance = spread + gain**2 + tuning.SWING_FLOOR**2
                 axis = int(np.abs(swing.pose.rotation.T @ swing.axis).argmax())
-                found.append(_Swung(felt, variance, swing.load, swing.rate, axis, pose, droop))
+                found.append(_Swung(observed, variance, swing.load, swing.rate, axis, pose, droop))
     return _Evidence(found, still, trace.gravity) if found else None
 
 
@@ -267,7 +267,7 @@ def _swung(numbers: Array, found: _Evidence) -> list[Array]:
         pose = one.droop.turned(one.pose_tcp_body, numbers[SOFTNESS])
         gives = 1.0 + numbers[GIVE][one.axis] * one.rate**2
         made = gives * one.load @ linear(moved(pseudo, pose))
-        left.append((one.felt - made) / np.sqrt(one.variance))
+        left.append((one.observed - made) / np.sqrt(one.variance))
     return left
 
 

@@ -10,8 +10,8 @@ import numpy as np
 
 from palpate.estimation import tuning
 from palpate.estimation.estimate import Estimate, not_identified, not_measured
-from palpate.estimation.load.feeling import by_joints
 from palpate.estimation.load.foresight import Lift
+from palpate.estimation.load.observation import observation_of_torques
 from palpate.estimation.load.segments import Segment, referenced, weighing
 from palpate.estimation.load.weighing import alone, single_shot, weigh
 from palpate.mjcf.body import Body, BodyDescription
@@ -155,14 +155,16 @@ def _lift(site: Site, trace: Trace | None) -> Lift:
     assert arm.nominal.chain is not None
     poses = [base.inverse() @ pose for pose in (site.grasp, site.above)]
     q = np.array([configuration(arm, pose) for pose in poses])
-    felt = by_joints(np.zeros((0, len(arm.joints))), arm.nominal.chain, base.rotation)
+    observed = observation_of_torques(
+        np.zeros((0, len(arm.joints))), arm.nominal.chain, base.rotation
+    )
     white, flicker = arm.sensors.torque_noise**2 / SENSED, np.zeros(len(arm.joints))
     recording = trace.converted(site.parameter) if trace is not None else None
     if trace is not None and recording is not None:
         noise = weighing(trace, recording).noise
         white, flicker = noise.white * float(np.median(np.diff(trace.t))), noise.flicker
     length = site.grasp.distance_to(site.above)
-    return Lift(q, length, site.near_speed, arm.pace.acceleration, felt, white, flicker)
+    return Lift(q, length, site.near_speed, arm.pace.acceleration, observed, white, flicker)
 
 
 def estimate_mass(trace: Trace, parameter: Parameter, body: Body | None) -> Estimate:
