@@ -9,7 +9,7 @@ import pytest
 
 from palpate.estimation.contact.joint_friction import joint_friction_force
 from palpate.estimation.friction.joints import joint_friction
-from palpate.estimation.load.joint_friction_force import TURNED, dahl_states
+from palpate.estimation.load.dahl import TURNED, dahl_states
 from palpate.estimation.load.observation import observation_of_torques
 from palpate.estimation.windows import Load
 from palpate.trace.recording import Chain, Hand
