@@ -11,9 +11,9 @@ import pytest
 
 from palpate.estimation import tuning
 from palpate.estimation.load.equations import FORCE_Z
-from palpate.estimation.load.feeling import feeling
 from palpate.estimation.load.fit import fit_load
 from palpate.estimation.load.noise import block_noise
+from palpate.estimation.load.observation import observe
 from palpate.estimation.load.segments import weighings
 from palpate.geometry.pose import Pose
 from palpate.parameter import Parameter
@@ -42,10 +42,10 @@ def jointed(trace, seed=0, white=0.03, gain=(0.0,) * 7, extra=None):
     torque = torque * (1.0 + np.array(gain)) + white * rng.standard_normal(torque.shape)
     orientation = np.tile(chain.pose_world_tcp[0, 3:], (len(q), 1))
     pose = np.column_stack([samples.pose_world_tcp[:, :3], orientation])
-    felt = replace(samples, q=q, tau_ext=torque, wrench=wrench, pose_world_tcp=pose)
+    observed = replace(samples, q=q, tau_ext=torque, wrench=wrench, pose_world_tcp=pose)
     # What moved is a point's mass, not the links of that arm.
     chain = replace(ARM.nominal.chain, links=())
-    return replace(trace, samples=felt, hand=replace(ARM.nominal, chain=chain))
+    return replace(trace, samples=observed, hand=replace(ARM.nominal, chain=chain))
 
 
 @pytest.fixture
@@ -60,10 +60,10 @@ def lifted(weighing, noises):
 
 def test_joints_tell_of_the_wrench_in_world_axes(lifted):
     trace = lifted(white=0.0)
-    felt = feeling(trace)
-    assert felt.signals.shape[1] == 7
-    maps = felt.maps(trace.samples.q[:5])
-    for row, signals, wrench in zip(maps, felt.signals, trace.wrench, strict=False):
+    observed = observe(trace)
+    assert observed.signals.shape[1] == 7
+    maps = observed.maps(trace.samples.q[:5])
+    for row, signals, wrench in zip(maps, observed.signals, trace.wrench, strict=False):
         assert np.linalg.pinv(row) @ signals == pytest.approx(wrench, abs=1e-6)
 
 
@@ -72,9 +72,9 @@ def test_joints_tell_of_the_wrench_in_world_axes(lifted):
 )
 def test_joints_that_do_not_explain_the_wrench_are_not_believed(lifted, chain):
     trace = lifted()
-    felt = feeling(replace(trace, hand=replace(trace.hand, chain=chain)))
-    assert felt.signals is trace.samples.wrench
-    assert felt.maps(trace.samples.q[:2]).shape == (2, 6, 6)
+    observed = observe(replace(trace, hand=replace(trace.hand, chain=chain)))
+    assert observed.signals is trace.samples.wrench
+    assert observed.maps(trace.samples.q[:2]).shape == (2, 6, 6)
 
 
 def test_a_load_is_weighed_by_joints(lifted):

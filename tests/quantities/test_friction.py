@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from palpate.estimation.load.feeling import feeling
-from palpate.estimation.load.moving import own_motion
+from palpate.estimation.load.inverse_dynamics import own_motion
+from palpate.estimation.load.observation import observe
 from palpate.parameter import Parameter
 from palpate.quantities.friction import PRIOR_SPREAD, estimate_friction
 from palpate.robots.registry import load_description
@@ -125,7 +125,7 @@ def swaying(trace, amplitude):
     dq, ddq = gained(q, samples.t), gained(np.gradient(q, samples.t, axis=0), samples.t)
     nothing = replace(samples, q=q, dq=dq, tau_ext=np.zeros(q.shape), wrench=np.zeros((len(q), 6)))
     hand = replace(trace.hand, chain=chain)
-    maps = feeling(replace(trace, samples=nothing, hand=hand)).maps(q)
+    maps = observe(replace(trace, samples=nothing, hand=hand)).maps(q)
     tau = (maps @ samples.wrench[:, :, None])[:, :, 0] + own_motion(chain, q, dq, ddq)
     wrench = (np.linalg.pinv(maps) @ tau[:, :, None])[:, :, 0]
     return replace(trace, samples=replace(nothing, tau_ext=tau, wrench=wrench), hand=hand)

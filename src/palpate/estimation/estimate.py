@@ -1,4 +1,4 @@
-"""What an estimator returns: a value that knows its unit and how sure it is."""
+"""Estimate: a value with its unit, uncertainty and verdict."""
 
 from __future__ import annotations
 
@@ -44,8 +44,8 @@ class Part:
 
 @dataclass(frozen=True, slots=True)
 class Shared:
-    """What a cause does to an estimate that does the like to other estimates too: averaging over
-    them does not make it smaller.
+    """Error cause that an estimate shares with other estimates, so that averaging does not reduce
+    it.
 
     Attributes:
         cause: e.g. `gain of joint 4`; one and the same where `of` and this are.
@@ -146,12 +146,12 @@ class Estimate:
 
     @property
     def has_value(self) -> bool:
-        """Whether there is a value; not when it is not identified."""
+        """There is a value; False if not identified."""
         return len(self.value) > 0
 
     @property
     def identified(self) -> bool:
-        """Whether it counts as measured."""
+        """The estimate counts as measured."""
         return self.verdict == "identified"
 
     @property
@@ -172,7 +172,7 @@ class Estimate:
 
     @property
     def contradiction(self) -> str:
-        """What disagrees, in words: the findings of the tests that failed; else nothing."""
+        """Findings of the failed tests; empty if all passed."""
         return " ".join(test.finding for test in self.tests if not test.passed)
 
     def z_score(self, truth: ArrayLike) -> Array:
@@ -231,7 +231,7 @@ def not_identified(
 
 
 def not_measured(parameter: Parameter, unit: str) -> Estimate:
-    """What is said of a parameter whose conversion never ran."""
+    """Estimate of a parameter whose conversion never ran."""
     quantity, name = parameter.quantity, parameter.object
     return not_identified(
         parameter, unit, f"The run ended before the {quantity} of {name} was measured."

@@ -1,4 +1,4 @@
-"""Several estimates of one quantity made into one, without shrinking what they have in common.
+"""Fusion of several estimates of one quantity; shared errors are not averaged down.
 
 Of estimates x_i, with standard deviations o_i of their own and effects s_ik of causes k that they share,
 the covariance is
@@ -40,7 +40,8 @@ class Source:
     estimate: Estimate
 
     def causes(self) -> list[tuple[tuple[str, str], Array]]:
-        """What it shares, by whom and why, (n,) each. An estimate that does not say shares all."""
+        """Shared errors by owner and cause, (n,) each. An estimate that names none shares its whole
+        error."""
         if not self.estimate.shared:
             return [(("scene", "all that is not known"), self.estimate.std)]
         found: list[tuple[tuple[str, str], Array]] = []
@@ -58,7 +59,7 @@ class Source:
 
 
 def fuse(sources: Sequence[Source]) -> Estimate:
-    """One estimate of all `sources`, which are of one parameter; of one, that one."""
+    """Fuse `sources` of one parameter into one estimate; a single one is returned unchanged."""
     first = sources[0].estimate
     if len(sources) == 1:
         return first
@@ -131,7 +132,7 @@ def _freedom(sources: Sequence[Source], weights: Array, std: Array) -> float:
 
 
 def _agreement(sources: Sequence[Source], mean: Array) -> FitTest:
-    """Whether the runs scatter about their mean no more than they may."""
+    """Test for a scatter of the runs within their stated uncertainty."""
     apart = [_apart(source) for source in sources]
     values = np.array([source.estimate.value for source in sources])
     statistic = 0.0
@@ -162,7 +163,7 @@ def _apart(source: Source) -> Source:
 
 
 def _shared(sources: Sequence[Source], weights: Array) -> tuple[Shared, ...]:
-    """What the mean has in common with further runs."""
+    """Error causes that the mean shares with further runs."""
     arms = {source.arm for source in sources}
     found: dict[tuple[str, str], Array] = {}
     for source, weight in zip(sources, weights, strict=True):

@@ -8,7 +8,7 @@ import numpy as np
 
 from palpate.estimation.estimate import rounded
 from palpate.estimation.friction.drags import Drag, steady_drags
-from palpate.estimation.load.feeling import feeling
+from palpate.estimation.load.observation import observe
 from palpate.report.data import Measured
 from palpate.report.evidence.chart import Chart, Sheet, span
 from palpate.trace.samples import Trace
@@ -19,7 +19,7 @@ BLOCKS = 12
 
 def slid_charts(measured: Measured, trace: Trace) -> tuple[Chart, ...]:
     """The forces of all drags against each other, and their quotient over time."""
-    drags = steady_drags(trace, measured.estimate.parameter.object, feeling(trace))
+    drags = steady_drags(trace, measured.estimate.parameter.object, observe(trace))
     if not drags:
         return ()
     return _forces(drags, measured), _quotient(drags, measured)
