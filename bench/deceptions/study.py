@@ -257,8 +257,8 @@ def scored(run: Run, world: Deception) -> list[Scored]:
         truths = _truths(run, world, estimate.parameter)
         if not truths or not estimate.has_value:
             continue
-        for i, value in enumerate(estimate.value.tolist()):
-            std, (low, high) = float(estimate.std[i]), estimate.ci95[i].tolist()
+        for i, value in enumerate(estimate.values.tolist()):
+            std, (low, high) = float(estimate.stds[i]), estimate.intervals[i].tolist()
             true = tuple(dict.fromkeys(truth[i] for truth in truths))
             z = max(abs(value - one) / std for one in true)
             covered = all(low <= one <= high for one in true)

@@ -41,7 +41,7 @@ def test_a_plan_is_executed_and_estimated_on_an_arm_that_is_not_simulated() -> N
     assert run.execution is not None
     assert run.execution.stopped_by is None
     assert run.status == "complete"
-    assert run["mug.mass"].value == pytest.approx([MASS], rel=0.01)
+    assert run["mug.mass"].values == pytest.approx([MASS], rel=0.01)
     assert run.truth == {}
     assert run.footage is None
     assert not run.simulated

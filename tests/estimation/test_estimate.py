@@ -54,7 +54,7 @@ def test_names_in_a_table_are_text():
 
 
 def test_z_score_is_the_error_in_standard_deviations(weighed, balanced):
-    assert weighed.z_score(0.34182 - 0.00276) == pytest.approx([2.0])
+    assert weighed.z_score(0.34182 - 0.00276) == pytest.approx(2.0)
     assert balanced.z_score((0.0621, -0.0047, 0.0)) == pytest.approx([0.0, 1.0, 0.0])
 
 
@@ -67,7 +67,7 @@ def test_the_interval_of_a_normal_is_one_rule(weighed):
 def test_what_is_not_identified_has_no_value():
     lost = not_identified(MUG, "kg", "It slipped.")
     assert not lost.has_value
-    assert (lost.value.shape, lost.std.shape, lost.ci95.shape) == ((0,), (0,), (0, 2))
+    assert (lost.values.shape, lost.stds.shape, lost.intervals.shape) == ((0,), (0,), (0, 2))
     with pytest.raises(ValueError, match="not identified, with value"):
         Estimate.normal(MUG, "kg", 0.3, 0.1, "weighed", verdict="not identified")
     with pytest.raises(ValueError, match="identified, with value"):
@@ -122,7 +122,7 @@ def test_it_keeps_its_own_numbers():
     numbers = np.array([0.3])
     found = Estimate.normal(MUG, "kg", numbers, numbers, "weighed")
     numbers[0] = 9.0
-    assert found.value[0] == 0.3
+    assert found.values[0] == 0.3
 
 
 @pytest.mark.parametrize(

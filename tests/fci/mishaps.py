@@ -167,7 +167,7 @@ def _wrong(
     if row["exit"] == 4:
         found += _unreadable(folder)
     if row["exit"] == 0 and value is not None:
-        low, high = pp.open(folder)[name].ci95[0]
+        low, high = pp.open(folder)[name].intervals[0]
         if not low <= value[0] <= high:
             found.append("a wrong mass is called identified")
     return found

@@ -118,7 +118,7 @@ def _made(estimator: Estimator, trace: Trace, parameter: Parameter, body: Body |
         found = estimator(trace, parameter, body)
     except Exception as error:
         return failed(parameter, f"Its estimator failed, {type(error).__name__}: {error}.")
-    numbers = (found.value, found.std, found.ci95)
+    numbers = (found.values, found.stds, found.intervals)
     if not all(np.isfinite(part).all() for part in numbers):
         return failed(parameter, "Not every number that was recorded for it is finite.")
     return found

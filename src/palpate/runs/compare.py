@@ -117,7 +117,7 @@ def _rows(
         source = Source(name, arm_of(run), estimate)
         if not one_scene:
             source = _of_its_own_scene(source)
-        if first is None or len(first.estimate.value) != len(estimate.value):
+        if first is None or len(first.estimate.values) != len(estimate.values):
             first = first or source
             yield Row(name, estimate)
         else:
@@ -159,8 +159,8 @@ def _row_json(row: Row) -> dict[str, Any]:
     estimate = row.estimate
     return {
         "run": row.run,
-        "value": _plain(None if estimate is None else estimate.value),
-        "std": _plain(None if estimate is None else estimate.std),
+        "value": _plain(None if estimate is None else estimate.values),
+        "std": _plain(None if estimate is None else estimate.stds),
         "verdict": None if estimate is None else estimate.verdict,
         "difference": _plain(row.difference),
         "difference_std": _plain(row.std),

@@ -109,10 +109,10 @@ def parameter_json(estimate: Estimate) -> dict[str, Any]:
     return {
         "object": estimate.parameter.object,
         "quantity": estimate.parameter.quantity,
-        "value": _shaped(estimate.value.tolist()),
+        "value": _shaped(estimate.values.tolist()),
         "unit": estimate.unit,
-        "std": _shaped(estimate.std.tolist()),
-        "ci95": _shaped(estimate.ci95.tolist()),
+        "std": _shaped(estimate.stds.tolist()),
+        "ci95": _shaped(estimate.intervals.tolist()),
         "method": estimate.method,
         "verdict": estimate.verdict,
         "verdicts": _several(estimate.verdicts),

@@ -215,7 +215,7 @@ def _brief(estimate: Estimate) -> str:
     """An estimate in a few characters."""
     if not estimate.has_value:
         return f"{estimate.parameter} unknown"
-    values = " ".join(f"{value:.4g}" for value in estimate.value.tolist())
+    values = " ".join(f"{value:.4g}" for value in estimate.values.tolist())
     if estimate.contradiction:
         return f"{estimate.parameter} = {values}, contradicted"
     return f"{estimate.parameter} = {values}"

@@ -83,7 +83,7 @@ def with_views(made: Run) -> Run:
         found = estimate_all(wanted, made.trace, bodies)
         pairs = zip(made.estimates, found, strict=True)
         same = [
-            replace(one, views=again.views) if np.array_equal(one.value, again.value) else one
+            replace(one, views=again.views) if np.array_equal(one.values, again.values) else one
             for one, again in pairs
         ]
         return replace(made, recorded=made.trace, estimates=tuple(same))

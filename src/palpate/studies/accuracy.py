@@ -173,13 +173,13 @@ def _scored(run: Run, estimate: Estimate) -> Iterator[ScoredEstimate]:
         return
     naive = estimate.parts.get("single-shot")
     for i, true_value in enumerate(truth):
-        low, high = estimate.ci95[i].tolist()
+        low, high = estimate.intervals[i].tolist()
         yield ScoredEstimate(
             estimate.parameter,
             i,
             run.settings.seed,
-            float(estimate.value[i]),
-            float(estimate.std[i]),
+            float(estimate.values[i]),
+            float(estimate.stds[i]),
             low,
             high,
             true_value,

@@ -158,7 +158,7 @@ class Within:
             return None
         if not estimate.has_value:
             return Precision(asked, math.inf, 0.0)
-        half = (estimate.ci95[:, 1] - estimate.ci95[:, 0]) / 2.0
+        half = (estimate.intervals[:, 1] - estimate.intervals[:, 0]) / 2.0
         narrowable = np.delete(np.arange(len(half)), estimate.unseen)
         candidates = narrowable if len(narrowable) else np.arange(len(half))
         widest = int(candidates[half[candidates].argmax()])

@@ -160,8 +160,8 @@ def _found(run: Run) -> dict[str, Found]:
     found: dict[str, Found] = {}
     for estimate in run.estimates:
         found[str(estimate.parameter)] = Found(
-            tuple(estimate.value.tolist()) if estimate.has_value else (),
-            tuple(estimate.std.tolist()) if estimate.has_value else (),
+            tuple(estimate.values.tolist()) if estimate.has_value else (),
+            tuple(estimate.stds.tolist()) if estimate.has_value else (),
             run.truth.get(estimate.parameter, ()),
             estimate.unit,
             estimate.verdict,

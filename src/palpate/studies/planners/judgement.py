@@ -125,9 +125,9 @@ def _deviations(estimate: Estimate, truth: Sequence[float]) -> float:
     """Stated standard deviations of the worst error among the components that are identified."""
     worst = 0.0
     for i, verdict in enumerate(estimate.verdicts):
-        error = abs(float(estimate.value[i]) - truth[i])
+        error = abs(float(estimate.values[i]) - truth[i])
         if verdict == "identified" and error > 0.0:
-            std = float(estimate.std[i])
+            std = float(estimate.stds[i])
             worst = max(worst, error / std if std > 0.0 else float("inf"))
     return worst
 
