@@ -59,8 +59,8 @@ def test_z_score_is_the_error_in_standard_deviations(weighed, balanced):
 
 
 def test_the_interval_of_a_normal_is_one_rule(weighed):
-    assert weighed.ci95.shape == (1, 2)
-    assert weighed.ci95[0] == pytest.approx((0.34182 - 1.96 * 0.00138, 0.34182 + 1.96 * 0.00138))
+    assert weighed.intervals.shape == (1, 2)
+    assert weighed.intervals[0] == pytest.approx((0.34182 - 1.96 * 0.00138, 0.34182 + 1.96 * 0.00138))
     assert interval95((0.1, 1.0), (0.1, 0.1), least=0.0)[:, 0] == pytest.approx((0.0, 0.804))
 
 
@@ -113,7 +113,7 @@ def test_it_is_a_value(weighed):
     assert weighed != Estimate.normal(MUG, "kg", 0.34182, 0.00139, "weighed", parts=weighed.parts)
     assert weighed != "an estimate"
     with pytest.raises(ValueError, match="read-only"):
-        weighed.value[0] = 1.0
+        weighed.values[0] = 1.0
     with pytest.raises(AttributeError):
         weighed.unit = "g"
 

@@ -59,6 +59,10 @@ class Shared:
     effect: tuple[float, ...]
 
 
+COLUMNS = ("parameter", "value ± std", "95 % interval", "verdict")
+"""Headings of `Estimate.cells`."""
+
+
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Estimate:
     """A measured quantity. Most estimators make it with `normal`; the arrays are read-only.
@@ -231,6 +235,16 @@ class Estimate:
             low, high = self._bounds(0)
             text += f", 95 % [{low}, {high}]"
         return f"<{text}, {self.verdict}>"
+
+    def cells(self) -> tuple[str, str, str, str]:
+        """Row of a table with `COLUMNS`: parameter, value ± std, 95 % interval, verdict."""
+        name = str(self.parameter)
+        if not self.has_value:
+            return name, "", "", self.verdict
+        values, stds = _columns(self.values, self.stds)
+        bounds = [" … ".join(self._bounds(i)) for i in range(len(values))]
+        number = f"{_joined(values)} ± {_joined(stds)}{_suffix(self.unit)}"
+        return name, number, ", ".join(bounds), self.verdict
 
     def _repr_html_(self) -> str:
         """A small table, one row a component, for notebooks."""

@@ -52,8 +52,8 @@ def rule(run: Run, task: Scenario, looks: bool) -> Ruling:
         return Ruling("failed", "the arm moved where nothing can be measured")
     if task.status != "complete":
         return _stopped(run, task, blind)
-    assert run.trace is not None
-    judgement = judge(run.trace, task.expects, task.may_touch)
+    assert run.trace_if_any is not None
+    judgement = judge(run.trace_if_any, task.expects, task.may_touch)
     if not judgement.success:
         return Ruling("failed", judgement.reason)
     if wrong := next(_errors(run, task.expects), None):
@@ -106,7 +106,7 @@ def _errors(run: Run, expected: Iterable[Parameter]) -> Iterator[str]:
     """Reasons against the twin: expected parameters not identified, not written, or off by more
     than FAR stated standard deviations."""
     estimates = {estimate.parameter: estimate for estimate in run.estimates}
-    unwritten = run.twin.unwritten if run.twin else ()
+    unwritten = run.finished.unwritten if run.finished else ()
     for parameter in expected:
         estimate = estimates.get(parameter)
         if estimate is None or not run.suffices(estimate):
