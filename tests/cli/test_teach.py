@@ -45,6 +45,21 @@ def test_a_ruler_s_numbers_become_poses(desk: Path, tmp_path: Path) -> None:
     assert math.atan2(mug.rotation[1, 0], mug.rotation[0, 0]) == pytest.approx(math.radians(30))
 
 
+def test_a_number_without_its_unit_is_refused_at_once(desk: Path, tmp_path: Path) -> None:
+    file = tmp_path / "poses.yaml"
+    status, said = asked("teach", desk, "--out", file, typed="mug 500 120\nbox 45cm 0\n\n")
+    assert status == 0
+    assert "write mm or cm" in said
+    assert "still missing: mug" in said
+    assert "box" in file.read_text("utf-8")
+
+
+def test_a_ruler_is_offered_objects_alone(desk: Path, tmp_path: Path) -> None:
+    _, said = asked("teach", desk, "--out", tmp_path / "p.yaml", typed="mug .5 0\n\n")
+    assert "Names: mug, box" in said
+    assert "desk_approach" not in said
+
+
 def test_what_was_said_before_stays_and_nothing_is_overwritten(desk: Path, tmp_path: Path) -> None:
     first, both = tmp_path / "first.yaml", tmp_path / "both.yaml"
     first.write_text("objects: {box: {pos: [0.4, 0.1, 0.23]}}\noffsets: {z_offset: 0.2}\n", "utf-8")

@@ -60,7 +60,9 @@ def test_z_score_is_the_error_in_standard_deviations(weighed, balanced):
 
 def test_the_interval_of_a_normal_is_one_rule(weighed):
     assert weighed.intervals.shape == (1, 2)
-    assert weighed.intervals[0] == pytest.approx((0.34182 - 1.96 * 0.00138, 0.34182 + 1.96 * 0.00138))
+    assert weighed.intervals[0] == pytest.approx(
+        (0.34182 - 1.96 * 0.00138, 0.34182 + 1.96 * 0.00138)
+    )
     assert interval95((0.1, 1.0), (0.1, 0.1), least=0.0)[:, 0] == pytest.approx((0.0, 0.804))
 
 

@@ -46,10 +46,12 @@ def give_lesson(
     finally:
         if hand is not None:
             hand.close()
+        # Also after Ctrl-C: what was typed is kept.
+        if taught.content:
+            write_poses(file, taught)
+            out.print(f"written to {file}", markup=False)
     if not taught.content:
         raise InputError("nothing was taught, and nothing is written")
-    write_poses(file, taught)
-    out.print(f"written to {file}", markup=False)
 
 
 def _introduce(taught: Lesson, by_hand: bool) -> None:
@@ -63,15 +65,19 @@ def _introduce(taught: Lesson, by_hand: bool) -> None:
             "NAME AHEAD LEFT [TURN]: the middle of a thing from the arm's foot, in m or with mm or cm, and "
             "by how much it is turned from the scene's, in °; e.g. bottle 50cm -12cm 30°"
         )
-    err.print(f"{how} An empty line ends. Names: {', '.join(taught.names)}", markup=False)
+    names = taught.names if by_hand else tuple(taught.scene.objects)
+    err.print(f"{how} An empty line ends. Names: {', '.join(names)}", markup=False)
 
 
 def _lines() -> Iterator[str]:
-    """What somebody types, up to an empty line."""
-    for line in sys.stdin:
-        if not line.strip():
+    """Lines of stdin up to an empty one, with a prompt on a terminal."""
+    while True:
+        if sys.stdin.isatty():
+            err.print("> ", end="")
+        line = sys.stdin.readline().strip()
+        if not line:
             return
-        yield line.strip()
+        yield line
 
 
 def _shown(taught: Lesson, hand: GuidedHand, name: str) -> str:

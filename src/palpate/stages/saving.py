@@ -23,7 +23,12 @@ def folder_for(settings: Settings) -> Path:
     """The folder that the settings name, else a new one under `runs`."""
     if settings.out is not None:
         return settings.out
-    return default_folder(settings.scene.resolve().parent.name if settings.scene else "")
+    return default_folder(_title(settings.scene) if settings.scene else "")
+
+
+def _title(scene: Path) -> str:
+    """Name of a scene: of its file, or of its folder where the file is just called `scene`."""
+    return scene.resolve().parent.name if scene.stem == "scene" else scene.stem
 
 
 def await_film(made: Run) -> None:

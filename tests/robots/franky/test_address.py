@@ -100,3 +100,12 @@ def test_one_that_speaks_the_same_is_fine() -> None:
     with listening(struct.pack("<IIIBH", 0, 0, 15, 0, 10)):
         greeting = greet(Address(own_address()))
     assert (greeting.version, greeting.problem) == (10, None)
+
+
+def test_an_answer_in_another_protocol_is_shown_and_not_taken_for_a_version() -> None:
+    with listening(b"HTTP/1.1 400 Bad Request\r\n\r\n"):
+        greeting = greet(Address(own_address()))
+    assert greeting.version is None
+    assert greeting.problem is not None
+    assert "HTTP/1.1 400" in greeting.problem
+    assert "not libfranka's protocol" in greeting.problem

@@ -207,11 +207,10 @@ def _show_rejection(run: Run) -> None:
 
 
 def _explain_live(run: Run) -> None:
-    """Why a value that was shown while the arm moved is another one than in the table."""
+    """Explain the difference between live values and the table."""
     if run.trace_if_any is not None and run.trace_if_any.conversions:
         out.print(
-            "[dim]final: made of all that was recorded; what was said while the arm moved knew only what "
-            "was recorded until then[/]",
+            "[dim]Final values use the whole recording; live values used the part recorded so far.[/]",
             soft_wrap=True,
         )
 

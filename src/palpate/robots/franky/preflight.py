@@ -49,12 +49,21 @@ def greet(address: Address) -> Greeting:
         return Greeting(
             None, f"{reason}: is it switched on, and in this computer's network? {ACTIVATE}"
         )
-    if len(answer) < _ANSWER.size:
+    if not answer:
         return Greeting(None, f"it hangs up: {ACTIVATE}")
+    if not _is_libfranka(answer):
+        return Greeting(None, STRANGER.format(answer=repr(answer)))
     _, _, _, refused, version = _ANSWER.unpack(answer)
     if refused:
         return Greeting(version, WHEEL.format(theirs=version, ours=SPOKEN))
     return Greeting(version, None)
+
+
+def _is_libfranka(answer: bytes) -> bool:
+    """The answer repeats the greeting's command and id, and states its own size."""
+    return (
+        answer[: _MESSAGE.size] == _MESSAGE.pack(0, 0, _ANSWER.size) and len(answer) == _ANSWER.size
+    )
 
 
 def clear(address: Address) -> None:
@@ -85,6 +94,7 @@ def _greeted(line: socket.socket) -> bytes:
     return line.recv(_ANSWER.size, socket.MSG_WAITALL)
 
 
+STRANGER = "it answers {answer}, which is not libfranka's protocol: give the address of the arm's control box"
 ACTIVATE = "activate FCI in Desk, and see that no other program is connected"
 WHEEL = (
     "it speaks version {theirs} of the robot interface, and this franky-control version {ours}: install "
