@@ -60,12 +60,12 @@ def command(app: typer.Typer, name: str | None = None) -> Callable[[Function], F
 class SingleValued(TyperCommand):
     """A command that refuses two values for an option that takes one; click keeps the last."""
 
-    def parse_args(self, ctx: typer.Context, args: list[str]) -> list[str]:
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         _, _, given = self.make_parser(ctx).parse_args(list(args))
         for option in given:
             takes_one = isinstance(option, TyperOption) and not (option.multiple or option.is_flag)
             if takes_one and given.count(option) > 1:
-                raise typer.BadParameter("given twice: give it once", ctx, option)
+                raise typer.BadParameter(f"{option.opts[-1]} is given twice: give it once", ctx)
         return super().parse_args(ctx, args)
 
 

@@ -23,6 +23,9 @@ CANCELLING = 0.05
 LIFTING = 0.1
 """m/s at which things are carried."""
 
+RESTING = 0.005
+"""m between an object's lowest point and the top of the surface that it stands on, at most."""
+
 FRICTIONAL = 3
 """The least `condim` of a contact with friction."""
 
@@ -52,6 +55,29 @@ def what_decides(body: BodyDescription) -> str:
         if model.geom_condim[i] < FRICTIONAL:
             return 'its contacts are without friction (condim="1")'
     return ""
+
+
+def pair_friction(body: BodyDescription) -> float | None:
+    """Sliding friction of an object on the surface that it stands on, by MuJoCo's rules for a pair of
+    geoms; None where it stands on no surface."""
+    model, foot = body.shapes.model, body.footing()
+    for surface in body.surfaces():
+        if surface.reaches_over(foot) and abs(foot[2] - surface.top_z) < RESTING:
+            below = body.shapes.geom_ids[surface.carrier]
+            own = [body.shapes.geom_ids[geom] for geom in body.elements.colliding]
+            return max(_pair_friction(model, geom, below) for geom in own)
+    return None
+
+
+def _pair_friction(model: mujoco.MjModel, geom: int, other: int) -> float:
+    pairs = np.sort(np.column_stack([model.pair_geom1, model.pair_geom2]), axis=1)
+    stated = np.flatnonzero((pairs == sorted((geom, other))).all(axis=1))
+    if len(stated):
+        return float(model.pair_friction[stated[0], 0])
+    first, second = model.geom_priority[[geom, other]].tolist()
+    if first == second:
+        return float(model.geom_friction[[geom, other], 0].max())
+    return float(model.geom_friction[geom if first > second else other, 0])
 
 
 def tied_to(body: BodyDescription) -> str:

@@ -25,7 +25,7 @@ from palpate.mjcf.document import UNKNOWN, Element, tokens
 from palpate.mjcf.edits import Edit, Slot, number
 from palpate.mjcf.roles.elements import Elements
 from palpate.parameter import Parameter
-from palpate.quantities.contacts import highest_priority, what_decides
+from palpate.quantities.contacts import highest_priority, pair_friction, what_decides
 from palpate.quantities.evidence import Evidence
 from palpate.quantities.quantity import Prior, Quantity, Status, Values
 from palpate.trace.recording import Recording
@@ -105,6 +105,11 @@ class Friction(Quantity):
             if int(body.defaults.attribute(geom, "priority") or 0) < above:
                 yield Edit(geom, "priority", {0: str(above)}, "0")
 
+    def acting(self, body: BodyDescription, stated: tuple[float, ...]) -> tuple[float, ...]:
+        """That of the pair with the support, which is what a slide measures."""
+        pair = pair_friction(body)
+        return stated if pair is None else (pair,)
+
     def overruled(self, body: BodyDescription) -> str:
         return what_decides(body)
 
@@ -144,6 +149,7 @@ def estimate_friction(trace: Trace, parameter: Parameter, body: Body | None) -> 
     whole = _whole(trace, parameter.object, drags, observed, found) if innocent else None
     value, std = found.friction if whole is None else (whole.friction, whole.std)
     method = _method(len(drags), float(normal.min()), float(normal.max()), whole)
+    method += _of_pair(evidence)
     if value <= tuning.SIGNIFICANT * std:
         reasons = [test.finding for test in tests if not test.passed]
         none = f"The result, {value:.2g} ± {std:.2g}, cannot be told from none."
@@ -255,6 +261,12 @@ def _sliding(trace: Trace, name: str) -> tuple[Recording, ...]:
 def _normal_forces(drags: Sequence[Drag]) -> Array:
     """(n,) N, in all rows of steady sliding."""
     return np.concatenate([drag.normal[drag.steady] for drag in drags])
+
+
+def _of_pair(evidence: Sequence[Recording]) -> str:
+    """Names of the surfaces with which the coefficient was measured."""
+    names = sorted({recording.context.support or "" for recording in evidence} - {""})
+    return f" It is the coefficient of the pair with {' and '.join(names)}." if names else ""
 
 
 def _method(drags: int, least: float, most: float, whole: Whole | None) -> str:

@@ -146,6 +146,11 @@ class Quantity:
         del body
         return None
 
+    def acting(self, body: BodyDescription, stated: tuple[float, ...]) -> tuple[float, ...]:
+        """Value that acts in the compiled world: the `stated` one, unless another body shares in it."""
+        del body
+        return stated
+
     def overruled(self, body: BodyDescription) -> str:
         """Name the statement elsewhere in the file that overrides the one of `body`; empty if there
         is none."""
