@@ -25,6 +25,7 @@ from palpate.pictures.renderer import gl_available, png
 from palpate.report.data import Measured, ParameterRow, ReportData
 from palpate.report.tables import stated_as
 from palpate.robots.simulated.noise.models import noise_models
+from palpate.runs.answer import answer
 from palpate.runs.folder import replacing
 from palpate.runs.reproduce import reproducing
 from palpate.scene.camera import load_image
@@ -145,7 +146,7 @@ def report_data(run: Run, pictures: Pictures, scratch: Path, place: Path) -> Rep
     if pictures.film is not None:
         film = pictures.film
         data = replace(data, video=film.mp4, video_speed=film.speed, video_believed=film.believed)
-    return replace(data, warnings=tuple(_warnings(run)))
+    return replace(data, answer=answer(run), warnings=tuple(_warnings(run)))
 
 
 def _warnings(run: Run) -> Iterator[str]:

@@ -15,6 +15,7 @@ from palpate.cli.show.plan import print_plan, show_notes
 from palpate.display import visible
 from palpate.errors import Unavailable
 from palpate.live.console import SafeConsole
+from palpate.runs.answer import answer
 from palpate.runs.figures import significant
 
 if TYPE_CHECKING:
@@ -224,6 +225,8 @@ def _show_measured(run: Run) -> None:
         )
     else:
         out.print("[bold red]no estimates[/]: the run ended before any was made")
+    if answered := answer(run):
+        out.print(f"[bold]answer[/] {escape(answered)}", soft_wrap=True)
     for estimate in run.estimates:
         _show_precision(run, estimate)
     _show_held_out(run)
