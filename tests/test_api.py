@@ -46,7 +46,8 @@ def test_the_estimates_of_a_stored_trace_are_made_anew(done: pp.Run, folder: Pat
     again = pp.open(folder).estimate()
     assert again["mug.mass"].value == done["mug.mass"].value
     assert again["mug.mass"].shared == done["mug.mass"].shared
-    assert again.twin is None
+    with pytest.raises(pp.RunError, match="made anew"):
+        _ = again.twin
     single = done.estimate({"mass": "single-shot"})["mug.mass"]
     assert single.value == done["mug.mass"].parts["single-shot"].value
     assert {file: file.read_bytes() for file in folder.rglob("*") if file.is_file()} == before
@@ -169,10 +170,12 @@ def test_a_plan_shows_itself_its_tree_and_its_reason() -> None:
 def test_what_cannot_be_planned_is_a_rejection_that_says_why() -> None:
     plan = pp.load(DESK).plan("the temperature of the mug")
     assert plan.tree is None
-    assert repr(plan) == "<Plan by symbolic: rejected>"
+    assert repr(plan) == f"<Plan by symbolic: rejected: {plan.explanation}>"
+    assert str(plan) == f"<Plan by symbolic: rejected>\n{plan.explanation}"
     rejected = plan.run()
     assert rejected.status == "rejected"
-    assert rejected.trace is None
+    with pytest.raises(pp.RunError, match="its plan was rejected"):
+        _ = rejected.trace
     assert repr(rejected) == "<Run rejected>"
 
 
@@ -187,8 +190,25 @@ class Nothing:
 
 def test_a_planner_of_ones_own_is_handed_over() -> None:
     plan = pp.load(DESK).plan("is the mug beautiful?", planner=Nothing())
-    assert repr(plan) == "<Plan by nothing: rejected>"
+    assert (
+        repr(plan) == "<Plan by nothing: rejected: 'is the mug beautiful?' is a matter of opinion.>"
+    )
     assert plan.explanation == "'is the mug beautiful?' is a matter of opinion."
+
+
+class Delegating:
+    """A planner that asks the one that is built in."""
+
+    name = "delegating"
+
+    def plan(self, request: str | None, scene: object, images: object = ()) -> pp.Plan:
+        return pp.load(DESK).plan(request)
+
+
+def test_a_planner_of_ones_own_may_return_a_plan_with_verbs() -> None:
+    plan = pp.load(DESK).plan(REQUEST, planner=Delegating())
+    assert plan.parameters == (MASS,)
+    assert type(plan.made.plan) is Plan
 
 
 def test_a_plan_runs_in_a_cell_that_is_handed_over() -> None:
@@ -277,7 +297,7 @@ def test_a_rejection_is_kept_and_read_too(tmp_path: Path) -> None:
     rejected = pp.load(DESK).plan("the temperature of the mug").run(out=tmp_path / "run")
     again = pp.open(tmp_path / "run")
     assert (again.status, again.plan) == ("rejected", rejected.plan)
-    assert again.trace is again.twin is again.execution is None
+    assert again.any_trace is again.any_twin is again.execution is None
 
 
 def test_where_the_scenes_file_is_gone_the_measurement_is_still_there(tmp_path: Path) -> None:
@@ -309,6 +329,26 @@ def test_a_folder_is_made_where_one_is_asked_for(tmp_path: Path) -> None:
         pp.run(DESK, REQUEST, out=tmp_path / "run")
 
 
+def test_fused_and_compared_runs_are_tables_that_say_where_they_come_from(done: pp.Run) -> None:
+    other = replace(done["mug.mass"], value=done["mug.mass"].value + 1e-4)
+    again = replace(
+        done, estimates=tuple(other if e.parameter == MASS else e for e in done.estimates)
+    )
+    fusion, comparison = pp.fuse([done, again]), pp.compare([done, again])
+    assert repr(fusion["mug.mass"]).endswith("simulated>")
+    for told in (fusion, comparison):
+        head, *lines = str(told).splitlines()
+        assert head.startswith("parameter")
+        assert [line.split()[0] for line in lines[:2]] == ["mug.mass", "mug.mass"]
+        assert "<table>" in told._repr_html_()  # type: ignore[reportPrivateUsage]
+    assert "together" in str(fusion)
+    assert "simulated" in fusion._repr_html_()  # type: ignore[reportPrivateUsage]
+
+
+def test_a_quantity_of_one_component_is_a_number(done: pp.Run) -> None:
+    assert float(done["mug.mass"]) == done["mug.mass"].value[0]
+
+
 def test_everything_answers_in_one_short_line(done: pp.Run) -> None:
     things = (done, done.scene, done.plan, done.trace, done.twin, done.estimates[0], MASS)
     for thing in (*things, pp.load(DESK).plan(REQUEST), pp.load(DESK).arm):
@@ -327,7 +367,7 @@ def test_a_notebook_shows_small_tables_and_nothing_of_the_users_as_html(done: pp
 
 
 def test_every_public_name_is_there_and_has_a_docstring() -> None:
-    assert 20 <= len(pp.__all__) <= 25
+    assert 20 <= len(pp.__all__) <= 28
     for name in pp.__all__:
         assert getattr(pp, name).__doc__, name
     assert set(pp.__all__) <= set(dir(pp))

@@ -119,7 +119,7 @@ def test_values_are_shown_before_twin_film_and_report() -> None:
     made = pipeline.plan(settings, pipeline.load(settings))
 
     def measured(run: Run) -> None:
-        assert run.twin is None
+        assert run.any_twin is None
         told.extend(str(estimate.parameter) for estimate in run.estimates)
 
     run = pipeline.carry_out(made, Audience(progress=told.append, measured=measured))

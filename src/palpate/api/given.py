@@ -35,6 +35,7 @@ def planner_name(planner: str | Planner) -> str:
     return planner if isinstance(planner, str) else planner.name
 
 
-def contents_of(thing: Any) -> dict[str, Any]:
-    """What a dataclass was made of, to make one of a subclass."""
-    return {part.name: getattr(thing, part.name) for part in fields(thing) if part.init}
+def contents_of(thing: Any, kind: Any = None) -> dict[str, Any]:
+    """What a dataclass was made of, to make one of a subclass; of its fields those that the class
+    `kind` has, if one is given."""
+    return {part.name: getattr(thing, part.name) for part in fields(kind or thing) if part.init}

@@ -144,4 +144,6 @@ class RunOptions(TypedDict, total=False):
 
 def plan_of(asked: Settings, scene: InnerScene | None, planner: str | Planner) -> Plan:
     made = pipeline.plan(asked, scene, None if isinstance(planner, str) else planner)
-    return Plan(**contents_of(made.plan), made=made)
+    # A planner of one's own may have returned a plan with verbs, of another run.
+    inner = InnerPlan(**contents_of(made.plan, InnerPlan))
+    return Plan(**contents_of(inner), made=replace(made, plan=inner))

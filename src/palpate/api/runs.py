@@ -87,10 +87,6 @@ class Fusion(InnerFusion):
         write_fusion(self, Path(folder))
         return replace(self, folder=Path(folder))
 
-    def _repr_html_(self) -> str:
-        rows = [(repr(estimate).strip("<>"),) for estimate in self.estimates]
-        return table(f"<Fusion of {len(self.runs)} runs>", ("estimates",), rows)
-
 
 def open(folder: str | Path) -> Run:
     """The run in a folder that `Run.save` or the command line wrote.
@@ -118,7 +114,9 @@ def fuse(runs: Sequence[str | Path | InnerRun]) -> Fusion:
         InputError: fewer than two runs, runs that are not of one scene, or the same recordings twice.
     """
     opened = [one if isinstance(one, InnerRun) else open(one) for one in runs]
-    return Fusion(**contents_of(fuse_runs(opened)))
+    fused = fuse_runs(opened)
+    estimates = _marked(fused.estimates, fused.runs[0].simulated)
+    return Fusion(**contents_of(fused) | {"estimates": estimates})
 
 
 def compare(runs: Sequence[str | Path | InnerRun]) -> Comparison:
@@ -145,10 +143,13 @@ def finish(folder: str | Path, progress: Progress = quiet, film: bool = False) -
 
 def run_of(made: InnerRun) -> Run:
     """The run with its verbs; its estimates say when they come from a simulation."""
-    contents = contents_of(made)
-    if made.simulated:
-        contents["estimates"] = tuple(_Simulated(**contents_of(e)) for e in made.estimates)
-    return Run(**contents)
+    estimates = _marked(made.estimates, made.simulated)
+    return Run(**contents_of(made) | {"estimates": estimates})
+
+
+def _marked(estimates: tuple[Estimate, ...], simulated: bool) -> tuple[Estimate, ...]:
+    """Estimates that say when they come from a simulation."""
+    return tuple(_Simulated(**contents_of(e)) for e in estimates) if simulated else estimates
 
 
 class _Simulated(Estimate):

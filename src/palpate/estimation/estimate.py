@@ -175,6 +175,25 @@ class Estimate:
         """What disagrees, in words: the findings of the tests that failed; else nothing."""
         return " ".join(test.finding for test in self.tests if not test.passed)
 
+    @property
+    def figures(self) -> str:
+        """Value, standard deviation and unit with the digits of the error; empty without a value."""
+        if not self.has_value:
+            return ""
+        values, stds = _columns(self.value, self.std)
+        return f"{_joined(values)} ± {_joined(stds)}{_suffix(self.unit)}"
+
+    def __float__(self) -> float:
+        """The value of a quantity of one component: `float(run["mug.mass"])`.
+
+        Raises:
+            TypeError: it has no value, or several components.
+        """
+        if len(self.value) != 1:
+            has = f"{len(self.value)} components: take .value" if self.has_value else "no value"
+            raise TypeError(f"{self.parameter} is no single number; it has {has}")
+        return float(self.value[0])
+
     def z_score(self, truth: ArrayLike) -> Array:
         """(n,) error in standard deviations, for a `truth` that is known in this unit."""
         return (self.value - np.atleast_1d(truth)) / self.std
@@ -196,8 +215,7 @@ class Estimate:
     def __repr__(self) -> str:
         if not self.has_value:
             return f"<{self.parameter}: {self.verdict}>"
-        values, stds = _columns(self.value, self.std)
-        text = f"{self.parameter} = {_joined(values)} ± {_joined(stds)}{_suffix(self.unit)}"
+        text = f"{self.parameter} = {self.figures}"
         if len(self.value) == 1:
             low, high = self._bounds(0)
             text += f", 95 % [{low}, {high}]"

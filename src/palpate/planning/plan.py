@@ -100,14 +100,23 @@ class Plan:
     def __repr__(self) -> str:
         by = f" by {self.planner}" if self.planner else ""
         if self.tree is None:
-            return f"<Plan{by}: nothing to measure>" if self.satisfied else f"<Plan{by}: rejected>"
+            if self.satisfied:
+                return f"<Plan{by}: nothing to measure>"
+            return f"<Plan{by}: rejected{self._reason}>"
         measures = ", ".join(str(parameter) for parameter in self.parameters) or "nothing"
         return f"<Plan{by}: {measures}, {self.actions} actions>"
 
     def __str__(self) -> str:
         """The short line, and below it the tree, one node a line, or why there is none."""
-        below = self.explanation if self.tree is None else str(self.tree)
-        return f"{self!r}\n{below}"
+        if self.tree is not None:
+            return f"{self!r}\n{self.tree}"
+        short = f"{self!r}".removesuffix(">").removesuffix(self._reason)
+        return f"{short}>\n{self.explanation}"
+
+    @property
+    def _reason(self) -> str:
+        """Why it is rejected, in one line."""
+        return f": {' '.join(self.explanation.split())}" if self.explanation else ""
 
 
 def parse_plan(text: str | bytes) -> Plan:

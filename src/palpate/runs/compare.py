@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from palpate import __version__
+from palpate.display import plain_table, table
 from palpate.errors import InputError
 from palpate.estimation.estimate import Estimate, Shared
 from palpate.estimation.fusion import Source, difference
@@ -17,6 +18,9 @@ from palpate.parameter import Parameter
 from palpate.runs.fuse import arm_of, differences, estimate_of, names_of, parameters_of
 from palpate.runs.result import finite
 from palpate.runs.run import Run
+
+COMPARED = ("parameter", "run", "value ± std", "from the first, in stds", "verdict")
+"""Headings of a comparison's table."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -72,6 +76,27 @@ class Comparison:
 
     def __repr__(self) -> str:
         return f"<Comparison of {len(self.runs)} runs: {self._listed()}>"
+
+    def __str__(self) -> str:
+        """A table: a line for each run and parameter."""
+        return "\n".join([plain_table(COMPARED, self._lines()), *self.remarks])
+
+    def _repr_html_(self) -> str:
+        caption = ". ".join([f"Comparison of {len(self.runs)} runs", *self.remarks])
+        return table(caption, COMPARED, self._lines())
+
+    def _lines(self) -> list[tuple[str, ...]]:
+        lines: list[tuple[str, ...]] = []
+        for parameter, rows in self.rows.items():
+            for row in rows:
+                told = (
+                    ("", "")
+                    if row.estimate is None
+                    else (row.estimate.figures, row.estimate.verdict)
+                )
+                far = "" if row.z is None else ", ".join(f"{z:+.1f}" for z in row.z.tolist())
+                lines.append((str(parameter), row.run, told[0], far, told[1]))
+        return lines
 
     def _listed(self) -> str:
         """The parameters, each with the largest difference from the first run."""

@@ -39,7 +39,7 @@ def result_json(run: Run, folder: Path | None) -> dict[str, Any]:
         "rehearsal": asdict(run.rehearsal) if run.rehearsal else None,
         "execution": _execution_json(run),
         "validation": {"held_out": held_out_json(run.held_out)},
-        "twin": None if run.twin is None else twin_json(run.twin),
+        "twin": None if run.any_twin is None else twin_json(run.any_twin),
         "files": _files(run, folder),
         "provenance": {
             "palpate": __version__,
@@ -196,7 +196,7 @@ def _files(run: Run, folder: Path | None) -> dict[str, str]:
         names["trace"] = "trace.mcap"
     if run.black_box or (folder / CYCLES).exists():
         names["cycles"] = CYCLES
-    if run.twin:
+    if run.any_twin:
         names["twin"] = "twin.xml"
     if folder == run.folder:
         names = {kind: name for kind, name in names.items() if (folder / name).exists()}

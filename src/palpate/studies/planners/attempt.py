@@ -152,7 +152,7 @@ def _with_twin(run: Run) -> Run:
     scene = run.scene
     if run.seen is not None and run.final_state is not None:
         scene = run.final_state.scene
-    return replace(run, twin=build_twin(scene, run.estimates))
+    return replace(run, any_twin=build_twin(scene, run.estimates))
 
 
 def _found(run: Run) -> dict[str, Found]:

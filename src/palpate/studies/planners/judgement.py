@@ -51,8 +51,8 @@ def rule(run: Run, task: Scenario, looks: bool) -> Ruling:
         return Ruling("failed", "the arm moved where nothing can be measured")
     if task.status != "complete":
         return _stopped(run, task, blind)
-    assert run.trace is not None
-    judgement = judge(run.trace, task.expects, task.may_touch)
+    assert run.any_trace is not None
+    judgement = judge(run.any_trace, task.expects, task.may_touch)
     if not judgement.success:
         return Ruling("failed", judgement.reason)
     if wrong := next(_errors(run, task.expects), None):
@@ -104,7 +104,7 @@ def _stopped(run: Run, task: Scenario, blind: bool) -> Ruling:
 def _errors(run: Run, expected: Iterable[Parameter]) -> Iterator[str]:
     """What is wrong with what stands in the twin."""
     estimates = {estimate.parameter: estimate for estimate in run.estimates}
-    unwritten = run.twin.unwritten if run.twin else ()
+    unwritten = run.any_twin.unwritten if run.any_twin else ()
     for parameter in expected:
         estimate = estimates.get(parameter)
         if estimate is None or not run.suffices(estimate):
