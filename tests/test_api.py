@@ -13,6 +13,7 @@ from typing import Any
 import mujoco
 import numpy as np
 import pytest
+from threadpoolctl import threadpool_info, threadpool_limits
 
 import palpate as pp
 from palpate.planning.plan import Plan
@@ -347,6 +348,19 @@ def test_fused_and_compared_runs_are_tables_that_say_where_they_come_from(done: 
 
 def test_a_quantity_of_one_component_is_a_number(done: pp.Run) -> None:
     assert float(done["mug.mass"]) == done["mug.mass"].value[0]
+
+
+def test_one_thread_of_linear_algebra_while_palpate_computes_and_the_users_afterwards() -> None:
+    def threads() -> set[int]:
+        return {one["num_threads"] for one in threadpool_info() if one["user_api"] == "blas"}
+
+    told: list[set[int]] = []
+    with threadpool_limits(limits=2, user_api="blas"):
+        before = threads()
+        pp.load(DESK).plan(REQUEST).run(progress=lambda _: told.append(threads()), fast=True)
+        assert threads() == before
+    assert told
+    assert all(seen == {1} for seen in told)
 
 
 def test_everything_answers_in_one_short_line(done: pp.Run) -> None:

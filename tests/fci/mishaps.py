@@ -181,6 +181,6 @@ def _unreadable(folder: Path) -> list[str]:
     found = [name for name in ("result.json", "report.html") if not (folder / name).exists()]
     if run.status != "aborted":
         found.append(f"status {run.status}")
-    if run.trace is None or not len(run.trace.samples):
+    if run.any_trace is None or not len(run.trace.samples):
         found.append("no trace")
     return found

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, TypedDict
 from palpate import pipeline
 from palpate.api.given import Widths, contents_of, is_text, path_of
 from palpate.api.runs import Run, run_of
+from palpate.api.threads import one_thread
 from palpate.audience import Audience, Confirm, Progress, quiet, unasked
 from palpate.cells.cell import Cell
 from palpate.display import table
@@ -40,6 +41,7 @@ class Plan(InnerPlan):
         """What speaks against the plan; a plan with findings is not executed."""
         return self.made.findings
 
+    @one_thread
     def run(
         self,
         cell: Cell | None = None,

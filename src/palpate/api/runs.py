@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from palpate import pipeline
 from palpate.api.given import contents_of, path_of
+from palpate.api.threads import one_thread
 from palpate.audience import Audience, Progress, quiet
 from palpate.display import table
 from palpate.estimation.estimate import Estimate
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
 class Run(InnerRun):
     """What a run made: `run["mug.mass"]`, `run.trace`, `run.twin`. See `palpate.runs.run.Run`."""
 
+    @one_thread
     def save(self, folder: str | Path) -> Run:
         """Write the run folder: request, plan, tree, trace, result, twin, report and images.
 
@@ -37,6 +39,7 @@ class Run(InnerRun):
         """
         return run_of(pipeline.save(self, Path(folder)))
 
+    @one_thread
     def estimate(self, estimators: Mapping[str, str] | None = None) -> Run:
         """This run with its estimates made anew from its trace: nothing moves, its folder stays as
         it is, and there is no twin of them.
@@ -49,6 +52,7 @@ class Run(InnerRun):
         """
         return run_of(reestimate(self, estimators))
 
+    @one_thread
     def export(self, to: str, folder: str | Path | None = None) -> Export:
         """Write the twin for another simulator into a new folder, and read it back.
 
@@ -100,6 +104,7 @@ def open(folder: str | Path) -> Run:
     return run_of(pipeline.reopen(Path(folder)))
 
 
+@one_thread
 def fuse(runs: Sequence[str | Path | InnerRun]) -> Fusion:
     """What several runs of one scene say together.
 
@@ -115,10 +120,12 @@ def fuse(runs: Sequence[str | Path | InnerRun]) -> Fusion:
     """
     opened = [one if isinstance(one, InnerRun) else open(one) for one in runs]
     fused = fuse_runs(opened)
-    estimates = _marked(fused.estimates, fused.runs[0].simulated)
-    return Fusion(**contents_of(fused) | {"estimates": estimates})
+    contents = contents_of(fused)
+    contents["estimates"] = _marked(fused.estimates, fused.runs[0].simulated)
+    return Fusion(**contents)
 
 
+@one_thread
 def compare(runs: Sequence[str | Path | InnerRun]) -> Comparison:
     """What several runs say of the same parameters, each beside the first that has a value.
 
@@ -131,6 +138,7 @@ def compare(runs: Sequence[str | Path | InnerRun]) -> Comparison:
     return compare_runs([one if isinstance(one, InnerRun) else open(one) for one in runs])
 
 
+@one_thread
 def finish(folder: str | Path, progress: Progress = quiet, film: bool = False) -> Run:
     """Do what a run that was cut off has left to do, with what its folder holds, and write its
     report anew, with a film of its trace where one is wanted.
@@ -143,8 +151,9 @@ def finish(folder: str | Path, progress: Progress = quiet, film: bool = False) -
 
 def run_of(made: InnerRun) -> Run:
     """The run with its verbs; its estimates say when they come from a simulation."""
-    estimates = _marked(made.estimates, made.simulated)
-    return Run(**contents_of(made) | {"estimates": estimates})
+    contents = contents_of(made)
+    contents["estimates"] = _marked(made.estimates, made.simulated)
+    return Run(**contents)
 
 
 def _marked(estimates: tuple[Estimate, ...], simulated: bool) -> tuple[Estimate, ...]:

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from palpate.api.given import Widths, contents_of, is_text, names, path_of, paths_of, planner_name
 from palpate.api.plans import Plan, plan_of
+from palpate.api.threads import one_thread
 from palpate.display import table
 from palpate.planning.model.settings import ModelSettings
 from palpate.planning.planner import Planner
@@ -39,6 +40,7 @@ class Scene(InnerScene):
     root: Path | None = None
     robot_body: tuple[str, ...] = ()
 
+    @one_thread
     def plan(
         self,
         request: str | None = None,
@@ -107,6 +109,7 @@ class Scene(InnerScene):
         return table(repr(self), ("body", "role", "missing", "known"), rows)
 
 
+@one_thread
 def load(
     source: str | Path,
     poses: str | Path | None = None,

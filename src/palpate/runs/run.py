@@ -211,11 +211,10 @@ class Run:
     def _lacks(self, thing: Literal["trace", "twin"]) -> RunError:
         """An error that says why a trace or a twin is not there, and what to do."""
         if self.execution is None and self.stage is None:
-            nothing = (
-                "nothing had to be measured" if self.plan.satisfied else "its plan was rejected"
-            )
-            objection = self.plan.explanation or "; ".join(str(one) for one in self.findings)
-            why = f"{nothing}: {objection} Ask for what is missing, or with remeasure=True"
+            objections = "; ".join(str(one) for one in self.findings) or self.plan.explanation
+            why = f"its plan was rejected: {objections} Plan another request"
+            if self.plan.satisfied:
+                why = "all that was asked is known already: measure it again with remeasure=True"
         elif thing == "trace":
             why = f"its folder has no {TRACE}: run its plan again"
         elif self.interrupted is not None or self.stage is not None:
