@@ -13,9 +13,9 @@ nothing.
   `compare` says how far they are apart.
 - `Estimate`, `Parameter`, `Trace` and `Twin` are what a run is made of.
 - `Cell`, `SimulatedCell`, `Planner`, `Primitive`, `Quantity`, `RobotDescription` and `Vocabulary` are
-  where your own parts go in; a primitive is handed a `Blackboard`, on it the `Robot`.
+  where your own parts go in.
 - `PalpateError` is the base of all errors raised on purpose: `InputError`, `PlanRejected`,
-  `RunError`, `ExecutionAborted`, `Unavailable`.
+  `ExecutionAborted`, `Unavailable`.
 """
 
 from __future__ import annotations
@@ -37,24 +37,20 @@ if TYPE_CHECKING:
     from palpate.errors import InputError as InputError
     from palpate.errors import PalpateError as PalpateError
     from palpate.errors import PlanRejected as PlanRejected
-    from palpate.errors import RunError as RunError
     from palpate.errors import Unavailable as Unavailable
     from palpate.estimation.estimate import Estimate as Estimate
     from palpate.parameter import Parameter as Parameter
     from palpate.planning.planner import Planner as Planner
     from palpate.quantities.quantity import Quantity as Quantity
     from palpate.robots.description import RobotDescription as RobotDescription
-    from palpate.robots.robot import Robot as Robot
     from palpate.trace.samples import Trace as Trace
     from palpate.twin.twin import Twin as Twin
-    from palpate.vocabulary.base import Blackboard as Blackboard
     from palpate.vocabulary.base import Primitive as Primitive
     from palpate.vocabulary.registry import Vocabulary as Vocabulary
 
 __version__ = "0.1.0"
 
 __all__ = [
-    "Blackboard",
     "Cell",
     "Estimate",
     "ExecutionAborted",
@@ -67,10 +63,8 @@ __all__ = [
     "Planner",
     "Primitive",
     "Quantity",
-    "Robot",
     "RobotDescription",
     "Run",
-    "RunError",
     "Scene",
     "SimulatedCell",
     "Trace",
@@ -85,7 +79,6 @@ __all__ = [
 ]
 
 _HOMES = {
-    "Blackboard": "vocabulary.base",
     "Cell": "cells.cell",
     "Estimate": "estimation.estimate",
     "ExecutionAborted": "errors",
@@ -98,10 +91,8 @@ _HOMES = {
     "Planner": "planning.planner",
     "Primitive": "vocabulary.base",
     "Quantity": "quantities.quantity",
-    "Robot": "robots.robot",
     "RobotDescription": "robots.description",
     "Run": "api",
-    "RunError": "errors",
     "Scene": "api",
     "SimulatedCell": "cells.simulated",
     "Trace": "trace.samples",

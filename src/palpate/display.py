@@ -58,12 +58,12 @@ def table(caption: str, headings: Sequence[str], rows: Iterable[Sequence[str]]) 
     return "\n".join([*lines, "</table>"])
 
 
-def plain_table(headings: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """Text of a table: columns as wide as what is in them, two spaces between."""
+def text_table(headings: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """Lines of a table in columns, two spaces apart."""
     lines = [headings, *rows]
     widths = [max(len(cell) for cell in column) for column in zip(*lines, strict=True)]
-    padded = (zip(line, widths, strict=True) for line in lines)
-    return "\n".join("  ".join(c.ljust(w) for c, w in line).rstrip() for line in padded)
+    padded = ["  ".join(c.ljust(w) for c, w in zip(line, widths, strict=True)) for line in lines]
+    return "\n".join(line.rstrip() for line in padded)
 
 
 def _row(tag: str, cells: Sequence[str]) -> str:

@@ -3,7 +3,6 @@
     PalpateError
     ├── InputError          the caller's files, names or arguments are not usable
     ├── PlanRejected        no plan exists for the request, or none passed the check
-    ├── RunError            a run does not have what is asked of it
     ├── ExecutionAborted    the robot stopped, or was not allowed to move
     └── Unavailable         a planner's provider, or a robot, is out of reach
         └── Stopped         a robot was stopped, and a person has to let it go on
@@ -28,10 +27,6 @@ class InputError(PalpateError):
 
 class PlanRejected(PalpateError):
     """No plan exists for the request, or none passed the check. The text is the explanation."""
-
-
-class RunError(PalpateError):
-    """A run does not have what is asked of it, such as a twin. The text says why and what to do."""
 
 
 class ExecutionAborted(PalpateError):

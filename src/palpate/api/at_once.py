@@ -12,7 +12,6 @@ from palpate.api.given import Widths, is_text, names, path_of, paths_of, planner
 from palpate.api.plans import Plan, RunOptions, plan_of
 from palpate.api.runs import Run, run_of
 from palpate.api.scenes import Scene, load
-from palpate.api.threads import one_thread
 from palpate.audience import SILENT, Audience, quiet
 from palpate.planning.model.settings import ModelSettings
 from palpate.planning.planner import Planner
@@ -21,7 +20,6 @@ from palpate.robots.registry import DEFAULT
 from palpate.settings import Settings
 
 
-@one_thread
 def run(
     scene: str | Path | Scene | None = None,
     request: str | None = None,

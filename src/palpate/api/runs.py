@@ -9,15 +9,15 @@ from typing import TYPE_CHECKING
 
 from palpate import pipeline
 from palpate.api.given import contents_of, path_of
-from palpate.api.threads import one_thread
 from palpate.audience import Audience, Progress, quiet
-from palpate.display import table
-from palpate.estimation.estimate import Estimate
+from palpate.display import table, text_table
+from palpate.estimation.estimate import COLUMNS, Estimate
 from palpate.runs.compare import Comparison, compare_runs
 from palpate.runs.fuse import Fusion as InnerFusion
 from palpate.runs.fuse import fuse_runs, write_fusion
 from palpate.runs.run import Run as InnerRun
 from palpate.stages.estimating import reestimate
+from palpate.threads import single_threaded_blas
 
 if TYPE_CHECKING:
     from palpate.twin.export.export import Export
@@ -27,7 +27,6 @@ if TYPE_CHECKING:
 class Run(InnerRun):
     """What a run made: `run["mug.mass"]`, `run.trace`, `run.twin`. See `palpate.runs.run.Run`."""
 
-    @one_thread
     def save(self, folder: str | Path) -> Run:
         """Write the run folder: request, plan, tree, trace, result, twin, report and images.
 
@@ -39,7 +38,6 @@ class Run(InnerRun):
         """
         return run_of(pipeline.save(self, Path(folder)))
 
-    @one_thread
     def estimate(self, estimators: Mapping[str, str] | None = None) -> Run:
         """This run with its estimates made anew from its trace: nothing moves, its folder stays as
         it is, and there is no twin of them.
@@ -50,9 +48,9 @@ class Run(InnerRun):
         Raises:
             InputError: it has no trace, another version recorded it, or there is no such estimator.
         """
-        return run_of(reestimate(self, estimators))
+        with single_threaded_blas():
+            return run_of(reestimate(self, estimators))
 
-    @one_thread
     def export(self, to: str, folder: str | Path | None = None) -> Export:
         """Write the twin for another simulator into a new folder, and read it back.
 
@@ -71,10 +69,7 @@ class Run(InnerRun):
         return export_run(self, to, path_of(folder))
 
     def _repr_html_(self) -> str:
-        rows: list[tuple[str, ...]] = []
-        for estimate in self.estimates:
-            rows.append((repr(estimate).strip("<>"),))
-        return table(repr(self), ("estimates",), rows)
+        return table(repr(self), COLUMNS, [estimate.cells() for estimate in self.estimates])
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -91,6 +86,14 @@ class Fusion(InnerFusion):
         write_fusion(self, Path(folder))
         return replace(self, folder=Path(folder))
 
+    def __str__(self) -> str:
+        """The estimates as a table of text."""
+        return text_table(COLUMNS, [estimate.cells() for estimate in self.estimates])
+
+    def _repr_html_(self) -> str:
+        rows = [estimate.cells() for estimate in self.estimates]
+        return table(f"<Fusion of {len(self.runs)} runs>", COLUMNS, rows)
+
 
 def open(folder: str | Path) -> Run:
     """The run in a folder that `Run.save` or the command line wrote.
@@ -104,7 +107,6 @@ def open(folder: str | Path) -> Run:
     return run_of(pipeline.reopen(Path(folder)))
 
 
-@one_thread
 def fuse(runs: Sequence[str | Path | InnerRun]) -> Fusion:
     """What several runs of one scene say together.
 
@@ -119,13 +121,13 @@ def fuse(runs: Sequence[str | Path | InnerRun]) -> Fusion:
         InputError: fewer than two runs, runs that are not of one scene, or the same recordings twice.
     """
     opened = [one if isinstance(one, InnerRun) else open(one) for one in runs]
-    fused = fuse_runs(opened)
-    contents = contents_of(fused)
-    contents["estimates"] = _marked(fused.estimates, fused.runs[0].simulated)
+    with single_threaded_blas():
+        fused = fuse_runs(opened)
+    contents = contents_of(fused, InnerFusion)
+    contents["estimates"] = _labelled(fused.estimates, fused.runs[0].simulated)
     return Fusion(**contents)
 
 
-@one_thread
 def compare(runs: Sequence[str | Path | InnerRun]) -> Comparison:
     """What several runs say of the same parameters, each beside the first that has a value.
 
@@ -138,7 +140,6 @@ def compare(runs: Sequence[str | Path | InnerRun]) -> Comparison:
     return compare_runs([one if isinstance(one, InnerRun) else open(one) for one in runs])
 
 
-@one_thread
 def finish(folder: str | Path, progress: Progress = quiet, film: bool = False) -> Run:
     """Do what a run that was cut off has left to do, with what its folder holds, and write its
     report anew, with a film of its trace where one is wanted.
@@ -151,14 +152,16 @@ def finish(folder: str | Path, progress: Progress = quiet, film: bool = False) -
 
 def run_of(made: InnerRun) -> Run:
     """The run with its verbs; its estimates say when they come from a simulation."""
-    contents = contents_of(made)
-    contents["estimates"] = _marked(made.estimates, made.simulated)
+    contents = contents_of(made, InnerRun)
+    contents["estimates"] = _labelled(made.estimates, made.simulated)
     return Run(**contents)
 
 
-def _marked(estimates: tuple[Estimate, ...], simulated: bool) -> tuple[Estimate, ...]:
-    """Estimates that say when they come from a simulation."""
-    return tuple(_Simulated(**contents_of(e)) for e in estimates) if simulated else estimates
+def _labelled(estimates: Sequence[Estimate], simulated: bool) -> tuple[Estimate, ...]:
+    """The estimates; of a simulation they say so."""
+    if not simulated:
+        return tuple(estimates)
+    return tuple(_Simulated(**contents_of(each, Estimate)) for each in estimates)
 
 
 class _Simulated(Estimate):
@@ -168,3 +171,7 @@ class _Simulated(Estimate):
 
     def __repr__(self) -> str:
         return f"{Estimate.__repr__(self)[:-1]}, simulated>"
+
+    def cells(self) -> tuple[str, str, str, str]:
+        name, number, bounds, verdict = Estimate.cells(self)
+        return name, number, bounds, f"{verdict}, simulated"

@@ -8,7 +8,6 @@ from pathlib import Path
 
 from palpate.api.given import Widths, contents_of, is_text, names, path_of, paths_of, planner_name
 from palpate.api.plans import Plan, plan_of
-from palpate.api.threads import one_thread
 from palpate.display import table
 from palpate.planning.model.settings import ModelSettings
 from palpate.planning.planner import Planner
@@ -40,7 +39,6 @@ class Scene(InnerScene):
     root: Path | None = None
     robot_body: tuple[str, ...] = ()
 
-    @one_thread
     def plan(
         self,
         request: str | None = None,
@@ -109,7 +107,6 @@ class Scene(InnerScene):
         return table(repr(self), ("body", "role", "missing", "known"), rows)
 
 
-@one_thread
 def load(
     source: str | Path,
     poses: str | Path | None = None,
@@ -146,7 +143,7 @@ def load(
         path = Path(source)
         found = load_scene(path, file, description, root=path_of(root), robot_body=robots)
     return Scene(
-        **contents_of(found),
+        **contents_of(found, InnerScene),
         poses_file=file,
         arm_name=str(arm),
         cautious=cautious,

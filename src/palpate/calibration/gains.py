@@ -89,9 +89,9 @@ def _solved(model: Model, force: float, std: float) -> tuple[Array, Array]:
     wider = math.sqrt(max(1.0, model.freedom / max(model.freedom - 2.0, 1.0)))
     # That gains may be off by more than was told of them is counted by every fit that reads the file:
     # counted here, too, a joint that bears nothing would be known worse after a calibration than before.
-    unsure = tuple(one for one in model.unsure if one.columns.start < len(prior) - JOINTS)
+    hyperpriors = tuple(one for one in model.hyperpriors if one.columns.start < len(prior) - JOINTS)
     scaled = replace(model, design=model.design / wider, y=news / wider, prior=prior)
-    return replace(scaled, unsure=unsure).solve()
+    return replace(scaled, hyperpriors=hyperpriors).solve()
 
 
 def _require_agreement(

@@ -11,6 +11,7 @@ import math
 import re
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from textwrap import shorten
 from typing import Any, Literal, NoReturn, TypeVar, cast, get_args
 
 from palpate.display import json_text
@@ -24,6 +25,8 @@ MAX_BYTES = 1_000_000
 MAX_NESTING = 64
 """Nested JSON brackets; a node costs two, so a tree may be about 30 deep."""
 MAX_NODES = 5000
+MAX_REASON = 120
+"""Characters of the explanation that the short form of a plan shows."""
 
 _STRING = re.compile(r'"(?:[^"\\]|\\.)*"', re.DOTALL)
 _NODE_FIELDS = ("type", "name", "children")
@@ -100,23 +103,15 @@ class Plan:
     def __repr__(self) -> str:
         by = f" by {self.planner}" if self.planner else ""
         if self.tree is None:
-            if self.satisfied:
-                return f"<Plan{by}: nothing to measure>"
-            return f"<Plan{by}: rejected{self._reason}>"
+            what = "nothing to measure" if self.satisfied else "rejected"
+            return f"<Plan{by}: {what}: {shorten(self.explanation, MAX_REASON, placeholder='…')}>"
         measures = ", ".join(str(parameter) for parameter in self.parameters) or "nothing"
         return f"<Plan{by}: {measures}, {self.actions} actions>"
 
     def __str__(self) -> str:
         """The short line, and below it the tree, one node a line, or why there is none."""
-        if self.tree is not None:
-            return f"{self!r}\n{self.tree}"
-        short = f"{self!r}".removesuffix(">").removesuffix(self._reason)
-        return f"{short}>\n{self.explanation}"
-
-    @property
-    def _reason(self) -> str:
-        """Why it is rejected, in one line."""
-        return f": {' '.join(self.explanation.split())}" if self.explanation else ""
+        below = self.explanation if self.tree is None else str(self.tree)
+        return f"{self!r}\n{below}"
 
 
 def parse_plan(text: str | bytes) -> Plan:

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from palpate import __version__
-from palpate.display import plain_table, table
 from palpate.errors import InputError
 from palpate.estimation.estimate import Estimate, not_identified
 from palpate.estimation.fusion import Source, fuse
@@ -23,10 +22,6 @@ from palpate.twin.twin import Twin, build_twin
 
 if TYPE_CHECKING:
     from palpate.settings import Settings
-
-
-FUSED = ("parameter", "by", "value ± std", "verdict")
-"""Headings of a fusion's table."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -66,27 +61,6 @@ class Fusion:
                 return estimate
         known = ", ".join(str(estimate.parameter) for estimate in self.estimates)
         raise KeyError(f"'{wanted}' is in none of the runs; in them: {known or 'nothing'}")
-
-    def __str__(self) -> str:
-        """A table: a line for each run and parameter, and what they say together."""
-        return "\n".join([plain_table(FUSED, self._lines()), *self.left_out])
-
-    def _repr_html_(self) -> str:
-        caption = ". ".join([f"Fusion of {len(self.runs)} runs{self._where()}", *self.left_out])
-        return table(caption, FUSED, self._lines())
-
-    def _where(self) -> str:
-        return ", simulated" if self.runs[0].simulated else ", on the real robot"
-
-    def _lines(self) -> list[tuple[str, ...]]:
-        lines: list[tuple[str, ...]] = []
-        for fused in self.estimates:
-            for name, run in zip(self.names, self.runs, strict=True):
-                one = estimate_of(run, fused.parameter)
-                if one is not None:
-                    lines.append((str(one.parameter), name, one.figures, one.verdict))
-            lines.append((str(fused.parameter), "together", fused.figures, fused.verdict))
-        return lines
 
     def __repr__(self) -> str:
         said = ", ".join(repr(estimate).strip("<>") for estimate in self.estimates)
@@ -272,7 +246,7 @@ def _require_different(runs: Sequence[Run], names: Sequence[str]) -> None:
         for estimate in run.estimates:
             if not estimate.has_value:
                 continue
-            numbers = (estimate.parameter, *estimate.value.tolist(), *estimate.std.tolist())
+            numbers = (estimate.parameter, *estimate.values.tolist(), *estimate.stds.tolist())
             if numbers in seen:
                 raise InputError(
                     f"{seen[numbers]} and {name} hold the same recordings: a measurement is not counted "

@@ -46,7 +46,7 @@ def darkroom_for(made: Run) -> Generator[Darkroom | None]:
         return
     from palpate.report.writing import Darkroom
 
-    with Darkroom(made.footage, made.any_trace) as darkroom:
+    with Darkroom(made.footage, made.trace_if_any) as darkroom:
         yield darkroom
 
 
@@ -99,7 +99,7 @@ def with_footage(made: Run) -> Run:
     """The run with its trace played again, as far as there is one, for a film."""
     from palpate.pictures.posed import played_again
 
-    trace = made.any_trace
+    trace = made.trace_if_any
     if trace is None or not len(trace.t):
         return made
     return replace(made, footage=played_again(made.scene, trace))
@@ -115,7 +115,7 @@ def taken_up(folder: Path) -> Run:
     made = reopen(folder)
     hurried, unhurried = made.settings.fast, replace(made.settings, fast=False)
     made = replace(made, settings=unhurried, interrupted=None, shortfalls=())
-    if hurried and made.stage is None and made.any_twin is not None:
+    if hurried and made.stage is None and made.finished is not None:
         return replace(made, stage="building the twin")
     if made.stage == "executing" and made.execution is None:
         return cut_off(made)

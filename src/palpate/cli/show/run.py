@@ -208,7 +208,7 @@ def _show_rejection(run: Run) -> None:
 
 def _explain_live(run: Run) -> None:
     """Why a value that was shown while the arm moved is another one than in the table."""
-    if run.any_trace is not None and run.any_trace.conversions:
+    if run.trace_if_any is not None and run.trace_if_any.conversions:
         out.print(
             "[dim]final: made of all that was recorded; what was said while the arm moved knew only what "
             "was recorded until then[/]",
