@@ -20,8 +20,6 @@ DECIMALS = 4
 """0.1 mm, and 0.1 mrad: finer than a hand can be led."""
 LEVEL = math.cos(math.radians(10.0))
 """Of how far a hand may lean that points down."""
-FARTHEST = 3.0
-"""m from the arm's base: far beyond any arm's reach, so a larger number lacks its unit."""
 APART = 0.003
 """m by which a width may differ from the believed one: what `CloseGripper` lets pass."""
 
@@ -103,15 +101,10 @@ class Lesson:
         rad by which it is turned from how the scene has it.
 
         Raises:
-            InputError: the scene has no such object, or the place is far beyond the arm's reach.
+            InputError: the scene has no such object.
         """
         if name not in self.scene.objects:
             raise unknown_name("object", name, self.scene.objects)
-        if math.hypot(x, y) > FARTHEST:
-            raise InputError(
-                f"{name} would be {math.hypot(x, y):g} m from the arm: numbers without a unit are m; write mm "
-                "or cm behind them"
-            )
         base, body = self.scene.pose_world_base, self.scene.body(name).pose_world
         spot = base.apply(np.array([x, y, 0.0]))
         half = Pose.of((0.0, 0.0, 0.0), (math.cos(yaw / 2), 0.0, 0.0, math.sin(yaw / 2)))
