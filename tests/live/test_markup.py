@@ -1,8 +1,21 @@
-from palpate.live.markup import Line, outline
+import pytest
+
+from palpate.live.markup import Line, note, outline, preformatted
+
+HOSTILE = "<img src=x onerror=alert(1)> & \x1b[31m\x9b31m\u202e"
+
+SHOWN = {
+    "text of a node": outline([Line(HOSTILE, 1, "RUNNING")]),
+    "message of a node": outline([Line("reach", 1, "FAILURE", HOSTILE)]),
+    "headline": note(HOSTILE),
+    "line below a headline": note("Estimates", HOSTILE),
+    "explanation": preformatted(HOSTILE),
+}
 
 
-def test_names_of_nodes_are_no_markup() -> None:
-    html = outline([Line("<script>alert(1)</script>", 1, "RUNNING", "\x1b[31mred")])
-    assert "<script>" not in html
-    assert "&lt;script&gt;" in html
-    assert "\x1b" not in html
+@pytest.mark.parametrize("place", SHOWN)
+def test_text_from_elsewhere_is_no_markup(place: str) -> None:
+    html = SHOWN[place]
+    assert "<img" not in html
+    assert "&lt;img src=x onerror=alert(1)&gt; &amp;" in html
+    assert not any(character in html for character in "\x1b\x9b\u202e")
