@@ -65,8 +65,8 @@ class Beside(Generic[T]):
 
 
 def can_copy() -> bool:
-    """Whether a copy of this process runs beside it: there is a second processor, and no thread whose
-    locks the copy would wait for in vain."""
+    """True if a copy of this process runs beside it: there is a second processor, and no thread
+    whose locks the copy would wait for in vain."""
     if sys.platform != "linux" or threading.active_count() > 1:
         return False
     return len(os.sched_getaffinity(0)) > 1

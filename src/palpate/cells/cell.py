@@ -27,7 +27,7 @@ class Cell(Protocol):
 
     @property
     def simulated(self) -> bool:
-        """Whether no real thing moves."""
+        """True if no real thing moves."""
         ...
 
     def picture(self, camera: CameraEntry | None = None) -> bytes | None:

@@ -223,7 +223,7 @@ def _apart(one: Body, other: Body) -> float:
 
 
 def _is_under(surface: Body, seen: Body) -> bool:
-    """Whether the middle of what was seen as a surface lies on a surface of the world."""
+    """True if the middle of what was seen as a surface lies on a surface of the world."""
     middle = seen.pose_world.apply(seen.centre)[:2]
     mine = surface.pose_world.apply(surface.centre)[:2]
     return surface.role == "surface" and bool((abs(middle - mine) < surface.size[:2] / 2).all())

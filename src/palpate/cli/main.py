@@ -82,7 +82,7 @@ def _without_broken_opengl() -> None:
 
 
 def _flushed() -> bool:
-    """Whether all that was printed has arrived; results that cannot be told are no success."""
+    """True if all that was printed has arrived; results that cannot be told are no success."""
     try:
         sys.stdout.flush()
     except OSError:

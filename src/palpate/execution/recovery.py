@@ -109,7 +109,7 @@ def _planned_again(
 
 
 def resumable(done: Execution, robot: Robot) -> bool:
-    """Whether a stopped run left a cell in which to go on, and a robot that can be believed."""
+    """True if a stopped run left a cell in which to go on, and a robot that can be believed."""
     if done.asked or done.status != "stopped" or done.final_state.holding is not None:
         return False
     # What the robot itself says stopped it can be seen to; signals without sense cannot.

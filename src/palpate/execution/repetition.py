@@ -100,7 +100,7 @@ def _lacking(
 
 
 def _is_worth_it(parameter: Parameter, now: Lacking, before: Lacking) -> bool:
-    """Whether another round may narrow it: the last one has, if there was any."""
+    """True if another round may narrow it: the last one has, if there was any."""
     return parameter not in before or now[parameter].reached < FUTILE * before[parameter].reached
 
 

@@ -234,8 +234,8 @@ class _Loop:
         return "lost"
 
     def _let_go(self) -> bool:
-        """Whether the fingers were opening: they do where a support is proven alone. Those that lose
-        something close further."""
+        """True if the fingers were opening: they do where a support is proven alone. Those that
+        lose something close further."""
         return self.blackboard.robot.state.width > self.blackboard.load.width
 
     def execution(self, wall_seconds: float, asked: bool) -> Execution:
@@ -363,7 +363,7 @@ class _Loop:
         return f"{self.stopping}; {warning}"
 
     def _gripping(self, unanswered: bool = True) -> bool:
-        """Whether the fingers hold something; what is taken for so where nobody answers."""
+        """True if the fingers hold something; what is taken for so where nobody answers."""
         try:
             return self.blackboard.robot.state.gripping
         except Exception:

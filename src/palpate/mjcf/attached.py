@@ -36,7 +36,7 @@ class Brought:
         return prefix(self.through)
 
     def overlaps(self, other: Brought) -> bool:
-        """Whether one is a part of the other, or both are the same."""
+        """True if one is a part of the other, or both are the same."""
         mine, its = self.content, other.content
         return mine is its or mine in its.iterancestors() or its in mine.iterancestors()
 

@@ -265,7 +265,7 @@ def with_tokens(value: str, changes: Mapping[int, str]) -> str:
 
 
 def has_unknown(element: Element | None, attribute: str, *indices: int) -> bool:
-    """Whether one of the attribute's numbers (all, when no index is given) is written `?`."""
+    """True if one of the attribute's numbers (all, when no index is given) is written `?`."""
     if element is None:
         return False
     unknown = [part == UNKNOWN for part in tokens(element.get(attribute))]

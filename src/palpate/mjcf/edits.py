@@ -75,7 +75,7 @@ class Slot:
     required: int = 0
 
     def covers(self, number: int) -> bool:
-        """Whether a `?` may stand at this position."""
+        """True if a `?` may stand at this position."""
         return self.numbers is None or number in self.numbers
 
     def open_numbers(self, stated: str | None) -> list[int]:

@@ -321,7 +321,7 @@ def _located(name: str, element: Element, settings: Mapping[str, str]) -> str:
 
 
 def _exists(folder: Path | None, name: str) -> bool:
-    """Whether there is a file of that name, from `folder`."""
+    """True if there is a file of that name, from `folder`."""
     try:
         return folder is not None and (folder / name).exists()
     except (OSError, ValueError):

@@ -70,8 +70,8 @@ def _geoms(body: mujoco.MjsBody) -> list[mujoco.MjsGeom]:
 
 
 def _alike(one: mujoco.MjsBody, other: mujoco.MjsBody) -> bool:
-    """Whether two bodies have the same frame in their parents; a base stands anywhere, and a hand is
-    mounted as its arm wants it."""
+    """True if two bodies have the same frame in their parents; a base stands anywhere, and a hand
+    is mounted as its arm wants it."""
     if other.name in ("link0", "base", "hand"):
         return True
     apart = np.abs(np.array(one.pos) - other.pos).max()

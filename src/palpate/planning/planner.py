@@ -103,7 +103,7 @@ class PlannerKind:
         return f"{self.name}:{self.argument}" if self.argument else self.name
 
     def accepts(self, spec: str) -> bool:
-        """Whether `spec` is written in that form."""
+        """True if `spec` is written in that form."""
         name, _, argument = spec.partition(":")
         if name != self.name:
             return False

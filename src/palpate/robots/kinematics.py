@@ -54,12 +54,12 @@ def inverse_kinematics(
 
 
 def reachable(arm: RobotDescription, pose_world_tcp: Pose, pose_world_base: Pose) -> bool:
-    """Whether the arm can put its TCP there."""
+    """True if the arm can put its TCP there."""
     return inverse_kinematics(arm, pose_world_tcp, pose_world_base) is not None
 
 
 def within_joint_limits(arm: RobotDescription, q: Array) -> bool:
-    """Whether joint angles (7,), rad, are finite and where the safety predicate allows them."""
+    """True if joint angles (7,), rad, are finite and where the safety predicate allows them."""
     low, high = arm.limits.q_min, arm.limits.q_max
     return bool(((q >= low + JOINT_MARGIN) & (q <= high - JOINT_MARGIN)).all())
 
@@ -173,8 +173,7 @@ def _seeds(
 
 
 def _too_far(arm: RobotDescription, pose_base_tcp: Pose) -> bool:
-    """Whether the wrist would be farther from the shoulder than all links between them,
-    stretched."""
+    """True if the wrist would be farther from the shoulder than all links between them, stretched."""
     chain = _chain(arm)
     wrist = pose_base_tcp.apply(chain.wrist)
     return bool(np.linalg.norm(wrist - chain.shoulder) > chain.stretched)

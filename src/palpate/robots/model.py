@@ -93,7 +93,7 @@ def _links(model: mujoco.MjModel, data: mujoco.MjData, hinges: Sequence[int]) ->
 
 
 def _carries(model: mujoco.MjModel, joint: int, body: int) -> bool:
-    """Whether a joint moves a body."""
+    """True if a joint moves a body."""
     carried = int(model.jnt_bodyid[joint])
     while body > carried:
         body = int(model.body_parentid[body])

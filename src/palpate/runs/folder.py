@@ -149,7 +149,7 @@ def _kept(scratch: Path, path: Path) -> Path:
 
 
 def _alive(process: int) -> bool:
-    """Whether a process of this machine still runs."""
+    """True if a process of this machine still runs."""
     try:
         os.kill(process, 0)
     except ProcessLookupError:

@@ -46,7 +46,7 @@ class Fusion:
 
     @property
     def identified(self) -> bool:
-        """Whether every parameter is."""
+        """True if every parameter is."""
         return all(estimate.identified for estimate in self.estimates)
 
     def __getitem__(self, name: str | Parameter) -> Estimate:

@@ -140,7 +140,7 @@ def _shaped(numbers: list[Any]) -> Any:
 
 
 def has_scene_of_its_own(run: Run) -> bool:
-    """Whether the scene came from no file: seen in a picture, or handed over as text."""
+    """True if the scene came from no file: seen in a picture, or handed over as text."""
     from_no_file = run.settings.scene is None and bool(run.scene.bodies)
     return from_no_file or run.seen is not None
 

@@ -160,7 +160,7 @@ def _all_elements(document: Document, roles: Roles) -> Iterator[Element]:
 
 
 def _is_uncovered(value: str, slots: list[Slot]) -> bool:
-    """Whether a `?` stands where no slot is."""
+    """True if a `?` stands where no slot is."""
     unknown = {i for i, part in enumerate(tokens(value)) if part == UNKNOWN}
     for slot in slots:
         unknown -= {i for i in unknown if slot.covers(i)}
@@ -232,7 +232,7 @@ def _carries(surface: BodyDescription, point: Array) -> bool:
 
 
 def _is_level(shapes: Shapes, geom: Element) -> bool:
-    """Whether the geom has a level face on top."""
+    """True if the geom has a level face on top."""
     kind = int(shapes.model.geom_type[shapes.geom_ids[geom]])
     up = np.abs(shapes.data.geom_xmat[shapes.geom_ids[geom]].reshape(3, 3)[2])
     if kind == mujoco.mjtGeom.mjGEOM_BOX:

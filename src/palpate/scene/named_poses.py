@@ -363,7 +363,7 @@ def _lift(geometry: Geometry, name: str, pose: Pose) -> float:
 
 
 def _on_the_way(outline: Array, pose: Pose, base: Pose) -> bool:
-    """Whether something is near the straight way from above the arm's front to the object."""
+    """True if something is near the straight way from above the arm's front to the object."""
     start = base.position[:2] + 0.3 * base.rotation[:2, 0]
     way = pose.position[:2] - start
     low, high = outline.min(axis=0), outline.max(axis=0)

@@ -43,7 +43,7 @@ def learned(scene: Scene, parameter: Parameter, value: tuple[float, ...]) -> Sce
 
 
 def moves(scene: Scene, parameter: Parameter) -> bool:
-    """Whether measuring a parameter moves a surface of the scene, and nothing else about it."""
+    """True if measuring a parameter moves a surface of the scene, and nothing else about it."""
     is_height = parameter.quantity == "height" and parameter.object in scene.surfaces
     return is_height and scene.refit is None
 

@@ -139,7 +139,7 @@ def resolve(document: Document, poses: Poses, catalogue: Catalogue) -> ResolvedS
 
 
 def _moves_something(change: Change) -> bool:
-    """Whether a change may show in the scene's geometry; a mass or a friction does not, and the
+    """True if a change may show in the scene's geometry; a mass or a friction does not, and the
     stand-in is as good for looking."""
     return not (isinstance(change, Edit) and change.attribute in SHAPELESS)
 

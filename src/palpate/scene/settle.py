@@ -61,7 +61,7 @@ def _stated_z(body: BodyDescription) -> float:
 
 
 def _hangs(body: BodyDescription) -> bool:
-    """Whether an object is placed in the world's axes, by its poses or its file, and just above a
+    """True if an object is placed in the world's axes, by its poses or its file, and just above a
     surface."""
     if body.role != "object" or body.elements.moved_by() is not None:
         return False

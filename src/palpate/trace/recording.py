@@ -37,7 +37,7 @@ class Context:
 
     @property
     def is_elsewhere(self) -> bool:
-        """Whether what is held is neither where it was grasped nor right above that, having been
+        """True if what is held is neither where it was grasped nor right above that, having been
         dragged or carried."""
         here, grasp = self.at or "", self.grasp or ""
         return here.replace(ABOVE, "") != grasp.replace(ABOVE, "")

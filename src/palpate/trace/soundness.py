@@ -30,7 +30,7 @@ class Span(NamedTuple):
     spoiled_by: LeafRun
 
     def touches(self, start: float, end: float) -> bool:
-        """Whether something that lasted from `start` to `end` reaches into it."""
+        """True if something that lasted from `start` to `end` reaches into it."""
         return end > self.start and start < self.end
 
 

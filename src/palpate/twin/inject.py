@@ -125,7 +125,7 @@ def _but_for(values: Values, without: Collection[Parameter]) -> dict[Parameter, 
 
 
 def _keyframes_state_places(scene: Scene, values: Values) -> bool:
-    """Whether something was found to stand elsewhere that a keyframe places, too."""
+    """True if something was found to stand elsewhere that a keyframe places, too."""
     moved = {"position", "height"} & {parameter.quantity for parameter in values}
     keys = scene.resolved.document.root.iterfind("keyframe/key")
     return bool(moved) and any(key.get("qpos") for key in keys)

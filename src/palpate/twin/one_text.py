@@ -45,7 +45,7 @@ def in_one(document: Document, texts: Texts) -> OneText:
 
 
 def _has_changed(model: Document, texts: Texts) -> bool:
-    """Whether something is another in a model, in what it includes or in what it attaches."""
+    """True if something is another in a model, in what it includes or in what it attaches."""
     files = {model.path, *model.includes.values()}
     if not files.isdisjoint(texts.parts):
         return True

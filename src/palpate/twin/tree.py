@@ -137,7 +137,7 @@ class _Tree:
         return found
 
     def _renames(self) -> bool:
-        """Whether there was an included file yet in which another name makes a change."""
+        """True if there was an included file yet in which another name makes a change."""
         for named in self.after.named:
             file = self.after.index[named.element].file
             if file is not None and file not in self.changed and self._needs_other_name(named):
@@ -167,7 +167,7 @@ class _Tree:
         return str(place)
 
     def _needs_other_name(self, named: Named) -> bool:
-        """Whether MuJoCo would not find it: from the main text, else from the file that names it."""
+        """True if MuJoCo would not find it: from the main text, else from the file that names it."""
         wanted = self.places[named.path]
         found = Path(os.path.normpath(self._folder(named) / named.located))
         file = self.after.index[named.element].file
@@ -183,7 +183,7 @@ class _Tree:
         return path.exists() or path in self.places.values()
 
     def _is_whole(self) -> bool:
-        """Whether all files lie below the scene's folder."""
+        """True if all files lie below the scene's folder."""
         return all(self._same_place(original) is not None for original in self.after.files)
 
     def _usual_place(self, original: Path) -> Path:

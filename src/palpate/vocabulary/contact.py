@@ -260,7 +260,7 @@ class _Contact:
         return float((wrench - self._feeling.first)[:3] @ self._direction)
 
     def exceeds(self, threshold: float) -> bool:
-        """Whether more than `threshold` N press back, or something twists the hand."""
+        """True if more than `threshold` N press back, or something twists the hand."""
         wrench = self._feeling.now()
         if np.isnan(wrench).any():
             return False

@@ -133,7 +133,7 @@ class SymbolicState:
 
     @property
     def is_bent(self) -> bool:
-        """Whether the arm is where a joint motion took it, and not at a pose."""
+        """True if the arm is where a joint motion took it, and not at a pose."""
         if self.joints is None or self.pose_world_tcp is None:
             return False
         bent = pose_of_joints(self.scene, self.joints)

@@ -80,7 +80,7 @@ def _natural(thing: RenderableType) -> int:
 
 
 def _fits(columns: Sequence[Column], rows: Sequence[Sequence[Cell]], room: int) -> bool:
-    """Whether the table is narrow enough when its words are broken."""
+    """True if the table is narrow enough when its words are broken."""
     needed = 0
     for place, column in enumerate(columns):
         cells: list[Cell] = [column.heading, *(row[place] for row in rows)]

@@ -181,7 +181,7 @@ def _inertia_attributes(tensor: Array) -> dict[str, str]:
 
 
 def _is_diagonal(tensor: Array) -> bool:
-    """Whether its axes are the body's."""
+    """True if its axes are the body's."""
     parts = components(tensor)
     return bool(np.abs(parts[3:]).max() < 1e-5 * np.abs(parts).max())
 

@@ -100,7 +100,7 @@ class Extent:
 
     @property
     def is_large(self) -> bool:
-        """Whether it is compiled elsewhere first."""
+        """True if it is compiled elsewhere first."""
         return self.is_uncertain or self.elements > MANY_ELEMENTS or self.points > MANY_POINTS
 
 

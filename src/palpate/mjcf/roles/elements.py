@@ -60,7 +60,7 @@ def inertial_of(body: Element) -> Element | None:
 
 
 def has_open_height(geom: Element, defaults: Defaults) -> bool:
-    """Whether its z or its half height is written `?`."""
+    """True if its z or its half height is written `?`."""
     index = half_height_index(geom, defaults)
     open_size = index is not None and has_unknown(geom, "size", index)
     return open_size or has_unknown(geom, "pos", 2)

@@ -39,7 +39,7 @@ class Robots:
     defaults: Defaults
 
     def begin_with(self, body: Element) -> bool:
-        """Whether a robot begins here: with its first joint, or with the fixed base that carries
+        """True if a robot begins here: with its first joint, or with the fixed base that carries
         that."""
         if self.named:
             return body.get("name") in self.named
@@ -56,8 +56,8 @@ class Robots:
         return Robots(tuple(named), _driven(root), self.defaults)
 
     def _is_robot(self, body: Element) -> bool:
-        """Whether a body with joints is one: an actuator drives a part of it, or it ends in a hand and
-        is held by something. A thing that is driven as a whole, by its site, is none."""
+        """True if a body with joints is one: an actuator drives a part of it, or it ends in a hand
+        and is held by something. A thing that is driven as a whole, by its site, is none."""
         parts = [part for part in elements(body) if part.tag in _PARTS]
         if self._drives(parts):
             return any(part.tag == "joint" for part in parts)
@@ -77,7 +77,7 @@ def find_robots(root: Element, named: Sequence[str], defaults: Defaults) -> Robo
 
 
 def is_free(body: Element, defaults: Defaults) -> bool:
-    """Whether nothing holds a body."""
+    """True if nothing holds a body."""
     for child in through_frames(body):
         is_free = child.tag == "joint" and defaults.attribute(child, "type") == "free"
         if is_free or child.tag == "freejoint":
@@ -86,7 +86,7 @@ def is_free(body: Element, defaults: Defaults) -> bool:
 
 
 def has_joint(body: Element) -> bool:
-    """Whether a body has a joint of its own."""
+    """True if a body has a joint of its own."""
     return any(child.tag in _JOINTS for child in through_frames(body))
 
 
@@ -113,7 +113,7 @@ def _ends_in_hand(parts: Sequence[Element]) -> bool:
 
 
 def _is_hand(body: Element) -> bool:
-    """Whether a body is called a hand; `handle` is none."""
+    """True if a body is called a hand; `handle` is none."""
     words = re.findall(r"[A-Z]?[a-z]+|[A-Z]+", body.get("name") or "")
     return any(word.lower() in HANDS for word in words)
 

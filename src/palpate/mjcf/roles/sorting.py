@@ -183,17 +183,17 @@ def _named(body: Element, geom: Element, found: Roles, model: _Model) -> str:
 
 
 def _is_floor(geom: Element, found: Roles) -> bool:
-    """Whether it is the plane without a name that most models stand on, the first of them."""
+    """True if it is the plane without a name that most models stand on, the first of them."""
     return found.defaults.attribute(geom, "type") == "plane" and FLOOR not in found.bodies
 
 
 def _is_there(part: Brought, found: Roles) -> bool:
-    """Whether its elements are those of something else in the scene, too."""
+    """True if its elements are those of something else in the scene, too."""
     return part.is_own or any(part.overlaps(other) for other in found.brought)
 
 
 def _holds_robot(part: Brought, model: _Model) -> bool:
-    """Whether a robot begins in an attached part, or in what that attaches."""
+    """True if a robot begins in an attached part, or in what that attaches."""
     pending, seen = [(part, model)], list[Brought]()
     while pending:
         part, model = pending.pop()
@@ -209,7 +209,7 @@ def _holds_robot(part: Brought, model: _Model) -> bool:
 
 
 def _has_copies(body: Element, found: Roles, model: _Model) -> bool:
-    """Whether one element of a body makes several parts of the scene."""
+    """True if one element of a body makes several parts of the scene."""
     if body.find(".//replicate") is not None:
         return True
     brings = [(part, model) for part in _brings(body, model)]

@@ -25,7 +25,7 @@ def enough(parameter: Parameter, state: SymbolicState) -> int:
 
 
 def measured(parameter: Parameter, state: SymbolicState) -> bool:
-    """Whether what was recorded and converted so far yields `parameter`."""
+    """True if what was recorded and converted so far yields `parameter`."""
     if parameter in state.converted:
         return True
     quantity = state.scene.catalogue[parameter.quantity]

@@ -67,7 +67,7 @@ def _conversions(walk: Walk) -> Iterator[tuple[Action, Parameter]]:
 
 
 def _is_stray(parameter: Parameter, case: Case) -> bool:
-    """Whether the scene states it and nobody asked for it."""
+    """True if the scene states it and nobody asked for it."""
     if case.remeasure or parameter in case.plan.parameters:
         return False
     return case.is_known(parameter)

@@ -52,7 +52,7 @@ class Action:
 
     @property
     def records(self) -> bool:
-        """Whether it fills a buffer."""
+        """True if it fills a buffer."""
         return self.primitive.writes is not None and len(self.after.logged) > len(
             self.before.logged
         )
@@ -109,7 +109,7 @@ class Walk:
         return walk
 
     def doubts(self, path: str) -> bool:
-        """Whether a slide that a leaf is to feel has a finding: what it logs will be another thing."""
+        """True if a slide that a leaf is to feel has a finding: what it logs will be another thing."""
         return any(
             found.rule == "short-slide" and path.startswith(f"{found.path}.")
             for found in self.findings
@@ -214,7 +214,7 @@ class Walk:
         return {violation.rule for violation in found}
 
     def _follows(self, primitive: Primitive, violation: Violation) -> bool:
-        """Whether that may come of an earlier fault alone, and is told once that is mended."""
+        """True if that may come of an earlier fault alone, and is told once that is mended."""
         if violation.rule in OF_ITSELF:
             return False
         if self.unread or (self._lost and violation.rule in CONSEQUENCES):

@@ -154,7 +154,7 @@ def _mended_object(text: str) -> tuple[str, dict[str, Any]] | None:
 
 
 def _is_plan(value: object) -> bool:
-    """Whether it is an object with a tree, in any case."""
+    """True if it is an object with a tree, in any case."""
     if not isinstance(value, dict):
         return False
     fields = cast("dict[str, Any]", value)

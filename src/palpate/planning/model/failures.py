@@ -16,7 +16,7 @@ NOT_THE_API = "the reply is not in the form of this provider's API; check the ba
 
 
 def may_pass(error: ModelAPIError) -> bool:
-    """Whether the same request may succeed a little later."""
+    """True if the same request may succeed a little later."""
     from pydantic_ai import exceptions as e
 
     kinds = (

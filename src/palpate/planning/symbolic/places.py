@@ -87,7 +87,7 @@ def approach(scene: Scene, name: str) -> tuple[str, str]:
 
 
 def exists(scene: Scene, expression: str) -> bool:
-    """Whether the scene knows a pose of that expression."""
+    """True if the scene knows a pose of that expression."""
     try:
         scene.symbols.resolve(expression)
     except InputError:

@@ -197,7 +197,7 @@ class Backchainer:
         return self._reach(operators, yielding(parameter, operators, self.words, around))
 
     def _weighs(self, parameters: Iterable[Parameter]) -> bool:
-        """Whether a weight is to be felt where its torque is least, and nothing beside it."""
+        """True if a weight is to be felt where its torque is least, and nothing beside it."""
         return self.finds_out and {"mass", "com"} == {wanted.quantity for wanted in parameters}
 
     def _balances(self, parameter: Parameter) -> bool:
@@ -231,9 +231,9 @@ class Backchainer:
         return True
 
     def _add_extra(self, parameters: Iterable[Parameter], extras: Iterable[Primitive]) -> bool:
-        """Whether one of some operators, done here with what is held, yields something that is worth having besides; it
-        is done with the empty hand, too, where that came here: the joints' friction is then left alike on
-        the way down and up, with the object and without."""
+        """True if one of some operators, done here with what is held, yields something that is
+        worth having besides; it is done with the empty hand, too, where that came here: the joints'
+        friction is then left alike on the way down and up, with the object and without."""
         for operator, steps in self._yielding(self.state, parameters, extras):
             if self._take(steps):
                 self._add_before(parameters, operator)
@@ -272,15 +272,15 @@ class Backchainer:
         return self._grounded(self._around(name, []), extra=True)
 
     def _hangs_level(self, name: str) -> bool:
-        """Whether an object is held, as it is believed, where it balances: the less it turns in the fingers, the
-        longer it is held."""
+        """True if an object is held, as it is believed, where it balances: the less it turns in the
+        fingers, the longer it is held."""
         held = self.state.pose_tcp_object
         if self.state.holding != name or held is None:
             return False
         return abs(held.apply(solids(self.scene).centre_of_mass(name))[0]) < NEARER
 
     def _would_tell_more(self, parameter: Parameter) -> bool:
-        """Whether there is evidence of it that is worth having wherever it can be had."""
+        """True if there is evidence of it that is worth having wherever it can be had."""
         evidence = self.scene.catalogue[parameter.quantity].evidence
         return any(one.optional and not one.place for one in evidence)
 
@@ -304,7 +304,7 @@ class Backchainer:
         return f"; {' and '.join(names)} would need `groundings`" if names else ""
 
     def _as_before(self, name: str, parameters: Sequence[Parameter]) -> bool:
-        """Whether what was found for another object also measures these quantities of this one;
+        """True if what was found for another object also measures these quantities of this one;
         then it is done."""
         other, steps = self._found.get(self._kind(parameters), ("", []))
         if not steps:

@@ -52,12 +52,12 @@ class Step:
 
     @property
     def senses(self) -> bool:
-        """Whether nothing moves."""
+        """True if nothing moves."""
         return not self.moving
 
     @property
     def leads_to_sensing(self) -> bool:
-        """Whether sensing after it belongs to it: it senses itself, or touches what is sensed."""
+        """True if sensing after it belongs to it: it senses itself, or touches what is sensed."""
         return self.senses or self.touches or bool(self.sensing)
 
     @property
@@ -108,7 +108,7 @@ def _after(primitive: Primitive, state: SymbolicState) -> SymbolicState:
 def _would_take(
     primitive: Primitive, before: SymbolicState, after: SymbolicState, recorded: bool
 ) -> bool:
-    """Whether this planner takes an action: it is more careful than the check has to be, and does
+    """True if this planner takes an action: it is more careful than the check has to be, and does
     nothing that leads nowhere."""
     if before.pose_world_tcp is None:
         return after.at == HOME_CONFIG
@@ -130,7 +130,7 @@ def _would_take(
 
 
 def _straddles(state: SymbolicState) -> bool:
-    """Whether an object stands between the open fingers."""
+    """True if an object stands between the open fingers."""
     return not state.holding and straddled(state, state.pose_world_tcp) is not None
 
 
@@ -170,12 +170,12 @@ def _slides_well(before: SymbolicState, after: SymbolicState, recorded: bool) ->
 
 
 def is_away(state: SymbolicState, name: str) -> bool:
-    """Whether an object is not where the scene has it."""
+    """True if an object is not where the scene has it."""
     return name in state.not_restored()
 
 
 def is_clear(state: SymbolicState) -> bool:
-    """Whether the hand is open and empty, and stands free of everything."""
+    """True if the hand is open and empty, and stands free of everything."""
     idle = state.gripper == "open" and not state.holding and not state.contact
     return idle and not _straddles(state)
 

@@ -66,6 +66,6 @@ def of_error(error: BaseException, mode: str | None = None) -> str:
 
 
 def is_network(error: BaseException) -> bool:
-    """Whether the connection is lost; franky says so in several ways."""
+    """True if the connection is lost; franky says so in several ways."""
     text = str(error).lower()
     return "net exception" in text or "udp" in text or type(error).__name__ == "NetworkException"

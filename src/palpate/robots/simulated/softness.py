@@ -48,7 +48,7 @@ def _says(geom: mujoco.MjsGeom) -> bool:
 
 
 def _meet(one: mujoco.MjsGeom, other: mujoco.MjsGeom) -> bool:
-    """Whether MuJoCo lets them collide: a pair would, whatever their bits."""
+    """True if MuJoCo lets them collide: a pair would, whatever their bits."""
     return bool(one.contype & other.conaffinity or other.contype & one.conaffinity)
 
 

@@ -103,7 +103,7 @@ def _other_colour(view: Pixels) -> Mask:
 
 
 def _touches(rows: slice, columns: slice, shape: tuple[int, ...]) -> bool:
-    """Whether a piece reaches the edge of what is looked at: it may go on beyond."""
+    """True if a piece reaches the edge of what is looked at: it may go on beyond."""
     return not (
         rows.start > 0 and columns.start > 0 and rows.stop < shape[0] and columns.stop < shape[1]
     )

@@ -102,7 +102,7 @@ def export_twin(
 
 
 def _holds(chosen: Format, description: Description, parameter: Parameter) -> bool:
-    """Whether a format has a place for it. In MJCF, `<custom>` has one for everything."""
+    """True if a format has a place for it. In MJCF, `<custom>` has one for everything."""
     if chosen == "mjcf":
         return True
     if chosen == "urdf" and parameter.quantity == "friction":

@@ -85,7 +85,7 @@ def _facts(model: mujoco.MjModel, data: mujoco.MjData, body: int, colliding: boo
 
 
 def touches(model: mujoco.MjModel, geom: int) -> bool:
-    """Whether a geom collides with anything."""
+    """True if a geom collides with anything."""
     return bool(model.geom_contype[geom] or model.geom_conaffinity[geom])
 
 

@@ -75,7 +75,7 @@ def _name(prim: Any) -> str:
 
 
 def _is_guide(prim: Any) -> bool:
-    """Whether it is a site: there to be seen in editors alone."""
+    """True if it is a site: there to be seen in editors alone."""
     return str(_module("pxr.UsdGeom").Gprim(prim).GetPurposeAttr().Get()) == "guide"
 
 

@@ -67,8 +67,8 @@ class Motion:
 
     @property
     def agrees(self) -> bool:
-        """Whether the object weighs and hangs as predicted. What is left in the torques besides may be
-        the arm's own."""
+        """True if the object weighs and hangs as predicted. What is left in the torques besides may
+        be the arm's own."""
         return all(test.passed for test in self.tests if test.name in JUDGED)
 
     @property
@@ -86,5 +86,5 @@ class HeldOut:
 
     @property
     def agrees(self) -> bool:
-        """Whether all were as predicted."""
+        """True if all were as predicted."""
         return all(motion.agrees for motion in self.motions)

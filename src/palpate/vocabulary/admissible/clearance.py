@@ -80,7 +80,7 @@ class Motion:
 
     @property
     def vertical(self) -> bool:
-        """Whether it goes straight up or down."""
+        """True if it goes straight up or down."""
         return float(np.linalg.norm((self.end.position - self.start.position)[:2])) < STEEP
 
     def hits(self, ignoring: Collection[str] = (), margin: float = 0.0) -> list[str]:

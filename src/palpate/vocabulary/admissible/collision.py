@@ -145,7 +145,7 @@ def _passing(before: SymbolicState, after: SymbolicState) -> Passing:
 
 
 def _goes_back(before: SymbolicState, after: SymbolicState) -> bool:
-    """Whether a straight way leads from a touch straight up, no higher than where the probe began."""
+    """True if a straight way leads from a touch straight up, no higher than where the probe began."""
     touch, end = before.pose_world_tcp, after.pose_world_tcp
     if before.contact is None or after.is_bent or touch is None or end is None:
         return False

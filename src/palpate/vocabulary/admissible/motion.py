@@ -105,7 +105,7 @@ def unknown_start() -> Violation:
 
 
 def _same_place(before: SymbolicState, after: SymbolicState) -> bool:
-    """Whether nothing moves."""
+    """True if nothing moves."""
     start, end = before.pose_world_tcp, after.pose_world_tcp
     if start is None or end is None:
         return start is end
@@ -137,7 +137,7 @@ def _sideways(passage: Passage, strict: bool) -> Iterator[Violation]:
 
 
 def _goes_across(motion: Motion) -> bool:
-    """Whether a straight way leads from one finger towards the other. Along what was between them
+    """True if a straight way leads from one finger towards the other. Along what was between them
     they may leave, as the paper's hammer is left on the way to its next grasp: they were on either
     side of it already."""
     closing = motion.start.rotation[:, 1]

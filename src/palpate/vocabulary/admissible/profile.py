@@ -112,7 +112,7 @@ def between(start: Pose, end: Pose, share: float) -> Pose:
 
 
 def leaves(start: Pose, end: Pose) -> bool:
-    """Whether a way goes straight up: what is near its start it leaves, and goes where the hand
+    """True if a way goes straight up: what is near its start it leaves, and goes where the hand
     came from."""
     way = end.position - start.position
     return float(np.linalg.norm(way[:2])) < STEEP and float(way[2]) > 0.0

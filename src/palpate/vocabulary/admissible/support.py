@@ -33,7 +33,7 @@ MIN_SLIDE = 0.03
 
 
 def clear_of_support(state: SymbolicState, name: str, pose_world_object: Pose) -> bool:
-    """Whether object `name` at that pose hangs free of whatever is below it."""
+    """True if object `name` at that pose hangs free of whatever is below it."""
     return footing(state, name, pose_world_object).gap > LIFTED
 
 
@@ -84,7 +84,7 @@ def riders(state: SymbolicState, name: str) -> list[str]:
 
 
 def _is_as_found(state: SymbolicState, name: str, pose: Pose) -> bool:
-    """Whether an object stands where the scene has it, on what carried it there."""
+    """True if an object stands where the scene has it, on what carried it there."""
     found = state.scene.body(name).pose_world
     if pose.distance_to(found) > AS_FOUND or pose.angle_to(found) > UPRIGHT:
         return False
@@ -109,13 +109,13 @@ def _unsupported(there: Footing) -> str:
 
 
 def _lies_inside(there: Footing) -> bool:
-    """Whether all that is seen of it from above is over what carries it."""
+    """True if all that is seen of it from above is over what carries it."""
     tops = [top.outline for top in there.carriers]
     return all(max(depth(top, corner) for top in tops) >= EDGE for corner in there.outline)
 
 
 def _is_balanced(state: SymbolicState, name: str, pose: Pose, there: Footing) -> bool:
-    """Whether its centre of mass is over its support polygon; of an unknown one nobody can say."""
+    """True if its centre of mass is over its support polygon; of an unknown one nobody can say."""
     centre = _centre_of_mass(state, name, pose)
     if centre is None:
         return False
@@ -150,7 +150,7 @@ def _unstable_carrier(state: SymbolicState, name: str, pose: Pose, there: Footin
 
 
 def slides(before: SymbolicState, after: SymbolicState) -> bool:
-    """Whether a motion from one state to the other drags the held object along its support."""
+    """True if a motion from one state to the other drags the held object along its support."""
     stands = before.holding is not None and not before.lifted and not after.lifted
     return stands and _travel(before, after) > LIFTED and _descent(before, after) <= SUNK
 

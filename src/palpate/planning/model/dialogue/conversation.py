@@ -165,7 +165,7 @@ class Conversation:
         }
 
     def _heeded(self) -> bool:
-        """Whether the plan changed after an objection."""
+        """True if the plan changed after an objection."""
         objected = False
         for one in self.rounds:
             if objected and one.changed:

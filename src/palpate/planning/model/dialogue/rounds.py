@@ -126,7 +126,7 @@ def differences(before: Plan, after: Plan) -> tuple[str, ...]:
 
 
 def _is_change(line: str) -> bool:
-    """Whether a line of a unified diff is one that came or went."""
+    """True if a line of a unified diff is one that came or went."""
     return line[:1] in ("-", "+") and line not in ("--- ", "+++ ")
 
 

@@ -74,7 +74,7 @@ class Drive:
 
     @property
     def begun(self) -> bool:
-        """Whether a control loop was started, and has not been seen to end."""
+        """True if a control loop was started, and has not been seen to end."""
         return self._begun
 
     @property
@@ -89,7 +89,7 @@ class Drive:
 
     @property
     def moving(self) -> bool:
-        """Whether the course has not come to its end yet."""
+        """True if the course has not come to its end yet."""
         course = self._course
         return course is not None and course.row(self._clock) < course.last
 

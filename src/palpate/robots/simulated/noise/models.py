@@ -80,7 +80,7 @@ class NoiseModels:
 
 
 def means_file(name_or_path: str) -> bool:
-    """Whether a file is meant, be it there or not: what has a folder or an ending is no name."""
+    """True if a file is meant, be it there or not: what has a folder or an ending is no name."""
     path = Path(name_or_path)
     return path.suffix in (".yaml", ".yml") or len(path.parts) > 1
 

@@ -38,7 +38,7 @@ class Drawn:
 
     @property
     def any(self) -> bool:
-        """Whether it is ever anything but zero."""
+        """True if it is ever anything but zero."""
         return bool(np.any(self.size if self.fixed is None else self.fixed))
 
     def draw(self, random: np.random.Generator) -> Array:
