@@ -1,4 +1,4 @@
-"""What a workplace offers: a robot, a view of the table, and, where it is simulated, the truth."""
+"""Cell: a robot, a view of the table, and in simulation the truth."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class Cell(Protocol):
 
     @property
     def description(self) -> str:
-        """Where the run happens, in words, for the report."""
+        """Place of the run, in words, for the report."""
         ...
 
     @property
@@ -45,17 +45,17 @@ class Cell(Protocol):
         ...
 
     def footage(self) -> Footage | None:
-        """What the cell's camera saw since the robot was last asked for, or None."""
+        """Footage of the cell's camera since the robot was last requested, or None."""
         ...
 
     def truth(self, parameter: Parameter) -> tuple[float, ...] | None:
-        """What is so, in the quantity's unit; None where nobody knows, as with real things."""
+        """True value in the quantity's unit; None if unknown, as with real objects."""
         ...
 
 
 @runtime_checkable
 class Close(Protocol):
-    """What a cell may do beside: show a model the things from nearer."""
+    """Optional ability of a cell: show a model closer views."""
 
     def closer(self) -> bytes | None:
         """The things from nearer, as PNG, with the names that the scene has for them, axes and a

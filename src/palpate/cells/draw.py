@@ -1,4 +1,4 @@
-"""What is true in a simulated world made from the scene alone: its unknowns, drawn from priors."""
+"""Truth of a simulated world made from the scene alone: its unknowns, drawn from priors."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How the cells of one kind of real robot are made."""
+"""Drivers: factories of cells of real robots."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ if TYPE_CHECKING:
     from palpate.scene.scene import Scene
 
 Finding = tuple[bool, str, str]
-"""Whether a thing is well, what it is, and what is so, or what to do about it."""
+"""Line of an examination: passed or not, subject, and finding or remedy."""
 
 
 @dataclass(frozen=True, slots=True)
 class Driver:
-    """How the cells of one kind of robot are made: public in a module that an entry point of the
+    """Factory of the cells of one kind of real robot: public in a module that an entry point of the
     group `palpate.cells` names.
 
     Attributes:

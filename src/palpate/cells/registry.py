@@ -1,4 +1,4 @@
-"""Which real robots can be reached: a URL's scheme names the driver that makes its cell."""
+"""Registry of real robots: a URL's scheme names the driver that makes its cell."""
 
 from __future__ import annotations
 

@@ -126,7 +126,7 @@ class SimulatedCell:
         return Footage(world.model, tuple(world.frames), self._spec)
 
     def truth(self, parameter: Parameter) -> tuple[float, ...] | None:
-        """What is true in the world, or None where it is not defined. Ask after estimating."""
+        """True value in the world, or None where it is not defined. Ask after estimating."""
         if parameter in self.drawn:
             return self.drawn[parameter]
         body = self.world.bodies.get(self.names.get(parameter.object, parameter.object))
@@ -198,8 +198,9 @@ def _match(scene: Scene, world: Scene, tolerance: float) -> None:
 
 
 def _names_by_place(scene: Scene, world: Scene) -> dict[str, str]:
-    """What the world calls that which the scene has: objects by where they stand, each once and the
-    nearest first, surfaces by what is below the middle of the scene's. "" for what is not there."""
+    """Names in the world of the scene's bodies: objects by their places, each once and the nearest
+    first, surfaces by what is below the middle of the scene's. "" for bodies that the world does
+    not have."""
     pairs = [
         (_apart(mine, theirs), mine.name, theirs.name)
         for mine in scene.objects.values()

@@ -158,8 +158,8 @@ def _solve(
 def _seeds(
     arm: RobotDescription, pose_base_tcp: Pose, seed: tuple[float, ...] | None
 ) -> Iterator[Array]:
-    """Where the search starts: home turned towards the target, the hand turned as the pose wants
-    it, then the other postures."""
+    """Start configurations of the search: home turned towards the target with the hand as the pose
+    requires, then the other postures."""
     if seed is not None:
         yield np.array(seed)
     first, last = np.eye(7)[0], np.eye(7)[6]

@@ -55,7 +55,7 @@ def compiled(mjcf: Path) -> mujoco.MjModel:
 
 
 def tool_pose(model: mujoco.MjModel, data: mujoco.MjData, hand: ParallelHand) -> Pose:
-    """Where the TCP is: position of its site or in the hand's body, orientation of that body."""
+    """Pose of the TCP: position of its site or in the hand's body, orientation of that body."""
     body = data.body(hand.body)
     if isinstance(hand.tcp, str):
         return Pose(data.site(hand.tcp).xpos.copy(), body.xquat.copy())
@@ -79,7 +79,7 @@ def chain(model: mujoco.MjModel, sheet: Sheet) -> Chain:
 
 
 def _links(model: mujoco.MjModel, data: mujoco.MjData, hinges: Sequence[int]) -> Iterator[Link]:
-    """What the hinges move, where it is now."""
+    """Links that the joints move, in the home configuration."""
     mujoco.mj_comPos(model, data)
     for body in range(1, model.nbody):
         moved_by = [i for i, hinge in enumerate(hinges) if _carries(model, hinge, body)]
@@ -248,7 +248,7 @@ def _explicit_inertia(spec: mujoco.MjSpec, mjcf: Path) -> None:
 
 
 def _pad(finger: mujoco.MjsBody, centre: Array, half: Array) -> None:
-    """One box to grasp with in the place of a finger's own shapes: several creep."""
+    """Single box as the contact shape of a finger: several boxes creep."""
     for geom in finger.geoms:
         geom.contype = geom.conaffinity = 0
     pad = finger.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, pos=centre, size=half, group=3, mass=0.0)

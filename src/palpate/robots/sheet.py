@@ -45,7 +45,7 @@ SPARE = 0.005
 """m that bounds of the hand leave for what only comes near."""
 
 Seven = Annotated[Array, PlainValidator(_numbers(7))]
-"""One number a joint."""
+"""Seven numbers, one per joint."""
 Vector = Annotated[Array, PlainValidator(_numbers(3))]
 Pair = Annotated[Array, PlainValidator(_numbers(2))]
 Size = Annotated[float, Field(gt=0, allow_inf_nan=False)]
@@ -61,7 +61,7 @@ class Workspace(Section):
 
 
 class Reach(Section):
-    """Where the arm works well with the tool down: a quick estimate, m.
+    """Workspace with the tool down: a quick estimate, m.
 
     Attributes:
         nearest, farthest, preferred: horizontal distances of the TCP from the base.
@@ -138,7 +138,7 @@ class ParallelHand(Section):
 
 
 class Safety(Section):
-    """What the safety predicate allows; see `palpate.robots.description.Limits`."""
+    """Limits of the safety predicate; see `palpate.robots.description.Limits`."""
 
     force: Size
     torque: Size
@@ -174,7 +174,7 @@ class Stiffness(Section):
 
 
 class Hardware(Section):
-    """What a real arm has else than a simulated one.
+    """Differences of the real arm from the simulated one.
 
     Attributes:
         stiffness: of springs that a control loop at 1 kHz keeps stable, and that give way to a person.
@@ -187,7 +187,7 @@ class Hardware(Section):
 
 
 class Cautious(Section):
-    """What a cautious arm does less of; see `Pace`."""
+    """Reductions of a cautious arm; see `Pace`."""
 
     speed: Size
     turning_speed: Size
@@ -221,7 +221,7 @@ class Pace(Section):
 
 
 class Accuracy(Section):
-    """What the maker states, and how well the pads' end is known.
+    """Accuracy as the maker states it, and that of the pads' end.
 
     Attributes:
         force_resolution: N.
@@ -241,8 +241,7 @@ class Accuracy(Section):
 
 
 class Sensors(Section):
-    """How the joint torque signals of such an arm deviate, and how far its links do from the
-    nominal ones.
+    """Deviations of the joint torque signals and of the links from the nominal ones.
 
     Attributes:
         torque_noise: (7,) N m, standard deviation of a 1 kHz sample.
@@ -305,7 +304,7 @@ INHERITED = (
     "postures",
     "hardware",
 )
-"""What a description that says `like: NAME` need not say again."""
+"""Keys that a description with `like: NAME` inherits."""
 
 
 def read_sheet(folder: Path, known: Mapping[str, Path]) -> Sheet:
@@ -323,7 +322,7 @@ def read_sheet(folder: Path, known: Mapping[str, Path]) -> Sheet:
 
 
 def _content(path: Path, known: Mapping[str, Path]) -> Any:
-    """What the file says, completed by what the arm that it is like says."""
+    """Content of the file, completed by that of the arm that it is like."""
     content: Any = _yaml(path)
     if not isinstance(content, dict):
         return None

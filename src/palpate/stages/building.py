@@ -85,7 +85,7 @@ def _compared(plan: Plan, trace: Trace) -> Plan:
 
 
 def _replay(scene: Scene, plan: Plan, world: MjSpec) -> Trace:
-    """What a perfect robot feels when the plan is executed in `world`.
+    """Recording of a perfect robot that executes the plan in `world`.
 
     Raises:
         Interrupted: a signal came meanwhile.

@@ -96,7 +96,7 @@ def perform(
 
 
 def _let_go(robot: Robot) -> None:
-    """What was measured outlives a robot that cannot be closed."""
+    """Close the robot; measurements are kept even where that fails."""
     try:
         robot.close()
     except Exception as error:

@@ -29,7 +29,7 @@ def rehearse(made: Run, audience: Audience = SILENT) -> Run:
 
 
 def _wanted(made: Run) -> bool:
-    """As the settings say, else before a real robot moves."""
+    """True if a rehearsal is wanted: as the settings say, else before a real robot moves."""
     wanted = made.settings.rehearse
     if wanted is None:
         return made.settings.robot is not None

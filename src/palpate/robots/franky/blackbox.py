@@ -1,4 +1,4 @@
-"""What every cycle said before a fault, kept for whoever wants to know how it came."""
+"""Log of every cycle before a fault, for a later analysis."""
 
 from __future__ import annotations
 

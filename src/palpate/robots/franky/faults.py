@@ -1,4 +1,4 @@
-"""What franky raises, and the modes of a control box, in words that say what to do."""
+"""Messages for franky's exceptions and the control box's modes, with remedies."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def errors_of(state: Any) -> list[str]:
 
 
 def of_mode(state: Any) -> str | None:
-    """Why an arm in this mode does not move; None where it does."""
+    """Reason why an arm in this mode does not move; None where it does."""
     mode = mode_of(state)
     if mode in READY:
         return None
@@ -47,7 +47,7 @@ def of_mode(state: Any) -> str | None:
 
 
 def of_error(error: BaseException, mode: str | None = None) -> str:
-    """What went wrong with a motion."""
+    """Message for an exception of a motion."""
     text = " ".join(str(error).split())
     kind = type(error).__name__
     lowered = text.lower()

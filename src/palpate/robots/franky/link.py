@@ -1,4 +1,4 @@
-"""What is heard of the arm, cycle by cycle: its time, its samples, and why it does not go on."""
+"""Received states of the arm, cycle by cycle: time, samples, and the reason for an end."""
 
 from __future__ import annotations
 
@@ -160,7 +160,7 @@ class Link:
         return max(self._readout.stamp, self._drive.last)
 
     def _take(self) -> None:
-        """What the cycles since the last advance said."""
+        """Process the cycles since the last advance."""
         self._follow_width()
         rows = self._drive.take()
         if rows:

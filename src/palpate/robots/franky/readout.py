@@ -1,4 +1,4 @@
-"""What the arm's sensors say: franky's states at 1 kHz to logged samples."""
+"""Conversion of franky's states at 1 kHz into logged samples."""
 
 from __future__ import annotations
 

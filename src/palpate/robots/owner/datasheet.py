@@ -1,4 +1,4 @@
-"""What the owner of an arm is told of its accuracy: all that estimation may rely on.
+"""Datasheet: the stated accuracy of an arm, all that estimators may rely on.
 
 An arm's description states it. A noise model's `datasheet` section states it of the arm in its
 world, whatever that world is like.

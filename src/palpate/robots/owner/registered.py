@@ -41,15 +41,15 @@ def own_arm(
 
 @cache
 def _real(arm: RobotDescription) -> RobotDescription:
-    """One and the same for an arm, as what is computed of it is kept."""
+    """Real arm, cached, so that what is computed of it is kept."""
     return arm.real()
 
 
 def require_same(
     config: RobotConfig | None, simulated: tuple[str, int] | None, where: str = "the robot_config="
 ) -> None:
-    """That what is said in a robot.yaml was measured of the arm that is to move: the embedded one's
-    noise model and seed, None for a real one.
+    """Require that a robot.yaml was measured on the arm that is to move: the embedded one's noise
+    model and seed, None for a real one.
 
     Raises:
         InputError: it was another one; `where` names the file.

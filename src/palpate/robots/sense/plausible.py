@@ -1,5 +1,5 @@
-"""What no arm of this description can do: each rule sees one state, or one sample and the one
-before."""
+"""Plausibility rules by the arm's description: each sees one state, or a sample and its
+predecessor."""
 
 from __future__ import annotations
 

@@ -53,7 +53,7 @@ def _meet(one: mujoco.MjsGeom, other: mujoco.MjsGeom) -> bool:
 
 
 def _pair(world: mujoco.MjSpec, pad: mujoco.MjsGeom, geom: mujoco.MjsGeom) -> None:
-    """What MuJoCo would make of the two, but for the softness."""
+    """MuJoCo's contact parameters of the pair, without the softness."""
     slide, turn, roll = np.asarray(pad.friction, dtype=float)
     pair = world.add_pair(
         world.find_default(PREFIX + "main"), geomname1=pad.name, geomname2=geom.name

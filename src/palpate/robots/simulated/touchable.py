@@ -1,4 +1,4 @@
-"""What the robot can touch: all of the scene that can touch anything.
+"""Contact geometry of the scene for the robot.
 
 MuJoCo lets two shapes collide where a bit of one's `contype` is in the other's `conaffinity`. Which
 bits a scene uses is its own affair; a hand would pass through what has none of the robot's.

@@ -34,7 +34,7 @@ CLIPS = (np.full(3, 0.1), np.full(3, 0.5))
 
 
 class Row(NamedTuple):
-    """One cycle: franky's state, and where the equilibrium was."""
+    """Cycle: franky's state, and the equilibrium."""
 
     state: Any
     target: Array
@@ -79,7 +79,7 @@ class Drive:
 
     @property
     def course(self) -> Course | None:
-        """What is followed; None before the first one, and after the arm stopped itself."""
+        """Course being followed; None before the first one, and after the arm stopped itself."""
         return self._course
 
     @property

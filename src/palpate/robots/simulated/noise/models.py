@@ -48,7 +48,7 @@ class NoiseModels:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """What `--noise` takes besides a file."""
+        """Names that `--noise` takes beside files."""
         return (*OWN, *self.brought)
 
     def load(self, name_or_path: str, arm: RobotDescription | None = None) -> NoiseModel:
@@ -71,7 +71,7 @@ class NoiseModels:
         self.load(name_or_path)
 
     def title(self, name_or_path: str) -> str:
-        """What report and result call a model: its own name, or that of its file where this is
+        """Title of a model in report and result: its own name, or that of its file where this is
         gone."""
         try:
             return self.load(name_or_path).name
@@ -93,7 +93,7 @@ def _validated(content: Content, where: str) -> NoiseModel:
 
 
 def _own(name: str, arm: RobotDescription) -> Content:
-    """What palpate's own file says of an FR3, in proportion to what the arm's description states."""
+    """palpate's own noise model of an FR3, scaled by what the arm's description states."""
     path = Path(__file__).with_name(f"{name}.yaml")
     content = _merged({}, _read(path, path.stat().st_mtime_ns))
     below = content.pop("extends", None)
@@ -103,7 +103,7 @@ def _own(name: str, arm: RobotDescription) -> Content:
 
 
 def _file(path: Path, arm: RobotDescription, chain: tuple[Path, ...] = ()) -> Content:
-    """What a file says, completed by the model that it extends."""
+    """Content of a file, completed by the model that it extends."""
     if path.resolve() in chain or len(chain) >= MOST_BASES:
         raise InputError(f"{path}: extends itself, or more than {MOST_BASES} others one by one")
     content = _merged({"name": path.stem}, _content(path))

@@ -1,4 +1,4 @@
-"""What an arm did in a run of log periods, as its sensors live through it."""
+"""Motion of an arm in a run of log periods, as input of its sensors."""
 
 from __future__ import annotations
 

@@ -1,5 +1,4 @@
-"""What every rest of the arm leaves anew: a torque that sticks in the joints, and where the TCP
-really came to stand."""
+"""Effects of each rest: a residual stiction torque in the joints, and the pose error of the TCP."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What stands behind the keys of a noise model: levels, and sizes that values are drawn from.
+"""Values of a noise model's keys: levels, and sizes of random draws.
 
 A scalar stands for all seven joints, or for all axes. A drawn size may be written
 `{fixed: value}`: then it is that very value for every seed.
@@ -42,7 +42,7 @@ class Drawn:
         return bool(np.any(self.size if self.fixed is None else self.fixed))
 
     def draw(self, random: np.random.Generator) -> Array:
-        """One value, in the shape of its size."""
+        """Draw a value in the shape of its size."""
         if self.fixed is not None:
             return self.fixed.copy()
         if self.law == "uniform":
@@ -55,7 +55,7 @@ class Drawn:
         return self.size * drawn
 
     def number(self, random: np.random.Generator) -> float:
-        """One value that is a single number."""
+        """Draw a single number."""
         return float(self.draw(random)[()])
 
 
@@ -64,8 +64,8 @@ LAST_BYTE = 255
 
 
 class Streams:
-    """One stream of random numbers for each key of a noise model, by its name (`torque.white`): a
-    change of one reshuffles no other."""
+    """Random streams, one per key of a noise model (`torque.white`): a change of one reshuffles no
+    other."""
 
     def __init__(self, seed: int, visit: int = 0) -> None:
         """`seed` is the robot; `visit` is one of the runs that it makes."""
@@ -157,7 +157,7 @@ def _drawn(shape: Shape, law: Law) -> Callable[[Any], Drawn]:
 
 
 def nothing(shape: Shape = (), law: Law = "normal") -> Drawn:
-    """What is always zero."""
+    """Size zero: nothing is drawn."""
     return Drawn(law, np.zeros(shape))
 
 
@@ -167,7 +167,7 @@ NONE = np.zeros(JOINTS)
 """A level of no joint."""
 
 Levels = Annotated[np.ndarray, PlainValidator(_sizes(Seven))]
-"""One level a joint."""
+"""Levels, one per joint."""
 Ranges = Annotated[np.ndarray, PlainValidator(_sizes(Seven, infinite=True))]
 
 Number = Annotated[Drawn, PlainValidator(_drawn((), "normal"))]
