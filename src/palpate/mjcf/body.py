@@ -36,7 +36,7 @@ class BodyDescription:
 
     @property
     def name(self) -> str:
-        """As in the MJCF."""
+        """Name in the MJCF."""
         return self.elements.name
 
     @property
@@ -46,7 +46,7 @@ class BodyDescription:
 
     @property
     def defaults(self) -> Defaults:
-        """What its elements inherit."""
+        """Defaults that its elements inherit."""
         return self.elements.defaults
 
     @property

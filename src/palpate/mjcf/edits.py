@@ -95,7 +95,7 @@ class Slot:
 
 
 def unknown_only(element: Element, attribute: str, texts: Mapping[int, str]) -> dict[int, str]:
-    """Those of `texts` whose number is `?`; all of them when none is (a value measured again)."""
+    """Entries of `texts` whose number is `?`; all of them when none is (a value measured again)."""
     parts = tokens(element.get(attribute))
     unknown = {i: text for i, text in texts.items() if i < len(parts) and parts[i] == UNKNOWN}
     return unknown or dict(texts)

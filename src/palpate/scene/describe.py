@@ -134,8 +134,7 @@ def _refuse_other_unknowns(document: Document, roles: Roles, slots: Iterable[Slo
 
 
 def _no_object(element: Element, roles: Roles) -> str:
-    """Why what an element belongs to is no object, with what makes it one; empty where that is not
-    why."""
+    """Reason why the body of an element is no object; empty where that is not the reason."""
     for body in (element, *element.iterancestors("body")):
         called = body.get("name") or "its body"
         if body in roles.ignored:
@@ -151,7 +150,7 @@ def _no_object(element: Element, roles: Roles) -> str:
 
 
 def _all_elements(document: Document, roles: Roles) -> Iterator[Element]:
-    """Those of the scene, and of the models that it attaches for others than robots."""
+    """All elements of the scene, and of the attached models that are no robots."""
     yield from elements(document.root)
     models = {part.model.root: part.model.root for part in roles.brought}
     for root in models:
@@ -210,8 +209,8 @@ def _require_in_world(body: Elements) -> None:
 
 
 def _no_surface(body: BodyDescription) -> str:
-    """Why it is none: a surface has a level top that is wide enough or carries an object, and is
-    not just what the arm is mounted on. Nothing where it is one."""
+    """Reason why a body is no surface: a surface has a level top that is wide enough or carries an
+    object, and is not just the mount of the arm. Empty if it is one."""
     if body.top_is_open:
         return ""
     if not _is_level(body.shapes, body.carrier):

@@ -157,7 +157,7 @@ def _resting_on(surface: Body, bodies: Iterable[Body]) -> Iterator[str]:
 
 
 def _confirm(resolved: ResolvedScene) -> None:
-    """What is believed must show in the compiled geometry."""
+    """Require that the believed values show in the compiled geometry."""
     for parameter, prior in resolved.priors.items():
         body = resolved.description.bodies[parameter.object]
         quantity = resolved.catalogue[parameter.quantity]

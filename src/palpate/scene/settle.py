@@ -74,7 +74,7 @@ def _hangs(body: BodyDescription) -> bool:
 
 
 def _gaps(body: BodyDescription) -> Iterator[float]:
-    """How far its bottom is above each thing that reaches under its middle, m."""
+    """Gaps between its bottom and each body that reaches under its middle, m."""
     for surface in body.surfaces_below():
         yield body.bottom_z - surface.top_z
     foot = body.footing()

@@ -248,7 +248,7 @@ def withstands(state: SymbolicState, name: str, z: float) -> float:
 
 
 class _Contact:
-    """What is felt of a contact along the direction of a probe; to be asked once a tick."""
+    """Contact detection along the direction of a probe; to be asked once a tick."""
 
     def __init__(self, robot: Robot, direction: Array) -> None:
         self._robot, self._direction = robot, direction

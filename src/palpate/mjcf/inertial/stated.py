@@ -1,4 +1,4 @@
-"""What a file states of an object's mass, centre of mass and inertia, and what MuJoCo makes of it."""
+"""Stated mass, centre of mass and inertia of an object, and MuJoCo's inference from them."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def mass_of(body: BodyDescription) -> float:
 
 
 def mass_beside(body: BodyDescription) -> float:
-    """What the object weighs besides that part of its mass that is open, kg."""
+    """Mass of the object without the unknown part, kg."""
     inertial = body.elements.inertial
     if inertial is not None:
         model = body.shapes.model

@@ -25,12 +25,12 @@ from palpate.mjcf.inertial.stated import (
 )
 
 ORIENTATIONS = frozenset({"quat", "axisangle", "xyaxes", "zaxis", "euler"})
-"""What gives an `<inertial>` axes of its own, in which `diaginertia` is."""
+"""Attributes that give an `<inertial>` its own axes, to which `diaginertia` refers."""
 
 
 @dataclass(frozen=True, slots=True)
 class Statement:
-    """What is to be stated of an object's inertia; several of them make one `<inertial>`.
+    """Statement about an object's inertia; several of them make one `<inertial>`.
 
     Attributes:
         mass: kg.

@@ -1,5 +1,4 @@
-"""Which bodies of a document a robot begins with: those that actuators drive, and those that end in
-a hand.
+"""Root bodies of a document's robots: those that actuators drive, and those that end in a hand.
 
 Joints alone make no robot: cabinets and ovens have many.
 """
@@ -27,7 +26,7 @@ _JOINTS = ("joint", "freejoint")
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Robots:
-    """What tells a robot from furniture.
+    """Evidence that distinguishes robots from furniture.
 
     Attributes:
         named: bodies that somebody said robots begin with; these alone are robots then.
@@ -49,7 +48,7 @@ class Robots:
         return any(self._is_robot(child) for child in moving)
 
     def within(self, prefix: str, root: Element) -> Robots:
-        """Those of an attached model, `root`, whose names have a prefix in the scene."""
+        """Robots of an attached model, `root`, whose names have a prefix in the scene."""
         named = [name.removeprefix(prefix) for name in self.named if name.startswith(prefix)]
         if self.named and not named:
             named = [NOBODY]
@@ -72,7 +71,7 @@ _PARTS = ("joint", "site", "body")
 
 
 def find_robots(root: Element, named: Sequence[str], defaults: Defaults) -> Robots:
-    """What tells the robots of a document; `named` as in `Robots`."""
+    """Find the evidence for robots in a document; `named` as in `Robots`."""
     return Robots(tuple(named), _driven(root), defaults)
 
 
@@ -100,8 +99,8 @@ def through_frames(body: Element) -> Iterator[Element]:
 
 
 def copy_mark(element: Element) -> str:
-    """What MuJoCo puts behind the names of the first of the copies that `<replicate>` makes of an
-    element; the marks of outer ones come last."""
+    """Suffix of MuJoCo for names in the first copy that `<replicate>` makes of an element; suffixes
+    of outer ones come last."""
     mark = ""
     for replicate in element.iterancestors("replicate"):
         mark += (replicate.get("sep") or "") + "0" * len((replicate.get("count") or "").strip())

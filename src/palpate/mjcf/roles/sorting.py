@@ -21,7 +21,7 @@ from palpate.mjcf.roles.robots import (
 from palpate.mjcf.roles.roles import Roles, compiled_name
 
 FLOOR = "floor"
-"""What a plane without a name is called."""
+"""Name of a plane without a name."""
 
 
 def find_roles(document: Document) -> Roles:
@@ -54,7 +54,7 @@ class _Model:
     through: tuple[Element, ...] = ()
 
     def bringing(self, attach: Element) -> Brought | None:
-        """What an `<attach>` of it brings."""
+        """Content of an `<attach>`."""
         return brought(attach, self.document, self.through)
 
     def inside(self, part: Brought) -> _Model:
@@ -63,7 +63,7 @@ class _Model:
         return _Model(part.model, robots, part.through)
 
     def name(self, element: Element, own: str) -> str:
-        """What an element is called in compiled models."""
+        """Compiled name of an element."""
         return compiled_name(element, own, self.through)
 
 
@@ -80,7 +80,7 @@ def _walk(parent: Element, found: Roles, model: _Model, world: bool) -> None:
 
 
 def _sort_attached(attach: Element, found: Roles, model: _Model, world: bool) -> None:
-    """What an attached model brings is a robot, or is sorted as if it stood here."""
+    """Sort an attached model: as a robot, or like the scene's own bodies."""
     part = model.bringing(attach)
     if part is None:
         return
@@ -225,7 +225,7 @@ def _has_copies(body: Element, found: Roles, model: _Model) -> bool:
 
 
 def _brings(element: Element, model: _Model) -> Iterator[Brought]:
-    """What is attached below an element."""
+    """Attached content below an element."""
     for attach in element.iter(ATTACH):
         part = model.bringing(attach)
         if part is not None:

@@ -1,4 +1,4 @@
-"""What the rules of whole plans look at: the plan, its nodes read once, and what is asked of it."""
+"""Subject of the rules of whole plans: the plan, its nodes read once, and the request."""
 
 from __future__ import annotations
 

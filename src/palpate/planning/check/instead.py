@@ -1,5 +1,5 @@
-"""What may be written instead of a motion that would run into something: the same a little higher, or
-by way of poses above it."""
+"""Alternatives to a motion that would collide: the same a little higher, or by way of poses above
+it."""
 
 from __future__ import annotations
 

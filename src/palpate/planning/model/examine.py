@@ -41,7 +41,7 @@ SIDE = 64
 
 
 def examine(planner: str, base_url: str | None, seconds: float) -> Iterator[Line]:
-    """What there is to say of `PROVIDER[:MODEL]`; each request may take `seconds`.
+    """Examine `PROVIDER[:MODEL]`; each request may take `seconds`.
 
     Raises:
         InputError: the address is none.
@@ -79,7 +79,7 @@ def _listed(provider: Provider, model: str, models: tuple[str, ...]) -> Line:
 
 
 def _pinged(endpoint: Endpoint, seconds: float) -> Iterator[Line]:
-    """Whether it answers a line, reads as much as a prompt is long, and sees what a picture shows."""
+    """Ask it for a line, a text as long as a prompt, and the content of a picture."""
 
     def asked(question: str, *pictures: Picture) -> tuple[str, Answer]:
         session = Session(endpoint, "", pictures, None, Budget(seconds=seconds))

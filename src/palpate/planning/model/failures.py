@@ -1,4 +1,4 @@
-"""What went wrong with a provider, in plain words, and whether it may pass."""
+"""Failures of a provider, in plain words, transient or not."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def may_pass(error: ModelAPIError) -> bool:
 
 
 def reason(error: ModelAPIError, endpoint: Endpoint) -> str:
-    """What went wrong and what to do about it, without the provider's own text where that may be
+    """Description of a failure with a remedy, without the provider's own text where that may be
     long."""
     from pydantic_ai import exceptions as e
 

@@ -1,4 +1,4 @@
-"""What things stand on in a picture."""
+"""Support planes in a picture."""
 
 from __future__ import annotations
 

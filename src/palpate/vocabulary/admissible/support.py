@@ -1,4 +1,4 @@
-"""What an object stands on: whether it hangs free, is dragged, or would fall or tip."""
+"""Support of an object: hanging free, dragged, falling or tipping."""
 
 from __future__ import annotations
 
@@ -38,8 +38,7 @@ def clear_of_support(state: SymbolicState, name: str, pose_world_object: Pose) -
 
 
 def stable(state: SymbolicState, name: str, pose_world_object: Pose) -> str | None:
-    """Why an object that is let go of at a pose (world) would not stay there, in words; None where
-    it does.
+    """Reason why an object released at a pose (world) would not stay there; None if it would.
 
     It stays where it stood before, on what carried it then. Elsewhere it must be upright, and its
     centre of mass over the support polygon with `TIPPING` to spare: a stated one, or the middle
@@ -124,8 +123,7 @@ def _is_balanced(state: SymbolicState, name: str, pose: Pose, there: Footing) ->
 
 
 def _centre_of_mass(state: SymbolicState, name: str, pose: Pose) -> tuple[Array, float] | None:
-    """Where it is, seen from above (2,), and m by which it may be elsewhere; None where it is
-    unknown."""
+    """Centre of mass seen from above (2,), and its uncertainty, m; None where it is unknown."""
     body = state.scene.body(name)
     if "com" in body.known:
         return pose.apply(body.known["com"])[:2], 0.0
@@ -137,7 +135,7 @@ def _centre_of_mass(state: SymbolicState, name: str, pose: Pose) -> tuple[Array,
 
 
 def _unstable_carrier(state: SymbolicState, name: str, pose: Pose, there: Footing) -> str | None:
-    """Why one of the objects that carry it would not stay with it on top; None where all do."""
+    """Reason why a carrier of the object would not stay with it on top; None if all would."""
     for owner in _owners(there):
         if owner not in state.scene.objects:
             continue
@@ -156,8 +154,8 @@ def slides(before: SymbolicState, after: SymbolicState) -> bool:
 
 
 def dragged_off(before: SymbolicState, after: SymbolicState) -> str | None:
-    """Why a held object that stands on its support would no longer stand at the end of a motion
-    that does not lift it, in words; None where it would, or is lifted."""
+    """Reason why a held object on its support would no longer stand at the end of a motion that
+    does not lift it; None if it would, or is lifted."""
     held = before.holding
     if held is None or before.lifted or _travel(before, after) <= LIFTED:
         return None
@@ -171,7 +169,7 @@ def dragged_off(before: SymbolicState, after: SymbolicState) -> str | None:
 
 
 def would_fall(state: SymbolicState) -> list[Violation]:
-    """What speaks against opening the fingers: that what they hold would not stay, or nothing."""
+    """Violation of opening the fingers: the held object would not stay."""
     if not state.holding:
         return []
     if not state.lifted:
@@ -203,8 +201,7 @@ def above(state: SymbolicState, expression: str | None) -> str:
 
 
 def would_be_dragged(state: SymbolicState) -> list[Violation]:
-    """What speaks against a joint motion, which is no straight line: a held object on its support,
-    or nothing."""
+    """Violation of a joint motion, which is no straight line, with a held object on its support."""
     if not state.holding or state.lifted:
         return []
     return [

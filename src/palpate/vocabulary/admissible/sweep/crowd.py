@@ -1,4 +1,4 @@
-"""What moves with the hand, what bends with the arm, and what stands beside their way."""
+"""Collision geometry of a sweep: moving with the hand, moving with the arm's links, and static."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def opening(state: SymbolicState) -> float:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Crowd:
-    """What moves with the hand, what bends with the arm, and what stands."""
+    """Collision geometry: moving with the hand, moving with the arm's links, and static."""
 
     solids: Solids
     carried: tuple[tuple[Part, Shape], ...]
@@ -137,7 +137,7 @@ class _Crowd:
 def _standing(
     shapes: Solids, state: SymbolicState, higher: Mapping[str, float]
 ) -> tuple[tuple[Part, ...], Frames]:
-    """What is not held, and where it is."""
+    """Static geometry with its poses."""
     standing = [Part(shape.geom, "", shapes.owners[shape.geom]) for shape in shapes.fixed]
     there = [shapes.standing]
     for name in state.scene.objects:
