@@ -1,4 +1,4 @@
-"""Who hears of a run while it grows, and who is asked: one value that is handed from stage to stage."""
+"""Callbacks of a run: progress and confirmation, passed on from stage to stage."""
 
 from __future__ import annotations
 

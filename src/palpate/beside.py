@@ -18,8 +18,8 @@ T = TypeVar("T")
 
 
 class Beside(Generic[T]):
-    """What `work` returns, made by a copy of this process. A context manager; what nobody has asked
-    for when it is left is given up.
+    """Result of `work`, computed by a copy of this process. A context manager; an unused result is
+    given up on exit.
 
     Where there can be no copy, or it has failed, the work is done here, when it is asked for.
     """

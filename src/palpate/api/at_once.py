@@ -113,7 +113,7 @@ def run_settings(settings: Settings, audience: Audience = SILENT) -> Run:
 
 
 def _stated(options: RunOptions) -> dict[str, Any]:
-    """Those of the options that settings hold; a world at hand has no file."""
+    """Options that are fields of the settings; a world given as an object has no file."""
     names = ("robot", "noise", "seed", "on_failure", "rehearse", "fast")
     stated: dict[str, Any] = {name: options.get(name) for name in names if name in options}
     folder, world = options.get("out"), options.get("world")

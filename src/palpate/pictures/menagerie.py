@@ -87,7 +87,7 @@ def _unit(quaternion: object) -> np.ndarray:
 def _draw(
     spec: mujoco.MjSpec, body: mujoco.MjsBody, source: mujoco.MjSpec, geom: mujoco.MjsGeom
 ) -> None:
-    """One mesh of the source on a body, in its own colour."""
+    """Add a mesh of the source to a body, in its own colour."""
     mesh, material = source.mesh(geom.meshname), source.material(geom.material)
     assert mesh is not None
     named = f"{MARK}{source.modelname}:{geom.meshname}"
@@ -134,7 +134,7 @@ def _source(model: str) -> mujoco.MjSpec | None:
 
 
 def _folders(model: str) -> Iterator[Path]:
-    """Where the package has a model already."""
+    """Folders in which the package keeps its models."""
     try:
         import mujoco_menagerie as menagerie  # pyright: ignore[reportMissingModuleSource]
     except ImportError:

@@ -38,7 +38,7 @@ TRACE = "trace.mcap"
 
 @dataclass(frozen=True, slots=True)
 class Ending:
-    """How an execution went and ended, as `result.json` tells it.
+    """Course and end of an execution, as in `result.json`.
 
     Attributes:
         status: `complete` when the tree succeeded, else `stopped`.

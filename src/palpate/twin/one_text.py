@@ -71,7 +71,7 @@ def _one(
     texts: Texts,
     names: Mapping[Path, str],
 ) -> str:
-    """One model's text, with other names for the models that it attaches."""
+    """Text of one model, with other names for the models that it attaches."""
     renamed: dict[str, str] = {}
     in_includes = not texts.parts.keys().isdisjoint(document.includes.values())
     for named in document.named:

@@ -126,7 +126,7 @@ def _converted_recordings(walk: Walk) -> set[str]:
 
 
 def _grasped(walk: Walk, expected: set[str]) -> list[tuple[str, str]]:
-    """Where objects other than the `expected` are taken into the hand, and which."""
+    """Grasps of objects other than the `expected` ones."""
     found: list[tuple[str, str]] = []
     for action in walk.actions:
         if action.grasps and action.grasps not in expected:

@@ -35,7 +35,7 @@ OF_ITSELF = ("unknown-symbol", "unreachable")
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Action:
-    """One leaf where it stands: the states before it and after its success."""
+    """Leaf with the states before it and after its success."""
 
     path: str
     primitive: Primitive
@@ -44,7 +44,7 @@ class Action:
 
     @property
     def conversion(self) -> Parameter | None:
-        """What it yields, if anything."""
+        """Conversion that it performs, if any."""
         if not isinstance(self.primitive, ConversionPrimitive) or self.primitive.measures is None:
             return None
         subject = self.primitive.subject(self.before)
@@ -131,7 +131,7 @@ class Walk:
         return all(len(owners) == 1 for owners in self.form.owners(path).values())
 
     def _parallel(self, path: str, node: Node, before: SymbolicState) -> SymbolicState:
-        """One branch may move; the others sense what is so meanwhile."""
+        """Walk a Parallel: one branch may move; the others sense meanwhile."""
         moving = [where for where in self._below(path) if self.form.primitives[where].claims]
         try:
             meanwhile = during([self.form.primitives[where] for where in moving], before)

@@ -137,6 +137,6 @@ def _towards_centre(scene: Scene, name: str, axis: str) -> float:
 
 
 def _times(scene: Scene, axis: str, spot: str, way: float) -> int:
-    """How often an offset makes a way of so many m, at least."""
+    """Least multiple of an offset for a path of so many m."""
     length = float(np.linalg.norm(scene.symbols.offset(axis, spot)))
     return max(1, math.ceil(way / max(length, 1e-3)))

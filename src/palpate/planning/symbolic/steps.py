@@ -1,4 +1,4 @@
-"""One step of a plan in the making: what it does, and whether this planner would take it."""
+"""Step of a plan under construction: its effect, and this planner's preference."""
 
 from __future__ import annotations
 
@@ -42,12 +42,12 @@ class Step:
 
     @property
     def moving(self) -> list[Primitive]:
-        """What claims the arm or the gripper."""
+        """Primitives that claim the arm or the gripper."""
         return [primitive for primitive in self.primitives if primitive.claims]
 
     @property
     def sensing(self) -> list[Primitive]:
-        """What only senses or converts."""
+        """Primitives that only sense or convert."""
         return [primitive for primitive in self.primitives if not primitive.claims]
 
     @property
@@ -62,11 +62,11 @@ class Step:
 
     @property
     def label(self) -> str:
-        """As people read it."""
+        """Label for people."""
         return " beside ".join(primitive.label for primitive in self.primitives)
 
     def harm(self, state: SymbolicState) -> Violation | None:
-        """What speaks against its motions by the exact judgement of the check, if anything."""
+        """First violation of its motions by the exact judgement of the check, if any."""
         for primitive in self.moving:
             for violation in primitive.violations(state):
                 return violation

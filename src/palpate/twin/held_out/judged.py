@@ -1,4 +1,4 @@
-"""What a motion that was held out says of what was believed."""
+"""Judgement of the estimates by a held-out motion."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ class Motion:
 
     @property
     def disagreement(self) -> str:
-        """What was not as predicted, in words; what is left in the torques among it."""
+        """Deviation from the prediction, in words, with the residual torque."""
         return " ".join(test.finding for test in self.tests if not test.passed)
 
 
