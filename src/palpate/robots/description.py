@@ -1,4 +1,4 @@
-"""One arm with its hand, read from one folder and handed to whoever needs it.
+"""Description of an arm with its hand, read from one folder.
 
 Nobody else holds a number of an arm.
 """
@@ -41,7 +41,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Limits:
-    """What the arm may do.
+    """Safety limits of the arm.
 
     Attributes:
         q_min, q_max: (7,) joint range, rad.
@@ -301,7 +301,7 @@ def _links(model: mujoco.MjModel, joints: tuple[str, ...]) -> tuple[str, ...]:
 
 
 def pads_end(model: mujoco.MjModel, hand: ParallelHand) -> float:
-    """How far the fingers' pads reach beyond the TCP along the tool, m."""
+    """Return the distance from the TCP to the end of the pads along the tool, m."""
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     tool = tool_pose(model, data, hand)

@@ -217,7 +217,7 @@ def _hand_blocked(
     nearby: Sequence[Array],
     tall: Sequence[Array],
 ) -> bool:
-    """Whether the opened fingers, or the palm above them, would be in a neighbour."""
+    """Test if the opened fingers, or the palm above them, would overlap a neighbour."""
     reach = arm.hand.opening / 2 + arm.hand.finger / 2
     finger = rectangle(np.zeros(2), across, arm.hand.finger / 2, arm.hand.pad)
     spots = np.array([centre + reach * across, centre - reach * across])

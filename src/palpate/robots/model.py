@@ -55,7 +55,7 @@ def compiled(mjcf: Path) -> mujoco.MjModel:
 
 
 def tool_pose(model: mujoco.MjModel, data: mujoco.MjData, hand: ParallelHand) -> Pose:
-    """Where the TCP is: position of its site or in the hand's body, orientation of that body."""
+    """Return the TCP's pose: position of its site or in the hand's body, orientation of that body."""
     body = data.body(hand.body)
     if isinstance(hand.tcp, str):
         return Pose(data.site(hand.tcp).xpos.copy(), body.xquat.copy())
@@ -93,7 +93,7 @@ def _links(model: mujoco.MjModel, data: mujoco.MjData, hinges: Sequence[int]) ->
 
 
 def _carries(model: mujoco.MjModel, joint: int, body: int) -> bool:
-    """Whether a joint moves a body."""
+    """Test if a joint moves a body."""
     carried = int(model.jnt_bodyid[joint])
     while body > carried:
         body = int(model.body_parentid[body])

@@ -1,4 +1,4 @@
-"""Which arms there are: palpate's own folders, installed packages', and any folder by its path."""
+"""Registry of arms: palpate's own folders, installed packages', and any folder by its path."""
 
 from __future__ import annotations
 

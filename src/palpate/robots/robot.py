@@ -75,7 +75,7 @@ class Robot(Protocol):
 
     @property
     def limits(self) -> Limits:
-        """What the arm may do: the description's, the same all its life."""
+        """Safety limits from the description; they never change."""
         ...
 
     @property
@@ -112,7 +112,7 @@ class Robot(Protocol):
         ...
 
     def move_axis(self, direction: Array, speed: float, travel: float) -> None:
-        """As `move_pose`, along unit `direction` (3,) (world) at `speed` m/s for `travel` m, with
+        """Move the TCP straight as `move_pose`, along unit `direction` (3,) (world) at `speed` m/s for `travel` m, with
         the orientation kept."""
         ...
 

@@ -86,7 +86,7 @@ class Value(Figure):
 
 
 class Repeated(Figure):
-    """One standard deviation of what differs from time to time."""
+    """Standard deviation of a repeatability."""
 
     value: Deviation
 
@@ -211,7 +211,7 @@ class RobotConfig(Section):
 
 
 def read_config(path: Path) -> RobotConfig:
-    """What a robot.yaml says; the same object as long as the file does not change.
+    """Read a robot.yaml; return the same object as long as the file does not change.
 
     Raises:
         InputError: unreadable, or not of this form; the message names file and key.

@@ -1,4 +1,4 @@
-"""One watcher of all that a robot says: the first thing that makes no sense, from then on."""
+"""Watcher of all of a robot's signals: keeps the first fault that it finds."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the arm's sensors say: recorded joint signals to logged samples, through the nominal
+"""Simulated sensors of the arm: from recorded joint signals to logged samples, through the nominal
 model."""
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ _KEPT = math.exp(-PERIOD / OBSERVER_TIME)
 
 
 class _Way(NamedTuple):
-    """How the arm went through n log periods.
+    """Motion of the arm over n log periods.
 
     Attributes:
         mean: (n, 21) joint angles, rad, the TCP's pose, and N m that hold the nominal arm up.

@@ -250,7 +250,7 @@ class MujocoRobot(Commanded):
         )
 
     def _joint_motion(self) -> Motion:
-        """Where a joint motion begins: on the present one, or where the joints' springs pull as the
+        """Return the start of a joint motion: on the present one, or where the joints' springs pull as the
         TCP's do now."""
         t, path, readout = self._world.t, self._path, self._readout
         if isinstance(path, Path) and not self._yielding:
@@ -264,7 +264,7 @@ class MujocoRobot(Commanded):
         return self._readout.q + self._sprung() / self._arm.stiffness.joints
 
     def _pose_motion(self) -> tuple[Motion, Array]:
-        """Where a Cartesian motion begins: on the present one, or where the TCP's springs pull as
+        """Return the start of a Cartesian motion: on the present one, or where the TCP's springs pull as
         the joints' do now.
 
         Returns the motion, and the orientation (4,) that its rotation vector is relative to.
@@ -283,7 +283,7 @@ class MujocoRobot(Commanded):
         return now.p[:3], origin
 
     def _sprung(self) -> Array:
-        """What the springs exert at the joints now (7,), N m."""
+        """Joint torques of the springs now (7,), N m."""
         return self._readout.commanded - self._readout.gravity_torque
 
     def _run(self, periods: int) -> None:

@@ -38,7 +38,7 @@ def let_touch(world: mujoco.MjSpec) -> None:
 
 
 def is_robots(geom: mujoco.MjsGeom) -> bool:
-    """Whether a shape of the world belongs to the robot in it."""
+    """Test if a shape of the world belongs to the robot in it."""
     return geom.parent.name.startswith(PREFIX)
 
 

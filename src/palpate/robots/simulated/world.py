@@ -225,7 +225,7 @@ class World:
         return self._at(self.qpos if qpos is None else qpos)
 
     def true_pose(self, body: str) -> Pose:
-        """Where a body really is now, in the world.
+        """Return the true pose of a body now, in the world.
 
         Raises:
             InputError: there is no such body.
@@ -237,7 +237,7 @@ class World:
         return Pose(frame.xpos.copy(), frame.xquat.copy())
 
     def true_tcp(self) -> Pose:
-        """Where the TCP really is now, in the world."""
+        """Return the true pose of the TCP now, in the world."""
         data = self._seen
         data.qpos[:] = self._data.qpos
         mujoco.mj_kinematics(self.model, data)

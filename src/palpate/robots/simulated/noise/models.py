@@ -48,7 +48,7 @@ class NoiseModels:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """What `--noise` takes besides a file."""
+        """Names that `--noise` takes in place of a file."""
         return (*OWN, *self.brought)
 
     def load(self, name_or_path: str, arm: RobotDescription | None = None) -> NoiseModel:
@@ -103,7 +103,7 @@ def _own(name: str, arm: RobotDescription) -> Content:
 
 
 def _file(path: Path, arm: RobotDescription, chain: tuple[Path, ...] = ()) -> Content:
-    """What a file says, completed by the model that it extends."""
+    """Read a file, completed with the model that it extends."""
     if path.resolve() in chain or len(chain) >= MOST_BASES:
         raise InputError(f"{path}: extends itself, or more than {MOST_BASES} others one by one")
     content = _merged({"name": path.stem}, _content(path))
