@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 # Wheels alone; Python compiles the modules that are used when they are, and not all that there are.
 PIP := $(BIN)/pip install --quiet --disable-pip-version-check --only-binary :all: --no-compile
 
-.PHONY: demo test test-all bench golden lint docs lock clean
+.PHONY: demo test test-all bench golden lint docs dist lock clean
 
 demo: $(VENV)/.run
 	$(BIN)/palpate demo
@@ -49,6 +49,17 @@ $(VENV)/.docs: $(VENV)/.run requirements-docs.txt
 	$(PIP) --require-hashes -r requirements-docs.txt
 	touch $@
 
+# Sdist and wheel, in dist/. The wheel is built from the sdist, and runs the demo in an environment of its own, in an
+# empty folder.
+dist: $(VENV)/.run
+	rm -rf dist build && mkdir -p build/empty
+	$(BIN)/python -m hatchling build -t sdist -d dist
+	$(BIN)/pip wheel --quiet --disable-pip-version-check --no-deps --no-build-isolation -w dist dist/*.tar.gz
+	$(PYTHON) -m venv build/.venv
+	build/$(PIP) --require-hashes -r requirements.txt
+	build/$(PIP) --no-deps dist/*.whl
+	cd build/empty && env -u PYTHONPATH ../$(BIN)/palpate --version && env -u PYTHONPATH ../$(BIN)/palpate demo --fast
+
 # Pins with hashes, from pyproject.toml. Needs uv.
 lock:
 	uv pip compile --quiet --universal --generate-hashes --no-emit-index-url --no-strip-extras --no-annotate --no-header \
@@ -59,4 +70,4 @@ lock:
 		--python-version 3.11 --group docs -c requirements-dev.txt pyproject.toml -o requirements-docs.txt
 
 clean:
-	rm -rf $(VENV) site .pytest_cache .ruff_cache .hypothesis
+	rm -rf $(VENV) site dist build .pytest_cache .ruff_cache .hypothesis

@@ -11,4 +11,4 @@ run = pp.run(desk, "how heavy is the mug?", seed=0)
 mug = run["mug.mass"]
 print(run)
 print(mug)
-print(f"{mug.value[0]:.4f} ± {mug.std[0]:.4f} {mug.unit}, by: {mug.method}")
+print(f"{mug.value:.4f} ± {mug.std:.4f} {mug.unit}, by: {mug.method}")

@@ -11,5 +11,5 @@ for noise in ("none", "lab", "datasheet"):
     run = plan.run(noise=noise, seed=3)
     mug = run["mug.mass"]
     truth = run.truth[mug.parameter]
-    mass, std, score = mug.value[0], mug.std[0], mug.z_score(truth)[0]
+    mass, std, score = mug.value, mug.std, mug.z_score(truth)
     print(f"{noise:9s} {mass:.4f} kg {std:.4f} kg {mass - truth[0]:+.4f} kg {score:+.2f}")

@@ -16,6 +16,7 @@ LONG = (
     "tests/robots/franky/test_over_the_wire.py::*",
     "tests/robots/franky/test_faults.py::*",
     "tests/robots/franky/test_command_line.py::*",
+    "tests/robots/franky/test_gauges.py::*",
     "tests/scenarios/test_recorded_plans.py::test_a_recorded_plan_acquires_exactly_what_is_missing*",
     "tests/test_pipeline.py::test_every_stage_can_start_from_the_folder",
     "tests/test_pipeline.py::test_same_seed_same_result_bit_for_bit",

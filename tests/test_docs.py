@@ -11,6 +11,7 @@ DOCS = ROOT / "docs"
 GENERATED = {"commands.md", "poses.schema.json"}
 """Pages that `docs/hooks.py` makes when the site is built."""
 LINK = re.compile(r"\]\(([^)#\s]+)(?:#[^)]*)?\)")
+NUMBER = re.compile(r"\d+\.\d+")
 PAGES = sorted([*DOCS.glob("*.md"), ROOT / "README.md", ROOT / "CONTRIBUTING.md"])
 
 
@@ -35,3 +36,16 @@ def test_what_a_page_links_to_is_there(page: Path) -> None:
         if "://" in target or target in GENERATED:
             continue
         assert (page.parent / target).exists(), target
+
+
+def test_the_readmes_three_lines_print_what_it_says(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    program = text.partition("```python\n")[2].partition("```")[0]
+    monkeypatch.chdir(ROOT)
+    exec(program, {})
+    printed, said = capsys.readouterr().out, program.partition("# ")[2]
+    assert NUMBER.sub("", printed) == NUMBER.sub("", said)
+    found, shown = (float(NUMBER.findall(text)[0]) for text in (printed, said))
+    assert found == pytest.approx(shown, abs=float(NUMBER.findall(said)[1]))

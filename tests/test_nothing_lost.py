@@ -55,7 +55,7 @@ def test_a_robot_that_fails(plan: api.Plan, tmp_path: Path, member: str, moment:
     assert (tmp_path / "run" / "report.html").exists()
     if member == "close":
         assert (run.status, found["status"]) == ("complete", "complete")
-        assert run["mug.mass"].value == pytest.approx([MASS], rel=0.01)
+        assert run["mug.mass"].values == pytest.approx([MASS], rel=0.01)
         return
     assert found["status"] == run.status == "aborted"
     assert "ConnectionError: no answer" in found["execution"]["stopped_by"]
@@ -149,7 +149,7 @@ def test_a_disk_that_is_full(plan: api.Plan, tmp_path: Path) -> None:
     with small_disk(30_000):
         run = plan.run(Bench(), rehearse=False, out=tmp_path / "run")
     assert run.status == "complete"
-    assert run["mug.mass"].value == pytest.approx([MASS], rel=0.01)
+    assert run["mug.mass"].values == pytest.approx([MASS], rel=0.01)
     assert any(
         line.startswith("trace.mcap was not written: File too large") for line in run.shortfalls
     )
@@ -218,4 +218,4 @@ def test_every_estimate_is_on_disk_when_it_is_made(
     monkeypatch.setattr(building, "build", lambda *_: None)
     again = api.finish(tmp_path / "run")
     assert (again.status, again.interrupted) == ("complete", None)
-    assert again["mug.mass"].value == run["mug.mass"].value
+    assert again["mug.mass"].values == run["mug.mass"].values

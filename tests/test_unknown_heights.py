@@ -57,10 +57,10 @@ def require_right(run: pp.Run, heights: dict[str, float], masses: dict[str, floa
     assert run.status == "complete", run.estimates
     for name, top in heights.items():
         found = run[f"{name}.height"]
-        assert found.value[0] == pytest.approx(top, abs=4 * found.std[0])
+        assert found.values[0] == pytest.approx(top, abs=4 * found.stds[0])
     for name, mass in masses.items():
         found = run[f"{name}.mass"]
-        assert found.value[0] == pytest.approx(mass, abs=4 * found.std[0])
+        assert found.values[0] == pytest.approx(mass, abs=4 * found.stds[0])
 
 
 @pytest.mark.parametrize("off", [-0.05, -0.005, 0.005, 0.05])
@@ -105,4 +105,4 @@ def test_a_desk_far_from_its_guess_stops_the_run_with_a_remedy(off: float, how: 
     stopped = run.execution.stopped_by
     assert f"what 'tin' stands on was measured {how} than the scene has it" in stopped
     assert "for 'tin' and run again" in stopped
-    assert run["desk.height"].value[0] == pytest.approx(TOP + off, abs=0.002)
+    assert run["desk.height"].values[0] == pytest.approx(TOP + off, abs=0.002)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.estimation.load.feeling import feeling
+from palpate.estimation.load.observation import observe
 from palpate.estimation.windows import Mask, acceleration
 from palpate.geometry.pose import Array
 from palpate.trace.samples import Trace
@@ -59,8 +59,8 @@ class Blocks:
 
 def blocks(trace: Trace) -> Blocks | None:
     """The trace in blocks; None where it does not say what joint torques come from."""
-    felt, samples = feeling(trace), trace.samples
-    if felt.chain is None:
+    observed, samples = observe(trace), trace.samples
+    if observed.chain is None:
         return None
     _, place = np.unique(((samples.t - samples.t[0]) / BLOCK).astype(int), return_inverse=True)
     rows = np.bincount(place).astype(float)
@@ -75,8 +75,8 @@ def blocks(trace: Trace) -> Blocks | None:
         samples.pose_world_tcp[middle, :3],
         _rotations(samples.pose_world_tcp[middle, 3:]),
         acceleration(samples, SMOOTH)[middle],
-        felt.maps(q),
-        felt.turn,
+        observed.maps(q),
+        observed.turn,
     )
 
 

@@ -63,7 +63,7 @@ def bounds_of(run: Run, estimate: Estimate) -> Bounds | None:
     """Of each component of an estimate; None where none is known of its quantity, or the run was
     not simulated."""
     bound = BOUNDS.get(estimate.parameter.quantity)
-    if bound is None or run.trace is None or not run.simulated:
+    if bound is None or run.trace_if_any is None or not run.simulated:
         return None
     if estimate.parameter.object not in run.scene.bodies:
         return None

@@ -68,4 +68,4 @@ def _of_run(run: Run) -> Iterator[Ratio]:
         for i, bound in enumerate(bounds):
             if bound and estimate.verdicts[i] == "identified":
                 name = f"{estimate.parameter}[{i}]" if len(bounds) > 1 else str(estimate.parameter)
-                yield name, (float(estimate.value[i]) - truth[i]) / bound
+                yield name, (float(estimate.values[i]) - truth[i]) / bound

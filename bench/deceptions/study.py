@@ -23,7 +23,7 @@ from bench.deceptions.world import Deception, Jump, deception, task
 from palpate import pipeline
 from palpate.cells.simulated import SimulatedCell, simulated_cell
 from palpate.estimation.estimate import Estimate
-from palpate.estimation.load.feeling import feeling
+from palpate.estimation.load.observation import observe
 from palpate.parameter import Parameter
 from palpate.robots.simulated.noise.models import noise_models
 from palpate.runs.run import Run
@@ -238,13 +238,13 @@ def _keep(trace: Trace | None, file: Path | None) -> None:
 def jumped(trace: Trace, jump: Jump) -> Trace:
     """The trace of sensors whose zero jumps: joint torques and wrench alike."""
     samples = trace.samples
-    felt = feeling(trace)
+    observed = observe(trace)
     start, end = float(samples.t[0]), float(samples.t[-1])
     after = samples.t > start + jump.at * (end - start)
     load = np.array([*jump.force, 0.0, 0.0, 0.0])
-    torque = np.where(after[:, None], felt.maps(samples.q) @ load, 0.0)
+    torque = np.where(after[:, None], observed.maps(samples.q) @ load, 0.0)
     wrench = np.where(after[:, None], load, 0.0)
-    if felt.chain is None:
+    if observed.chain is None:
         torque = np.zeros_like(samples.tau_ext)
     spoilt = replace(samples, tau_ext=samples.tau_ext + torque, wrench=samples.wrench + wrench)
     return replace(trace, samples=spoilt)
@@ -257,8 +257,8 @@ def scored(run: Run, world: Deception) -> list[Scored]:
         truths = _truths(run, world, estimate.parameter)
         if not truths or not estimate.has_value:
             continue
-        for i, value in enumerate(estimate.value.tolist()):
-            std, (low, high) = float(estimate.std[i]), estimate.ci95[i].tolist()
+        for i, value in enumerate(estimate.values.tolist()):
+            std, (low, high) = float(estimate.stds[i]), estimate.intervals[i].tolist()
             true = tuple(dict.fromkeys(truth[i] for truth in truths))
             z = max(abs(value - one) / std for one in true)
             covered = all(low <= one <= high for one in true)

@@ -145,9 +145,9 @@ def _wrong(run: Run) -> list[str]:
         true = run.truth.get(estimate.parameter)
         if true is None or estimate.verdict != "identified":
             continue
-        error = np.abs(estimate.value - true)
-        if (error > 5 * estimate.std).any() and (error > 0.05 * np.abs(true)).any():
-            shown = f"{estimate.value.round(4).tolist()} ± {estimate.std.round(4).tolist()}"
+        error = np.abs(estimate.values - true)
+        if (error > 5 * estimate.stds).any() and (error > 0.05 * np.abs(true)).any():
+            shown = f"{estimate.values.round(4).tolist()} ± {estimate.stds.round(4).tolist()}"
             found.append(f"{estimate.parameter} identified as {shown}, is {list(true)}")
     return found
 

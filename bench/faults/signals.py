@@ -188,7 +188,7 @@ def _unfinished(out: Path) -> Sequence[str]:
 def _unreadable(out: Path) -> Sequence[str]:
     try:
         run = _opened(out)
-        lost = run is not None and (out / "trace.mcap").exists() and run.trace is None
+        lost = run is not None and (out / "trace.mcap").exists() and run.trace_if_any is None
     except PalpateError as error:
         return [f"not readable: {error}"[:200]]
     return ["the trace is not found again"] if lost else []

@@ -172,8 +172,8 @@ def _misread(text: str, estimates: list[Estimate], verdict: Verdict) -> Iterator
         if read is None:
             continue
         verdict.values += 1
-        if not np.allclose(read, estimate.value, rtol=1e-4, atol=2e-6):
-            yield f"{name}: {estimate.value.tolist()} written, {read.tolist()} read"
+        if not np.allclose(read, estimate.values, rtol=1e-4, atol=2e-6):
+            yield f"{name}: {estimate.values.tolist()} written, {read.tolist()} read"
 
 
 def _read(

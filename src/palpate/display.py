@@ -58,6 +58,14 @@ def table(caption: str, headings: Sequence[str], rows: Iterable[Sequence[str]]) 
     return "\n".join([*lines, "</table>"])
 
 
+def text_table(headings: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """Lines of a table in columns, two spaces apart."""
+    lines = [headings, *rows]
+    widths = [max(len(cell) for cell in column) for column in zip(*lines, strict=True)]
+    padded = ["  ".join(c.ljust(w) for c, w in zip(line, widths, strict=True)) for line in lines]
+    return "\n".join(line.rstrip() for line in padded)
+
+
 def _row(tag: str, cells: Sequence[str]) -> str:
     style = ' style="text-align: left; white-space: pre-wrap"'
     return "<tr>" + "".join(f"<{tag}{style}>{escape(cell)}</{tag}>" for cell in cells) + "</tr>"

@@ -211,3 +211,24 @@ def test_an_estimator_hears_of_the_datasheet_alone(tmp_path: Path) -> None:
 def test_an_arm_that_stands_elsewhere_is_another_workplace(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="the arm stands at"):
         elsewhere(tmp_path, "far", gravity=-9.81, x=0.2, hidden="extends: none")
+
+
+@pytest.mark.parametrize(
+    ("counter", "glass", "pair", "acting"),
+    [
+        ("1", 'friction="0.35"', "", 1.0),
+        ("0.2", 'friction="0.35"', "", 0.35),
+        ("1", 'friction="0.35" priority="1"', "", 0.35),
+        ("1", 'friction="0.35"', '<pair geom1="glass" geom2="counter" friction="0.5 0.5"/>', 0.5),
+    ],
+)
+def test_a_friction_is_compared_with_that_of_the_pair(
+    counter: str, glass: str, pair: str, acting: float
+) -> None:
+    world = parse_scene(f"""<mujoco><worldbody>
+      <geom name="counter" type="box" size=".3 .4 .1" pos=".5 0 .1" friction="{counter}"/>
+      <body name="glass" pos=".5 0 .25"><freejoint/>
+        <geom name="glass" type="cylinder" size=".03 .05" mass=".2" {glass}/></body>
+      </worldbody><contact>{pair}</contact></mujoco>""")
+    cell = SimulatedCell(world)
+    assert cell.truth(Parameter("glass", "friction")) == pytest.approx((acting,))

@@ -51,6 +51,13 @@ def test_the_fields_of_a_group_are_options_and_come_as_the_group() -> None:
     assert calls == [("Ada", Manner(3, True), False), ("Bob", Manner(), False)]
 
 
+def test_an_option_of_one_value_is_given_once() -> None:
+    app, calls = made()
+    with pytest.raises(Exception, match="given twice: give it once"):
+        app(["greet", "Ada", "--times", "1", "--times", "2"], standalone_mode=False)
+    assert not calls
+
+
 def test_their_declarations_hold(capsys: pytest.CaptureFixture[str]) -> None:
     app, _ = made()
     app(["greet", "--help"], standalone_mode=False)

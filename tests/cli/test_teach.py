@@ -39,6 +39,7 @@ def test_a_ruler_s_numbers_become_poses(desk: Path, tmp_path: Path) -> None:
     assert status == 0, said
     assert "mug at (0.450, -0.120, 0.250) m, turned by +30°" in said
     assert "still missing: box" in said
+    assert "Names: box, mug >" in said or "Names: mug, box >" in said
     assert "'box 0.4' is not NAME AHEAD LEFT [TURN]" in said
     mug = load_scene(desk, file).body("mug").pose_world
     assert mug.position == pytest.approx([0.45, -0.12, 0.25], abs=1e-4)
@@ -53,6 +54,16 @@ def test_what_was_said_before_stays_and_nothing_is_overwritten(desk: Path, tmp_p
     scene = load_scene(desk, both)
     assert scene.body("box").pose_world.position == pytest.approx([0.4, 0.1, 0.23])
     assert asked("teach", desk, "--out", both, typed="mug .5 0\n\n")[0] == 2
+
+
+def test_a_length_without_a_unit_that_nobody_reaches_is_refused_at_once(
+    desk: Path, tmp_path: Path
+) -> None:
+    file = tmp_path / "p.yaml"
+    status, said = asked("teach", desk, "--out", file, typed="mug 500 -120\nmug 500mm -120mm\n\n")
+    assert status == 0, said
+    assert "500 m is out of every arm's reach: did you mean 500mm or 500cm?" in said
+    assert load_scene(desk, file).body("mug").pose_world.position[0] == pytest.approx(0.5)
 
 
 def test_names_that_the_scene_does_not_have_are_refused(desk: Path, tmp_path: Path) -> None:

@@ -54,20 +54,22 @@ def test_names_in_a_table_are_text():
 
 
 def test_z_score_is_the_error_in_standard_deviations(weighed, balanced):
-    assert weighed.z_score(0.34182 - 0.00276) == pytest.approx([2.0])
+    assert weighed.z_score(0.34182 - 0.00276) == pytest.approx(2.0)
     assert balanced.z_score((0.0621, -0.0047, 0.0)) == pytest.approx([0.0, 1.0, 0.0])
 
 
 def test_the_interval_of_a_normal_is_one_rule(weighed):
-    assert weighed.ci95.shape == (1, 2)
-    assert weighed.ci95[0] == pytest.approx((0.34182 - 1.96 * 0.00138, 0.34182 + 1.96 * 0.00138))
+    assert weighed.intervals.shape == (1, 2)
+    assert weighed.intervals[0] == pytest.approx(
+        (0.34182 - 1.96 * 0.00138, 0.34182 + 1.96 * 0.00138)
+    )
     assert interval95((0.1, 1.0), (0.1, 0.1), least=0.0)[:, 0] == pytest.approx((0.0, 0.804))
 
 
 def test_what_is_not_identified_has_no_value():
     lost = not_identified(MUG, "kg", "It slipped.")
     assert not lost.has_value
-    assert (lost.value.shape, lost.std.shape, lost.ci95.shape) == ((0,), (0,), (0, 2))
+    assert (lost.values.shape, lost.stds.shape, lost.intervals.shape) == ((0,), (0,), (0, 2))
     with pytest.raises(ValueError, match="not identified, with value"):
         Estimate.normal(MUG, "kg", 0.3, 0.1, "weighed", verdict="not identified")
     with pytest.raises(ValueError, match="identified, with value"):
@@ -113,7 +115,7 @@ def test_it_is_a_value(weighed):
     assert weighed != Estimate.normal(MUG, "kg", 0.34182, 0.00139, "weighed", parts=weighed.parts)
     assert weighed != "an estimate"
     with pytest.raises(ValueError, match="read-only"):
-        weighed.value[0] = 1.0
+        weighed.values[0] = 1.0
     with pytest.raises(AttributeError):
         weighed.unit = "g"
 
@@ -122,7 +124,7 @@ def test_it_keeps_its_own_numbers():
     numbers = np.array([0.3])
     found = Estimate.normal(MUG, "kg", numbers, numbers, "weighed")
     numbers[0] = 9.0
-    assert found.value[0] == 0.3
+    assert found.values[0] == 0.3
 
 
 @pytest.mark.parametrize(

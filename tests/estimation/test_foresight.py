@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from palpate.estimation.load.feeling import by_joints
 from palpate.estimation.load.foresight import Lift
+from palpate.estimation.load.observation import observation_of_torques
 from palpate.robots.registry import load_description
 
 ARM = load_description()
@@ -18,8 +18,8 @@ def lift(white: float = 1e-5) -> Lift:
     q = np.array([ARM.home, ARM.home + np.array((0.0, -0.2, 0.0, 0.06, 0.0, -0.28, 0.0))])
     chain = ARM.nominal.chain
     assert chain is not None
-    felt = by_joints(np.zeros((0, 7)), chain, np.eye(3))
-    return Lift(q, 0.12, 0.05, 1.0, felt, np.full(7, white), np.zeros(7))
+    observed = observation_of_torques(np.zeros((0, 7)), chain, np.eye(3))
+    return Lift(q, 0.12, 0.05, 1.0, observed, np.full(7, white), np.zeros(7))
 
 
 def test_slow_passes_average_what_is_white() -> None:

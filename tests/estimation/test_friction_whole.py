@@ -12,7 +12,7 @@ from palpate import pipeline
 from palpate.estimation.friction.drags import steady_drags
 from palpate.estimation.friction.fit import fit_sliding
 from palpate.estimation.friction.whole import fit_whole
-from palpate.estimation.load.feeling import feeling
+from palpate.estimation.load.observation import observe
 from palpate.robots.simulated.noise.model import NoiseModel
 from palpate.scenarios.catalogue import scenario
 
@@ -26,10 +26,10 @@ def run():
 
 
 def fitted(trace):
-    felt = feeling(trace)
-    drags = steady_drags(trace, "bottle", felt)
-    found = fit_sliding(drags, felt, trace.hand).friction
-    return found, fit_whole(trace, "bottle", drags, felt, found[0])
+    observed = observe(trace)
+    drags = steady_drags(trace, "bottle", observed)
+    found = fit_sliding(drags, observed, trace.hand).friction
+    return found, fit_whole(trace, "bottle", drags, observed, found[0])
 
 
 def bound(run, **noise):
@@ -68,11 +68,11 @@ def test_what_the_model_of_the_arm_leaves_widens_it_until_it_does_not_count(run)
 
 
 def test_zeros_that_jump_in_the_drags_are_seen(run):
-    samples, felt = run.trace.samples, feeling(run.trace)
-    drags = steady_drags(run.trace, "bottle", felt)
+    samples, observed = run.trace.samples, observe(run.trace)
+    drags = steady_drags(run.trace, "bottle", observed)
     later = samples.t > drags[2].t[0]
     torques, wrench = samples.tau_ext.copy(), samples.wrench.copy()
-    torques[later] += felt.maps(samples.q[later])[:, :, 1]
+    torques[later] += observed.maps(samples.q[later])[:, :, 1]
     wrench[later, 1] += 1.0
     jumped = replace(run.trace, samples=replace(samples, tau_ext=torques, wrench=wrench))
     assert not fitted(jumped)[1].explains
@@ -85,18 +85,18 @@ def test_an_arm_whose_links_nobody_knows_tells_no_more(run):
 
 
 def test_it_counts_what_slides_before_it_is_steady(run):
-    drags = steady_drags(run.trace, "bottle", feeling(run.trace))
+    drags = steady_drags(run.trace, "bottle", observe(run.trace))
     assert sum(len(drag.slid) for drag in drags) > 1.2 * sum(len(drag.blocks) for drag in drags)
 
 
 @pytest.mark.parametrize("stiffness", [0.0, 20.0])
 def test_whether_something_pulls_with_the_place_is_told(run, stiffness):
-    samples, felt = run.trace.samples, feeling(run.trace)
+    samples, observed = run.trace.samples, observe(run.trace)
     torques, wrench = samples.tau_ext.copy(), samples.wrench.copy()
-    for drag in steady_drags(run.trace, "bottle", felt):
+    for drag in steady_drags(run.trace, "bottle", observed):
         rows = (samples.t >= drag.t[0]) & (samples.t <= drag.t[-1])
         pull = stiffness * (samples.pose_world_tcp[rows, 1] - 0.07)
-        torques[rows] += pull[:, None] * felt.maps(samples.q[rows])[:, :, 1]
+        torques[rows] += pull[:, None] * observed.maps(samples.q[rows])[:, :, 1]
         wrench[rows, 1] += pull
     pulled = replace(run.trace, samples=replace(samples, tau_ext=torques, wrench=wrench))
     _, whole = fitted(pulled)

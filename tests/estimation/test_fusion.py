@@ -52,34 +52,34 @@ def test_one_run_is_what_it_is() -> None:
 def test_what_runs_share_is_not_averaged_away() -> None:
     for count in (2, 5, 100):
         found = fuse(sources(*[estimate(TRUTH)] * count))
-        assert found.std[0] == pytest.approx(math.hypot(OWN / math.sqrt(count), GAIN), rel=1e-6)
+        assert found.stds[0] == pytest.approx(math.hypot(OWN / math.sqrt(count), GAIN), rel=1e-6)
         assert found.shared_std[0] == pytest.approx(GAIN, rel=1e-6)
         assert found.identified
 
 
 def test_arms_of_their_own_share_no_gain() -> None:
     found = fuse(arms(*[estimate(TRUTH)] * 4))
-    assert found.std[0] == pytest.approx(math.hypot(OWN, GAIN) / 2, rel=1e-6)
-    assert found.std[0] < GAIN
+    assert found.stds[0] == pytest.approx(math.hypot(OWN, GAIN) / 2, rel=1e-6)
+    assert found.stds[0] < GAIN
 
 
 def test_causes_cancel_where_they_act_the_other_way_round() -> None:
     found = fuse(sources(estimate(TRUTH), estimate(TRUTH, gain=-GAIN)))
-    assert found.std[0] == pytest.approx(OWN / math.sqrt(2), rel=1e-6)
+    assert found.stds[0] == pytest.approx(OWN / math.sqrt(2), rel=1e-6)
 
 
 def test_no_run_is_held_against_itself() -> None:
     """Unequal effects of one cause would let the difference of two runs tell the cause."""
     narrow, wide = estimate(0.250, gain=0.001, own=1e-5), estimate(0.260, gain=0.005, own=1e-5)
     found = fuse(sources(narrow, wide))
-    assert found.value[0] == pytest.approx(0.250)
-    assert found.std[0] == pytest.approx(0.001, rel=1e-3)
+    assert found.values[0] == pytest.approx(0.250)
+    assert found.stds[0] == pytest.approx(0.001, rel=1e-3)
 
 
 def test_an_estimate_that_does_not_say_what_it_shares_shares_all() -> None:
     silent = replace(estimate(TRUTH), shared=())
-    found = fuse(arms(silent, replace(silent, value=np.array([TRUTH + OWN]))))
-    assert found.std[0] == pytest.approx(silent.std[0], rel=1e-6)
+    found = fuse(arms(silent, replace(silent, values=np.array([TRUTH + OWN]))))
+    assert found.stds[0] == pytest.approx(silent.stds[0], rel=1e-6)
     assert found.identified, "by as much they may differ"
 
 
@@ -94,9 +94,9 @@ def test_the_interval_holds_the_truth_as_often_as_it_says() -> None:
             value = TRUTH + gain + random.normal(0.0, OWN)
             runs.append(estimate(value, own=stated, freedom=freedom))
         found = fuse(sources(*runs))
-        low, high = found.ci95[0]
+        low, high = found.intervals[0]
         covered += int(low <= TRUTH <= high)
-        errors.append(float(found.z_score(TRUTH)[0]))
+        errors.append(float(found.z_score(TRUTH)))
     # Binomial 95 % of 600 at 0.95: 560 to 580; weights that follow the noise cost a little.
     assert 552 <= covered <= 588
     assert 0.85 < float(np.std(errors)) < 1.25
@@ -108,8 +108,8 @@ def test_degrees_of_freedom_are_those_of_the_noise_that_is_left() -> None:
     assert found.freedom == pytest.approx(12.0, rel=1e-6)
     shared = fuse(sources(estimate(TRUTH, freedom=6.0), estimate(TRUTH, freedom=6.0)))
     assert shared.freedom > 12.0
-    half = float(found.ci95[0, 1] - found.value[0])
-    assert half == pytest.approx(float(found.std[0]) * float(stdtrit(12.0, 0.975)), rel=1e-6)
+    half = float(found.intervals[0, 1] - found.values[0])
+    assert half == pytest.approx(float(found.stds[0]) * float(stdtrit(12.0, 0.975)), rel=1e-6)
 
 
 def test_runs_that_disagree_contradict_each_other() -> None:
@@ -130,7 +130,7 @@ def test_vectors_are_fused_by_component() -> None:
         return replace(made, shared=shared)
 
     found = fuse(arms(com(0.06, 0.0), com(0.06, 0.0)))
-    assert found.std == pytest.approx(
+    assert found.stds == pytest.approx(
         [math.sqrt(1.5e-6), 0.001 / math.sqrt(2), 0.0063640], rel=1e-3
     )
     assert found.shared[0].of == "scene"

@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from palpate.estimation.contact.rubbed import rubbed
+from palpate.estimation.contact.joint_friction import joint_friction_force
 from palpate.estimation.friction.joints import joint_friction
-from palpate.estimation.load.feeling import by_joints
-from palpate.estimation.load.rubbing import TURNED, rubbing
+from palpate.estimation.load.dahl import TURNED, dahl_states
+from palpate.estimation.load.observation import observation_of_torques
 from palpate.estimation.windows import Load
 from palpate.trace.recording import Chain, Hand
 from palpate.trace.samples import Samples, Trace
@@ -27,7 +27,7 @@ def swinging(seconds: float, noise: float = 0.02) -> tuple[Samples, np.ndarray]:
     t = PERIOD * np.arange(round(seconds / PERIOD))
     rates = 0.5 + 0.1 * np.arange(7)
     q = 0.2 * np.sin(np.outer(t, rates))
-    ways = rubbing(q)[:, :, TURNED]
+    ways = dahl_states(q)[:, :, TURNED]
     tau = (
         FRICTION * ways
         + 0.4 * q
@@ -74,15 +74,15 @@ CHAIN = Chain(
 
 def test_what_joints_add_to_a_force_as_they_turn_round_is_foreseen():
     samples, ways = swinging(20.0)
-    felt = by_joints(samples.tau_ext, CHAIN, np.eye(3))
-    seen = np.linalg.pinv(felt.maps(samples.q))
+    observed = observation_of_torques(samples.tau_ext, CHAIN, np.eye(3))
+    seen = np.linalg.pinv(observed.maps(samples.q))
     wrench = np.einsum("nij,nj->ni", seen, samples.tau_ext)
     samples = replace(samples, wrench=wrench)
     trace = Trace(samples, (), (), (), replace(UNTOLD, chain=CHAIN))
     rows, free = slice(0, 800), np.arange(800) < 100
-    found = rubbed(trace, rows, free, 0.3)
+    found = joint_friction_force(trace, rows, free, 0.3)
     made = -np.einsum("nj,nj->n", seen[:, 2], FRICTION * ways)[rows]
     made -= np.median(made[free])
     assert np.std(made) > 0.5
     assert np.std(found - made) < 0.2 * np.std(made)
-    assert not rubbed(replace(trace, hand=UNTOLD), rows, free, 0.3).any()
+    assert not joint_friction_force(replace(trace, hand=UNTOLD), rows, free, 0.3).any()

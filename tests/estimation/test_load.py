@@ -11,9 +11,9 @@ import pytest
 
 from palpate.estimation import tuning
 from palpate.estimation.load.equations import FORCE_Z
-from palpate.estimation.load.feeling import feeling
 from palpate.estimation.load.fit import fit_load
 from palpate.estimation.load.noise import block_noise
+from palpate.estimation.load.observation import observe
 from palpate.estimation.load.segments import weighings
 from palpate.geometry.pose import Pose
 from palpate.parameter import Parameter
@@ -42,10 +42,10 @@ def jointed(trace, seed=0, white=0.03, gain=(0.0,) * 7, extra=None):
     torque = torque * (1.0 + np.array(gain)) + white * rng.standard_normal(torque.shape)
     orientation = np.tile(chain.pose_world_tcp[0, 3:], (len(q), 1))
     pose = np.column_stack([samples.pose_world_tcp[:, :3], orientation])
-    felt = replace(samples, q=q, tau_ext=torque, wrench=wrench, pose_world_tcp=pose)
+    observed = replace(samples, q=q, tau_ext=torque, wrench=wrench, pose_world_tcp=pose)
     # What moved is a point's mass, not the links of that arm.
     chain = replace(ARM.nominal.chain, links=())
-    return replace(trace, samples=felt, hand=replace(ARM.nominal, chain=chain))
+    return replace(trace, samples=observed, hand=replace(ARM.nominal, chain=chain))
 
 
 @pytest.fixture
@@ -60,10 +60,10 @@ def lifted(weighing, noises):
 
 def test_joints_tell_of_the_wrench_in_world_axes(lifted):
     trace = lifted(white=0.0)
-    felt = feeling(trace)
-    assert felt.signals.shape[1] == 7
-    maps = felt.maps(trace.samples.q[:5])
-    for row, signals, wrench in zip(maps, felt.signals, trace.wrench, strict=False):
+    observed = observe(trace)
+    assert observed.signals.shape[1] == 7
+    maps = observed.maps(trace.samples.q[:5])
+    for row, signals, wrench in zip(maps, observed.signals, trace.wrench, strict=False):
         assert np.linalg.pinv(row) @ signals == pytest.approx(wrench, abs=1e-6)
 
 
@@ -72,17 +72,17 @@ def test_joints_tell_of_the_wrench_in_world_axes(lifted):
 )
 def test_joints_that_do_not_explain_the_wrench_are_not_believed(lifted, chain):
     trace = lifted()
-    felt = feeling(replace(trace, hand=replace(trace.hand, chain=chain)))
-    assert felt.signals is trace.samples.wrench
-    assert felt.maps(trace.samples.q[:2]).shape == (2, 6, 6)
+    observed = observe(replace(trace, hand=replace(trace.hand, chain=chain)))
+    assert observed.signals is trace.samples.wrench
+    assert observed.maps(trace.samples.q[:2]).shape == (2, 6, 6)
 
 
 def test_a_load_is_weighed_by_joints(lifted):
     found = [estimate_mass(lifted(seed), BOTTLE, None) for seed in range(20)]
-    errors = np.array([(one.value[0] - MASS) / one.std[0] for one in found])
+    errors = np.array([(one.values[0] - MASS) / one.stds[0] for one in found])
     assert np.abs(errors).max() < 3.5
     assert all(one.identified for one in found)
-    assert max(one.std[0] for one in found) < 0.015 * MASS
+    assert max(one.stds[0] for one in found) < 0.015 * MASS
 
 
 def test_gains_are_carried_through_the_jacobian(lifted):
@@ -92,8 +92,8 @@ def test_gains_are_carried_through_the_jacobian(lifted):
         gain = ARM.nominal.torque_gain * rng.uniform(-1.0, 1.0, 7)
         found = estimate_mass(lifted(seed, gain=gain, white=1e-4), BOTTLE, None)
         assert found.identified, found.contradiction
-        scores.append((found.value[0] - MASS) / found.std[0])
-        stated.append(found.std[0])
+        scores.append((found.values[0] - MASS) / found.stds[0])
+        stated.append(found.stds[0])
     assert 0.5 < np.std(scores) < 1.3
     # One joint's gain error is 0.6 % of what it bears; several bear a load.
     assert 0.002 * MASS < np.mean(stated) < 0.01 * MASS
@@ -104,8 +104,8 @@ def test_gains_that_are_known_for_certain_add_nothing(lifted):
     certain = replace(trace, hand=replace(trace.hand, torque_gain=0.0))
     told, unsure = (estimate_mass(one, BOTTLE, None) for one in (certain, trace))
     assert told.identified
-    assert abs(told.value[0] - MASS) < 3.5 * told.std[0]
-    assert told.std[0] < unsure.std[0]
+    assert abs(told.values[0] - MASS) < 3.5 * told.stds[0]
+    assert told.stds[0] < unsure.stds[0]
 
 
 def upward(force):
@@ -143,26 +143,26 @@ def test_a_rest_may_be_off_by_what_approaches_leave(lifted, force, verdict):
     trace = lifted(extra=lambda samples: upward(force * held(samples) * at_rest(samples)))
     found = estimate_mass(trace, BOTTLE, None)
     assert found.verdict == verdict
-    assert abs(found.value[0] - MASS) < 3.0 * found.std[0]
+    assert abs(found.values[0] - MASS) < 3.0 * found.stds[0]
 
 
 def test_what_stays_from_a_rest_on_is_told_by_the_width(lifted):
     found = [estimate_mass(lifted(seed, extra=staying(seed)), BOTTLE, None) for seed in range(12)]
-    errors = np.array([one.value[0] - MASS for one in found])
-    stated = np.array([one.std[0] for one in found])
+    errors = np.array([one.values[0] - MASS for one in found])
+    stated = np.array([one.stds[0] for one in found])
     assert 0.8 < np.sqrt(np.mean(stated**2) / np.mean(errors**2)) < 1.5
-    assert np.mean([one.ci95[0, 0] < MASS < one.ci95[0, 1] for one in found]) >= 0.9
+    assert np.mean([one.intervals[0, 0] < MASS < one.intervals[0, 1] for one in found]) >= 0.9
 
 
 def test_rests_that_agree_tell_that_nothing_stays(lifted):
-    kept = estimate_mass(lifted(extra=staying(0)), BOTTLE, None).std[0]
-    assert estimate_mass(lifted(), BOTTLE, None).std[0] < 0.3 * kept
+    kept = estimate_mass(lifted(extra=staying(0)), BOTTLE, None).stds[0]
+    assert estimate_mass(lifted(), BOTTLE, None).stds[0] < 0.3 * kept
 
 
 def test_rests_and_passes_that_are_biased_alike_tell_of_each_other(lifted, monkeypatch):
     alike = estimate_mass(lifted(), BOTTLE, None)
     monkeypatch.setattr(tuning, "KINDS_APART", (1.0,))
-    assert alike.std[0] < estimate_mass(lifted(), BOTTLE, None).std[0]
+    assert alike.stds[0] < estimate_mass(lifted(), BOTTLE, None).stds[0]
 
 
 def test_what_goes_with_the_direction_cancels_as_it_did(lifted, monkeypatch):
@@ -171,8 +171,8 @@ def test_what_goes_with_the_direction_cancels_as_it_did(lifted, monkeypatch):
     found = estimate_mass(trace, BOTTLE, None)
     monkeypatch.setattr(tuning, "KINDS_APART", (1.0,))
     apart = estimate_mass(trace, BOTTLE, None)
-    assert abs(found.value[0] - MASS) < 3.0 * found.std[0]
-    assert found.value[0] == pytest.approx(apart.value[0], abs=apart.std[0])
+    assert abs(found.values[0] - MASS) < 3.0 * found.stds[0]
+    assert found.values[0] == pytest.approx(apart.values[0], abs=apart.stds[0])
 
 
 DECEPTIONS = {
@@ -256,7 +256,7 @@ def test_a_weighing_that_contradicts_itself_has_no_say_in_the_value(bench, noise
     found = estimate_mass(jointed(b.trace(), extra=caught), BOTTLE, None)
     assert found.verdict == "contradicted"
     assert "sideways with 2" in found.contradiction
-    assert abs(found.value[0] - MASS) < 3 * found.std[0]
+    assert abs(found.values[0] - MASS) < 3 * found.stds[0]
 
 
 def test_white_noise_and_slower_noise_are_told_apart():

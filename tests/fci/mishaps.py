@@ -167,7 +167,7 @@ def _wrong(
     if row["exit"] == 4:
         found += _unreadable(folder)
     if row["exit"] == 0 and value is not None:
-        low, high = pp.open(folder)[name].ci95[0]
+        low, high = pp.open(folder)[name].intervals[0]
         if not low <= value[0] <= high:
             found.append("a wrong mass is called identified")
     return found
@@ -181,6 +181,6 @@ def _unreadable(folder: Path) -> list[str]:
     found = [name for name in ("result.json", "report.html") if not (folder / name).exists()]
     if run.status != "aborted":
         found.append(f"status {run.status}")
-    if run.trace is None or not len(run.trace.samples):
+    if run.trace_if_any is None or not len(run.trace.samples):
         found.append("no trace")
     return found

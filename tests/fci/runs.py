@@ -142,7 +142,7 @@ def _beside_truth(estimate: Any, bench: Served) -> dict[str, Any]:
 
 def largest_step(run: pp.Run) -> float:
     """m that the commanded target moved in a cycle at most, while a probe was under way."""
-    trace, most = run.trace, 0.0
+    trace, most = run.trace_if_any, 0.0
     if trace is None:
         return most
     for leaf in trace.leaves:

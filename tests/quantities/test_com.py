@@ -58,8 +58,8 @@ def test_perfect_sensors_give_the_horizontal_centre_in_the_body_frame(bench, noi
         lift_at(bench, noises["none"], [0.0, 0.05, -0.05]), PARAMETER, scene.body("hammer")
     )
     # These pads give way to nothing, less than is expected: 12 mm over the balance point that is 0.6 mm.
-    assert found.value[:2] == pytest.approx(COM, abs=7e-4)
-    assert np.all(np.abs(found.value[:2] - COM) < found.std[:2])
+    assert found.values[:2] == pytest.approx(COM, abs=7e-4)
+    assert np.all(np.abs(found.values[:2] - COM) < found.stds[:2])
     assert found.verdict == "identified"
 
 
@@ -67,8 +67,8 @@ def test_along_gravity_only_the_prior_speaks(bench, noises, scene):
     found = estimate_com(
         lift_at(bench, noises["none"], [0.0, 0.05]), PARAMETER, scene.body("hammer")
     )
-    assert found.value[2] == pytest.approx(scene.body("hammer").centre[2])
-    assert found.std[2] > 0.005
+    assert found.values[2] == pytest.approx(scene.body("hammer").centre[2])
+    assert found.stds[2] > 0.005
     assert "z lies along gravity" in found.method
     assert "prior-dominated" in found.method
     assert found.verdicts == ("identified", "identified", "prior-dominated")
@@ -80,7 +80,7 @@ def test_laboratory_noise(bench, noises, scene):
         found = estimate_com(
             lift_at(bench, noises["lab"], [0.0, 0.05, -0.05], seed), PARAMETER, scene.body("hammer")
         )
-        errors.append(np.array(found.value[:2]) - COM)
+        errors.append(np.array(found.values[:2]) - COM)
         assert found.parts["mass"].value == pytest.approx(MASS, rel=0.02)
     assert np.abs(np.mean(errors, axis=0)).max() < 3e-3
     assert np.std(errors, axis=0).max() < 3e-3
@@ -105,7 +105,7 @@ def test_what_moves_inside_is_contradicted(bench, noises, scene, world):
 def test_where_the_scene_has_it_goes_straight_in_and_is_said(bench, noises, scene):
     trace = lift_at(bench, noises["none"], [0.0, 0.05, -0.05], moves=(0.01, 0.01, 0.01))
     found = estimate_com(trace, PARAMETER, scene.body("hammer"))
-    assert found.value[0] == pytest.approx(COM[0] + 0.01, abs=7e-4)
+    assert found.values[0] == pytest.approx(COM[0] + 0.01, abs=7e-4)
     assert "from where the scene has the object" in found.method
 
 
@@ -113,7 +113,7 @@ def test_an_arm_that_is_not_measured_knows_less_where_it_holds(bench, noises, sc
     trace = lift_at(bench, noises["lab"], [0.0, 0.05, -0.05])
     rough = replace(trace, hand=replace(trace.hand, tip_offset_std=2e-3))
     known, unknown = (
-        estimate_com(each, PARAMETER, scene.body("hammer")).std[:2] for each in (trace, rough)
+        estimate_com(each, PARAMETER, scene.body("hammer")).stds[:2] for each in (trace, rough)
     )
     assert (unknown > 2e-3).all()
     assert (known < unknown).all()
@@ -124,7 +124,7 @@ def test_never_lifted_is_not_identified(bench, noises, scene):
     b.go("somewhere", (0.5, 0.0, 0.3))
     found = estimate_com(b.trace(), PARAMETER, scene.body("hammer"))
     assert found.verdict == "not identified"
-    assert len(found.value) == 0
+    assert len(found.values) == 0
 
 
 def test_how_well_poses_are_known_is_in_the_interval(bench, noises):
@@ -133,7 +133,7 @@ def test_how_well_poses_are_known_is_in_the_interval(bench, noises):
     rough = parse_scene(SCENE, poses="accuracy: 0.01").body("hammer")
     usual = estimate_com(trace, PARAMETER, parse_scene(SCENE).body("hammer"))
     found = estimate_com(trace, PARAMETER, rough)
-    assert found.std[0] > 5 * usual.std[0]
+    assert found.stds[0] > 5 * usual.stds[0]
     assert "10 mm (1 sigma, as stated)" in found.method
     assert "0.5 mm (1 sigma, assumed" in usual.method
 
@@ -148,10 +148,10 @@ def test_runs_of_one_scene_share_its_poses_and_what_was_believed(bench, noises, 
     first = sources[0].estimate
     fused = fuse(sources)
     assert fused.identified
-    assert fused.value[:2] == pytest.approx(COM, abs=3e-3)
-    assert np.all(fused.std[:2] < 0.8 * first.std[:2])
-    assert np.all(fused.std[:2] > 5e-4), "poses are known to half a millimetre"
-    assert fused.std[2] == pytest.approx(first.std[2], rel=0.02)
+    assert fused.values[:2] == pytest.approx(COM, abs=3e-3)
+    assert np.all(fused.stds[:2] < 0.8 * first.std[:2])
+    assert np.all(fused.stds[:2] > 5e-4), "poses are known to half a millimetre"
+    assert fused.stds[2] == pytest.approx(first.std[2], rel=0.02)
 
 
 def test_a_tilt_that_did_not_end_well_costs_the_height_alone(bench, noises):
@@ -176,4 +176,4 @@ def test_a_grasp_counts_once_though_a_lift_beside_it_is_weighed_with_it(bench, n
     found = estimate_com(lift_at(bench, noises["lab"], close), PARAMETER, scene.body("hammer"))
     assert "at 3 grasps" in found.method
     assert found.identified, found.method
-    assert np.all(np.abs(found.value[:2] - COM) < 3 * found.std[:2])
+    assert np.all(np.abs(found.values[:2] - COM) < 3 * found.stds[:2])

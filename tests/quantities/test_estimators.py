@@ -66,7 +66,7 @@ def installed(tmp_path, monkeypatch):
 def test_converted_and_missing(weighing, noises, bodies):
     trace = weighing(0.254, noises["none"])
     mass, height = estimate_all([MASS, Parameter("table", "height")], trace, bodies)
-    assert mass.value[0] == pytest.approx(0.254, rel=3e-3)
+    assert mass.values[0] == pytest.approx(0.254, rel=3e-3)
     assert height.verdict == "not identified"
     assert "before the height of table was measured" in height.method
 
@@ -74,7 +74,7 @@ def test_converted_and_missing(weighing, noises, bodies):
 def test_an_estimator_of_ones_own_is_chosen_by_name(weighing, noises, bodies, installed):
     trace = weighing(0.254, noises["none"])
     (found,) = estimate_all([MASS], trace, bodies, choice={"mass": "mine"})
-    assert found.value[0] == pytest.approx(0.254, rel=0.02)
+    assert found.values[0] == pytest.approx(0.254, rel=0.02)
     assert found.method == "Median of 151 samples, bottle."
 
     assert known_estimators().names("mass") == ("contrast", "single-shot", "mine")
@@ -94,8 +94,8 @@ def test_the_papers_single_shot_leaves_the_arms_bias_in_and_says_so(weighing, no
     trace = weighing(0.254, noises["lab"])
     (found,) = estimate_all([MASS], trace, bodies, choice={"mass": "single-shot"})
     (contrast,) = estimate_all([MASS], trace, bodies)
-    assert found.value[0] == contrast.parts["single-shot"].value
-    assert found.std[0] > 10 * contrast.std[0]
+    assert found.values[0] == contrast.parts["single-shot"].value
+    assert found.stds[0] > 10 * contrast.stds[0]
     assert "not compared with the empty hand" in found.method
 
 
@@ -129,7 +129,7 @@ def test_another_partys_quantity_brings_its_own_estimator(weighing, noises, bodi
     assert estimate_all([parameter], trace, bodies)[0].verdict == "not identified"
     monkeypatch.setitem(sys.modules, "thermometer", types.SimpleNamespace(estimate=thermometer))
     own = Estimators({"temperature": {"mean": "thermometer:estimate"}})
-    assert estimate_all([parameter], trace, bodies, estimators=own)[0].value == (21.0,)
+    assert estimate_all([parameter], trace, bodies, estimators=own)[0].values == (21.0,)
 
 
 def test_an_estimator_that_fails_costs_its_own_parameter_alone(
@@ -151,7 +151,7 @@ def test_an_estimator_that_fails_costs_its_own_parameter_alone(
     assert height.verdict == com.verdict == "not identified"
     assert "IndexError: list index out of range" in height.method
     assert "finite" in com.method
-    assert mass.value[0] == pytest.approx(0.254, rel=3e-3)
+    assert mass.values[0] == pytest.approx(0.254, rel=3e-3)
 
 
 def test_a_mass_that_was_recorded_before_the_run_was_broken_off_counts(weighing, noises, bodies):
@@ -177,7 +177,7 @@ def test_inertia_is_not_excited(weighing, noises, bodies):
     (found,) = estimate_all([Parameter("bottle", "inertia")], trace, bodies)
     assert found.verdict == "not identified"
     assert "not excited" in found.method
-    assert len(found.value) == 0
+    assert len(found.values) == 0
 
 
 @pytest.mark.parametrize("quantity", catalogue().values(), ids=lambda q: q.id)

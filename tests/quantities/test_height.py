@@ -48,7 +48,7 @@ def probe(bench, noise, surface, seed=0):
 def test_rigid_surface(bench, noises, world, tolerance):
     for seed in range(5):
         found = probe(bench, noises[world], rigid, seed)
-        assert found.value[0] == pytest.approx(TABLE, abs=tolerance)
+        assert found.values[0] == pytest.approx(TABLE, abs=tolerance)
         assert found.verdict == "identified"
         assert "soft onset" not in found.parts
 
@@ -64,7 +64,7 @@ def test_an_arm_that_nobody_has_gauged_says_so_and_what_to_do(bench, noises):
     assert "gauge" not in known.method
     assert "known to ± 10 mm (95 %)" in unknown.method
     assert "calibrate --gauge" in unknown.method
-    assert unknown.std[0] == pytest.approx(5e-3, rel=0.01)
+    assert unknown.stds[0] == pytest.approx(5e-3, rel=0.01)
 
 
 def test_penetration_is_corrected(bench, noises):
@@ -73,13 +73,13 @@ def test_penetration_is_corrected(bench, noises):
 
 
 def test_pose_repeatability_enters_the_standard_deviation(bench, noises):
-    assert probe(bench, noises["none"], rigid).std[0] >= 1e-4
+    assert probe(bench, noises["none"], rigid).stds[0] >= 1e-4
 
 
 @pytest.mark.parametrize("world", ["none", "lab", "datasheet"])
 def test_a_cloth_is_pressed_through(bench, noises, world):
     found = probe(bench, noises[world], cloth, 3)
-    assert found.value[0] == pytest.approx(TABLE, abs=2e-4)
+    assert found.values[0] == pytest.approx(TABLE, abs=2e-4)
     assert found.verdict == "identified"
     onset = found.parts["soft onset"]
     assert abs(onset.value - (TABLE + CLOTH)) < 3 * onset.std
@@ -91,7 +91,7 @@ def test_a_cushion_is_not_called_rigid(bench, noises, world):
     """A surface that gives way is contradicted: the scene calls it rigid."""
     found = probe(bench, noises[world], cushion)
     assert found.verdict == "contradicted"
-    low, high = found.ci95[0]
+    low, high = found.intervals[0]
     assert low <= TABLE <= high
     assert "gives way" in found.contradiction
 
@@ -105,8 +105,8 @@ def test_a_mat_is_no_table_however_fast_the_force_rises_on_it(bench, noises, sti
 
     found = probe(bench, noises["lab"], mat)
     assert found.verdict == "contradicted"
-    assert abs(found.value[0] - (TABLE + CLOTH)) < 2 * found.std[0]
-    assert found.std[0] >= 0.5 * found.parts["penetration"].value
+    assert abs(found.values[0] - (TABLE + CLOTH)) < 2 * found.stds[0]
+    assert found.stds[0] >= 0.5 * found.parts["penetration"].value
 
 
 @pytest.mark.parametrize("stiffness", [25e3, 33e3])
@@ -116,8 +116,8 @@ def test_a_light_table_is_carried_back_to_no_force_with_half_the_way_as_doubt(
     for seed in range(3):
         found = probe(bench, noises["lab"], lambda z: max(0.0, TABLE - z) * stiffness, seed)
         assert found.verdict == "identified"
-        assert found.value[0] == pytest.approx(TABLE, abs=1e-4)
-        assert found.std[0] > 0.5 * found.parts["penetration"].value > 5e-5
+        assert found.values[0] == pytest.approx(TABLE, abs=1e-4)
+        assert found.stds[0] > 0.5 * found.parts["penetration"].value > 5e-5
 
 
 def test_wild_samples_are_no_contact(bench, noises):
@@ -132,7 +132,7 @@ def test_wild_samples_are_no_contact(bench, noises):
         wild = random.random(len(trace.samples)) < 0.03
         trace.samples.wrench[wild] += random.normal(0.0, 30.0, (int(wild.sum()), 6))
         found = estimate_height(trace, HEIGHT, None)
-        assert found.value[0] == pytest.approx(TABLE, abs=5e-5)
+        assert found.values[0] == pytest.approx(TABLE, abs=5e-5)
         assert found.verdict == "identified"
 
 
@@ -236,7 +236,7 @@ def test_friction_that_changes_with_the_place_is_no_finger_and_no_contact(bench,
     for seed in range(6):
         found = probe(bench, rough, rigid, seed)
         assert found.verdict == "identified"
-        assert found.value[0] == pytest.approx(TABLE, abs=2e-4)
+        assert found.values[0] == pytest.approx(TABLE, abs=2e-4)
         assert "soft onset" not in found.parts
 
 
@@ -247,7 +247,7 @@ def test_a_cushion_is_met_where_it_begins_however_near_the_probe_starts(bench, n
     recording = b.descend(lambda z: max(0.0, TABLE - z) * 200, "table")
     found = estimated(b, recording)
     assert found.verdict == "contradicted"
-    assert found.value[0] == pytest.approx(TABLE, abs=2.5e-3)
+    assert found.values[0] == pytest.approx(TABLE, abs=2.5e-3)
 
 
 def test_the_length_of_the_tips_is_as_uncertain_as_stated(bench, noises):
@@ -257,7 +257,7 @@ def test_the_length_of_the_tips_is_as_uncertain_as_stated(bench, noises):
     stds = []
     for std in (0.0, 5e-4):
         trace = b.trace(replace(HAND, tip_offset_std=std))
-        stds.append(float(estimate_height(trace, HEIGHT, None).std[0]))
+        stds.append(float(estimate_height(trace, HEIGHT, None).stds[0]))
     assert stds[1] == pytest.approx(np.hypot(stds[0], 5e-4), rel=1e-3)
 
 
@@ -278,10 +278,10 @@ def test_several_touches_make_one_height(bench, noises):
     """The tips are the same ones; the rest averages out."""
     once = probe(bench, noises["lab"], rigid)
     found = touch_all(bench, noises["lab"], CORNERS, lambda x, y, z: rigid(z))
-    assert found.value[0] == pytest.approx(TABLE, abs=5e-5)
+    assert found.values[0] == pytest.approx(TABLE, abs=5e-5)
     assert found.verdict == "identified"
     assert len(found.evidence) == 3
-    assert HAND.tip_offset_std < found.std[0] < once.std[0]
+    assert HAND.tip_offset_std < found.stds[0] < once.stds[0]
     assert found.parts["tilt"].value < 3 * found.parts["tilt"].std
 
 
@@ -295,8 +295,8 @@ def test_three_touches_show_how_a_table_leans(bench, noises):
     tilt = found.parts["tilt"]
     assert tilt.value == pytest.approx(np.radians(1.0), abs=2 * tilt.std)
     middle = float(np.mean([x for x, _ in CORNERS]))
-    assert abs(found.value[0] - TABLE - slope * (middle - 0.5)) < found.std[0]
-    assert found.std[0] > slope * 0.04
+    assert abs(found.values[0] - TABLE - slope * (middle - 0.5)) < found.stds[0]
+    assert found.stds[0] > slope * 0.04
     assert "leans" in found.method
 
 
@@ -317,7 +317,7 @@ def test_a_stop_on_impact_needs_no_loading_curve(bench, noises):
     b.go("table_approach", (0.5, 0.0, 0.32))
     recording = b.descend(lambda z: max(0.0, TABLE - z) * 4e6, "table", threshold=1.5)
     found = estimated(b, recording)
-    assert found.value[0] == pytest.approx(TABLE, abs=5e-5)
+    assert found.values[0] == pytest.approx(TABLE, abs=5e-5)
     assert found.verdict == "identified"
 
 
@@ -327,13 +327,13 @@ def test_tilted_hand_touches_with_its_lower_finger(bench, noises):
     recording = b.descend(rigid, "table")
     b.convert("Pose2Height", "table", "height", recording)
     trace = b.trace()
-    straight = estimate_height(trace, HEIGHT, None).value[0]
+    straight = estimate_height(trace, HEIGHT, None).values[0]
     half = np.radians(5.0) / 2
     tilt = np.array([0.0, 1.0, 0.0, 0.0]) * np.cos(half) + np.array([1.0, 0.0, 0.0, 0.0]) * np.sin(
         half
     )
     trace.samples.pose_world_tcp[:, 3:] = tilt
-    tilted = estimate_height(trace, HEIGHT, None).value[0]
+    tilted = estimate_height(trace, HEIGHT, None).values[0]
     assert straight - tilted == pytest.approx(0.04 * np.sin(np.radians(5.0)), abs=1e-4)
 
 

@@ -22,11 +22,11 @@ def errors(weighing, noise, mass=MASS):
     rows = []
     for seed in SEEDS:
         found = weighed(weighing(mass, noise, seed))
-        low, high = found.ci95[0]
+        low, high = found.intervals[0]
         rows.append(
             (
-                found.value[0] - mass,
-                found.std[0],
+                found.values[0] - mass,
+                found.stds[0],
                 low <= mass <= high,
                 found.parts["single-shot"].value - mass,
             )
@@ -36,7 +36,7 @@ def errors(weighing, noise, mass=MASS):
 
 def test_perfect_sensors_give_the_mass(weighing, noises):
     found = weighed(weighing(MASS, noises["none"]))
-    assert found.value[0] == pytest.approx(MASS, rel=3e-3)
+    assert found.values[0] == pytest.approx(MASS, rel=3e-3)
     assert found.verdict == "identified"
     assert str(found.parameter) == "bottle.mass"
 
@@ -59,8 +59,8 @@ def test_an_end_effector_that_is_told_wrong_is_in_both_and_goes(weighing, noises
         wrench[:, 2] += 9.81 * told
         biased = replace(trace, samples=replace(trace.samples, wrench=wrench))
         right, found = weighed(trace), weighed(biased)
-        assert found.value[0] == pytest.approx(right.value[0], abs=1e-4)
-        assert found.std[0] == pytest.approx(right.std[0], rel=0.1)
+        assert found.values[0] == pytest.approx(right.values[0], abs=1e-4)
+        assert found.stds[0] == pytest.approx(right.stds[0], rel=0.1)
 
 
 def test_residual_of_every_approach_does_not_reach_the_estimate(weighing, noises):
@@ -90,16 +90,16 @@ def test_passes_at_another_speed_count_for_less(bench, noises):
     b.open()
     b.go("bottle_pose + z_offset", above, 0.25)
     found = weighed(b.trace())
-    assert abs(found.value[0] - MASS) < 2 * found.std[0]
-    assert found.std[0] > 4e-3
+    assert abs(found.values[0] - MASS) < 2 * found.stds[0]
+    assert found.stds[0] > 4e-3
 
 
 def test_before_the_release_the_estimate_is_provisional(weighing, noises):
     trace = weighing(MASS, noises["lab"], 3)
     early = weighed(trace.until(trace.conversions[0].time))
     late = weighed(trace)
-    assert early.std[0] > 2 * late.std[0]
-    assert abs(early.value[0] - MASS) < 3 * early.std[0]
+    assert early.stds[0] > 2 * late.stds[0]
+    assert abs(early.values[0] - MASS) < 3 * early.stds[0]
 
 
 def test_without_any_reference_the_datasheet_bounds_the_bias(bench, noises):
@@ -108,16 +108,16 @@ def test_without_any_reference_the_datasheet_bounds_the_bias(bench, noises):
     b.go("elsewhere", (0.5, 0.2, 0.6))
     b.convert("Force2Mass", "bottle", "mass", b.measure())
     found = weighed(b.trace())
-    assert found.std[0] > 0.03
-    assert found.ci95[0][0] <= MASS <= found.ci95[0][1]
+    assert found.stds[0] > 0.03
+    assert found.intervals[0][0] <= MASS <= found.intervals[0][1]
     assert "no unloaded" in found.method
     assert found.verdict == "prior-dominated"
 
 
 def test_a_mass_is_never_negative(weighing, noises):
     found = weighed(weighing(1e-4, replace(noises["datasheet"], white=0.8), 5))
-    assert found.value[0] > 0.0
-    assert found.ci95[0][0] >= 0.0
+    assert found.values[0] > 0.0
+    assert found.intervals[0][0] >= 0.0
     assert found.verdict == "prior-dominated"
 
 
@@ -135,7 +135,7 @@ def test_another_object_in_the_hand_is_not_a_reference(bench, noises):
     b.go("a", above)
     b.convert("Force2Mass", "bottle", "mass", recording)
     found = weighed(b.trace())
-    assert found.value[0] == pytest.approx(MASS, rel=3e-3)
+    assert found.values[0] == pytest.approx(MASS, rel=3e-3)
 
 
 def test_same_trace_same_estimate(weighing, noises):

@@ -37,17 +37,17 @@ def test_velocity_is_displacement_over_duration(bench, noises):
     found = estimate_velocity(trace, Parameter("can", "velocity"), None)
     samples = trace.of(recording)
     expected = 0.12 / (samples.t[-1] - samples.t[0])
-    assert found.value[2] == pytest.approx(expected, abs=3 * found.std[2] + 0.002)
-    assert np.abs(found.value[:2]).max() < 1e-3
-    assert found.parts["mean twist z"].value == pytest.approx(found.value[2], rel=0.05)
+    assert found.values[2] == pytest.approx(expected, abs=3 * found.stds[2] + 0.002)
+    assert np.abs(found.values[:2]).max() < 1e-3
+    assert found.parts["mean twist z"].value == pytest.approx(found.values[2], rel=0.05)
 
 
 def test_momentum_is_the_objects_alone(bench, noises):
     trace, _ = carried(bench, noises["lab"])
     velocity = estimate_velocity(trace, Parameter("can", "velocity"), None)
     found = estimate_momentum(trace, Parameter("can", "momentum"), None)
-    assert found.value[2] == pytest.approx(0.3 * velocity.value[2], rel=0.1)
-    assert found.ci95[2][0] <= 0.3 * velocity.value[2] <= found.ci95[2][1]
+    assert found.values[2] == pytest.approx(0.3 * velocity.values[2], rel=0.1)
+    assert found.intervals[2][0] <= 0.3 * velocity.values[2] <= found.intervals[2][1]
 
 
 def placed(bench, noise, body):
@@ -69,8 +69,8 @@ def can(position, yaw=0.0, centre=(0.0, 0.0, 0.0), accuracy=None):
 
 def test_position_is_where_the_fingers_hold(bench, noises):
     found = placed(bench, noises["none"], None)
-    assert found.value == pytest.approx((0.5, 0.1), abs=1e-4)
-    assert min(found.std) >= 1e-4
+    assert found.values == pytest.approx((0.5, 0.1), abs=1e-4)
+    assert min(found.stds) >= 1e-4
 
 
 @pytest.mark.parametrize("yaw", [0.0, 2.0])
@@ -79,17 +79,17 @@ def test_position_is_of_the_frame_beside_the_middle_of_the_shapes(bench, noises,
     centre = np.array([0.02, -0.01, 0.05])
     frame = np.array([0.5, 0.1, 0.2]) - can((0.0, 0.0, 0.0), yaw).pose_world.apply(centre)
     found = placed(bench, noises["none"], can(frame, yaw, centre))
-    assert found.value == pytest.approx(frame[:2], abs=2e-4)
+    assert found.values == pytest.approx(frame[:2], abs=2e-4)
 
 
 def test_across_the_closing_direction_a_position_is_only_believed(bench, noises):
     """Believed off in x and y: the fingers tell of the direction along which they close alone."""
     believed = np.array([0.504, 0.101])
     found = placed(bench, noises["none"], can((*believed, 0.2)))
-    truly_off, still_off = believed - (0.5, 0.1), found.value - (0.5, 0.1)
+    truly_off, still_off = believed - (0.5, 0.1), found.values - (0.5, 0.1)
     closing = (truly_off - still_off) / np.linalg.norm(truly_off - still_off)
     assert closing @ still_off == pytest.approx(0.0, abs=2e-4)
-    assert found.std.max() > 0.005  # m, what is believed of a place that poses give
+    assert found.stds.max() > 0.005  # m, what is believed of a place that poses give
     assert found.unseen
 
 

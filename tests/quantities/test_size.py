@@ -76,8 +76,8 @@ def test_the_fingers_tell_two_widths_and_a_touch_of_the_top_the_height(bench, no
     b = recorded(bench, noises[noise])
     trace = turned(b.trace(), scene, start_of_last_grasp(b))
     found = estimate_size(trace, SIZE, scene.bodies["crate"])
-    assert found.value == pytest.approx([0.062, 0.05, TOP - TABLE], abs=5e-4)
-    assert (found.std < 1.5e-3).all()
+    assert found.values == pytest.approx([0.062, 0.05, TOP - TABLE], abs=5e-4)
+    assert (found.stds < 1.5e-3).all()
     assert found.verdict == "identified"
     assert "nothing told" not in found.method
 
@@ -86,7 +86,7 @@ def test_the_length_of_the_tips_cancels_where_the_support_was_touched_too(bench,
     both = recorded(bench, noises["lab"], across=False)
     alone = recorded(bench, noises["lab"], support=False, across=False)
     crate = scene.bodies["crate"]
-    stds = [estimate_size(b.trace(), SIZE, crate).std[2] for b in (both, alone)]
+    stds = [estimate_size(b.trace(), SIZE, crate).stds[2] for b in (both, alone)]
     assert stds[0] < 2.1e-4 < stds[1]
 
 
@@ -97,14 +97,14 @@ def test_what_gives_way_a_little_ends_where_it_was_met(bench, noises, scene, sti
     trace = turned(b.trace(), scene, start_of_last_grasp(b))
     found = estimate_size(trace, SIZE, scene.bodies["crate"])
     assert found.verdict == verdict
-    assert abs(found.value[2] - (TOP - TABLE)) < 3 * found.std[2] < 3e-3 * (4e4 / stiffness)
+    assert abs(found.values[2] - (TOP - TABLE)) < 3 * found.stds[2] < 3e-3 * (4e4 / stiffness)
 
 
 def test_an_extent_that_nothing_told_stays_as_the_scene_has_it(bench, noises, scene):
     b = recorded(bench, noises["lab"], across=False)
     found = estimate_size(turned(b.trace(), scene, np.inf), SIZE, scene.bodies["crate"])
-    assert found.value[0] == scene.bodies["crate"].size[0] == pytest.approx(0.06)
-    assert found.std[0] == pytest.approx(0.015)
+    assert found.values[0] == scene.bodies["crate"].size[0] == pytest.approx(0.06)
+    assert found.stds[0] == pytest.approx(0.015)
     assert "Along x nothing told" in found.method
 
 
@@ -164,7 +164,7 @@ def test_a_crate_is_measured_from_a_sentence(scene):
     done = run(plan, scene, cell.robot())
     assert done.status == "complete"
     (found,) = estimate_all(plan.parameters, done.trace, scene.bodies)
-    assert found.value == pytest.approx(cell.truth(SIZE), abs=1e-3)
+    assert found.values == pytest.approx(cell.truth(SIZE), abs=1e-3)
     assert np.abs(found.z_score(cell.truth(SIZE))).max() < 3.0
     kinds = [leaf.primitive for leaf in done.trace.leaves]
     touched = kinds.index("MoveUntilContact")

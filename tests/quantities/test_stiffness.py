@@ -34,9 +34,9 @@ def test_a_spring_of_any_strength(bench, noises, world, tolerance, stiffness):
     for seed in range(4):
         found = pressed(bench, noises[world], spring(stiffness), seed)
         assert found.verdict == "identified"
-        low, high = found.ci95[0]
+        low, high = found.intervals[0]
         assert low < stiffness < high
-        errors.append(found.value[0] / stiffness - 1.0)
+        errors.append(found.values[0] / stiffness - 1.0)
     assert np.sqrt(np.mean(np.square(errors))) < tolerance
 
 
@@ -58,7 +58,7 @@ def test_a_cloth_is_judged_by_itself_and_not_by_the_table_below(bench, noises):
         return max(0.0, TOP - z) * 500 + max(0.0, TOP - 0.008 - z) * 1e5
 
     found = pressed(bench, noises["lab"], cloth)
-    assert found.value[0] == pytest.approx(500, rel=0.05)
+    assert found.values[0] == pytest.approx(500, rel=0.05)
     assert found.verdict == "identified"
 
 
@@ -92,15 +92,15 @@ def test_a_rough_signal_makes_no_spring_uneven(bench, noises):
     wrench[:] = wrench[np.maximum(late, 0)] + random.normal(0.0, 10.0, wrench.shape) * wild[:, None]
     found = estimate_stiffness(trace, STIFFNESS, None)
     assert found.verdict == "identified"
-    assert found.value[0] == pytest.approx(800, rel=0.03)
+    assert found.values[0] == pytest.approx(800, rel=0.03)
 
 
 def test_touches_count_together(bench, noises):
     places = ((0.45, 0.0), (0.5, 0.0), (0.55, 0.0))
     once = pressed(bench, noises["lab"], spring(600))
     found = pressed(bench, noises["lab"], spring(600), places=places)
-    assert found.value[0] == pytest.approx(600, rel=0.03)
-    assert found.std[0] < 0.7 * once.std[0]
+    assert found.values[0] == pytest.approx(600, rel=0.03)
+    assert found.stds[0] < 0.7 * once.stds[0]
     assert len(found.evidence) == 3
 
 
@@ -139,7 +139,7 @@ def test_how_soft_is_the_mat(tmp_path):
     run = plan.run(world=world, seed=1, fast=True)
     found = run["mat.stiffness"]
     assert found.verdict == "identified"
-    assert found.value[0] == pytest.approx(800, rel=0.03)
+    assert found.values[0] == pytest.approx(800, rel=0.03)
     assert "palpate_mat_stiffness" in run.twin.xml
 
 
@@ -159,7 +159,7 @@ def test_what_hardly_bears_is_not_taken_for_what_is_below(
     run = scene.plan("how soft is the mat?").run(world=world, noise="lab", seed=seed, fast=True)
     found = run["mat.stiffness"]
     if told:
-        assert found.value[0] == pytest.approx(stiffness, rel=0.1)
+        assert found.values[0] == pytest.approx(stiffness, rel=0.1)
     else:
         assert found.verdict == "not identified"
         assert "stiffer than" in found.method

@@ -34,7 +34,7 @@ def touched(bench, noise, spots, slope, seed=0):
 def test_three_touches_tell_how_a_table_rises(bench, noises, noise, slope):
     found = touched(bench, noises[noise], CORNERS, slope)
     assert found.verdict == "identified"
-    assert found.value == pytest.approx(slope, abs=1e-3)
+    assert found.values == pytest.approx(slope, abs=1e-3)
     assert np.abs(found.z_score(slope)).max() < 3.0
     assert found.parts["angle"].value == pytest.approx(np.hypot(*slope), abs=1.5e-3)
 

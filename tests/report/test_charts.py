@@ -60,7 +60,7 @@ def test_stiffness_is_the_slope_over_the_depth(bench, noises) -> None:
     found = estimate_stiffness(b.trace(), Parameter("mat", "stiffness"), None)
     one, other = shown(found, b.trace(), (1000.0,))
     for chart in (one, other):
-        assert slope_of(chart) == pytest.approx(found.value[0] / 1000.0, rel=0.01), "N/mm"
+        assert slope_of(chart) == pytest.approx(found.values[0] / 1000.0, rel=0.01), "N/mm"
         assert {line.kind for line in chart.lines} == {"felt", "fit", "truth"}
         assert len(chart.dots) == 1
 
@@ -112,7 +112,7 @@ def test_drags_are_shown_with_their_breakaways(bench, noises) -> None:
     b.go("can_pose + z_offset", (0.5, 0.1, 0.3))
     found = estimate_friction(b.trace(), Parameter("can", "friction"), None)
     forces, quotient = shown(found, b.trace(), (0.34,))
-    assert slope_of(forces) == pytest.approx(float(found.value[0]), rel=0.02)
+    assert slope_of(forces) == pytest.approx(float(found.values[0]), rel=0.02)
     assert [dot.kind for dot in quotient.dots] == ["down", "down"]
 
 

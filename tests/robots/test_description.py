@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import sys
 from pathlib import Path
 
@@ -130,3 +131,15 @@ def test_numbers_of_an_arm_cannot_be_changed_by_who_reads_them() -> None:
     with pytest.raises(ValueError, match="read-only"):
         load_description().home[0] = 1.0
     assert np.isfinite(load_description().home).all()
+
+
+def test_joints_without_limits_turn_a_revolution_either_way(tmp_path: Path) -> None:
+    folder = write_arm(tmp_path / "mine")
+    text = (folder / "my_arm.xml").read_text("utf-8")
+    joint = re.search(r'<joint name="j1"[^>]*>', text)
+    assert joint is not None
+    free = re.sub(r' range="[^"]*"', "", joint[0])
+    (folder / "my_arm.xml").write_text(text.replace(joint[0], free), "utf-8")
+    limits = load_description(f"{folder}/").limits
+    assert (limits.q_min[0], limits.q_max[0]) == (-2 * np.pi, 2 * np.pi)
+    assert limits.q_max[1] < 2 * np.pi

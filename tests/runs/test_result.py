@@ -57,7 +57,7 @@ REJECTED = Run(
     Settings(request="the mass of the cup", seed=7), SCENE, replace(PLAN, tree=None, parameters=())
 )
 COMPLETE = replace(
-    REJECTED, plan=PLAN, execution=EXECUTION, estimates=(WEIGHED,), twin=TWIN, total_seconds=5.5
+    REJECTED, plan=PLAN, execution=EXECUTION, estimates=(WEIGHED,), finished=TWIN, total_seconds=5.5
 )
 
 

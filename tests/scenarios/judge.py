@@ -71,12 +71,12 @@ def assert_near_truth(run: Run) -> None:
     assert {estimate.parameter for estimate in run.estimates} == set(run.plan.parameters)
     for estimate in run.estimates:
         truth = np.array(run.truth[estimate.parameter])
-        error = np.abs(np.array(estimate.value) - truth)
+        error = np.abs(np.array(estimate.values) - truth)
         if estimate.parameter.quantity == "com":
             error = error[:2]
         assert (error <= _allowed(estimate.parameter, truth)).all(), (
             str(estimate.parameter),
-            estimate.value,
+            estimate.values,
             truth,
         )
         if estimate.parameter.quantity == "friction":
@@ -124,4 +124,4 @@ def _assert_static(estimate: Estimate, run: Run) -> None:
     static = estimate.parts["static"]
     assert abs(static.value - truth) <= STATIC, (static, truth)
     assert static.std < 0.2 * truth
-    assert static.value > estimate.value[0]
+    assert static.value > estimate.values[0]

@@ -64,7 +64,6 @@ def test_the_way_down_is_predicted_from_what_was_recorded_before(run: pp.Run) ->
 def test_nothing_of_that_motion_is_in_what_it_is_predicted_from(run: pp.Run) -> None:
     """Loads that act in it alone are found, whatever the estimate was made of."""
     assert run.held_out is not None
-    assert run.trace is not None
     motion = run.held_out.motions[0]
     samples = run.trace.samples
     torques = samples.tau_ext.copy()
@@ -93,7 +92,6 @@ def test_a_centre_of_mass_that_is_30_mm_off_is_found(run: pp.Run) -> None:
 
 
 def test_what_another_motion_contradicts_does_not_count_as_measured(run: pp.Run) -> None:
-    assert run.trace is not None
     estimate: Estimate = run["mug.mass"]
     wrong = judged(run.trace, 1.1 * MASS)
     assert run.held_out is not None
@@ -126,7 +124,6 @@ def test_the_report_shows_the_joints_that_feel_most_of_it(run: pp.Run) -> None:
 
 
 def test_where_nothing_is_lifted_nothing_is_held_out(run: pp.Run) -> None:
-    assert run.trace is not None
     assert held_out(run.scene, replace(run.trace, recordings=()), ()) is None
     unknown = held_out(run.scene, run.trace, ())
     assert unknown is not None

@@ -94,7 +94,7 @@ def test_records_go_into_custom() -> None:
     ]
     text = inject(
         SCENE,
-        {r.parameter: tuple(r.value) for r in records} | {Parameter("table", "height"): (0.18,)},
+        {r.parameter: tuple(r.values) for r in records} | {Parameter("table", "height"): (0.18,)},
         records,
     )
     model = mujoco.MjModel.from_xml_string(text)
@@ -111,9 +111,11 @@ def test_records_go_into_custom() -> None:
 
 def test_numbers_have_the_digits_their_deviation_deserves() -> None:
     records = [estimate("bottle", "mass", 0.2541234567, std=0.02)]
-    assert 'mass="0.254"' in inject(SCENE, {records[0].parameter: tuple(records[0].value)}, records)
+    assert 'mass="0.254"' in inject(
+        SCENE, {records[0].parameter: tuple(records[0].values)}, records
+    )
     exact = [estimate("bottle", "mass", 0.2541234567, std=0.0)]
-    assert 'mass="0.2541235"' in inject(SCENE, {exact[0].parameter: tuple(exact[0].value)}, exact)
+    assert 'mass="0.2541235"' in inject(SCENE, {exact[0].parameter: tuple(exact[0].values)}, exact)
 
 
 def test_measuring_again_updates_the_record_in_place() -> None:
@@ -147,7 +149,7 @@ def test_an_existing_custom_is_continued() -> None:
 
 def test_com_makes_an_inertial_that_moves_the_balance() -> None:
     records = [estimate("bottle", "com", 0.001, 0.0, -0.03), estimate("bottle", "mass", 0.2)]
-    values = {r.parameter: tuple(r.value) for r in records} | {
+    values = {r.parameter: tuple(r.values) for r in records} | {
         Parameter("table", "height"): (0.18,)
     }
     text = inject(SCENE, values, records)
@@ -509,7 +511,7 @@ def test_any_style_of_text_survives(case: tuple[str, str, set[str]]) -> None:
     assert {g.quantity for g in scene.missing} == missing
     known = {"height": ("table", (0.41,)), "mass": (name, (0.254,)), "friction": (name, (0.33,))}
     records = [estimate(known[q][0], q, *known[q][1]) for q in sorted(missing)]
-    after = inject(text, {r.parameter: tuple(r.value) for r in records}, records)
+    after = inject(text, {r.parameter: tuple(r.values) for r in records}, records)
     model = mujoco.MjModel.from_xml_string(after)
     before, now = strip(text), strip(after)
     assert [tag for tag, _ in before] == [tag for tag, _ in now]

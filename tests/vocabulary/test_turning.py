@@ -184,8 +184,8 @@ def test_the_inertia_of_a_bar_is_swung_out_of_it(tmp_path):
     squares = SIZE**2
     truth = MASS / 12 * (squares.sum() - squares)
     assert found.verdict == "identified"
-    assert found.value[1:3] == pytest.approx(truth[1:], rel=0.12)
-    assert (np.abs(found.value[1:3] - truth[1:]) < 3 * found.std[1:3]).all()
+    assert found.values[1:3] == pytest.approx(truth[1:], rel=0.12)
+    assert (np.abs(found.values[1:3] - truth[1:]) < 3 * found.stds[1:3]).all()
     assert found.parts["mass"].value == pytest.approx(MASS, rel=0.02)
     assert 0 in found.unseen, "about its slim axis nothing is felt but what was believed"
 
@@ -216,7 +216,7 @@ def test_a_turn_about_the_vertical_tells_of_a_centre_of_mass(tmp_path):
     )
     assert [leaf.primitive for leaf in run.trace.leaves].count("Turn") == 2
     (found,) = run.estimates
-    assert found.value[:2] == pytest.approx([0.02, 0.0], abs=0.002)
+    assert found.values[:2] == pytest.approx([0.02, 0.0], abs=0.002)
     assert "at 3 grasps, and along a turn about the vertical, each" in found.method
 
 
@@ -234,14 +234,14 @@ def test_a_centre_of_mass_is_found_along_gravity(tmp_path):
     )
     assert [leaf.primitive for leaf in run.trace.leaves].count("Tilt") == 2
     (found,) = run.estimates
-    assert found.value[:2] == pytest.approx([0.02, 0.0], abs=0.002)
-    assert found.value[2] == pytest.approx(0.006, abs=2 * found.std[2])
-    assert found.value[2] > 0.002
-    assert found.std[2] < 0.004
+    assert found.values[:2] == pytest.approx([0.02, 0.0], abs=0.002)
+    assert found.values[2] == pytest.approx(0.006, abs=2 * found.stds[2])
+    assert found.values[2] > 0.002
+    assert found.stds[2] < 0.004
     assert "at 3 grasps, and in " in found.method
     assert run.truth[found.parameter] == pytest.approx((0.02, 0.0, 0.006))
     twin = build_twin(run.scene, run.estimates)
-    assert twin.scene.body("bar").known["com"] == pytest.approx(found.value, abs=1e-4)
+    assert twin.scene.body("bar").known["com"] == pytest.approx(found.values, abs=1e-4)
     *_, tilted = charts(Measured(found), run.trace)
     assert tilted.title.startswith("Tilted towards")
     assert len(tilted.dots) > 5

@@ -1,4 +1,4 @@
-"""What users give, in the forms in which they give it."""
+"""Conversion of the forms in which users give arguments."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ Widths = Mapping[str, str | float]
 
 
 def is_text(source: object) -> bool:
-    """Whether it is MJCF itself and not the name of a file."""
+    """Test for MJCF text, in contrast to a file name."""
     return isinstance(source, str) and source.lstrip().startswith("<")
 
 
@@ -35,6 +35,6 @@ def planner_name(planner: str | Planner) -> str:
     return planner if isinstance(planner, str) else planner.name
 
 
-def contents_of(thing: Any) -> dict[str, Any]:
-    """What a dataclass was made of, to make one of a subclass."""
-    return {part.name: getattr(thing, part.name) for part in fields(thing) if part.init}
+def contents_of(thing: Any, kind: type) -> dict[str, Any]:
+    """Values of the fields of the dataclass `kind` in an instance of it, to construct a subclass."""
+    return {part.name: getattr(thing, part.name) for part in fields(kind) if part.init}

@@ -12,6 +12,7 @@ from palpate.api.runs import Run, run_of
 from palpate.audience import Audience, Confirm, Progress, quiet, unasked
 from palpate.cells.cell import Cell
 from palpate.display import table
+from palpate.errors import InputError
 from palpate.execution.recovery import OnFailure
 from palpate.planning.check.check import Finding
 from palpate.planning.plan import Plan as InnerPlan
@@ -23,6 +24,7 @@ from palpate.scene.load import parse_scene
 from palpate.scene.scene import Scene as InnerScene
 from palpate.scene.scene import with_real_arm
 from palpate.settings import Settings
+from palpate.threads import single_threaded_blas
 
 if TYPE_CHECKING:
     from palpate.execution.runner import Observer
@@ -30,15 +32,29 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, repr=False)
 class Plan(InnerPlan):
-    """A checked plan, and the run that it begins."""
+    """A plan: parameters, explanation and behavior tree.
 
-    made: InnerRun = field(kw_only=True, compare=False)
-    """The run so far: what was asked, the scene, this plan and what is wrong with it."""
+    `Scene.plan` returns a checked one, which can be run. A planner of one's own may construct one.
+    """
+
+    begun: InnerRun | None = field(default=None, kw_only=True, compare=False)
+    """The run so far: settings, scene, this plan and its findings; None before the check."""
 
     @property
     def findings(self) -> tuple[Finding, ...]:
-        """What speaks against the plan; a plan with findings is not executed."""
+        """Findings of the check; a plan with findings is not executed."""
         return self.made.findings
+
+    @property
+    def made(self) -> InnerRun:
+        """The run so far.
+
+        Raises:
+            InputError: the plan was not checked against a scene.
+        """
+        if self.begun is None:
+            raise InputError("this plan is not checked against a scene yet: Scene.plan does that")
+        return self.begun
 
     def run(
         self,
@@ -85,16 +101,17 @@ class Plan(InnerPlan):
             Unavailable: no such robot.
             ExecutionAborted: not confirmed, or interrupted before anything moved.
         """
+        begun = self.made
         if rehearse is None and cell is not None:
             rehearse = not cell.simulated
-        world = self._read(world)
+        world = _read_world(world, begun.settings)
         if isinstance(world, InnerScene):
             from palpate.cells.simulated import simulated_cell
 
-            cell = simulated_cell(self.made.scene, world, noise=noise, seed=seed)
+            cell = simulated_cell(begun.scene, world, noise=noise, seed=seed)
             world = world.path
         settings = replace(
-            self.made.settings,
+            begun.settings,
             world=path_of(world),
             robot=robot,
             noise=noise,
@@ -106,23 +123,25 @@ class Plan(InnerPlan):
         ).checked(at_hand=True)
         if within is not None:
             settings = replace(settings, within=Within.read(within))
-        made = replace(self.made, settings=settings)
+        made = replace(begun, settings=settings)
         if robot is not None:
             made = replace(made, scene=with_real_arm(made.scene))
         audience = Audience(observer, progress, confirm)
-        return run_of(pipeline.carry_out(made, audience, cell, settings.out))
-
-    def _read(self, world: str | Path | InnerScene | None) -> str | Path | InnerScene | None:
-        """The hidden world; one that is given as MJCF text is read, for the plan's own arm."""
-        if not is_text(world):
-            return world
-        settings = self.made.settings
-        arm = own_arm(settings.arm, settings.cautious, None)
-        return parse_scene(str(world), arm=arm)
+        with single_threaded_blas():
+            return run_of(pipeline.carry_out(made, audience, cell, settings.out))
 
     def _repr_html_(self) -> str:
         rows = [(line,) for line in str(self).splitlines()[1:]]
         return table(repr(self), ("tree",), rows)
+
+
+def _read_world(
+    world: str | Path | InnerScene | None, settings: Settings
+) -> str | Path | InnerScene | None:
+    """Parse a hidden world that is given as MJCF text, for the plan's own arm."""
+    if not is_text(world):
+        return world
+    return parse_scene(str(world), arm=own_arm(settings.arm, settings.cautious, None))
 
 
 class RunOptions(TypedDict, total=False):
@@ -144,4 +163,4 @@ class RunOptions(TypedDict, total=False):
 
 def plan_of(asked: Settings, scene: InnerScene | None, planner: str | Planner) -> Plan:
     made = pipeline.plan(asked, scene, None if isinstance(planner, str) else planner)
-    return Plan(**contents_of(made.plan), made=made)
+    return Plan(**contents_of(made.plan, InnerPlan), begun=made)

@@ -10,13 +10,14 @@ from typing import TYPE_CHECKING
 from palpate import pipeline
 from palpate.api.given import contents_of, path_of
 from palpate.audience import Audience, Progress, quiet
-from palpate.display import table
-from palpate.estimation.estimate import Estimate
+from palpate.display import table, text_table
+from palpate.estimation.estimate import COLUMNS, Estimate
 from palpate.runs.compare import Comparison, compare_runs
 from palpate.runs.fuse import Fusion as InnerFusion
 from palpate.runs.fuse import fuse_runs, write_fusion
 from palpate.runs.run import Run as InnerRun
 from palpate.stages.estimating import reestimate
+from palpate.threads import single_threaded_blas
 
 if TYPE_CHECKING:
     from palpate.twin.export.export import Export
@@ -47,7 +48,8 @@ class Run(InnerRun):
         Raises:
             InputError: it has no trace, another version recorded it, or there is no such estimator.
         """
-        return run_of(reestimate(self, estimators))
+        with single_threaded_blas():
+            return run_of(reestimate(self, estimators))
 
     def export(self, to: str, folder: str | Path | None = None) -> Export:
         """Write the twin for another simulator into a new folder, and read it back.
@@ -67,10 +69,7 @@ class Run(InnerRun):
         return export_run(self, to, path_of(folder))
 
     def _repr_html_(self) -> str:
-        rows: list[tuple[str, ...]] = []
-        for estimate in self.estimates:
-            rows.append((repr(estimate).strip("<>"),))
-        return table(repr(self), ("estimates",), rows)
+        return table(repr(self), COLUMNS, [estimate.cells() for estimate in self.estimates])
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -87,9 +86,13 @@ class Fusion(InnerFusion):
         write_fusion(self, Path(folder))
         return replace(self, folder=Path(folder))
 
+    def __str__(self) -> str:
+        """The estimates as a table of text."""
+        return text_table(COLUMNS, [estimate.cells() for estimate in self.estimates])
+
     def _repr_html_(self) -> str:
-        rows = [(repr(estimate).strip("<>"),) for estimate in self.estimates]
-        return table(f"<Fusion of {len(self.runs)} runs>", ("estimates",), rows)
+        rows = [estimate.cells() for estimate in self.estimates]
+        return table(f"<Fusion of {len(self.runs)} runs>", COLUMNS, rows)
 
 
 def open(folder: str | Path) -> Run:
@@ -118,7 +121,11 @@ def fuse(runs: Sequence[str | Path | InnerRun]) -> Fusion:
         InputError: fewer than two runs, runs that are not of one scene, or the same recordings twice.
     """
     opened = [one if isinstance(one, InnerRun) else open(one) for one in runs]
-    return Fusion(**contents_of(fuse_runs(opened)))
+    with single_threaded_blas():
+        fused = fuse_runs(opened)
+    contents = contents_of(fused, InnerFusion)
+    contents["estimates"] = _labelled(fused.estimates, fused.runs[0].simulated)
+    return Fusion(**contents)
 
 
 def compare(runs: Sequence[str | Path | InnerRun]) -> Comparison:
@@ -145,10 +152,16 @@ def finish(folder: str | Path, progress: Progress = quiet, film: bool = False) -
 
 def run_of(made: InnerRun) -> Run:
     """The run with its verbs; its estimates say when they come from a simulation."""
-    contents = contents_of(made)
-    if made.simulated:
-        contents["estimates"] = tuple(_Simulated(**contents_of(e)) for e in made.estimates)
+    contents = contents_of(made, InnerRun)
+    contents["estimates"] = _labelled(made.estimates, made.simulated)
     return Run(**contents)
+
+
+def _labelled(estimates: Sequence[Estimate], simulated: bool) -> tuple[Estimate, ...]:
+    """The estimates; of a simulation they say so."""
+    if not simulated:
+        return tuple(estimates)
+    return tuple(_Simulated(**contents_of(each, Estimate)) for each in estimates)
 
 
 class _Simulated(Estimate):
@@ -158,3 +171,7 @@ class _Simulated(Estimate):
 
     def __repr__(self) -> str:
         return f"{Estimate.__repr__(self)[:-1]}, simulated>"
+
+    def cells(self) -> tuple[str, str, str, str]:
+        name, number, bounds, verdict = Estimate.cells(self)
+        return name, number, bounds, f"{verdict}, simulated"

@@ -143,7 +143,7 @@ def load(
         path = Path(source)
         found = load_scene(path, file, description, root=path_of(root), robot_body=robots)
     return Scene(
-        **contents_of(found),
+        **contents_of(found, InnerScene),
         poses_file=file,
         arm_name=str(arm),
         cautious=cautious,

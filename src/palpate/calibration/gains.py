@@ -87,7 +87,11 @@ def _solved(model: Model, force: float, std: float) -> tuple[Array, Array]:
     news = model.y - model.design[:, 0] * force
     # The noise was known with so many degrees of freedom: the deviation of Student's t.
     wider = math.sqrt(max(1.0, model.freedom / max(model.freedom - 2.0, 1.0)))
-    return replace(model, design=model.design / wider, y=news / wider, prior=prior).solve()
+    # That gains may be off by more than was told of them is counted by every fit that reads the file:
+    # counted here, too, a joint that bears nothing would be known worse after a calibration than before.
+    hyperpriors = tuple(one for one in model.hyperpriors if one.columns.start < len(prior) - JOINTS)
+    scaled = replace(model, design=model.design / wider, y=news / wider, prior=prior)
+    return replace(scaled, hyperpriors=hyperpriors).solve()
 
 
 def _require_agreement(

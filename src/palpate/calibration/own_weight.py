@@ -21,7 +21,7 @@ from palpate.calibration.gains import GainBelief, require
 from palpate.errors import InputError
 from palpate.estimation.agreement import chi_squared
 from palpate.estimation.gains import gain_root
-from palpate.estimation.load.feeling import feeling
+from palpate.estimation.load.observation import observe
 from palpate.geometry.pose import Array, Pose
 from palpate.planning.plan import Node
 from palpate.robots.description import RobotDescription
@@ -71,15 +71,15 @@ def weighed_itself(trace: Trace, arm: RobotDescription) -> GainBelief:
     Raises:
         InputError: too few rests, or what was felt is not what such an arm may weigh.
     """
-    q, felt, maps = _rests(trace)
+    q, observed, maps = _rests(trace)
     root = gain_root(trace.hand, JOINTS)
     heavy, others = _columns(trace, arm, q)
     # How far rests scatter is seen where a wrong belief in the gains cannot pass for it.
     free, noise = _scattering(
-        np.concatenate([WIDE * heavy, others], axis=2), felt, _noise(arm, trace.hand, maps)
+        np.concatenate([WIDE * heavy, others], axis=2), observed, _noise(arm, trace.hand, maps)
     )
     _require_agreement(WIDE * free.mean, WIDE**2 * free.covariance, root @ root.T)
-    found = _solved(np.concatenate([heavy @ root, others], axis=2), felt, noise)
+    found = _solved(np.concatenate([heavy @ root, others], axis=2), observed, noise)
     return GainBelief(root @ found.mean, root @ found.covariance @ root.T)
 
 
@@ -90,33 +90,33 @@ def _noise(arm: RobotDescription, hand: Hand, maps: Array) -> Array:
     return np.diag(own) + stuck @ stuck.transpose(0, 2, 1)
 
 
-def _scattering(columns: Array, felt: Array, noise: Array) -> tuple[GainBelief, Array]:
+def _scattering(columns: Array, observed: Array, noise: Array) -> tuple[GainBelief, Array]:
     """The gains, and the `noise` (n, 7, 7) as large in each joint as what the fit leaves."""
     size = np.ones(JOINTS)
     for _ in range(ROUNDS):
         roots: Array = np.linalg.cholesky(noise * np.outer(size, size)).astype(np.float64)
-        white, seen = _white(roots, columns, felt)
+        white, seen = _white(roots, columns, observed)
         mean, covariance = _posterior(white, seen)
         left = seen - white @ mean
         told = np.einsum("nip,pq,niq->i", white, covariance, white)
-        free = np.maximum(len(felt) - told, 1.0)
+        free = np.maximum(len(observed) - told, 1.0)
         size = size * np.sqrt((left**2).sum(axis=0) / free)
     noise = noise * np.outer(size, size)
-    return _solved(columns, felt, noise), noise
+    return _solved(columns, observed, noise), noise
 
 
-def _solved(columns: Array, felt: Array, noise: Array) -> GainBelief:
-    """The first unknowns, in units of their prior deviations, of which `columns` (n, 7, p) make `felt`
+def _solved(columns: Array, observed: Array, noise: Array) -> GainBelief:
+    """The first unknowns, in units of their prior deviations, of which `columns` (n, 7, p) make `observed`
     (n, 7)."""
     roots: Array = np.linalg.cholesky(noise).astype(np.float64)
-    mean, covariance = _posterior(*_white(roots, columns, felt))
+    mean, covariance = _posterior(*_white(roots, columns, observed))
     return GainBelief(mean[:JOINTS], covariance[:JOINTS, :JOINTS])
 
 
-def _white(roots: Array, columns: Array, felt: Array) -> tuple[Array, Array]:
+def _white(roots: Array, columns: Array, observed: Array) -> tuple[Array, Array]:
     """(n, 7, p) and (n, 7) in rows of unit variance."""
     white: Array = np.linalg.solve(roots, columns).astype(np.float64)
-    seen: Array = np.linalg.solve(roots, felt[:, :, None]).astype(np.float64)
+    seen: Array = np.linalg.solve(roots, observed[:, :, None]).astype(np.float64)
     return white, seen[:, :, 0]
 
 
@@ -150,7 +150,7 @@ def _rests(trace: Trace) -> tuple[Array, Array, Array]:
             "written"
         )
     q, torque = (np.array(part) for part in zip(*means, strict=True))
-    return q, torque, feeling(trace).maps(q)
+    return q, torque, observe(trace).maps(q)
 
 
 def _columns(trace: Trace, arm: RobotDescription, q: Array) -> tuple[Array, Array]:

@@ -43,9 +43,9 @@ def weigh_itself(session: Session) -> None:
     scene = _own_scene(session) or parse_scene(bench.plain(STANDARD_GRAVITY), arm=session.arm)
     plan = _plan((), own_weight.tree(session.arm))
     run = session.perform(scene, plan, None if session.settings.scene else scene)
-    assert run.trace is not None
+    assert run.trace_if_any is not None
     by = f"its own weight in {own_weight.CONFIGURATIONS} configurations"
-    _take_gains(session, own_weight.weighed_itself(run.trace, session.arm), by)
+    _take_gains(session, own_weight.weighed_itself(run.trace_if_any, session.arm), by)
 
 
 def weigh(session: Session, known: Known) -> None:
@@ -86,10 +86,10 @@ def gauge(session: Session, known: Known) -> None:
     # One touch that tells nothing is no reason to stop: touches are judged together.
     often = Node("Sequence", children=(_without(once, "Pose2Height"),) * ROUNDS)
     run = session.perform(scene, _plan((), often), world)
-    assert run.trace is not None
+    assert run.trace_if_any is not None
     arm = session.arm
     base = arm.stands(scene.pose_world_base)
-    found = gauged(run.trace, heights, known.size, base, arm.reach.stretched)
+    found = gauged(run.trace_if_any, heights, known.size, base, arm.reach.stretched)
     by = f"{found.touches} touches of gauges of {known.size.text}"
     today = datetime.date.today()
     tips = {
@@ -119,8 +119,8 @@ def _weigh_once(
     assert plan.tree is not None
     slow = replace(plan, tree=_slowly(plan.tree, f"{name}_pose"))
     run = session.perform(scene, slow, world)
-    assert run.trace is not None
-    _take_gains(session, weighed(run.trace, mass, known), by)
+    assert run.trace_if_any is not None
+    _take_gains(session, weighed(run.trace_if_any, mass, known), by)
 
 
 def _take_gains(session: Session, found: GainBelief, by: str) -> None:

@@ -136,7 +136,10 @@ class SimulatedCell:
         shown = quantity.shown(body) if quantity is not None else None
         if quantity is not None and quantity.stands_for is not None:
             return self.truth(Parameter(parameter.object, quantity.stands_for))
-        return body.known.get(parameter.quantity, shown)
+        stated = body.known.get(parameter.quantity, shown)
+        if quantity is None or stated is None:
+            return stated
+        return quantity.acting(self.world.resolved.description.bodies[body.name], stated)
 
 
 def simulated_cell(

@@ -1,15 +1,18 @@
-"""Commands: functions whose option groups are spread out, and whose errors are told as asked."""
+"""Commands: functions with groups of options, and the printing of their errors."""
 
 from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Mapping
+from copy import copy
 from dataclasses import MISSING, Field, fields, is_dataclass
 from functools import wraps
 from inspect import Parameter, Signature
-from typing import Annotated, Any, TypeVar, get_origin, get_type_hints
+from typing import Annotated, Any, TypeVar, get_args, get_origin, get_type_hints
 
 import typer
+from typer.core import TyperCommand, TyperOption
+from typer.models import OptionInfo
 
 from palpate.cli.console import print_error
 from palpate.cli.voice import Voice
@@ -48,10 +51,22 @@ def command(app: typer.Typer, name: str | None = None) -> Callable[[Function], F
                     raise typer.Exit(print_error(aborted, as_json)) from None
 
         _set_options(called, [*_options(function, hints, groups), *_fields(Voice)])
-        app.command(name)(called)
+        app.command(name, cls=SingleValued)(called)
         return function
 
     return register
+
+
+class SingleValued(TyperCommand):
+    """A command that refuses two values for an option that takes one; click keeps the last."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        _, _, given = self.make_parser(ctx).parse_args(list(args))
+        for option in given:
+            takes_one = isinstance(option, TyperOption) and not (option.multiple or option.is_flag)
+            if takes_one and given.count(option) > 1:
+                raise typer.BadParameter(f"{option.opts[-1]} is given twice: give it once", ctx)
+        return super().parse_args(ctx, args)
 
 
 def _options(
@@ -68,8 +83,17 @@ def _options(
 
 
 def _fields(group: Any) -> list[Parameter]:
+    """The fields of a group of options, in the panel that it names."""
     hints = get_type_hints(group, include_extras=True)
-    return [_option(field.name, hints[field.name], _default(field)) for field in fields(group)]
+    panel = getattr(group, "PANEL", None)
+    found: list[Parameter] = []
+    for field in fields(group):
+        kind, info = get_args(hints[field.name])
+        if panel is not None and isinstance(info, OptionInfo):
+            info = copy(info)
+            info.rich_help_panel = panel
+        found.append(_option(field.name, Annotated[kind, info], _default(field)))
+    return found
 
 
 def _default(field: Field[Any]) -> Any:

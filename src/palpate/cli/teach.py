@@ -16,6 +16,8 @@ if TYPE_CHECKING:
     from palpate.cells.teach import GuidedHand, Lesson
 
 LENGTH = {"": 1.0, "m": 1.0, "cm": 1e-2, "mm": 1e-3}
+FARTHEST = 5.0
+"""m from the arm's foot, beyond which no arm reaches: a unit is missing, or wrong."""
 _NUMBER = re.compile(r"([-+]?(?:\d+(?:\.\d*)?|\.\d+))\s*(mm|cm|m|°)?")
 
 
@@ -43,6 +45,11 @@ def give_lesson(
                 said = str(error)
             err.print(said, markup=False)
             _tell_missing(taught)
+    except KeyboardInterrupt:
+        if taught.content:
+            write_poses(file, taught)
+            err.print(f"interrupted: what was taught so far is written to {file}", markup=False)
+        raise
     finally:
         if hand is not None:
             hand.close()
@@ -53,6 +60,7 @@ def give_lesson(
 
 
 def _introduce(taught: Lesson, by_hand: bool) -> None:
+    names = taught.names if by_hand else tuple(taught.scene.objects)
     if by_hand:
         how = (
             "Lead the hand to a thing as it would grasp it, pointing down, type its name, press Enter. "
@@ -63,12 +71,14 @@ def _introduce(taught: Lesson, by_hand: bool) -> None:
             "NAME AHEAD LEFT [TURN]: the middle of a thing from the arm's foot, in m or with mm or cm, and "
             "by how much it is turned from the scene's, in °; e.g. bottle 50cm -12cm 30°"
         )
-    err.print(f"{how} An empty line ends. Names: {', '.join(taught.names)}", markup=False)
+    err.print(f"{how} An empty line ends. Names: {', '.join(names)}", markup=False)
 
 
 def _lines() -> Iterator[str]:
     """What somebody types, up to an empty line."""
-    for line in sys.stdin:
+    while True:
+        err.print("> ", end="")
+        line = sys.stdin.readline()
         if not line.strip():
             return
         yield line.strip()
@@ -94,7 +104,15 @@ def _metres(number: tuple[str, str]) -> float:
     value, unit = number
     if unit not in LENGTH:
         raise InputError(f"{value}{unit} is no length")
-    return float(value) * LENGTH[unit]
+    length = float(value) * LENGTH[unit]
+    if abs(length) > FARTHEST:
+        meant = (
+            ""
+            if unit
+            else f": did you mean {value}mm or {value}cm? A number without a unit is in m"
+        )
+        raise InputError(f"{value}{unit or ' m'} is out of every arm's reach{meant}")
+    return length
 
 
 def _tell_missing(taught: Lesson) -> None:

@@ -17,7 +17,7 @@ KNOWN = 1_000_000_000
 
 @dataclass(frozen=True, slots=True)
 class FitTest:
-    """One test of fit.
+    """Goodness-of-fit test: a statistic against its limit.
 
     Attributes:
         name: what was looked at, e.g. `up against down`.
@@ -33,7 +33,7 @@ class FitTest:
 
     @property
     def passed(self) -> bool:
-        """Whether the evidence agrees; what is no number does not."""
+        """The statistic is within its limit; NaN is not."""
         return self.statistic <= self.limit
 
 

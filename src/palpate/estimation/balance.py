@@ -1,5 +1,4 @@
-"""Where a held object balances: its centre of mass from the moment that it puts on the hand at several
-grasps."""
+"""Centre of mass of a held object from the moment of its weight about the TCP, over several grasps."""
 
 from __future__ import annotations
 
@@ -22,19 +21,18 @@ from palpate.trace.recording import Hand, Recording
 from palpate.trace.samples import Trace
 
 BELIEVED = "what was believed before"
-"""Name of a cause that all runs of a scene share: a prior is not counted once a run."""
+"""Cause shared by all runs of a scene, so that its prior counts once."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Grasps:
-    """What all grasps say: two linear equations each for the centre of mass in the body frame.
+    """Linear equations of all grasps for the centre of mass in the body frame, two per grasp.
 
     Attributes:
         recordings: one a grasp.
         rows: (2n, 3) and right: (2n,), m.
         covariance: (2n, 2n) m² of them.
-        loose: m, by how much each may be off besides, as the arm is not where it says: its own
-            weight is then felt.
+        loose: m, extra std of each from the arm's pose error, by which its own weight adds a moment.
         freedom: degrees of freedom of the noise.
         shared: causes that other runs share, with what they do to `right`.
     """
@@ -107,8 +105,7 @@ def balance(grasps: Grasps, body: Body) -> tuple[Array, Array, FitTest, tuple[Sh
 
 
 def _agreement(grasps: Grasps, left: Array, freedom: int) -> FitTest:
-    """Whether what is `left` (2n,) m of the equations is no more than an arm may leave that keeps to
-    its datasheet."""
+    """Test for residuals `left` (2n,) m within the datasheet accuracy of the arm."""
     allowed = grasps.covariance + grasps.loose**2 * np.eye(len(left))
     apart = 1e3 * float(np.abs(left).max())
     return chi_squared(
@@ -177,9 +174,9 @@ def accuracy(body: Body) -> float:
 
 
 def _places(tools: Sequence[Array], accuracy: float, hand: Hand) -> list[Shared]:
-    """By how much the scene and the arm disagree on where the object stands, which is the same in all
-    grasps, with what that does to where it is in the hand, (2n,) m; `tools` (2, 3) say where the tool's
-    axes point, seen from above.
+    """Shared causes: disagreement of scene and arm on the object's place, the same in all grasps,
+    with its effect on the place in the hand, (2n,) m; `tools` (2, 3): horizontal components of the
+    tool's axes.
 
     The fingers centre it between them as they close; along them, they leave it where it is, and
     nothing that is felt shows by how much that is off.

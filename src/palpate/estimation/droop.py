@@ -1,4 +1,4 @@
-"""How an object turns between the pads that hold it, by its own weight.
+"""Rotation of an object between the pads by its own weight.
 
 Pads give way at once, and creep: a hammer held beside its balance point turns about the axis along
 which the fingers close, the farther the longer it is held, always the way its weight pulls. How far
@@ -28,7 +28,7 @@ SPREAD: Array = np.sqrt(1.0 - 2.0 / np.pi) * LIKELY
 
 @dataclass(frozen=True, slots=True)
 class Droop:
-    """What turns an object in the hand.
+    """Cause of an object's rotation in the hand: moment and time.
 
     Attributes:
         moment: N m that the hand holds it with about the axis along which the fingers close, as it
@@ -41,7 +41,7 @@ class Droop:
 
     @classmethod
     def since(cls, grasp: float, time: float, moment: float) -> Droop:
-        """Of what was grasped at one time, s, at another; -inf is a grasp of which nothing is told."""
+        """Droop at `time`, s, of an object grasped at `grasp`, s; -inf is an unknown grasp."""
         return cls(moment, max(0.0, time - grasp) if np.isfinite(grasp) else 0.0)
 
     @property
@@ -50,7 +50,7 @@ class Droop:
         return -self.moment * np.array([1.0, self.age])
 
     def turned(self, pose_tcp_body: Pose, softness: Array) -> Pose:
-        """Where it is by then, by the pads' `softness` (2,)."""
+        """Pose of the object in the hand after the rotation, for `softness` (2,) of the pads."""
         half = float(self.turns @ softness) / 2.0
         turn = Pose.of(np.zeros(3), (np.cos(half), 0.0, np.sin(half), 0.0))
         return turn @ pose_tcp_body

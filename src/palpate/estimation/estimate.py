@@ -1,4 +1,4 @@
-"""What an estimator returns: a value that knows its unit and how sure it is."""
+"""Estimate: a value with its unit, uncertainty and verdict."""
 
 from __future__ import annotations
 
@@ -44,8 +44,8 @@ class Part:
 
 @dataclass(frozen=True, slots=True)
 class Shared:
-    """What a cause does to an estimate that does the like to other estimates too: averaging over
-    them does not make it smaller.
+    """Error cause that an estimate shares with other estimates, so that averaging does not reduce
+    it.
 
     Attributes:
         cause: e.g. `gain of joint 4`; one and the same where `of` and this are.
@@ -59,16 +59,20 @@ class Shared:
     effect: tuple[float, ...]
 
 
+COLUMNS = ("parameter", "value ± std", "95 % interval", "verdict")
+"""Headings of `Estimate.cells`."""
+
+
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Estimate:
     """A measured quantity. Most estimators make it with `normal`; the arrays are read-only.
 
     Attributes:
         parameter: what it is an estimate of.
-        unit: SI unit of `value`, `std` and `ci95`, as printed; `1` where there is none.
-        value: (n,) one number per component; empty when not identified.
-        std: (n,) standard deviations.
-        ci95: (n, 2) low and high end of each component's central 95 % interval.
+        unit: SI unit of all numbers, as printed; `1` where there is none.
+        values: (n,) one number per component; empty when not identified.
+        stds: (n,) standard deviations.
+        intervals: (n, 2) low and high end of each component's central 95 % interval.
         method: a sentence or two for people: what was done with which recordings.
         evidence: the recordings it rests on, for the report's plots.
         verdict: `identified`; `prior-dominated` where what was believed before says as much as the
@@ -76,8 +80,8 @@ class Estimate:
             `not identified`, which has no value. Only what is identified counts as measured.
         parts: further values by name, e.g. `static` and `dynamic`; `components` in `result.json`.
         tests: the tests of fit that were made, passed or not.
-        shared: what of `std` it has in common with other runs, cause by cause.
-        freedom: degrees of freedom of the noise in the rest of it, with which `ci95` was made.
+        shared: what of `stds` it has in common with other runs, cause by cause.
+        freedom: degrees of freedom of the noise in the rest of it, with which `intervals` was made.
         unseen: components that its recordings say nothing of, which are as they were believed to
             be; the verdict is that of the others.
         views: what was fitted, for charts; not part of `result.json`.
@@ -85,9 +89,9 @@ class Estimate:
 
     parameter: Parameter
     unit: str
-    value: Array
-    std: Array
-    ci95: Array
+    values: Array
+    stds: Array
+    intervals: Array
     method: str
     evidence: tuple[Recording, ...] = ()
     verdict: Verdict = "identified"
@@ -131,33 +135,62 @@ class Estimate:
         )
 
     def __post_init__(self) -> None:
-        for name, shape in (("value", -1), ("std", -1), ("ci95", (-1, 2))):
+        for name, shape in (("values", -1), ("stds", -1), ("intervals", (-1, 2))):
             numbers = np.array(getattr(self, name), dtype=np.float64).reshape(shape)
             numbers.flags.writeable = False
             object.__setattr__(self, name, numbers)
-        if not len(self.value) == len(self.std) == len(self.ci95):
+        if not len(self.values) == len(self.stds) == len(self.intervals):
             raise ValueError(f"{self.parameter}: value, std and ci95 differ in length")
         if self.has_value == (self.verdict == "not identified"):
-            raise ValueError(f"{self.parameter}: {self.verdict}, with value {self.value}")
+            raise ValueError(f"{self.parameter}: {self.verdict}, with value {self.values}")
         if self.has_value and self.contradiction:
             object.__setattr__(self, "verdict", "contradicted")
         elif self.verdict == "contradicted":
             raise ValueError(f"{self.parameter}: contradicted, though no test of fit failed")
 
     @property
+    def value(self) -> float | Array:
+        """The number of a scalar quantity, the (n,) numbers of a vector; NaN if not identified."""
+        return _of_scalar(self.values)
+
+    @property
+    def std(self) -> float | Array:
+        """Standard deviation, in the shape of `value`."""
+        return _of_scalar(self.stds)
+
+    @property
+    def ci95(self) -> tuple[float, float] | Array:
+        """Central 95 % interval: (low, high) of a scalar quantity, (n, 2) of a vector."""
+        if len(self.values) != 1:
+            return self.intervals
+        low, high = self.intervals[0].tolist()
+        return low, high
+
+    def __float__(self) -> float:
+        """The value of a scalar quantity.
+
+        Raises:
+            TypeError: there is no value, or it is a vector.
+        """
+        if len(self.values) != 1:
+            what = f"a vector of {len(self.values)}" if self.has_value else self.verdict
+            raise TypeError(f"{self.parameter} is {what}, not a number")
+        return float(self.values[0])
+
+    @property
     def has_value(self) -> bool:
-        """Whether there is a value; not when it is not identified."""
-        return len(self.value) > 0
+        """There is a value; False if not identified."""
+        return len(self.values) > 0
 
     @property
     def identified(self) -> bool:
-        """Whether it counts as measured."""
+        """The estimate counts as measured."""
         return self.verdict == "identified"
 
     @property
     def verdicts(self) -> tuple[Verdict, ...]:
         """(n,) of each component."""
-        found: list[Verdict] = [self.verdict] * len(self.value)
+        found: list[Verdict] = [self.verdict] * len(self.values)
         if self.identified:
             for component in self.unseen:
                 found[component] = "prior-dominated"
@@ -167,17 +200,17 @@ class Estimate:
     def shared_std(self) -> Array:
         """(n,) the part of `std` that other runs share."""
         effects = [one.effect for one in self.shared]
-        squares = np.square(np.array(effects).reshape(-1, len(self.value)))
-        return np.minimum(np.sqrt(squares.sum(axis=0)), self.std)
+        squares = np.square(np.array(effects).reshape(-1, len(self.values)))
+        return np.minimum(np.sqrt(squares.sum(axis=0)), self.stds)
 
     @property
     def contradiction(self) -> str:
-        """What disagrees, in words: the findings of the tests that failed; else nothing."""
+        """Findings of the failed tests; empty if all passed."""
         return " ".join(test.finding for test in self.tests if not test.passed)
 
-    def z_score(self, truth: ArrayLike) -> Array:
-        """(n,) error in standard deviations, for a `truth` that is known in this unit."""
-        return (self.value - np.atleast_1d(truth)) / self.std
+    def z_score(self, truth: ArrayLike) -> float | Array:
+        """Error in standard deviations against a `truth` in this unit, in the shape of `value`."""
+        return _of_scalar((self.values - np.atleast_1d(truth)) / self.stds)
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Estimate):
@@ -186,7 +219,7 @@ class Estimate:
         return self._plain() == other._plain() and all(np.array_equal(a, b) for a, b in arrays)
 
     def _arrays(self) -> tuple[Array, Array, Array]:
-        return self.value, self.std, self.ci95
+        return self.values, self.stds, self.intervals
 
     def _plain(self) -> tuple[object, ...]:
         about = (self.parameter, self.unit, self.method, self.evidence)
@@ -196,12 +229,22 @@ class Estimate:
     def __repr__(self) -> str:
         if not self.has_value:
             return f"<{self.parameter}: {self.verdict}>"
-        values, stds = _columns(self.value, self.std)
+        values, stds = _columns(self.values, self.stds)
         text = f"{self.parameter} = {_joined(values)} ± {_joined(stds)}{_suffix(self.unit)}"
-        if len(self.value) == 1:
+        if len(self.values) == 1:
             low, high = self._bounds(0)
             text += f", 95 % [{low}, {high}]"
         return f"<{text}, {self.verdict}>"
+
+    def cells(self) -> tuple[str, str, str, str]:
+        """Row of a table with `COLUMNS`: parameter, value ± std, 95 % interval, verdict."""
+        name = str(self.parameter)
+        if not self.has_value:
+            return name, "", "", self.verdict
+        values, stds = _columns(self.values, self.stds)
+        bounds = [" … ".join(self._bounds(i)) for i in range(len(values))]
+        number = f"{_joined(values)} ± {_joined(stds)}{_suffix(self.unit)}"
+        return name, number, ", ".join(bounds), self.verdict
 
     def _repr_html_(self) -> str:
         """A small table, one row a component, for notebooks."""
@@ -211,7 +254,7 @@ class Estimate:
         if not self.has_value:
             return f"<p>{heading}. {escape(self.method)}</p>"
         rows: list[str] = []
-        for i, (value, std) in enumerate(zip(*_columns(self.value, self.std), strict=True)):
+        for i, (value, std) in enumerate(zip(*_columns(self.values, self.stds), strict=True)):
             interval = " … ".join(self._bounds(i))
             rows.append(f"<tr><td>{value}</td><td>± {std}</td><td>{interval}</td></tr>")
         columns = f"<tr><th>value{_suffix(escape(self.unit))}</th><th>std</th><th>95 %</th></tr>"
@@ -219,7 +262,14 @@ class Estimate:
 
     def _bounds(self, i: int) -> list[str]:
         """The ends of a component's interval, with the digits of its value."""
-        return [rounded(bound, float(self.std[i]))[0] for bound in self.ci95[i].tolist()]
+        return [rounded(bound, float(self.stds[i]))[0] for bound in self.intervals[i].tolist()]
+
+
+def _of_scalar(numbers: Array) -> float | Array:
+    """The only one of some numbers; NaN for none."""
+    if not len(numbers):
+        return math.nan
+    return float(numbers[0]) if len(numbers) == 1 else numbers
 
 
 def not_identified(
@@ -231,7 +281,7 @@ def not_identified(
 
 
 def not_measured(parameter: Parameter, unit: str) -> Estimate:
-    """What is said of a parameter whose conversion never ran."""
+    """Estimate of a parameter whose conversion never ran."""
     quantity, name = parameter.quantity, parameter.object
     return not_identified(
         parameter, unit, f"The run ended before the {quantity} of {name} was measured."

@@ -13,8 +13,7 @@ from palpate.trace.samples import Trace
 
 
 class Estimator(Protocol):
-    """A function that makes an estimate of one quantity from a trace, and from nothing else that
-    was measured.
+    """Function that estimates one quantity from a trace and from no other measurement.
 
     Whatever it needs it looks up in the trace: `trace.converted(parameter)` is the recording that a
     conversion declared to stand for the parameter, `trace.recordings` all of them with their

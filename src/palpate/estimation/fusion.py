@@ -1,4 +1,4 @@
-"""Several estimates of one quantity made into one, without shrinking what they have in common.
+"""Fusion of several estimates of one quantity; shared errors are not averaged down.
 
 Of estimates x_i, with standard deviations o_i of their own and effects s_ik of causes k that they share,
 the covariance is
@@ -40,9 +40,10 @@ class Source:
     estimate: Estimate
 
     def causes(self) -> list[tuple[tuple[str, str], Array]]:
-        """What it shares, by whom and why, (n,) each. An estimate that does not say shares all."""
+        """Shared errors by owner and cause, (n,) each. An estimate that names none shares its whole
+        error."""
         if not self.estimate.shared:
-            return [(("scene", "all that is not known"), self.estimate.std)]
+            return [(("scene", "all that is not known"), self.estimate.stds)]
         found: list[tuple[tuple[str, str], Array]] = []
         for shared in self.estimate.shared:
             owner = self.arm if shared.of == "arm" else "scene"
@@ -53,16 +54,16 @@ class Source:
     def own(self) -> Array:
         """(n,) standard deviation that no other run shares."""
         if not self.estimate.shared:
-            return np.zeros(len(self.estimate.std))
-        return np.sqrt(np.maximum(self.estimate.std**2 - self.estimate.shared_std**2, 0.0))
+            return np.zeros(len(self.estimate.stds))
+        return np.sqrt(np.maximum(self.estimate.stds**2 - self.estimate.shared_std**2, 0.0))
 
 
 def fuse(sources: Sequence[Source]) -> Estimate:
-    """One estimate of all `sources`, which are of one parameter; of one, that one."""
+    """Fuse `sources` of one parameter into one estimate; a single one is returned unchanged."""
     first = sources[0].estimate
     if len(sources) == 1:
         return first
-    values = np.array([source.estimate.value for source in sources])
+    values = np.array([source.estimate.values for source in sources])
     count = values.shape[1]
     covariances = [_covariance(sources, i) for i in range(count)]
     weights = np.column_stack([_weights(covariance) for covariance in covariances])
@@ -88,10 +89,10 @@ def difference(one: Source, other: Source) -> tuple[Array, Array]:
     C_11 + C_22 - 2 C_12 has it, moves both alike and is not in it."""
     apart = [_apart(one), _apart(other)]
     stds: list[float] = []
-    for i in range(len(one.estimate.value)):
+    for i in range(len(one.estimate.values)):
         covariance = _covariance(apart, i)
         stds.append(math.sqrt(covariance[0, 0] + covariance[1, 1] - 2.0 * covariance[0, 1]))
-    return other.estimate.value - one.estimate.value, np.array(stds)
+    return other.estimate.values - one.estimate.values, np.array(stds)
 
 
 def _covariance(sources: Sequence[Source], component: int) -> Array:
@@ -124,16 +125,16 @@ def _freedom(sources: Sequence[Source], weights: Array, std: Array) -> float:
     """Of the worst component."""
     unsure = np.zeros(len(std))
     for source, weight in zip(sources, weights, strict=True):
-        noise = source.own if source.estimate.shared else source.estimate.std
+        noise = source.own if source.estimate.shared else source.estimate.stds
         unsure += (weight * noise) ** 4 / source.estimate.freedom
     worst = float(np.max(unsure / std**4))
     return 1.0 / worst if worst > 0.0 else math.inf
 
 
 def _agreement(sources: Sequence[Source], mean: Array) -> FitTest:
-    """Whether the runs scatter about their mean no more than they may."""
+    """Test for a scatter of the runs within their stated uncertainty."""
     apart = [_apart(source) for source in sources]
-    values = np.array([source.estimate.value for source in sources])
+    values = np.array([source.estimate.values for source in sources])
     statistic = 0.0
     off = np.zeros_like(values)
     for i in range(len(mean)):
@@ -157,12 +158,12 @@ def _apart(source: Source) -> Source:
     """With all its error its own where it says nothing of that: two such may differ by as much."""
     if source.estimate.shared:
         return source
-    nothing = Shared("nothing", "arm", (0.0,) * len(source.estimate.std))
+    nothing = Shared("nothing", "arm", (0.0,) * len(source.estimate.stds))
     return replace(source, estimate=replace(source.estimate, shared=(nothing,)))
 
 
 def _shared(sources: Sequence[Source], weights: Array) -> tuple[Shared, ...]:
-    """What the mean has in common with further runs."""
+    """Error causes that the mean shares with further runs."""
     arms = {source.arm for source in sources}
     found: dict[tuple[str, str], Array] = {}
     for source, weight in zip(sources, weights, strict=True):
@@ -193,7 +194,7 @@ def _method(sources: Sequence[Source], weights: Array, std: Array) -> str:
 
 
 def _told(estimate: Estimate) -> str:
-    pairs = zip(estimate.value.tolist(), estimate.std.tolist(), strict=True)
+    pairs = zip(estimate.values.tolist(), estimate.stds.tolist(), strict=True)
     words = [" ± ".join(rounded(value, std)) for value, std in pairs]
     unit = "" if estimate.unit == "1" else f" {estimate.unit}"
     return ", ".join(words) + unit

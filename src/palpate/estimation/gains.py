@@ -1,4 +1,4 @@
-"""How well the gains of an arm's torque sensors are known."""
+"""Uncertainty of the gains of an arm's torque sensors."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where and how an object was held still in free air, level and tilted, with the load that it was."""
+"""Holds of an object still in free air, level and tilted, and their load."""
 
 from __future__ import annotations
 
@@ -61,11 +61,11 @@ class Held:
 
     @property
     def turned(self) -> bool:
-        """Whether a turn about the vertical tells of it, too."""
+        """A turn about the vertical is part of the evidence."""
         return any(segment.turns for weighing in self.weighings for segment in weighing.segments)
 
     def droop(self, grasp: float, time: float) -> Droop:
-        """What has turned the object in a grasp by a time, s."""
+        """Droop of the object in a grasp at `time`, s."""
         moments = (hold.droop.moment for hold in self.holds if hold.grasp == grasp)
         return Droop.since(grasp, time, next(moments, 0.0))
 
@@ -111,8 +111,8 @@ def _of_whole(
     load: Load,
     holds: Sequence[Hold],
 ) -> tuple[Load, Mapping[str, Array]] | None:
-    """A load that was held level, and `Held.links`, from all that the arm did around its weighings, where that
-    tells more and agrees with them in all its moments, too."""
+    """Load of a level hold, and `Held.links`, from all motion around its weighings, where that is
+    more precise and agrees with them in force and moments; else None."""
     whole = whole_of(trace, recording, found, load)
     if whole is None:
         return None
@@ -153,8 +153,7 @@ def _swept(trace: Trace, name: str, since: float, until: float) -> float:
 
 
 def _before(trace: Trace, name: str, found: Weighing) -> Weighing:
-    """Without what was felt of the load after it was turned to and fro: it may have turned in the
-    fingers, and hang otherwise."""
+    """Weighing without the segments after the load was turned: it may have rotated in the fingers."""
     turned = [*_recordings(trace, name, "tilting"), *_recordings(trace, name, "swinging")]
     kept: list[Segment] = []
     for segment in found.segments:
@@ -174,8 +173,8 @@ def _recordings(trace: Trace, name: str, activity: str) -> list[Recording]:
 
 
 def tilted_holds(trace: Trace, name: str) -> Iterator[tuple[Recording, Weighing]]:
-    """Every bit of a turn to a tilt, and every rest there, as a recording of its own, with what tells
-    about the load in it: the same bit of the empty hand's turn."""
+    """Each part of a turn to a tilt, and each rest there, as a recording of its own, with the
+    weighing of it against the same part of the empty hand's turn."""
     empty = [
         one
         for one in trace.recordings
@@ -222,7 +221,7 @@ def _lasts(t: Array) -> bool:
 
 
 def _as_own(found: Weighing, time: float) -> Weighing:
-    """As if the load had been grasped at `time`: about a tilted hand it has another moment."""
+    """Weighing as of a load grasped at `time`: in a tilted hand its moment differs."""
     segments = [
         replace(segment, grasp=time) if segment.loaded else segment for segment in found.segments
     ]
@@ -240,6 +239,6 @@ def pose_in_hand(trace: Trace, recording: Recording, body: Body) -> Pose:
 
 
 def grasped(trace: Trace, recording: Recording, body: Body) -> float:
-    """s, when the hand had closed on what it held in a recording; -inf where that is not told."""
+    """Time at which the hand closed on the object held in a recording, s; -inf if unknown."""
     grasps = load_of(trace, body.name).grasps
     return max((time for time in grasps if time <= recording.start), default=-np.inf)

@@ -1,4 +1,4 @@
-"""How fast the hand moved."""
+"""Velocity of the hand."""
 
 from __future__ import annotations
 

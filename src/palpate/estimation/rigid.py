@@ -1,4 +1,4 @@
-"""The ten inertial parameters of a rigid body, in numbers that cannot say what no body has.
+"""Log-Cholesky parameters of a rigid body: every value is a physically consistent body.
 
 A body's mass m, first moment h and second moment S make its pseudo-inertia [[S, h], [h', m]], which is
 positive definite for every body and for nothing else. It is U U' with

@@ -1,9 +1,8 @@
-"""How far along the pads an object has come from where it was believed to stand.
+"""Displacement of an object along the pads.
 
-Two things move it there while it is in the hand, and an object is put down, and gripped anew, where it
-has come to. A hand that turns lets it slide. And where it droops, one end of it meets the support
-first: it turns about that end until it lies, and carries the hand along, or itself, by the height of
-the hand over the support times the angle.
+An object is put down, and gripped again, where two effects have moved it to. It slides along the pads as the
+hand tilts. And where it droops, one end meets the support first: the object rotates about that end until it
+lies flat, which moves the hand, or the object, by the height of the hand over the support times the angle.
 """
 
 from __future__ import annotations
@@ -35,15 +34,15 @@ class PutDown:
     swept: float
 
     def levelled(self, body: Body) -> float:
-        """m (1 sigma): by how much it lies elsewhere along the fingers than where it was gripped, as it
-        drooped. Its end may slide on the support as well, and so this tells nothing of the droop."""
+        """m (1 sigma): displacement along the fingers when a drooped object is put down and levels.
+        Its end may slide on the support as well, so this is no evidence of the droop."""
         drooped = float(np.linalg.norm(self.droop.turns * LIKELY))
         return _height(self.pose_tcp_body, body) * drooped
 
     @property
     def slid(self) -> Array:
-        """(3, 2) m per rad/rad, body frame: likewise, for each metre that a radian lets it slide along
-        the tool's x and z. What it sank by is gone as it stands."""
+        """(3, 2) m per rad/rad, body frame: displacement by sliding along the tool's x and z. The
+        part along z is reset when the object is put down."""
         along = self.pose_tcp_body.rotation[0]
         return np.column_stack([self.swept * along, np.zeros(3)])
 

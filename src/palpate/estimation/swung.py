@@ -1,4 +1,4 @@
-"""What a load resists being turned with: swings with it against swings without.
+"""Inertia tensor from sinusoidal excitation: swings with the load against swings without.
 
 A hand that turns to and fro about its TCP makes every joint's torque swing along, as what the arm
 itself weighs and resists with, and as the load's wrench does: about the TCP,
@@ -24,8 +24,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.estimation import tuning
-from palpate.estimation.load.feeling import Feeling, feeling
 from palpate.estimation.load.noise import Noise
+from palpate.estimation.load.observation import WrenchObservation, observe
 from palpate.estimation.windows import Mask, commanded, mean_pose, runs
 from palpate.geometry.pose import Array, Pose, rotations
 from palpate.trace.recording import Recording
@@ -39,7 +39,7 @@ INERTIA = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Swing:
-    """A swing about one axis, in phase with how far the hand turned.
+    """Swing about one axis, in phase with the angle of the hand.
 
     Attributes:
         time: s, its middle.
@@ -47,11 +47,10 @@ class Swing:
         axis: (3,) unit, world.
         angle: rad, amplitude.
         rate: rad/s.
-        felt: (m,) amplitudes of the signals, N m.
+        observed: (m,) amplitudes of the signals, N m.
         variance: (m,) that the sensors' noise has in them.
-        own: (m,) of them, what moves the arm's own links, by their nominal inertias; 0 where these are
-            not known.
-        load: (m, 10) what unit mass, first moment and inertia (about the TCP, tool axes) make of them.
+        own: (m,) part that moves the arm's own links, by their nominal inertias; 0 where unknown.
+        load: (m, 10) amplitudes per unit mass, first moment and inertia (about the TCP, tool axes).
     """
 
     time: float
@@ -59,7 +58,7 @@ class Swing:
     axis: Array
     angle: float
     rate: float
-    felt: Array
+    observed: Array
     variance: Array
     own: Array
     load: Array
@@ -67,11 +66,11 @@ class Swing:
 
 def swings(trace: Trace, recording: Recording, noise: Noise) -> Sequence[Swing]:
     """All swings in a recording, in order."""
-    samples, felt = trace.of(recording), feeling(trace)
-    signals = felt.signals[_rows(trace, recording)]
+    samples, observed = trace.of(recording), observe(trace)
+    signals = observed.signals[_rows(trace, recording)]
     found: list[Swing] = []
     for rows in _turning(samples):
-        found.append(_swing(samples.where(rows), signals[rows], felt, noise, trace.gravity))
+        found.append(_swing(samples.where(rows), signals[rows], observed, noise, trace.gravity))
     return found
 
 
@@ -87,9 +86,9 @@ def contrast(
         ratio = swing.angle / own.angle
         # The load bends the arm a little, whose joints then share the swing otherwise.
         bent = swing.own - ratio * own.own
-        inexact = tuning.ARM_SWING * own.felt, tuning.ARM_BENT * bent
+        inexact = tuning.ARM_SWING * own.observed, tuning.ARM_BENT * bent
         variance = swing.variance + ratio**2 * own.variance + inexact[0] ** 2 + inexact[1] ** 2
-        yield swing, swing.felt - ratio * own.felt - bent, variance
+        yield swing, swing.observed - ratio * own.observed - bent, variance
 
 
 def _counterpart(swing: Swing, empty: Sequence[Swing]) -> Swing | None:
@@ -122,7 +121,9 @@ def _turning(samples: Samples) -> Iterator[slice]:
             yield rows
 
 
-def _swing(samples: Samples, signals: Array, felt: Feeling, noise: Noise, gravity: float) -> Swing:
+def _swing(
+    samples: Samples, signals: Array, observed: WrenchObservation, noise: Noise, gravity: float
+) -> Swing:
     rate = _rate(samples)
     period = 2.0 * np.pi / rate
     # It grows in its first period and fades in its last.
@@ -143,8 +144,8 @@ def _swing(samples: Samples, signals: Array, felt: Feeling, noise: Noise, gravit
         flat = lock.of_signal(values.reshape(len(values), -1)) / unit
         return flat.real.reshape(values.shape[1:])
 
-    made = felt.maps(samples.q) @ _unit_loads(samples, motion, gravity)
-    links = felt.links_motion(samples.q, samples.dq, motion.joints)
+    made = observed.maps(samples.q) @ _unit_loads(samples, motion, gravity)
+    links = observed.links_motion(samples.q, samples.dq, motion.joints)
     variance = _amplitude_variance(noise, samples.t, rate)
     return Swing(
         float(samples.t.mean()),
@@ -170,7 +171,7 @@ def _amplitude_variance(noise: Noise, t: Array, rate: float) -> Array:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Changes:
-    """How fast speeds change.
+    """Time derivatives of joint rates and of the TCP's twist.
 
     Attributes:
         joints: (n, m) rad/s².

@@ -21,7 +21,7 @@ Mask = NDArray[np.bool_]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Load:
-    """Which rows of a trace had the object in the hand; rows while the fingers moved belong to
+    """Rows of a trace with and without the object in the hand; rows while the fingers move are in
     neither.
 
     `grasps` are the times at which the hand's content changed to or from the object.
@@ -33,7 +33,7 @@ class Load:
 
 
 def load_of(trace: Trace, name: str | None) -> Load:
-    """When `name` was held, from the leaves' symbolic contexts."""
+    """Times at which `name` was held, from the leaves' symbolic contexts."""
     t = trace.samples.t
     loaded, empty = np.zeros(len(t), dtype=bool), np.ones(len(t), dtype=bool)
     held: str | None = None
@@ -149,7 +149,7 @@ def turns(trace: Trace, recording: Recording) -> dict[tuple[int, int], slice]:
 
 
 def _turns_steadily(samples: Samples, rows: slice) -> bool:
-    """Whether the hand turns evenly: what the load resists a change of that with is no weight."""
+    """The hand turns at a constant rate, so that no inertial moment adds to the weight's."""
     if rows.stop - rows.start < tuning.REST_ROWS:
         return False
     turning, t = samples.twist[rows, 3:], samples.t[rows]
@@ -159,7 +159,7 @@ def _turns_steadily(samples: Samples, rows: slice) -> bool:
 
 
 def _reached(samples: Samples, shares: Array) -> NDArray[np.intp]:
-    """Rows at which shares of a turn are gone."""
+    """Rows at which the given shares of a turn are completed."""
     quaternions = samples.pose_world_tcp[:, 3:]
     gone = 2.0 * np.arccos(np.minimum(np.abs(quaternions @ quaternions[0]), 1.0))
     progress = np.maximum.accumulate(gone)

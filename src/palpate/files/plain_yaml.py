@@ -74,7 +74,7 @@ def _require_plain(text: str) -> None:
 
 
 def _not_yaml(where: str, error: yaml.YAMLError) -> str:
-    """What is wrong, and where in the text if the parser says so."""
+    """Error with the reason, and the position in the text if the parser gives one."""
     problem = getattr(error, "problem", None) or error
     mark = getattr(error, "problem_mark", None)
     if mark is not None:

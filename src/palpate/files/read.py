@@ -28,7 +28,7 @@ _KINDS = (
 )
 
 _FLAGS = sum({getattr(os, name, 0) for name in ("O_NONBLOCK", "O_NOCTTY", "O_CLOEXEC", "O_BINARY")})
-"""Besides reading; not every system has all of them."""
+"""Flags beside O_RDONLY; not every system has all of them."""
 
 
 def require_regular(path: Path, limit: int, what: str) -> None:
@@ -78,7 +78,7 @@ def read_bytes(path: Path, limit: int, what: str) -> bytes:
 
 
 def read_text(path: Path, limit: int, what: str) -> str:
-    """As `read_bytes`, decoded.
+    """Read and decode a file, as `read_bytes`.
 
     Raises:
         InputError: as `read_bytes`; also when it is not UTF-8.

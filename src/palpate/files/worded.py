@@ -1,5 +1,4 @@
-"""What a file of one's own may say, as a form, and what is wrong with one that says something
-else."""
+"""Schema of a user's file, with errors in the file's own words."""
 
 from __future__ import annotations
 

@@ -143,13 +143,13 @@ class LivePage:
         self._say(run.status, *(repr(estimate).strip("<>") for estimate in run.estimates))
         done = self._server.gui.add_button("Close", order=0.7)
         done.on_click(lambda _: self._close())
-        if run.trace is None or not len(run.trace.t):
+        if run.trace_if_any is None or not len(run.trace_if_any.t):
             return
         self._show_scene(run.scene)
         assert self._cell is not None
         assert self._drawn is not None
-        self._plot(run.trace.t - run.trace.t[0], run.trace.wrench[:, 2])
-        Player(self._server.gui, run.trace, self._cell, self._drawn, self._tree)
+        self._plot(run.trace_if_any.t - run.trace_if_any.t[0], run.trace_if_any.wrench[:, 2])
+        Player(self._server.gui, run.trace_if_any, self._cell, self._drawn, self._tree)
 
     def _close(self) -> None:
         self._closed = True

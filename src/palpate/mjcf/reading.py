@@ -7,6 +7,7 @@ import os
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import reduce
 from pathlib import Path
 
 from lxml import etree
@@ -85,10 +86,10 @@ def reparsed(texts: Texts, like: Document) -> Document:
 
 
 def _root(start: Path | None, files: Sequence[Path]) -> Path | None:
-    """Nearest common folder of the scene's own and of its files."""
-    for path in files if start is not None else ():
-        start = common(start, path)
-    return start
+    """Nearest common folder of the scene's own and of its files; None for a scene without a folder."""
+    if start is None:
+        return None
+    return reduce(common, files, start)
 
 
 @dataclass(slots=True)

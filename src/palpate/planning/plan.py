@@ -11,6 +11,7 @@ import math
 import re
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from textwrap import shorten
 from typing import Any, Literal, NoReturn, TypeVar, cast, get_args
 
 from palpate.display import json_text
@@ -24,6 +25,8 @@ MAX_BYTES = 1_000_000
 MAX_NESTING = 64
 """Nested JSON brackets; a node costs two, so a tree may be about 30 deep."""
 MAX_NODES = 5000
+MAX_REASON = 120
+"""Characters of the explanation that the short form of a plan shows."""
 
 _STRING = re.compile(r'"(?:[^"\\]|\\.)*"', re.DOTALL)
 _NODE_FIELDS = ("type", "name", "children")
@@ -100,7 +103,8 @@ class Plan:
     def __repr__(self) -> str:
         by = f" by {self.planner}" if self.planner else ""
         if self.tree is None:
-            return f"<Plan{by}: nothing to measure>" if self.satisfied else f"<Plan{by}: rejected>"
+            what = "nothing to measure" if self.satisfied else "rejected"
+            return f"<Plan{by}: {what}: {shorten(self.explanation, MAX_REASON, placeholder='…')}>"
         measures = ", ".join(str(parameter) for parameter in self.parameters) or "nothing"
         return f"<Plan{by}: {measures}, {self.actions} actions>"
 

@@ -87,8 +87,8 @@ class Catalogue(Mapping[str, Quantity]):
         return [quantity for quantity in self.values() if quantity.subject == subject]
 
     def piece(self, parameter: Parameter, buffer: str, context: Context) -> Piece | None:
-        """Which piece of what a derived parameter rests on a recording is; None when it is none, or
-        when a conversion has to say so."""
+        """Piece of evidence that a recording is for a derived parameter; None if it is none, or if
+        a conversion primitive has to name it."""
         quantity = self.get(parameter.quantity)
         if quantity is None or not quantity.derived:
             return None

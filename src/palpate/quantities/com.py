@@ -129,7 +129,7 @@ class CentreOfMass(Quantity):
 
 
 def _in_space(centres: tuple[str, ...]) -> Iterator[str]:
-    """What people call a centre of mass of which they want the height, too."""
+    """Names of a centre of mass that include its height."""
     for centre in centres:
         for whose in ("its", "the"):
             yield f"height of {whose} {centre}"

@@ -1,5 +1,5 @@
-"""What else acts on an object than what its file states of it: which of several statements decides
-how it rubs on what stands still, and what it is tied to.
+"""Interactions of an object beyond its own attributes: contact parameters that another geom or a
+`<pair>` decides, constraints, and forces other than weight.
 
 MuJoCo takes friction and `condim` from a `<pair>` that names both shapes, else from the shape of higher
 `priority`, else the larger of both (documentation, "Computation", contact).
@@ -23,6 +23,9 @@ CANCELLING = 0.05
 LIFTING = 0.1
 """m/s at which things are carried."""
 
+RESTING = 0.005
+"""m between an object's lowest point and the top of the surface that it stands on, at most."""
+
 FRICTIONAL = 3
 """The least `condim` of a contact with friction."""
 
@@ -34,8 +37,8 @@ def highest_priority(body: BodyDescription) -> int:
 
 
 def what_decides(body: BodyDescription) -> str:
-    """What else than the object's own friction acts where it touches what stands still; empty for
-    nothing."""
+    """Name the statement that decides the contact friction in place of the object's own; empty if
+    its own does."""
     model = body.shapes.model
     if model.opt.enableflags & int(mujoco.mjtEnableBit.mjENBL_OVERRIDE):
         return "<option> overrides the friction of every contact"
@@ -54,9 +57,32 @@ def what_decides(body: BodyDescription) -> str:
     return ""
 
 
+def pair_friction(body: BodyDescription) -> float | None:
+    """Sliding friction of an object on the surface that it stands on, by MuJoCo's rules for a pair of
+    geoms; None where it stands on no surface."""
+    model, foot = body.shapes.model, body.footing()
+    for surface in body.surfaces():
+        if surface.reaches_over(foot) and abs(foot[2] - surface.top_z) < RESTING:
+            below = body.shapes.geom_ids[surface.carrier]
+            own = [body.shapes.geom_ids[geom] for geom in body.elements.colliding]
+            return max(_pair_friction(model, geom, below) for geom in own)
+    return None
+
+
+def _pair_friction(model: mujoco.MjModel, geom: int, other: int) -> float:
+    pairs = np.sort(np.column_stack([model.pair_geom1, model.pair_geom2]), axis=1)
+    stated = np.flatnonzero((pairs == sorted((geom, other))).all(axis=1))
+    if len(stated):
+        return float(model.pair_friction[stated[0], 0])
+    first, second = model.geom_priority[[geom, other]].tolist()
+    if first == second:
+        return float(model.geom_friction[[geom, other], 0].max())
+    return float(model.geom_friction[geom if first > second else other, 0])
+
+
 def tied_to(body: BodyDescription) -> str:
-    """That an object does not move alone, or is moved by more than its weight, in words; empty where it
-    is. What is tied to it is lifted and turned with it."""
+    """Name the body that a constraint ties to the object, or else the force beside its weight
+    (`carried`); empty if there is neither. A tied body is lifted and turned with the object."""
     model = body.shapes.model
     own = {int(model.body(body.name).id)}
     for geom in body.elements.geoms:
@@ -71,8 +97,8 @@ def tied_to(body: BodyDescription) -> str:
 
 
 def carried(body: BodyDescription) -> str:
-    """What else acts on an object that hangs in a hand than its weight, in words; empty where less than
-    `NEGLIGIBLE` of that does."""
+    """Name the force beside its weight that acts on an object hanging in the hand; empty below
+    `NEGLIGIBLE` of the weight."""
     model = body.shapes.model
     joint = int(model.body(body.name).jntadr[0])
     if joint < 0 or model.jnt_type[joint] != mujoco.mjtJoint.mjJNT_FREE:
@@ -119,7 +145,7 @@ def _standing(body: BodyDescription) -> NDArray[np.intp]:
 
 
 def _is_paired(model: mujoco.MjModel, geom: int, standing: NDArray[np.intp]) -> bool:
-    """Whether a `<pair>` states another friction of a shape on one that stands still."""
+    """A `<pair>` states another friction, or none, for the geom on a static geom."""
     pairs = np.column_stack([model.pair_geom1, model.pair_geom2])
     mine = (pairs == geom).any(axis=1) & np.isin(pairs, standing).any(axis=1)
     other = ~np.isclose(model.pair_friction[:, 0], model.geom_friction[geom, 0], rtol=1e-6)

@@ -1,4 +1,4 @@
-"""Which estimators there are, and what a plan promised, from the trace.
+"""Registry of estimators, and the estimates of a plan's parameters from the trace.
 
 A quantity names its estimators: `estimators = {"contrast": "palpate.quantities.mass:estimate_mass",
 …}`, the default first. A third party adds one to a known quantity through the entry-point group
@@ -107,7 +107,7 @@ def estimate_all(
 
 
 def failed(parameter: Parameter, reason: str) -> Estimate:
-    """What is said of a parameter that no estimate could be made of."""
+    """Estimate without a value, with the reason."""
     known = catalogue().get(parameter.quantity)
     return not_identified(parameter, known.unit if known else "1", reason)
 
@@ -118,7 +118,7 @@ def _made(estimator: Estimator, trace: Trace, parameter: Parameter, body: Body |
         found = estimator(trace, parameter, body)
     except Exception as error:
         return failed(parameter, f"Its estimator failed, {type(error).__name__}: {error}.")
-    numbers = (found.value, found.std, found.ci95)
+    numbers = (found.values, found.stds, found.intervals)
     if not all(np.isfinite(part).all() for part in numbers):
         return failed(parameter, "Not every number that was recorded for it is finite.")
     return found

@@ -1,4 +1,4 @@
-"""What counts as evidence of a quantity, declared once with the quantity.
+"""Evidence of a quantity: the recordings that its estimator needs, declared once with the quantity.
 
 The check of plans, the symbolic search, the prompt, the conversions and the judgement of studies all
 read it from there.
@@ -12,12 +12,12 @@ from typing import Literal
 from palpate.trace.recording import Activity, Context
 
 GRIPPER = "gripper"
-"""What a recording is about that is made with empty fingers."""
+"""Subject of recordings with an empty gripper."""
 
 
 @dataclass(frozen=True, slots=True)
 class Evidence:
-    """One kind of recording that a quantity is read from.
+    """Kind of recording from which a quantity is estimated.
 
     Attributes:
         buffer: what is logged.
@@ -65,13 +65,13 @@ class Evidence:
         return subject if self._is_there(context, subject) else None
 
     def _is_there(self, context: Context, subject: str | None) -> bool:
-        """Whether a recording about `subject` is made where it has to be."""
+        """The recording about `subject` is made at the required place."""
         at = context.grasp if self.holding else context.at
         return not self.place or (at or "").split(" ")[0] == f"{subject}_{self.place}"
 
     def key(self, context: Context) -> str | None:
-        """What tells a recording made in `context` apart from others of its kind; None when nothing
-        is known that would."""
+        """Grasp or place that distinguishes a recording from others of its kind; empty where they
+        are all alike, None if unknown."""
         if self.distinct is None:
             return ""
         return context.grasp if self.distinct == "grasp" else context.at

@@ -16,7 +16,7 @@ from palpate.estimation.friction.columns import AXES, HELD, PLACES, SPEED, WAYS
 from palpate.estimation.friction.drags import Drag, steady_drags
 from palpate.estimation.friction.fit import Sliding, fit_sliding
 from palpate.estimation.friction.whole import Whole, fit_whole
-from palpate.estimation.load.feeling import Feeling, feeling
+from palpate.estimation.load.observation import WrenchObservation, observe
 from palpate.estimation.load.weighing import hangs_free
 from palpate.geometry.pose import Array
 from palpate.mjcf.body import Body, BodyDescription
@@ -25,7 +25,7 @@ from palpate.mjcf.document import UNKNOWN, Element, tokens
 from palpate.mjcf.edits import Edit, Slot, number
 from palpate.mjcf.roles.elements import Elements
 from palpate.parameter import Parameter
-from palpate.quantities.contacts import highest_priority, what_decides
+from palpate.quantities.contacts import highest_priority, pair_friction, what_decides
 from palpate.quantities.evidence import Evidence
 from palpate.quantities.quantity import Prior, Quantity, Status, Values
 from palpate.trace.recording import Recording
@@ -105,6 +105,11 @@ class Friction(Quantity):
             if int(body.defaults.attribute(geom, "priority") or 0) < above:
                 yield Edit(geom, "priority", {0: str(above)}, "0")
 
+    def acting(self, body: BodyDescription, stated: tuple[float, ...]) -> tuple[float, ...]:
+        """That of the pair with the support, which is what a slide measures."""
+        pair = pair_friction(body)
+        return stated if pair is None else (pair,)
+
     def overruled(self, body: BodyDescription) -> str:
         return what_decides(body)
 
@@ -127,8 +132,8 @@ def estimate_friction(trace: Trace, parameter: Parameter, body: Body | None) -> 
     force`.
     """
     evidence = _sliding(trace, parameter.object)
-    felt = feeling(trace)
-    drags = steady_drags(trace, parameter.object, felt)
+    observed = observe(trace)
+    drags = steady_drags(trace, parameter.object, observed)
     if not drags:
         return not_identified(
             parameter,
@@ -136,14 +141,15 @@ def estimate_friction(trace: Trace, parameter: Parameter, body: Body | None) -> 
             "No recording shows the held object sliding steadily along its support.",
             evidence,
         )
-    found = fit_sliding(drags, felt, trace.hand)
+    found = fit_sliding(drags, observed, trace.hand)
     normal = _normal_forces(drags)
     # What pulls on the object in the air pulls on what the drags are measured against.
     tests = (*_tests(drags, found), *hangs_free(trace, parameter.object))
     innocent = all(test.passed for test in tests)
-    whole = _whole(trace, parameter.object, drags, felt, found) if innocent else None
+    whole = _whole(trace, parameter.object, drags, observed, found) if innocent else None
     value, std = found.friction if whole is None else (whole.friction, whole.std)
     method = _method(len(drags), float(normal.min()), float(normal.max()), whole)
+    method += _of_pair(evidence)
     if value <= tuning.SIGNIFICANT * std:
         reasons = [test.finding for test in tests if not test.passed]
         none = f"The result, {value:.2g} ± {std:.2g}, cannot be told from none."
@@ -165,19 +171,19 @@ def estimate_friction(trace: Trace, parameter: Parameter, body: Body | None) -> 
 
 
 def _whole(
-    trace: Trace, name: str, drags: Sequence[Drag], felt: Feeling, found: Sliding
+    trace: Trace, name: str, drags: Sequence[Drag], observed: WrenchObservation, found: Sliding
 ) -> Whole | None:
-    """Friction from all that the arm did around its drags, where that tells more than how their forces grow
-    with pressure, and agrees with it."""
+    """Friction fitted to all motion around the drags, where it is more precise than the contrast of
+    the drags' forces and agrees with it; else None."""
     value, std = found.friction
-    whole = fit_whole(trace, name, drags, felt, value)
+    whole = fit_whole(trace, name, drags, observed, value)
     if whole is None or not whole.explains or whole.std >= std:
         return None
     return whole if abs(whole.friction - value) < tuning.WHOLE_APART * std else None
 
 
 def _tests(drags: Sequence[Drag], found: Sliding) -> tuple[FitTest, ...]:
-    """Whether one coefficient of dry friction is all that there is."""
+    """Goodness-of-fit tests of Coulomb friction with a single coefficient."""
     held = sum(int(np.sum(drag.swung_out & ~drag.moving)) for drag in drags)
     rows = sum(int(drag.swung_out.sum()) for drag in drags)
     value, unsure = found.friction
@@ -223,7 +229,7 @@ def _tests(drags: Sequence[Drag], found: Sliding) -> tuple[FitTest, ...]:
 
 
 def _alike(found: Sliding, what: slice, name: str, where: str) -> FitTest:
-    """Whether friction is the same; a few per cent are no harm."""
+    """Test for equal friction in two subsets; differences of a few per cent are tolerated."""
     small = tuning.ALIKE_FRICTION * found.friction[0]
     seen = found.difference(what, tuning.FRICTION_RANGE, small)
     finding = f"Friction differs by {2 * seen.size:.2g} {where}."
@@ -231,7 +237,7 @@ def _alike(found: Sliding, what: slice, name: str, where: str) -> FitTest:
 
 
 def _unpressed(found: Sliding) -> FitTest:
-    """Whether all of the force grows with the normal force."""
+    """Test for a tangential force that does not grow with the normal force."""
     seen = found.difference(HELD, tuning.HELD_RANGE, tuning.FORCE_BIAS)
     return chi_squared(
         "force without pressure",
@@ -255,6 +261,12 @@ def _sliding(trace: Trace, name: str) -> tuple[Recording, ...]:
 def _normal_forces(drags: Sequence[Drag]) -> Array:
     """(n,) N, in all rows of steady sliding."""
     return np.concatenate([drag.normal[drag.steady] for drag in drags])
+
+
+def _of_pair(evidence: Sequence[Recording]) -> str:
+    """Names of the surfaces with which the coefficient was measured."""
+    names = sorted({recording.context.support or "" for recording in evidence} - {""})
+    return f" It is the coefficient of the pair with {' and '.join(names)}." if names else ""
 
 
 def _method(drags: int, least: float, most: float, whole: Whole | None) -> str:

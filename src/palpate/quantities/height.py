@@ -39,7 +39,8 @@ PRIOR_HEIGHT = 0.4
 """m, of a surface on which nothing stands."""
 
 BARE_SPREAD, LADEN_SPREAD = 0.2, 0.01
-"""m (1 sigma): of a surface nobody says anything of, and of one that something tells of."""
+"""m (1 sigma): prior of a surface without any hint of its height, and with one (an object on it, a
+given pose)."""
 
 SUNK = 0.003
 """m: how far a hidden surface is below the believed one where things stand on it, at most: they
@@ -92,8 +93,8 @@ class Height(Quantity):
                 yield Slot(geom, "size", str(PLACEHOLDER), (index,))
 
     def prior(self, body: BodyDescription, believed: Values) -> Prior:
-        """As given; else the lowest bottom of what stands there on nothing that is known; else
-        below the given approach."""
+        """Prior from the given pose; else the lowest bottom of the objects above that no known
+        surface carries; else the given approach pose."""
         if body.given_z is not None:
             return Prior((body.top_z + body.given_z,), (LADEN_SPREAD,))
         bottoms = [float(foot[2]) for foot in _feet_above(body) if not _is_carried(body, foot)]
@@ -138,7 +139,8 @@ class Height(Quantity):
 
 
 def _open_places(body: BodyDescription) -> set[str]:
-    """Which numbers of a surface's height are `?`: the place of its `body` or `geom`, or `size`."""
+    """Unknown numbers of a surface's height: the z of its `body` or `geom`, or its half height,
+    `size`."""
     element = body.elements.element
     places: set[str] = set()
     if element.tag == "body" and has_unknown(element, "pos", 2):
@@ -157,7 +159,7 @@ def _has_open_size(geom: Element, body: BodyDescription) -> bool:
 
 
 def _half_height(unknown: set[str], rise: float) -> tuple[float, float]:
-    """What the place rises and the half height becomes, from how far the top must rise, m."""
+    """Change of the geom's z and the new half height, m, for a top that must rise by `rise`, m."""
     if unknown == {"size"}:
         return 0.0, PLACEHOLDER + rise
     half = (rise + PLACEHOLDER) / 2
@@ -171,7 +173,7 @@ def _raised(element: Element, rise: float, std: float | None) -> Edit:
 
 
 def _feet_above(surface: BodyDescription) -> Iterator[Array]:
-    """Where objects with a known z stand over a surface: (3,) in the world, m."""
+    """Footing points of the objects with known z over a surface: (3,) in the world frame, m."""
     for thing in surface.objects():
         foot = thing.footing()
         if thing.given_z is not None:
@@ -183,7 +185,7 @@ def _feet_above(surface: BodyDescription) -> Iterator[Array]:
 
 
 def _is_carried(surface: BodyDescription, foot: Array) -> bool:
-    """Whether a surface of known height is right below."""
+    """A surface of known height is directly below the footing point."""
     for other in surface.surfaces():
         is_near = abs(foot[2] - other.top_z) < RESTING
         if not other.top_is_open and is_near and other.reaches_over(foot):
@@ -192,7 +194,7 @@ def _is_carried(surface: BodyDescription, foot: Array) -> bool:
 
 
 def estimate_height(trace: Trace, parameter: Parameter, body: Body | None) -> Estimate:
-    """World z of the rigid surface under the fingertips, from every touch of it.
+    """World z of the rigid surface under the fingertips, from all its touches.
 
     `parts`: `penetration` (how far the pressed tip was below it), `compliance` where the surface
     gives way, `soft onset` (world z) where something soft was pressed through, and `tilt` from
@@ -226,7 +228,7 @@ def estimate_height(trace: Trace, parameter: Parameter, body: Body | None) -> Es
 
 
 def _tests(found: Sequence[Touch], plane: Plane) -> Iterator[FitTest]:
-    """Whether what was met is one rigid surface."""
+    """Goodness-of-fit tests of one rigid plane."""
     yield max(found, key=lambda touch: touch.at_most).firm()
     for touch in found:
         yield from touch.sides()
@@ -254,7 +256,7 @@ def _parts(found: Sequence[Touch], plane: Plane) -> dict[str, Part]:
 
 
 def _ungauged(plane: Plane, hand: Hand) -> str:
-    """What to do where the touches know more than the arm does."""
+    """Advice to calibrate, where the arm's own height is less certain than the touches."""
     tip = hand.tip_offset_std
     if tip < tuning.UNGAUGED or tip < plane.std:
         return ""

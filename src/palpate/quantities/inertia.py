@@ -107,10 +107,10 @@ class Inertia(Quantity):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Swung:
-    """What one swing tells of an object's ten inertial parameters.
+    """Linear observation of an object's ten inertial parameters by a sinusoidal swing.
 
     Attributes:
-        felt, variance: (m,) what the load makes of the signals.
+        observed, variance: (m,) signals of the load, and their variance.
         load: (m, 10) what unit parameters in the tool's axes make of them.
         rate: rad/s.
         axis: which axis of the tool it is about.
@@ -118,7 +118,7 @@ class _Swung:
         droop: what has turned it since.
     """
 
-    felt: Array
+    observed: Array
     variance: Array
     load: Array
     rate: float
@@ -137,13 +137,13 @@ class _Evidence:
 
 
 GIVE, SOFTNESS = slice(10, 13), slice(13, 15)
-"""Places behind the ten numbers of a body: how what is between pads and object gives way about
-three axes, s², and how the object turns in the fingers (`estimation.droop`)."""
+"""Indices of nuisance parameters behind the ten inertial ones: compliance between pads and object
+about three axes, s², and rotation in the fingers (`estimation.droop`)."""
 
 
 def estimate_inertia(trace: Trace, parameter: Parameter, body: Body | None) -> Estimate:
-    """Mass, centre of mass and inertia together, of a body that there can be (`estimation.rigid`):
-    from what the object resists being swung with (`estimation.swung`), and how it hangs.
+    """Mass, centre of mass and inertia tensor of a physically consistent rigid body
+    (`estimation.rigid`), from sinusoidal swings (`estimation.swung`) and from the static load.
 
     What gives way between pads and object makes it seem to resist with more the faster it swings, by
     the square of the frequency; that is fitted beside it, about each axis of the hand. Components
@@ -191,19 +191,20 @@ def _evidence(trace: Trace, body: Body) -> _Evidence | None:
     for recording in swung:
         if recording.context.holding == body.name:
             pose = pose_in_hand(trace, recording, body)
-            for swing, felt, spread in contrast(swings(trace, recording, noise), empty):
+            for swing, observed, spread in contrast(swings(trace, recording, noise), empty):
                 droop = still.droop(grasped(trace, recording, body), swing.time)
-                gain = trace.hand.torque_gain / np.sqrt(3.0) * felt
+                gain = trace.hand.torque_gain / np.sqrt(3.0) * observed
                 variance = spread + gain**2 + tuning.SWING_FLOOR**2
                 axis = int(np.abs(swing.pose.rotation.T @ swing.axis).argmax())
-                found.append(_Swung(felt, variance, swing.load, swing.rate, axis, pose, droop))
+                found.append(_Swung(observed, variance, swing.load, swing.rate, axis, pose, droop))
     return _Evidence(found, still, trace.gravity) if found else None
 
 
 def _fit(found: _Evidence, body: Body) -> tuple[Array, Array, FitTest]:
-    """The ten numbers of the object in its own frame (and how it gives way about three axes), their
-    covariance, inflated where the swings disagree, and whether they do: Gauss-Newton from the box's
-    (e.g. Nocedal and Wright, Numerical Optimization, section 10.3)."""
+    """Fit the ten inertial parameters in the body frame with the compliance about three axes, by
+    Gauss-Newton from those of a uniform box (Nocedal and Wright, Numerical Optimization, section
+    10.3). Returns the parameters, their covariance, inflated where the swings disagree, and the
+    test of that."""
     from scipy.optimize import least_squares  # takes longer to load than most plans to make
 
     mass = found.held.load.force / found.gravity
@@ -234,9 +235,9 @@ def _fit(found: _Evidence, body: Body) -> tuple[Array, Array, FitTest]:
 
 
 def _freedom(slopes: Array, covariance: Array) -> float:
-    """How many of some residuals are free, whose derivatives by the numbers are `slopes` (n, k): less what
-    the numbers took of them, each as far as these tell it and not what was believed beforehand (leverage;
-    e.g. Hastie, Tibshirani and Friedman, The Elements of Statistical Learning, section 7.6)."""
+    """Effective degrees of freedom of residuals with Jacobian `slopes` (n, k): n less the leverage
+    tr(J P Jᵀ), which counts a parameter as far as the data determine it and not the prior (Hastie,
+    Tibshirani and Friedman, The Elements of Statistical Learning, section 7.6)."""
     leverage = float(np.einsum("ij,jk,ik->", slopes, covariance, slopes))
     return max(1.0, len(slopes) - leverage)
 
@@ -259,19 +260,19 @@ def _believed(slopes: Array, covariance: Array, body: Body) -> Array:
 
 
 def _swung(numbers: Array, found: _Evidence) -> list[Array]:
-    """What the numbers leave of each swing, in standard deviations."""
+    """Residuals of each swing, in standard deviations."""
     pseudo = pseudo_inertia(numbers[:10])
     left: list[Array] = []
     for one in found.swings:
         pose = one.droop.turned(one.pose_tcp_body, numbers[SOFTNESS])
         gives = 1.0 + numbers[GIVE][one.axis] * one.rate**2
         made = gives * one.load @ linear(moved(pseudo, pose))
-        left.append((one.felt - made) / np.sqrt(one.variance))
+        left.append((one.observed - made) / np.sqrt(one.variance))
     return left
 
 
 def _hanging(numbers: Array, found: _Evidence) -> Array:
-    """What the numbers leave of how the object hung, in standard deviations."""
+    """Residuals of the static load, in standard deviations."""
     pseudo, load = pseudo_inertia(numbers[:10]), found.held.load
     made = [float(pseudo[3, 3]) * found.gravity]
     for hold in found.held.holds:

@@ -10,8 +10,8 @@ import numpy as np
 
 from palpate.estimation import tuning
 from palpate.estimation.estimate import Estimate, not_identified, not_measured
-from palpate.estimation.load.feeling import by_joints
 from palpate.estimation.load.foresight import Lift
+from palpate.estimation.load.observation import observation_of_torques
 from palpate.estimation.load.segments import Segment, referenced, weighing
 from palpate.estimation.load.weighing import alone, single_shot, weigh
 from palpate.mjcf.body import Body, BodyDescription
@@ -50,7 +50,7 @@ SPEEDS = 8
 """Speeds of a pass that are weighed against each other."""
 
 ROUND = 8.0
-"""s that another round takes besides its passes: from home to the object, and back."""
+"""s of a further round without its passes: from home to the object, and back."""
 
 MOST_CYCLES = 4
 """In one tree; what they do not reach is measured again."""
@@ -106,8 +106,7 @@ class Mass(Quantity):
         return Prior((weighed + mass,), (0.5 * mass,))
 
     def draw(self, body: Body, prior: Prior, random: np.random.Generator) -> tuple[float, ...]:
-        """Within `PRIOR_FACTOR` of the prior, evenly on a logarithmic scale, besides what the file
-        states."""
+        """Log-uniform within `PRIOR_FACTOR` of the prior, plus the part that the file states."""
         factor = PRIOR_FACTOR ** random.uniform(-1, 1)
         unknown = 2.0 * prior.std[0]
         stated = prior.mean[0] - unknown
@@ -156,14 +155,16 @@ def _lift(site: Site, trace: Trace | None) -> Lift:
     assert arm.nominal.chain is not None
     poses = [base.inverse() @ pose for pose in (site.grasp, site.above)]
     q = np.array([configuration(arm, pose) for pose in poses])
-    felt = by_joints(np.zeros((0, len(arm.joints))), arm.nominal.chain, base.rotation)
+    observed = observation_of_torques(
+        np.zeros((0, len(arm.joints))), arm.nominal.chain, base.rotation
+    )
     white, flicker = arm.sensors.torque_noise**2 / SENSED, np.zeros(len(arm.joints))
     recording = trace.converted(site.parameter) if trace is not None else None
     if trace is not None and recording is not None:
         noise = weighing(trace, recording).noise
         white, flicker = noise.white * float(np.median(np.diff(trace.t))), noise.flicker
     length = site.grasp.distance_to(site.above)
-    return Lift(q, length, site.near_speed, arm.pace.acceleration, felt, white, flicker)
+    return Lift(q, length, site.near_speed, arm.pace.acceleration, observed, white, flicker)
 
 
 def estimate_mass(trace: Trace, parameter: Parameter, body: Body | None) -> Estimate:

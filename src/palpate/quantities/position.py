@@ -72,8 +72,8 @@ class Position(Quantity):
         yield Slot(elements.element, "pos", "0")
 
     def prior(self, body: BodyDescription, believed: Values) -> Prior:
-        """Where the poses put it; without them, what the file states, and the middle of the
-        workspace for the rest."""
+        """Prior from the poses; else from the numbers that the file states, with the middle of the
+        workspace for the others."""
         usual, spread = PRIOR_POSITION, UNPLACED
         if body.given is not None:
             x, y, _ = body.given.position.tolist()
@@ -146,7 +146,7 @@ def _refuse_moved(body: BodyDescription) -> None:
 
 
 def estimate_position(trace: Trace, parameter: Parameter, body: Body | None) -> Estimate:
-    """World x-y of the object's frame, from where the fingers hold it.
+    """World x-y of the object's frame, from its grasps.
 
     The fingers centre its shapes between them: along the closing direction, the middle of the box
     around them is where the hand is. Across it they leave it where it was believed to stand; a

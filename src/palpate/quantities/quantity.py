@@ -1,4 +1,4 @@
-"""What a physical quantity is to palpate: one class a quantity, from which everything else derives.
+"""Contract of a physical quantity: one class per quantity, from which everything else derives.
 
 A quantity says what it is and what it is called, how it is acquired, and where it stands in the
 user's MJCF: whether the file states it, what is believed of it until it is measured, and which
@@ -37,12 +37,12 @@ Logged = tuple[str, Context]
 """A recording's buffer and the context in which it was made."""
 
 Piece = tuple[int, str]
-"""Which kind of a quantity's evidence, and which one of that kind."""
+"""Index of a kind of evidence, and the key of one recording of it."""
 
 
 @dataclass(frozen=True, slots=True)
 class Prior:
-    """What is believed of a quantity before it is measured.
+    """Prior of a quantity: independent normal components.
 
     Attributes:
         mean: one number a component, in the quantity's unit.
@@ -103,7 +103,8 @@ class Quantity:
         return self.stands_for or self.id
 
     def piece(self, parameter: Parameter, buffer: str, context: Context) -> Piece | None:
-        """Which piece of evidence for `parameter`, which is of this quantity, a recording is."""
+        """Piece of evidence that a recording is for `parameter`, a parameter of this quantity; None
+        if it is none."""
         for i, evidence in enumerate(self.evidence):
             if buffer == evidence.buffer and evidence.about(context) == parameter.object:
                 key = evidence.key(context)
@@ -116,7 +117,7 @@ class Quantity:
         return {piece for piece in found if piece is not None}
 
     def is_evidenced(self, parameter: Parameter, logged: Iterable[Logged]) -> bool:
-        """Whether recordings hold all the evidence that `parameter` takes."""
+        """The recordings hold all the evidence that `parameter` needs."""
         kinds = Counter(kind for kind, _ in self.pieces(parameter, logged))
         for i, evidence in enumerate(self.evidence):
             if kinds[i] < evidence.count and not evidence.optional:
@@ -124,34 +125,40 @@ class Quantity:
         return True
 
     def is_told_in_part(self, parameter: Parameter, logged: Iterable[Logged]) -> bool:
-        """Whether recordings of a run that was broken off hold what some of its components take, the
-        others being as they were believed to be; where a quantity does not say, all evidence."""
+        """The recordings of an aborted run suffice for some components of `parameter`, with the
+        prior for the others; by default all evidence is needed."""
         return self.is_evidenced(parameter, logged)
 
     def needs(self, body: Body, bodies: Mapping[str, Body]) -> Iterable[Parameter]:
-        """What has to be measured of other `bodies` of the scene for it to be told of `body`."""
+        """Parameters of other `bodies` that have to be measured before this one of `body`."""
         del body, bodies
         return ()
 
     def shown(self, body: Body) -> tuple[float, ...] | None:
-        """What the shapes of a body have of it, of what no file states; None for nothing."""
+        """Value that a body's geometry implies though no file states it (a size); None if there is
+        none."""
         del body
         return None
 
     def compiled(self, body: BodyDescription) -> tuple[float, ...] | None:
-        """What the compiled shapes of `body` have of what is written of it, though no number of the
-        file alone states it; None for nothing."""
+        """Value that the compiled model of `body` shows where the file states it, but no number of
+        it alone does; None if there is none."""
         del body
         return None
 
+    def acting(self, body: BodyDescription, stated: tuple[float, ...]) -> tuple[float, ...]:
+        """Value that acts in the compiled world: the `stated` one, unless another body shares in it."""
+        del body
+        return stated
+
     def overruled(self, body: BodyDescription) -> str:
-        """What else in the file decides in the place of what it states of `body`; empty for
-        nothing."""
+        """Name the statement elsewhere in the file that overrides the one of `body`; empty if there
+        is none."""
         del body
         return ""
 
     def status(self, body: BodyDescription) -> Status:
-        """Whether the file states it of `body`, which is of its subject."""
+        """Status in the file of this quantity of `body`, which is of its subject."""
         del body
         return "not applicable"
 
@@ -160,13 +167,13 @@ class Quantity:
         raise NotImplementedError(f"{self.id} has no place in MJCF")
 
     def slots(self, elements: Elements) -> Iterable[Slot]:
-        """Where a `?` may stand for it, and what stands in for that until it is measured."""
+        """Attributes in which a `?` may stand for it, with their placeholders until it is measured."""
         del elements
         return ()
 
     def prior(self, body: BodyDescription, believed: Values) -> Prior:
-        """What is believed of it where it is missing; `believed` holds what is believed of the
-        quantities before it in the catalogue."""
+        """Prior where it is missing; `believed` holds the values of the quantities before it in the
+        catalogue."""
         raise NotImplementedError(f"{self.id} has no place in MJCF")
 
     def draw(self, body: Body, prior: Prior, random: np.random.Generator) -> tuple[float, ...]:
@@ -207,8 +214,8 @@ class Quantity:
         del body, value
 
     def places(self, body: Body, value: tuple[float, ...]) -> Pose | None:
-        """Where the frame of `body` is in the world once `value` is measured; None when that says
-        nothing of it."""
+        """Pose of the frame of `body` in the world once `value` is measured; None if the value does
+        not move it."""
         del body, value
         return None
 

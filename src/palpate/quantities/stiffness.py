@@ -1,4 +1,4 @@
-"""Stiffness of a surface that gives way: a mat, a cloth, a cushion."""
+"""Stiffness of a compliant surface: a mat, a cloth, a cushion."""
 
 from __future__ import annotations
 
@@ -101,7 +101,7 @@ def _height_std(trace: Trace) -> float:
 
 
 def _tests(found: Sequence[Spring], touches: Sequence[Touch], misfit: float) -> Iterator[FitTest]:
-    """Whether the surface is one even spring under both fingers."""
+    """Goodness-of-fit tests of one linear spring under both fingers."""
     yield FitTest(
         "one spring",
         max(spring.unevenness for spring in found),

@@ -117,13 +117,13 @@ def _card(measured: Measured, trace: Trace | None, anchor: str) -> Card:
 
 def _intervals(measured: Measured) -> tuple[Interval, ...]:
     estimate = measured.estimate
-    count = len(estimate.value)
+    count = len(estimate.values)
     truths: Sequence[float | None] = measured.truth or ()
     if len(truths) != count:
         truths = (None,) * count
     found: list[Interval] = []
     for i, figure in enumerate(figures(estimate)):
-        value, ci = float(estimate.value[i]), estimate.ci95[i].tolist()
+        value, ci = float(estimate.values[i]), estimate.intervals[i].tolist()
         found.append(_interval(figure, value, (ci[0], ci[1]), truths[i], estimate.unit))
     return tuple(found)
 

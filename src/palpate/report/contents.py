@@ -25,6 +25,7 @@ from palpate.pictures.renderer import gl_available, png
 from palpate.report.data import Measured, ParameterRow, ReportData
 from palpate.report.tables import stated_as
 from palpate.robots.simulated.noise.models import noise_models
+from palpate.runs.answer import answer
 from palpate.runs.folder import replacing
 from palpate.runs.reproduce import reproducing
 from palpate.scene.camera import load_image
@@ -78,12 +79,12 @@ def take_stills(run: Run, taken: Pictures) -> Pictures:
         return taken
     names = tuple(run.scene.bodies)
     before = run.scene.spec()
-    if run.twin is None or run.twin.scene is None:
+    if run.finished is None or run.finished.scene is None:
         return replace(taken, workspace=workspace or render_scene(before, names))
     seen, looks = run.footage, None
     if seen is not None and seen.spec is not None:
         looks = looks_in(seen.spec)
-    pair = render_before_after(before, run.twin.scene.spec(), names, looks=looks)
+    pair = render_before_after(before, run.finished.scene.spec(), names, looks=looks)
     if workspace is None and seen is not None:
         _, qpos = frames_of(seen.frames)
         workspace = render_moment(seen.model, qpos[0], seen.drawn())
@@ -95,7 +96,7 @@ def take_film(run: Run, taken: Pictures, filming: Filming | None = None) -> Pict
     else with one that is made now."""
     if run.footage is None or run.settings.fast:
         return taken
-    with filming or Filming(run.footage, run.trace) as made:
+    with filming or Filming(run.footage, run.trace_if_any) as made:
         return replace(taken, film=made.film())
 
 
@@ -124,7 +125,7 @@ def report_data(run: Run, pictures: Pictures, scratch: Path, place: Path) -> Rep
         parameters=tuple(_parameter_rows(run)),
         measured=tuple(_measured(run)),
         findings=tuple(f"{f.path}: {f.message}" for f in run.findings),
-        trace=run.trace,
+        trace=run.trace_if_any,
         held_out=run.held_out,
         workspace=pictures.workspace,
         before=pictures.before,
@@ -140,12 +141,12 @@ def report_data(run: Run, pictures: Pictures, scratch: Path, place: Path) -> Rep
     )
     if run.execution is not None:
         data = _with_execution(data, run.execution)
-    if run.twin is not None:
-        data = _with_twin(data, run.twin)
+    if run.finished is not None:
+        data = _with_twin(data, run.finished)
     if pictures.film is not None:
         film = pictures.film
         data = replace(data, video=film.mp4, video_speed=film.speed, video_believed=film.believed)
-    return replace(data, warnings=tuple(_warnings(run)))
+    return replace(data, answer=answer(run), warnings=tuple(_warnings(run)))
 
 
 def _warnings(run: Run) -> Iterator[str]:

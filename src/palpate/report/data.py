@@ -62,6 +62,7 @@ class ReportData:
         versions: name to version.
         seed, noise: of a simulated world.
         files: paths in the run folder, relative to the page.
+        answer: to a request that compares.
         warnings: one line each, e.g. how to get pictures.
         simulated: whether no real thing moved.
         drawn: whether what was measured was made up, drawn from priors.
@@ -94,6 +95,7 @@ class ReportData:
     seed: int | None = None
     noise: str | None = None
     files: tuple[str, ...] = ()
+    answer: str | None = None
     warnings: tuple[str, ...] = ()
     simulated: bool = False
     drawn: bool = False

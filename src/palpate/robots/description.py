@@ -240,9 +240,11 @@ def _limits(where: Path, sheet: Sheet, model: mujoco.MjModel) -> Limits:
             "actuatorfrcrange: give the seven joint torque limits, N m"
         )
     safety = sheet.safety
+    # A joint without limits turns as far as one revolution either way.
+    limited = model.jnt_limited[ids].astype(bool)
     return Limits(
-        q_min=model.jnt_range[ids, 0].copy(),
-        q_max=model.jnt_range[ids, 1].copy(),
+        q_min=np.where(limited, model.jnt_range[ids, 0], -2.0 * np.pi),
+        q_max=np.where(limited, model.jnt_range[ids, 1], 2.0 * np.pi),
         dq_max=sheet.velocity,
         tau_max=np.array(torque),
         force_max=safety.force,

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from palpate import __version__
+from palpate.display import table, text_table
 from palpate.errors import InputError
 from palpate.estimation.estimate import Estimate, Shared
 from palpate.estimation.fusion import Source, difference
@@ -17,6 +18,8 @@ from palpate.parameter import Parameter
 from palpate.runs.fuse import arm_of, differences, estimate_of, names_of, parameters_of
 from palpate.runs.result import finite
 from palpate.runs.run import Run
+
+COLUMNS = ("parameter", "run", "value ± std", "difference in stds", "verdict")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -73,6 +76,22 @@ class Comparison:
     def __repr__(self) -> str:
         return f"<Comparison of {len(self.runs)} runs: {self._listed()}>"
 
+    def __str__(self) -> str:
+        """A row for each parameter and run, as text."""
+        return text_table(COLUMNS, self._cells())
+
+    def _repr_html_(self) -> str:
+        return table(repr(self), COLUMNS, self._cells())
+
+    def _cells(self) -> list[tuple[str, ...]]:
+        found: list[tuple[str, ...]] = []
+        for row in (row for rows in self.rows.values() for row in rows):
+            if row.estimate is not None:
+                name, value, _, verdict = row.estimate.cells()
+                apart = "" if row.z is None else ", ".join(f"{z:+.1f}" for z in row.z.tolist())
+                found.append((name, row.run, value, apart, verdict))
+        return found
+
     def _listed(self) -> str:
         """The parameters, each with the largest difference from the first run."""
         said: list[str] = []
@@ -117,7 +136,7 @@ def _rows(
         source = Source(name, arm_of(run), estimate)
         if not one_scene:
             source = _of_its_own_scene(source)
-        if first is None or len(first.estimate.value) != len(estimate.value):
+        if first is None or len(first.estimate.values) != len(estimate.values):
             first = first or source
             yield Row(name, estimate)
         else:
@@ -159,8 +178,8 @@ def _row_json(row: Row) -> dict[str, Any]:
     estimate = row.estimate
     return {
         "run": row.run,
-        "value": _plain(None if estimate is None else estimate.value),
-        "std": _plain(None if estimate is None else estimate.std),
+        "value": _plain(None if estimate is None else estimate.values),
+        "std": _plain(None if estimate is None else estimate.stds),
         "verdict": None if estimate is None else estimate.verdict,
         "difference": _plain(row.difference),
         "difference_std": _plain(row.std),

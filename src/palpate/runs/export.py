@@ -26,12 +26,12 @@ def export_run(run: Run, to: str, folder: Path | None = None) -> Export:
         PalpateError: what was written does not say what the twin says.
     """
     chosen = require_format(to)
-    if run.twin is None:
+    if run.finished is None:
         raise InputError("this run has no twin to export: nothing was measured")
     folder = folder or (run.folder or Path()) / f"export-{chosen}"
     try:
         with new_folder(folder) as made, tempfile.TemporaryDirectory() as scratch:
-            export = export_twin(run.twin, run.estimates, chosen, made, Path(scratch))
+            export = export_twin(run.finished, run.estimates, chosen, made, Path(scratch))
             export = replace(export, file=folder / export.file.relative_to(made))
             write_json(made / "export.json", export_json(run, export))
     except OSError as error:

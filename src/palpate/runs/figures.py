@@ -27,12 +27,12 @@ class Figure:
 
 def figures(estimate: Estimate) -> tuple[Figure, ...]:
     """A figure a component; none where there is no value."""
-    axes = axes_of(len(estimate.value))
+    axes = axes_of(len(estimate.values))
     found: list[Figure] = []
     for i, axis in enumerate(axes):
-        std = float(estimate.std[i])
-        value, spread = rounded(float(estimate.value[i]), std)
-        low, high = (rounded(bound, std)[0] for bound in estimate.ci95[i].tolist())
+        std = float(estimate.stds[i])
+        value, spread = rounded(float(estimate.values[i]), std)
+        low, high = (rounded(bound, std)[0] for bound in estimate.intervals[i].tolist())
         found.append(Figure(axis, value, spread, low, high, estimate.verdicts[i]))
     return tuple(found)
 

@@ -38,9 +38,9 @@ def write_plan(run: Run, folder: Path) -> None:
 
 def write_trace(run: Run, folder: Path) -> None:
     """The finished trace, in the place of the one that grew, and the cycles before a stop."""
-    if run.trace is not None:
+    if run.trace_if_any is not None:
         with replacing(folder / TRACE) as part:
-            write_mcap(part, run.trace, shown(run))
+            write_mcap(part, run.trace_if_any, shown(run))
     if run.black_box is not None:
         with replacing(folder / CYCLES) as part, part.open("wb") as file:
             np.savez(file, **dict[str, Any](run.black_box))
@@ -48,9 +48,9 @@ def write_trace(run: Run, folder: Path) -> None:
 
 def write_twin(run: Run, folder: Path) -> None:
     """The twin, and the scene as contact told it."""
-    if run.twin is not None:
-        write_text(folder / "twin.xml", run.twin.xml)
-        for name, text in run.twin.beside.items():
+    if run.finished is not None:
+        write_text(folder / "twin.xml", run.finished.xml)
+        for name, text in run.finished.beside.items():
             write_text(folder / name, text)
     _write_scene(run, folder)
 

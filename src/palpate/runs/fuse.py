@@ -246,7 +246,7 @@ def _require_different(runs: Sequence[Run], names: Sequence[str]) -> None:
         for estimate in run.estimates:
             if not estimate.has_value:
                 continue
-            numbers = (estimate.parameter, *estimate.value.tolist(), *estimate.std.tolist())
+            numbers = (estimate.parameter, *estimate.values.tolist(), *estimate.stds.tolist())
             if numbers in seen:
                 raise InputError(
                     f"{seen[numbers]} and {name} hold the same recordings: a measurement is not counted "

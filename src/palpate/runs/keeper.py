@@ -131,7 +131,7 @@ class Keeper:
     def twin(self, run: Run) -> None:
         """Write the twin, and where else it is wanted, unless it is there."""
         self.tried("twin.xml", lambda at: write_twin(run, at))
-        twin, wanted = run.twin, run.settings.twin
+        twin, wanted = run.finished, run.settings.twin
         if twin is not None and wanted is not None and not wanted.exists():
             self.tried(str(wanted), lambda _: twin.save(wanted))
 

@@ -101,7 +101,7 @@ def _run(folder: Path, settings: Settings, result: dict[str, Any]) -> Run:
         estimates=estimates,
         truth=_truth(result["parameters"]),
         held_out=held_out_from(result.get("validation", {}).get("held_out")),
-        twin=_twin(folder / "twin.xml", found.scene, estimates, result["twin"]),
+        finished=_twin(folder / "twin.xml", found.scene, estimates, result["twin"]),
         folder=folder,
         stage=result.get("stage"),
         interrupted=result.get("interrupted"),

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, cast
 from palpate import __version__
 from palpate.estimation.estimate import Estimate, Verdict
 from palpate.planning.plan import dump_plan
+from palpate.runs.answer import answer
 from palpate.runs.held_out import held_out_json
 
 if TYPE_CHECKING:
@@ -34,12 +35,13 @@ def result_json(run: Run, folder: Path | None) -> dict[str, Any]:
         "simulated": run.simulated,
         "truth": _truth(run),
         "request": run.settings.request,
+        "answer": answer(run),
         "parameters": [_parameter_json(run, estimate) for estimate in run.estimates],
         "plan": _plan_json(run),
         "rehearsal": asdict(run.rehearsal) if run.rehearsal else None,
         "execution": _execution_json(run),
         "validation": {"held_out": held_out_json(run.held_out)},
-        "twin": None if run.twin is None else twin_json(run.twin),
+        "twin": None if run.finished is None else twin_json(run.finished),
         "files": _files(run, folder),
         "provenance": {
             "palpate": __version__,
@@ -109,10 +111,10 @@ def parameter_json(estimate: Estimate) -> dict[str, Any]:
     return {
         "object": estimate.parameter.object,
         "quantity": estimate.parameter.quantity,
-        "value": _shaped(estimate.value.tolist()),
+        "value": _shaped(estimate.values.tolist()),
         "unit": estimate.unit,
-        "std": _shaped(estimate.std.tolist()),
-        "ci95": _shaped(estimate.ci95.tolist()),
+        "std": _shaped(estimate.stds.tolist()),
+        "ci95": _shaped(estimate.intervals.tolist()),
         "method": estimate.method,
         "verdict": estimate.verdict,
         "verdicts": _several(estimate.verdicts),
@@ -196,7 +198,7 @@ def _files(run: Run, folder: Path | None) -> dict[str, str]:
         names["trace"] = "trace.mcap"
     if run.black_box or (folder / CYCLES).exists():
         names["cycles"] = CYCLES
-    if run.twin:
+    if run.finished:
         names["twin"] = "twin.xml"
     if folder == run.folder:
         names = {kind: name for kind, name in names.items() if (folder / name).exists()}

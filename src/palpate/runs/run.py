@@ -8,6 +8,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
+from palpate.errors import InputError
 from palpate.estimation.estimate import Estimate
 from palpate.execution.held import Held
 from palpate.parameter import Parameter
@@ -87,7 +88,7 @@ class Run:
         simulated: whether no real thing moved.
         execution: how the execution ended.
         final_state: what is believed about the cell then.
-        recorded: everything recorded, unless it lies in the folder (see `trace`).
+        recorded: everything recorded, unless it lies in the folder (see `trace_if_any`).
         footage: what the cell's camera saw.
         black_box: every cycle of a real robot's last seconds before it was stopped, by name;
             `cycles.npz` in the folder.
@@ -95,7 +96,7 @@ class Run:
         truth: what is so, where somebody knows.
         held_out: predictions of motions that were left out of the fits; None where nothing was
             lifted.
-        twin: the finished scene.
+        finished: the twin, None until it is built.
         folder: where all of this lies.
         stage: what is being done, or was when the run was cut off; None when all is done.
         interrupted: what a signal cut short, in words.
@@ -124,7 +125,7 @@ class Run:
         default_factory=dict[Parameter, tuple[float, ...]]
     )
     held_out: HeldOut | None = None
-    twin: Twin | None = None
+    finished: Twin | None = None
     folder: Path | None = None
     stage: Stage | None = None
     interrupted: str | None = None
@@ -150,8 +151,8 @@ class Run:
         if self.execution.status == "stopped":
             return "aborted"
         found = {estimate.parameter for estimate in self.estimates if self.suffices(estimate)}
-        if self.twin is not None:
-            found -= set(self.twin.unwritten)
+        if self.finished is not None:
+            found -= set(self.finished.unwritten)
         if found >= set(self.plan.parameters):
             return "complete"
         return "failed"
@@ -169,8 +170,42 @@ class Run:
         narrow = precision is None or precision.outcome != "rounds used up"
         return estimate.identified and narrow
 
+    @property
+    def trace(self) -> Trace:
+        """Everything recorded.
+
+        Raises:
+            InputError: nothing was; the message says why.
+        """
+        if self.trace_if_any is None:
+            raise InputError(f"this run has no trace: {self._why_not()}")
+        return self.trace_if_any
+
+    @property
+    def twin(self) -> Twin:
+        """The finished scene.
+
+        Raises:
+            InputError: none was made; the message says why.
+        """
+        if self.finished is None:
+            raise InputError(f"this run has no twin: {self._why_not()}")
+        return self.finished
+
+    def _why_not(self) -> str:
+        """Reason for what a run does not have."""
+        if self.plan.satisfied:
+            return f"nothing was to be measured ({self.plan.explanation})"
+        if self.plan.tree is None:
+            return f"its plan was rejected ({self.plan.explanation})"
+        if self.findings:
+            return f"its plan did not pass the check ({self.findings[0].message})"
+        if self.execution is not None and self.execution.stopped_by:
+            return f"it was stopped ({self.execution.stopped_by})"
+        return f"it is {self.status}, or was made anew from its estimates"
+
     @cached_property
-    def trace(self) -> Trace | None:
+    def trace_if_any(self) -> Trace | None:
         """Everything recorded, None where nothing was; a run opened from its folder reads the file
         when first asked.
 
@@ -215,7 +250,7 @@ def _brief(estimate: Estimate) -> str:
     """An estimate in a few characters."""
     if not estimate.has_value:
         return f"{estimate.parameter} unknown"
-    values = " ".join(f"{value:.4g}" for value in estimate.value.tolist())
+    values = " ".join(f"{value:.4g}" for value in estimate.values.tolist())
     if estimate.contradiction:
         return f"{estimate.parameter} = {values}, contradicted"
     return f"{estimate.parameter} = {values}"

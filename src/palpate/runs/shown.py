@@ -46,7 +46,7 @@ log = logging.getLogger(__name__)
 
 def shown(run: Run) -> list[Message]:
     """All of it; what cannot be shown is left out, and no trace is lost over it."""
-    trace = run.trace
+    trace = run.trace_if_any
     if trace is None or not len(trace.t):
         return []
     found: list[Message] = []

@@ -94,6 +94,6 @@ def _bodies(things: Sequence[Thing]) -> Iterator[str]:
 
 
 def _about(thing: Thing) -> str:
-    """What a person should correct of it."""
+    """Hints for what a person should correct."""
     guess = f"A {thing.kind} of common size" if thing.kind else "A box, for want of a better guess"
     return f"{guess}: size is {_SIZES[thing.shape]}. Neither mass nor friction: missing."

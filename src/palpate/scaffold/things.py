@@ -40,7 +40,7 @@ _COLUMNS = (0.0, 0.18, -0.18, 0.36, -0.36)
 
 @dataclass(frozen=True, slots=True)
 class Thing:
-    """One thing of a new scene.
+    """Object or surface of a new scene.
 
     Attributes:
         name: as in the MJCF.
@@ -66,7 +66,7 @@ class Thing:
 
     @property
     def size(self) -> str:
-        """As a geom's `size`: half the extents, as MuJoCo has them."""
+        """MuJoCo's `size` of the geom: half extents, m."""
         return " ".join(f"{extent / 2:.4g}" for extent in self.extents)
 
 

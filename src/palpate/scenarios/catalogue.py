@@ -19,8 +19,8 @@ ROOT = Path(__file__).parent
 FIRST = "bottle_and_table"
 """The paper's first scenario, which is also the demo."""
 FILES = {"scene": "scene.xml", "poses": "poses.yaml", "world": "world.xml"}
-"""What a scenario's folder may hold, by field of the `Settings`. A sub-case shares what only its
-parent's folder holds."""
+"""Files of a scenario's folder, by field of `Settings`. A sub-case shares the files that only its
+parent's folder has."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,7 +53,7 @@ class Scenario:
 
     @property
     def asks(self) -> bool:
-        """Whether it asks a planner anything, and is not about one recorded plan."""
+        """The scenario asks a planner, and is not about a recorded plan."""
         return self.request is not None or bool(self.expects)
 
     @property

@@ -56,7 +56,7 @@ def as_measured(scene: Scene, trace: Trace) -> Scene:
     heights = [Parameter(name, "height") for name in scene.surfaces]
     touched = [one for one in heights if trace.converted(one) is not None]
     found = [one for one in estimate_all(touched, trace, scene.bodies) if one.identified]
-    return at_heights(scene, {one.parameter: tuple(one.value.tolist()) for one in found})
+    return at_heights(scene, {one.parameter: tuple(one.values.tolist()) for one in found})
 
 
 def beyond(scene: Scene, name: str) -> str | None:

@@ -29,14 +29,14 @@ if TYPE_CHECKING:
 
 def build_twin(made: Run, audience: Audience = SILENT) -> Run:
     """From estimates to a twin of the scene as it was believed in the end."""
-    if made.trace is None:
+    if made.trace_if_any is None:
         return made
     audience.progress("building the twin")
     scene = made.scene
     if made.seen and made.final_state is not None:
         scene = made.final_state.scene
     twin = build(scene, made.estimates)
-    return replace(made, scene=scene, twin=twin)
+    return replace(made, scene=scene, finished=twin)
 
 
 @contextmanager
@@ -59,10 +59,10 @@ def touch_twin(
     """The run with its twin touched in simulation, and the scene as it was given: the plan is executed
     again in both, as far as it is compared. `planned_in` is what its planner knew; `given`: from
     `touched_beside`."""
-    if made.twin is None:
+    if made.finished is None:
         return made
     audience.progress("touching the twin in simulation")
-    trace = made.trace
+    trace = made.trace_if_any
     if trace is None:
         return made
     plan = _compared(made.plan, trace)
@@ -72,7 +72,7 @@ def touch_twin(
     # The whole plan has been executed in the scene as given: that is the same where it was here, too.
     whole = made.execution is not None and made.execution.status == "complete"
     beside = given.result if given is not None and whole else None
-    return replace(made, twin=touch(made.twin, made.scene, trace, again, beside))
+    return replace(made, finished=touch(made.finished, made.scene, trace, again, beside))
 
 
 def _compared(plan: Plan, trace: Trace) -> Plan:

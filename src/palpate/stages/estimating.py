@@ -35,8 +35,12 @@ def estimates(made: Run, cell: Cell | None, audience: Audience = SILENT) -> Iter
     """The run after every estimate, after their judgement, and then with what is true."""
     audience.progress("estimating")
     # The trace is read once, not for every estimate.
-    made = replace(made, estimates=(), held_out=None, recorded=made.trace)
-    bodies = made.scene.bodies if made.trace is None else as_measured(made.scene, made.trace).bodies
+    made = replace(made, estimates=(), held_out=None, recorded=made.trace_if_any)
+    bodies = (
+        made.scene.bodies
+        if made.trace_if_any is None
+        else as_measured(made.scene, made.trace_if_any).bodies
+    )
     for parameter in made.plan.parameters:
         found = _estimate_of(made, parameter, bodies)
         made = replace(made, estimates=(*made.estimates, found))
@@ -60,7 +64,7 @@ def reestimate(made: Run, choice: Mapping[str, str] | None = None) -> Run:
         from palpate.runs.read import require_own_version
 
         require_own_version(made.folder)
-    trace = made.trace
+    trace = made.trace_if_any
     if trace is None:
         where = "this run" if made.folder is None else f"'{made.folder}'"
         raise InputError(f"{where} has no trace to make estimates of: nothing was executed")
@@ -68,25 +72,29 @@ def reestimate(made: Run, choice: Mapping[str, str] | None = None) -> Run:
     bodies = as_measured(made.scene, trace).bodies
     found = estimate_all(made.plan.parameters, trace, bodies, choice or {})
     told = tuple(_told(made, estimate) for estimate in found)
-    again = replace(made, recorded=trace, estimates=told, held_out=None, twin=None)
+    again = replace(made, recorded=trace, estimates=told, held_out=None, finished=None)
     return _judged(again, choice)
 
 
 def with_views(made: Run) -> Run:
     """Add what was fitted to the estimates of a run that was read from its folder, by making them
     again from its trace; without a trace or a scene, or where a value differs, they stay as they are."""
-    if made.trace is None or not made.scene.bodies or any(one.views for one in made.estimates):
+    if (
+        made.trace_if_any is None
+        or not made.scene.bodies
+        or any(one.views for one in made.estimates)
+    ):
         return made
     with suppress(PalpateError):
         wanted = [one.parameter for one in made.estimates]
-        bodies = as_measured(made.scene, made.trace).bodies
-        found = estimate_all(wanted, made.trace, bodies)
+        bodies = as_measured(made.scene, made.trace_if_any).bodies
+        found = estimate_all(wanted, made.trace_if_any, bodies)
         pairs = zip(made.estimates, found, strict=True)
         same = [
-            replace(one, views=again.views) if np.array_equal(one.value, again.value) else one
+            replace(one, views=again.views) if np.array_equal(one.values, again.values) else one
             for one, again in pairs
         ]
-        return replace(made, recorded=made.trace, estimates=tuple(same))
+        return replace(made, recorded=made.trace_if_any, estimates=tuple(same))
     return made
 
 
@@ -101,10 +109,10 @@ def _require_scene(made: Run) -> None:
 
 def _estimate_of(made: Run, parameter: Parameter, bodies: Mapping[str, Body]) -> Estimate:
     """The estimate of a parameter from the run's trace, whatever goes wrong on the way."""
-    if made.trace is None:
+    if made.trace_if_any is None:
         return failed(parameter, "Nothing was recorded.")
     try:
-        found = estimate_all([parameter], made.trace, bodies)[0]
+        found = estimate_all([parameter], made.trace_if_any, bodies)[0]
         return _told(made, found)
     except PalpateError as error:
         return failed(parameter, f"There is no estimator: {error}.")
@@ -121,10 +129,12 @@ def _told(made: Run, estimate: Estimate) -> Estimate:
 def _judged(made: Run, choice: Mapping[str, str] | None = None) -> Run:
     """The run with its estimates judged on motions that they were not fitted to, made again by the
     estimators that `choice` names."""
-    if made.trace is None:
+    if made.trace_if_any is None:
         return made
     try:
-        held = held_out(as_measured(made.scene, made.trace), made.trace, made.estimates, choice)
+        held = held_out(
+            as_measured(made.scene, made.trace_if_any), made.trace_if_any, made.estimates, choice
+        )
     except Exception as error:
         reason = f"nothing was held out: {type(error).__name__}: {error}"
         return replace(made, held_out=HeldOut((), (reason,)))

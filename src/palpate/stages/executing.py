@@ -124,6 +124,6 @@ def cut_off(made: Run) -> Run:
 
 def _readable_trace(made: Run) -> Trace | None:
     try:
-        return made.trace
+        return made.trace_if_any
     except InputError:
         return None

@@ -23,7 +23,12 @@ def folder_for(settings: Settings) -> Path:
     """The folder that the settings name, else a new one under `runs`."""
     if settings.out is not None:
         return settings.out
-    return default_folder(settings.scene.resolve().parent.name if settings.scene else "")
+    return default_folder(_title(settings.scene) if settings.scene else "")
+
+
+def _title(scene: Path) -> str:
+    """Name of a scene: of its file, or of its folder where the file is just called `scene`."""
+    return scene.resolve().parent.name if scene.stem == "scene" else scene.stem
 
 
 def await_film(made: Run) -> None:
@@ -46,7 +51,7 @@ def darkroom_for(made: Run) -> Generator[Darkroom | None]:
         return
     from palpate.report.writing import Darkroom
 
-    with Darkroom(made.footage, made.trace) as darkroom:
+    with Darkroom(made.footage, made.trace_if_any) as darkroom:
         yield darkroom
 
 
@@ -99,7 +104,7 @@ def with_footage(made: Run) -> Run:
     """The run with its trace played again, as far as there is one, for a film."""
     from palpate.pictures.posed import played_again
 
-    trace = made.trace
+    trace = made.trace_if_any
     if trace is None or not len(trace.t):
         return made
     return replace(made, footage=played_again(made.scene, trace))
@@ -115,7 +120,7 @@ def taken_up(folder: Path) -> Run:
     made = reopen(folder)
     hurried, unhurried = made.settings.fast, replace(made.settings, fast=False)
     made = replace(made, settings=unhurried, interrupted=None, shortfalls=())
-    if hurried and made.stage is None and made.twin is not None:
+    if hurried and made.stage is None and made.finished is not None:
         return replace(made, stage="building the twin")
     if made.stage == "executing" and made.execution is None:
         return cut_off(made)

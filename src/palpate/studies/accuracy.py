@@ -1,4 +1,5 @@
-"""How close, and how honestly: a scenario over many seeds, against the hidden truth."""
+"""Accuracy study: errors and coverage of a scenario's estimates over many seeds, against the hidden
+truth."""
 
 from __future__ import annotations
 
@@ -24,7 +25,7 @@ CRASHED = "crashed"
 
 @dataclass(frozen=True, slots=True)
 class ScoredEstimate:
-    """One component of one seed's estimate beside the truth, all in the quantity's SI unit.
+    """Component of a seed's estimate and its true value, in the quantity's SI unit.
 
     Attributes:
         component: index into a vector quantity; 0 for a scalar.
@@ -50,7 +51,7 @@ class ScoredEstimate:
 
     @property
     def covered(self) -> bool:
-        """Whether the 95 % interval holds the truth."""
+        """The truth lies in the 95 % interval."""
         return self.low <= self.truth <= self.high
 
     @property
@@ -61,7 +62,7 @@ class ScoredEstimate:
 
 @dataclass(frozen=True, slots=True)
 class Unmeasured:
-    """One component that has no value."""
+    """Component that a seed left without a value."""
 
     parameter: Parameter
     component: int
@@ -78,7 +79,7 @@ class Unmeasured:
 
 @dataclass(frozen=True, slots=True)
 class SeedRun:
-    """One seed: how its run ended, what it took, and its estimates beside the truth.
+    """Result of a seed: end of the run, effort, estimates with their true values.
 
     Attributes:
         status: of the run, or `CRASHED`.
@@ -110,25 +111,25 @@ class Question:
 
     @property
     def settings(self) -> Settings:
-        """What is run; the scenario's files are looked up where it is."""
+        """Settings of the run; the scenario's files are found on the machine that runs it."""
         return scenario(self.scenario).settings(**dict(self.changes))
 
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """One seed of a question."""
+    """Question to be run with a seed."""
 
     question: Question
     seed: int
 
 
 def accuracy(settings: Settings, seeds: Sequence[int], workers: int = 1) -> list[SeedRun]:
-    """The run over all seeds, in order; each is deterministic whatever the number of workers."""
+    """Run all seeds, in order; each run is deterministic, independent of the number of workers."""
     return spread(partial(run_seed, settings), seeds, workers)
 
 
 def survived(case: Case) -> SeedRun:
-    """What becomes of a case, its objects about where the scene has them, be it a crash."""
+    """Run a case with randomly displaced objects (`places`); an exception becomes a crashed run."""
     try:
         return run_seed(case.question.settings, case.seed, off=True)
     except Exception:
@@ -172,13 +173,13 @@ def _scored(run: Run, estimate: Estimate) -> Iterator[ScoredEstimate]:
         return
     naive = estimate.parts.get("single-shot")
     for i, true_value in enumerate(truth):
-        low, high = estimate.ci95[i].tolist()
+        low, high = estimate.intervals[i].tolist()
         yield ScoredEstimate(
             estimate.parameter,
             i,
             run.settings.seed,
-            float(estimate.value[i]),
-            float(estimate.std[i]),
+            float(estimate.values[i]),
+            float(estimate.stds[i]),
             low,
             high,
             true_value,

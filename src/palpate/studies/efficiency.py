@@ -26,7 +26,7 @@ PAPER = PublishedEffort(29, 62.0, 12, 33.0, 0.47)
 
 @dataclass(frozen=True, slots=True)
 class Comparison:
-    """One scenario under both planners."""
+    """Runs of a scenario under the exhaustive and the intent-driven planner."""
 
     scenario: str
     exhaustive: SeedRun

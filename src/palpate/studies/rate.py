@@ -1,4 +1,4 @@
-"""How often something came true, with what that says of how often it will."""
+"""Binomial rates with confidence intervals."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ class Rate:
 
     @classmethod
     def of(cls, outcomes: Iterable[bool]) -> Rate:
-        """How many of the outcomes are hits."""
+        """Count the true outcomes."""
         listed = list(outcomes)
         return cls(sum(listed), len(listed))
 

@@ -109,7 +109,7 @@ def _values(
     """What is to be written, and remarks on what was found besides."""
     values: dict[Parameter, tuple[float, ...]] = {}
     for estimate in estimates:
-        values[estimate.parameter] = tuple(estimate.value.tolist())
+        values[estimate.parameter] = tuple(estimate.values.tolist())
     notes: list[str] = []
     for parameter, found in _found_besides(scene, estimates):
         if parameter not in values and parameter not in asked:
@@ -272,7 +272,7 @@ def _injected(
 
 def _deviations(records: Sequence[Estimate]) -> dict[Parameter, float]:
     """The smallest standard deviation of each, which decides how many digits are written."""
-    return {record.parameter: float(min(record.std)) for record in records if record.has_value}
+    return {record.parameter: float(min(record.stds)) for record in records if record.has_value}
 
 
 def _leftovers(

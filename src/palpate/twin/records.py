@@ -59,8 +59,8 @@ def recorded(text: str, records: Sequence[Estimate]) -> str:
 def _entries(records: Iterable[Estimate]) -> Iterator[_Entry]:
     for record in records:
         name = f"palpate_{record.parameter.object}_{record.parameter.quantity}"
-        low, high = record.ci95.T
-        yield _Entry("numeric", name, as_text([*record.value, *record.std, *low, *high]))
+        low, high = record.intervals.T
+        yield _Entry("numeric", name, as_text([*record.values, *record.stds, *low, *high]))
         for further, part in record.parts.items():
             numbers = as_text([part.value, part.std])
             yield _Entry("numeric", f"{name}_{further.replace(' ', '_')}", numbers)

@@ -199,7 +199,7 @@ def _unified(before: str, after: str, name: str, new_name: str) -> str:
 def _measured_places(scene: Scene, estimates: Sequence[Estimate]) -> dict[str, Pose]:
     """Where objects were found to be: the poses that came with the scene overrule the MJCF, but not
     what was measured, of them or of what they stand on."""
-    values = {one.parameter: tuple(one.value.tolist()) for one in estimates}
+    values = {one.parameter: tuple(one.values.tolist()) for one in estimates}
     scene = at_heights(scene, values)
     found: dict[str, Pose] = {}
     for name in scene.rises:

@@ -79,9 +79,9 @@ class _Conversion(ConversionPrimitive):
         if found.verdict == "not identified":
             raise LeafFailure(f"{parameter} is not identified: {found.method}")
         blackboard.recorder.conversions.append(conversion)
-        value = tuple(found.value.tolist())
+        value = tuple(found.values.tolist())
         blackboard.state = blackboard.state.learned(parameter, value)
-        pairs = zip(value, found.std.tolist(), strict=True)
+        pairs = zip(value, found.stds.tolist(), strict=True)
         shown = ", ".join(" ± ".join(rounded(value, std)) for value, std in pairs)
         return f"{subject} {quantity.label} {shown} {quantity.unit}"
 

@@ -42,7 +42,6 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Run:
 
 
 def mass_and_com(run: Run, **noise: object) -> tuple[float, np.ndarray]:
-    assert run.trace is not None
     model = NoiseModel.model_validate(noise)
     found = of_load(run.trace, "cup", np.eye(3), MASS, run.scene.arm, model)
     assert found is not None
@@ -54,7 +53,6 @@ def mass(run: Run, **noise: object) -> float:
 
 
 def height(run: Run, **noise: object) -> float:
-    assert run.trace is not None
     model = NoiseModel.model_validate(noise)
     table = Parameter("table", "height")
     found = of_height(run.trace, table, run.scene.pose_world_base, run.scene.arm, model)
@@ -169,7 +167,6 @@ def test_a_hand_that_hangs_tells_nothing_of_a_centre_straight_below(run: Run) ->
 
 
 def test_a_place_aside_is_felt_along_the_fingers_way_alone(run: Run) -> None:
-    assert run.trace is not None
     model = NoiseModel.model_validate({"torque": {"white": 0.1}})
     stands, aside = (
         of_load(run.trace, "cup", np.eye(3), MASS, run.scene.arm, model, place)
@@ -210,7 +207,6 @@ def test_a_run_has_bounds_by_quantity(run: Run) -> None:
 
 
 def test_a_trace_that_does_not_say_what_torques_mean_has_no_bound(run: Run) -> None:
-    assert run.trace is not None
     told = replace(run.trace, hand=replace(run.trace.hand, chain=None))
     assert blocks(told) is None
     noise = NoiseModel.model_validate({})

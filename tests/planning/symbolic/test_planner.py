@@ -299,3 +299,13 @@ def test_a_flat_thing_is_put_back_onto_a_table_of_unknown_height() -> None:
     table = '<body name="table" pos="0.5 0 0.2"><geom type="box" size=".3 .3 ?"/></body>'
     scene = parse_scene(f"<mujoco><worldbody>{table}{FLAT}</worldbody></mujoco>")
     assert actions(planned(scene, "How heavy is the tin?").tree) == weigh("tin")
+
+
+def test_a_refusal_says_why_and_advises_the_user() -> None:
+    pan = """<mujoco><worldbody>
+      <geom name="table" type="box" size=".3 .4 .1" pos=".5 0 .1"/>
+      <body name="pan" pos=".5 0 .23"><freejoint/><geom type="box" size=".02 .02 .03" mass=".05"/>
+        <geom type="cylinder" size=".1 .01" pos=".2 0 0"/></body></worldbody></mujoco>"""
+    with pytest.raises(PlanRejected, match=r"beside its centre of mass.*; lay it so that") as found:
+        SymbolicPlanner().plan("the mass of the pan", parse_scene(pan))
+    assert "MovePose" not in str(found.value)

@@ -96,6 +96,16 @@ def test_another_version_is_named_with_its_remedy() -> None:
     assert "franky-control" in greeting.problem
 
 
+@pytest.mark.parametrize("answer", [b"SSH-2.0-OpenSSH_9.6\r\n", b"HTTP/1.1 400 Bad Request\r\n"])
+def test_another_server_is_no_version(answer: bytes) -> None:
+    with listening(answer):
+        greeting = greet(Address(own_address()))
+    assert greeting.version is None
+    assert greeting.problem is not None
+    assert answer[:8].decode() in greeting.problem
+    assert "no control box" in greeting.problem
+
+
 def test_one_that_speaks_the_same_is_fine() -> None:
     with listening(struct.pack("<IIIBH", 0, 0, 15, 0, 10)):
         greeting = greet(Address(own_address()))

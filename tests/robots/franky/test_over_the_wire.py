@@ -27,7 +27,7 @@ class Wired:
 
     def error(self, name: str) -> float:
         """Of a parameter, in its unit."""
-        return float(self.run[name].value[0] - self.bench.ask("truth", name=name)[0])
+        return float(self.run[name].values[0] - self.bench.ask("truth", name=name)[0])
 
 
 class Looked:
@@ -69,7 +69,7 @@ def test_the_paper_s_first_scenario_is_complete(wired: Wired) -> None:
 
 
 def test_mass_and_height_are_right(wired: Wired) -> None:
-    low, high = wired.run["bottle.mass"].ci95[0]
+    low, high = wired.run["bottle.mass"].intervals[0]
     assert low < wired.bench.ask("truth", name="bottle.mass")[0] < high
     assert abs(wired.error("bottle.mass")) < 0.004
     assert abs(wired.error("table.height")) < 0.5e-3
@@ -110,7 +110,7 @@ def test_what_is_in_the_way_is_carried_aside_and_back() -> None:
         before = [bench.ask("pose", body=name) for name in boxes]
         wired = ran("occlusion", bench)
         assert wired.run.status == "complete"
-        low, high = wired.run["light_blue_box.mass"].ci95[0]
+        low, high = wired.run["light_blue_box.mass"].intervals[0]
         assert low < bench.ask("truth", name="light_blue_box.mass")[0] < high
         after = [bench.ask("pose", body=name) for name in boxes]
         assert [pose[:3] for pose in after] == [

@@ -55,7 +55,7 @@ def run(value: float = 0.3, held: tuple[str, ...] = ("cup",), **changes) -> Run:
         recorded=trace,
         estimates=(estimate,),
         truth={MASS: (0.3,)},
-        twin=Twin("", "", (), None),
+        finished=Twin("", "", (), None),
     )
     return replace(made, **changes)
 
@@ -73,7 +73,7 @@ def test_what_is_right_in_trace_and_twin_is_acquired() -> None:
     ("made", "reason"),
     [
         (run(0.3052), "off by 5.2 of its standard deviations"),
-        (run(twin=Twin("", "", (), None, unwritten=(MASS,))), "not in the twin"),
+        (run(finished=Twin("", "", (), None, unwritten=(MASS,))), "not in the twin"),
         (run(held=("cup", "jug")), "touched needlessly: jug"),
         (run(estimates=()), "cup.mass is not identified"),
     ],

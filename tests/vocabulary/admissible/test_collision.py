@@ -119,7 +119,7 @@ def test_a_bare_desk_that_is_78_mm_higher_is_measured_and_places_above_it_follow
     made = replace(plan.made, plan=replace(plan.made.plan, tree=lower))
     run = replace(plan, made=made).run(world=world, noise="none", seed=0, rehearse=False, fast=True)
     assert run.status == "complete"
-    assert abs(run["desk.height"].value[0] - (0.1 + HIGHER)) < 0.001
+    assert abs(run["desk.height"].values[0] - (0.1 + HIGHER)) < 0.001
 
 
 def test_a_desk_that_is_78_mm_lower_than_believed_is_measured_and_left(tmp_path) -> None:
@@ -132,4 +132,4 @@ def test_a_desk_that_is_78_mm_lower_than_believed_is_measured_and_left(tmp_path)
     plan = pp.load(scene.format("?"), poses=poses).plan("how high is the desk?")
     run = plan.run(world=world, noise="none", seed=0, rehearse=False, fast=True)
     assert (run.status, run.execution.stopped_by) == ("complete", None)
-    assert abs(run["desk.height"].value[0] - (0.1 - DEEPER)) < 0.001
+    assert abs(run["desk.height"].values[0] - (0.1 - DEEPER)) < 0.001

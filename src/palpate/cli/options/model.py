@@ -1,9 +1,9 @@
-"""Options that say which planner is asked, and how a model is."""
+"""Options: the planner, and a model as planner."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, ClassVar
 
 import typer
 
@@ -12,17 +12,33 @@ if TYPE_CHECKING:
 
 
 Planner = Annotated[
-    str, typer.Option("--planner", help="symbolic | exhaustive | replay:FILE | PROVIDER:MODEL")
+    str,
+    typer.Option(
+        "--planner",
+        metavar="NAME",
+        help="symbolic | exhaustive | replay:FILE | PROVIDER:MODEL",
+        rich_help_panel="Planner",
+    ),
 ]
 Remeasure = Annotated[
-    bool, typer.Option("--remeasure", help="Measure what is asked even if the scene states it.")
+    bool,
+    typer.Option(
+        "--remeasure",
+        help="Measure requested quantities even if the scene states them.",
+        rich_help_panel="Planner",
+    ),
 ]
-BaseUrl = Annotated[str | None, typer.Option("--base-url", help="Address of the model's server.")]
+BaseUrl = Annotated[
+    str | None, typer.Option("--base-url", metavar="URL", help="Address of the model's server.")
+]
 Native = Annotated[bool, typer.Option("--native", help="Ask for the provider's structured output.")]
 Without = Annotated[
     list[str] | None,
     typer.Option(
-        "--without", metavar="MODULE", help="Part of the prompt to leave out; may be repeated."
+        "--without",
+        metavar="MODULE",
+        help="Part of the prompt to leave out; may be repeated.",
+        rich_help_panel="Model as planner",
     ),
 ]
 PromptStyle = Annotated[
@@ -30,7 +46,7 @@ PromptStyle = Annotated[
     typer.Option(
         "--prompt",
         metavar="full|lean",
-        help="Tell a model how quantities are measured, too, or only what there is and what is safe.",
+        help="full: with how quantities are measured; lean: only the scene and the safety rules.",
     ),
 ]
 CriticModel = Annotated[
@@ -38,27 +54,38 @@ CriticModel = Annotated[
     typer.Option(
         "--critic",
         metavar="PROVIDER:MODEL",
-        help="A second model that reads the plan and may object to it once.",
+        help="A second model that may object to the plan once.",
     ),
 ]
 Feedback = Annotated[
-    int, typer.Option("--feedback", min=0, max=10, help="How often findings go back to the model.")
+    int,
+    typer.Option(
+        "--feedback",
+        metavar="N",
+        min=0,
+        max=10,
+        help="Rounds in which findings go back to the model.",
+    ),
 ]
 Seconds = Annotated[
-    float, typer.Option("--budget-seconds", min=1, help="Longest that a model may take for a plan.")
+    float, typer.Option("--budget-seconds", metavar="S", min=1, help="Most time for a plan.")
 ]
 Tokens = Annotated[
-    int, typer.Option("--budget-tokens", min=1, help="Most tokens that a plan may take.")
+    int, typer.Option("--budget-tokens", metavar="N", min=1, help="Most tokens for a plan.")
 ]
 Dollars = Annotated[
     float,
-    typer.Option("--budget-dollars", min=0, help="Most that a plan may cost, by list prices."),
+    typer.Option(
+        "--budget-dollars", metavar="USD", min=0, help="Most cost of a plan, by list prices."
+    ),
 ]
 
 
 @dataclass(frozen=True)
 class ModelOptions:
-    """How a model is asked, where the planner is one."""
+    """Settings of a model as planner."""
+
+    PANEL: ClassVar[str] = "Model as planner"
 
     base_url: BaseUrl = None
     native: Native = False

@@ -1,10 +1,10 @@
-"""Options that say which arm moves, simulated or real, and how."""
+"""Options: the arm, simulated or real, and its observers."""
 
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, ClassVar
 
 import typer
 
@@ -20,21 +20,24 @@ Cautious = Annotated[
 ]
 RobotConfig = Annotated[
     Path | None,
-    typer.Option("--robot-config", help="robot.yaml: what was measured of this very arm."),
+    typer.Option(
+        "--robot-config", metavar="FILE", help="robot.yaml: calibration of this very arm."
+    ),
 ]
 RobotUrl = Annotated[
-    str | None, typer.Option("--robot", help="URL of a real robot instead of the embedded one.")
+    str | None,
+    typer.Option("--robot", metavar="URL", help="A real robot instead of the embedded one."),
 ]
 NoiseLevel = Annotated[
     str,
     typer.Option(
         "--noise",
-        metavar="NAME|FILE.yaml",
+        metavar="NAME|FILE",
         autocompletion=lambda: ["none", "lab", "datasheet", "hardware"],
-        help="How the robot differs from its model: none | lab | datasheet | hardware | FILE.yaml",
+        help="Noise model of the robot: none | lab | datasheet | hardware | FILE.yaml",
     ),
 ]
-Seed = Annotated[int, typer.Option("--seed", help="Seed of everything random.")]
+Seed = Annotated[int, typer.Option("--seed", metavar="N", help="Seed of everything random.")]
 Rehearse = Annotated[
     bool | None,
     typer.Option(
@@ -43,29 +46,33 @@ Rehearse = Annotated[
     ),
 ]
 OnFailure = Annotated[
-    str, typer.Option("--on-failure", help="stop | skip | replan: what to do when a leaf fails.")
+    str,
+    typer.Option("--on-failure", metavar="POLICY", help="When a leaf fails: stop | skip | replan."),
 ]
 Out = Annotated[
-    Path | None, typer.Option("--out", help="Run folder to make (default: runs/NAME-TIME).")
+    Path | None,
+    typer.Option("--out", metavar="DIR", help="Run folder to make (default: runs/SCENE-TIME)."),
 ]
 TwinFile = Annotated[
     Path | None,
     typer.Option(
         "--twin",
-        metavar="FILE.xml",
-        help="Write the twin there, too, with the includes, meshes and pictures that it needs.",
+        metavar="FILE",
+        help="Also write the twin there, with the includes, meshes and pictures that it needs.",
     ),
 ]
 Fast = Annotated[
     bool,
-    typer.Option("--fast", help="Leave out film and replay in the twin, which measure nothing."),
+    typer.Option(
+        "--fast", help="No film and no replay of the twin; the measurement stays the same."
+    ),
 ]
 Yes = Annotated[bool, typer.Option("--yes", help="Do not ask before a real robot moves.")]
 Live = Annotated[
     bool,
     typer.Option(
         "--live",
-        help="Show the run in the browser, at the pace of a real arm, and play it again when it is done.",
+        help="Show the run in the browser, at the pace of a real arm; replay it afterwards.",
     ),
 ]
 Groot = Annotated[
@@ -80,7 +87,9 @@ GrootPort = Annotated[
 
 @dataclass(frozen=True)
 class MotionOptions:
-    """Which arm moves, simulated or real, and how."""
+    """The moving arm, simulated or real."""
+
+    PANEL: ClassVar[str] = "Robot"
 
     cautious: Cautious = False
     robot_config: RobotConfig = None
@@ -101,7 +110,9 @@ class MotionOptions:
 
 @dataclass(frozen=True)
 class WatchOptions:
-    """Who watches a run, beside the terminal."""
+    """Observers of a run beside the terminal."""
+
+    PANEL: ClassVar[str] = "Watching"
 
     live: Live = False
     groot: Groot = False
@@ -110,7 +121,9 @@ class WatchOptions:
 
 @dataclass(frozen=True)
 class ArmOptions:
-    """Which arm is calibrated, simulated or real, and where; without a scene on a bench of its own."""
+    """The calibrated arm, simulated or real, and its scene; by default an own bench."""
+
+    PANEL: ClassVar[str] = "Robot"
 
     scene: Annotated[
         Path | None,

@@ -1,4 +1,4 @@
-"""Options that say what a result is made of, and how it is told."""
+"""Options: precision, estimators and form of the result."""
 
 from __future__ import annotations
 
@@ -24,8 +24,9 @@ Widths = Annotated[
     typer.Option(
         "--within",
         metavar="QUANTITY=VALUE",
-        help="Measure until the 95 % interval reaches no farther than that to either side, e.g. mass=1g, com=2mm, "
-        "friction=0.01, bottle.mass=1g; may be repeated. In kg g mg, m cm mm um, N/m kN/m; without a unit, SI.",
+        help="Half width of the 95 % interval to reach, e.g. mass=1g, com=2mm, friction=0.01, bottle.mass=1g; "
+        "may be repeated. Units: kg g mg, m cm mm um, N/m kN/m; SI without one.",
+        rich_help_panel="Planner",
     ),
 ]
 EstimatorNames = Annotated[
@@ -33,7 +34,7 @@ EstimatorNames = Annotated[
     typer.Option(
         "--estimator",
         metavar="QUANTITY=NAME",
-        help="Which estimator of a quantity, e.g. mass=single-shot; may be repeated.",
+        help="Estimator of a quantity, e.g. mass=single-shot; may be repeated.",
     ),
 ]
 

@@ -1,10 +1,10 @@
-"""Options that say what is asked, of which scene, for which arm."""
+"""Options: request, scene and arm."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, ClassVar
 
 import typer
 
@@ -15,20 +15,25 @@ if TYPE_CHECKING:
 
 
 Request = Annotated[
-    str | None, typer.Option("-r", "--request", help="What you want to simulate, in your words.")
+    str | None,
+    typer.Option(
+        "-r", "--request", metavar="TEXT", help="What you want to simulate, in your words."
+    ),
 ]
 SceneFile = Annotated[
-    Path | None, typer.Option("--scene", help="Your MJCF; what is absent or '?' is unknown.")
+    Path | None,
+    typer.Option("--scene", metavar="FILE", help="Your MJCF; what is absent or '?' is unknown."),
 ]
 Images = Annotated[
-    list[Path] | None, typer.Option("--image", help="Picture of the workspace; may be repeated.")
+    list[Path] | None,
+    typer.Option("--image", metavar="FILE", help="Picture of the workspace; may be repeated."),
 ]
 Root = Annotated[
     Path | None,
     typer.Option(
         "--root",
         metavar="DIR",
-        help="Folder that the scene's files may lie in (default: the nearest that holds them all).",
+        help="Folder of the scene's files (default: the nearest that holds them all).",
     ),
 ]
 RobotBody = Annotated[
@@ -36,27 +41,33 @@ RobotBody = Annotated[
     typer.Option(
         "--robot-body",
         metavar="NAME",
-        help="Body that the scene's own robot begins with, which the arm takes the place of, or 'none'; may be "
-        "repeated (default: what actuators drive, or ends in a hand).",
+        help="Root body of the scene's own robot, which the arm replaces, or 'none'; may be repeated "
+        "(default: found by its actuators or its hand).",
     ),
 ]
 Poses = Annotated[
-    Path | None, typer.Option("--poses", help="poses.yaml: objects, places, offsets.")
+    Path | None,
+    typer.Option("--poses", metavar="FILE", help="poses.yaml: objects, places, offsets."),
 ]
 Arm = Annotated[
     str,
-    typer.Option("--arm", metavar="NAME|PATH/", help="Arm, by name or by a description's folder."),
+    typer.Option(
+        "--arm", metavar="NAME|PATH/", help="Name of an arm, or folder of its description."
+    ),
 ]
 DEFAULT_ARM = "fr3"
 """`robots.registry.DEFAULT`, written here so that a command's help need not load the robots."""
 World = Annotated[
-    Path | None, typer.Option("--world", help="MJCF of the hidden world of the embedded robot.")
+    Path | None,
+    typer.Option("--world", metavar="FILE", help="MJCF of the embedded robot's hidden world."),
 ]
 
 
 @dataclass(frozen=True)
 class SceneOptions:
-    """What is asked, of which scene, for which arm."""
+    """Request, scene and arm."""
+
+    PANEL: ClassVar[str] = "Scene"
 
     given: Annotated[
         Path | None, typer.Argument(metavar="[SCENE]", help="Your MJCF, as --scene.")
@@ -92,7 +103,9 @@ class SceneOptions:
 
 @dataclass(frozen=True)
 class GivenScene:
-    """A scene that something is already known to be done in, and the arm."""
+    """Scene and arm of a plan that exists already."""
+
+    PANEL: ClassVar[str] = "Scene"
 
     scene: SceneFile = None
     poses: Poses = None

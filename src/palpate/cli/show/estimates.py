@@ -51,7 +51,7 @@ def show_objection(estimate: Estimate) -> None:
         said = escape(estimate.method)
         out.print(f"[bold red]not identified[/] {name}: {said}", soft_wrap=True)
     elif estimate.identified and estimate.unseen:
-        axes = axes_of(len(estimate.value))
+        axes = axes_of(len(estimate.values))
         parts = " and ".join(axes[place] for place in estimate.unseen)
         out.print(f"[yellow]prior-dominated[/] {name} {parts}: {UNSEEN}", soft_wrap=True)
 
@@ -76,7 +76,7 @@ def _verdict(verdict: str) -> str:
 
 def _truths(estimate: Estimate, truth: Sequence[float]) -> list[str]:
     """A cell for each row of an estimate."""
-    count = max(len(estimate.value), 1)
+    count = max(len(estimate.values), 1)
     if len(truth) == count:
         return [f"{value:.5g}" for value in truth]
     together = " ".join(f"{value:.5g}" for value in truth)

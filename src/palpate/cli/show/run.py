@@ -15,6 +15,7 @@ from palpate.cli.show.plan import print_plan, show_notes
 from palpate.display import visible
 from palpate.errors import Unavailable
 from palpate.live.console import SafeConsole
+from palpate.runs.answer import answer
 from palpate.runs.figures import significant
 
 if TYPE_CHECKING:
@@ -207,11 +208,10 @@ def _show_rejection(run: Run) -> None:
 
 
 def _explain_live(run: Run) -> None:
-    """Why a value that was shown while the arm moved is another one than in the table."""
-    if run.trace is not None and run.trace.conversions:
+    """Explain the difference between live values and the table."""
+    if run.trace_if_any is not None and run.trace_if_any.conversions:
         out.print(
-            "[dim]final: made of all that was recorded; what was said while the arm moved knew only what "
-            "was recorded until then[/]",
+            "[dim]Final values use the whole recording; live values used the part recorded so far.[/]",
             soft_wrap=True,
         )
 
@@ -225,6 +225,8 @@ def _show_measured(run: Run) -> None:
         )
     else:
         out.print("[bold red]no estimates[/]: the run ended before any was made")
+    if answered := answer(run):
+        out.print(f"[bold]answer[/] {escape(answered)}", soft_wrap=True)
     for estimate in run.estimates:
         _show_precision(run, estimate)
     _show_held_out(run)

@@ -15,7 +15,7 @@ def at_most(descent: Descent) -> tuple[float, float]:
 
 
 def first_contact(descent: Descent, late: int) -> tuple[float, float]:
-    """m: the tip's height at which the force began to rise, and its standard deviation.
+    """Tip height at which the force begins to rise, m, and its standard deviation.
 
     A rise shows late in the noise, so what gives way is carried back to no force, along the line
     F(z) through the lower half of its way.
@@ -39,7 +39,7 @@ def first_contact(descent: Descent, late: int) -> tuple[float, float]:
 
 
 def knee(descent: Descent, late: int, first: float) -> float:
-    """N: the force at which the last stretch began, below whatever the tip went through before."""
+    """Force at which the last, stiffest stretch of the curve begins, N."""
     stiff = float(descent.z[late])
     if first - stiff < tuning.SOFT:
         return 0.0

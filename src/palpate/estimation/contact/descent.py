@@ -1,4 +1,4 @@
-"""A guarded descent as it was felt: tip height and pressing force, from free air on.
+"""Guarded descent: tip height and pressing force, from free air on.
 
 A contact is where the force rises *and stays*: forces are running medians, so that a sample, or
 four, say nothing.
@@ -13,7 +13,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from palpate.estimation import tuning
-from palpate.estimation.contact.rubbed import rubbed
+from palpate.estimation.contact.joint_friction import joint_friction_force
 from palpate.estimation.windows import Mask
 from palpate.geometry.pose import Array, rotations
 from palpate.parameter import Parameter
@@ -42,7 +42,7 @@ class Descent:
             over some rows: friction and drift that change with the place. Of the pressing force,
             what its even change leaves.
         slope: N/m, that change.
-        rubbed: (n,) N of the force that the arm's own joints make, as they turn round on the way.
+        joint_friction: (n,) N of the force, by friction in joints that reverse on the way.
     """
 
     samples: Samples
@@ -56,7 +56,7 @@ class Descent:
     set_out: Array
     wander: Array
     slope: float
-    rubbed: Array
+    joint_friction: Array
 
     @property
     def free(self) -> slice:
@@ -65,9 +65,9 @@ class Descent:
 
     @property
     def friction(self) -> float:
-        """N, standard deviation of what the joints' friction makes of the pressing force as the arm
-        stops: it lets go of between nothing and all of what it showed when the arm set out (a
-        uniform distribution), and is another at another place."""
+        """N, standard deviation of the pressing force by joint friction as the arm stops: the
+        friction relaxes by between nothing and all of what it showed as the arm set out (uniform
+        distribution), and differs from place to place."""
         return float(np.hypot(self.wander[2], self.set_out[2] / np.sqrt(12.0)))
 
     @property
@@ -153,8 +153,8 @@ def descent_before(trace: Trace, recording: Recording) -> Descent | None:
     # A probe that pressed firmly is eased afterwards, and may then press hardly at all.
     before = on_the_way & (np.arange(len(smooth)) <= int(np.argmax(smooth - free_air)))
     onset = _onset(smooth - free_air, _spread((smooth - free_air)[free]), before)
-    felt = float(np.mean((smooth - free_air)[_borne(samples, pressed)]))
-    if felt < tuning.CONTACT_NOISE * max(noise, trace.hand.force_repeatability):
+    observed = float(np.mean((smooth - free_air)[_borne(samples, pressed)]))
+    if observed < tuning.CONTACT_NOISE * max(noise, trace.hand.force_repeatability):
         return None
     resting = trace.samples.between(leaf.start - tuning.AT_REST, leaf.start).wrench
     moving: Array = np.median(samples.wrench[free], axis=0)
@@ -164,7 +164,7 @@ def descent_before(trace: Trace, recording: Recording) -> Descent | None:
     force = (down - free_air, smooth - free_air)
     first = int(np.searchsorted(trace.samples.t, leaf.start))
     rows = slice(first, first + len(samples))
-    own = rubbed(trace, rows, free, float(samples.pose_world_tcp[onset, 2]))
+    own = joint_friction_force(trace, rows, free, float(samples.pose_world_tcp[onset, 2]))
     return Descent(samples, leaf, z, *force, noise, onset, pressed, set_out, wander, met.slope, own)
 
 
@@ -181,8 +181,8 @@ def _borne(samples: Samples, pressed: Mask) -> Mask:
 
 
 def steady(samples: Samples) -> Mask:
-    """Rows long enough after the last change of the commanded speed for the arm to have stopped
-    swinging: its own inertia is felt before."""
+    """Rows long enough after the last change of the commanded speed for the arm's oscillation, and
+    with it the inertial force, to have decayed."""
     told = running_median(np.gradient(samples.target_world_tcp[:, 2], samples.t))
     half = tuning.SUSTAINED // 2
     ends = np.pad(told, half, mode="edge")
@@ -225,7 +225,7 @@ class _ChangePoint:
 
 
 def _free_air(samples: Samples, z: Array, smooth: Array, hand: Hand) -> _ChangePoint:
-    """Where something was met, and what free air feels like.
+    """Baseline of the force in free air, and the row of first contact.
 
     What bears the full force is met first, unless something soft above it bears more than the
     force in free air may be wrong by.
@@ -286,7 +286,7 @@ def _spread(values: Array) -> float:
 
 
 def _onset(smooth: Array, wander: float, rows: Mask) -> int:
-    """The last of some rows at which nothing is felt, as far as free air alone wanders, N."""
+    """Last row in which the force is within the scatter of free air, N."""
     nothing = max(tuning.SOFT_FORCE, tuning.CONTACT_NOISE * wander)
     quiet = np.flatnonzero(rows & (smooth < nothing))
     return int(quiet[-1]) if len(quiet) else 0

@@ -13,7 +13,7 @@ from palpate.geometry.pose import Array
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Plane:
-    """What touches say of a surface.
+    """Plane through the touches of a surface.
 
     Attributes:
         height: m, of its middle among the touches.
@@ -64,7 +64,7 @@ def fit_plane(spots: Array, heights: Sequence[float], stds: Sequence[float]) -> 
 
 
 def spans_plane(spots: Array) -> bool:
-    """Whether three of the spots are `APART` from one another, and not in line."""
+    """Three of the spots are at least `APART` from one another, and not collinear."""
     if len(spots) < 3:
         return False
     # The spread along the shorter main axis; that of three points APART from one another, at the

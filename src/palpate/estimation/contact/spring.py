@@ -1,8 +1,8 @@
-"""A surface that gives way, as a spring: the whole loading curve of a guarded descent at once.
+"""Compliant surface as a spring, fitted to the whole loading curve of a guarded descent.
 
     f = f0 + k max(z0 - z, 0) - m a - [contact] d v + s [at rest]
 
-with the pressing force f, less what joints that turn round on the way make of it (`rubbed`), tip
+with the pressing force f, less what joints that turn round on the way make of it (`joint_friction`), tip
 height z, its velocity v and acceleration a. f0 is what free air feels like while the arm descends, s
 what the joints' friction adds once it rests, m the arm's apparent mass, whose inertia the torque
 sensors feel, and d what the surface dissipates. All but z0 enter linearly, so that they are solved for
@@ -30,7 +30,7 @@ STIFFNESS, DAMPING = 1, 3
 
 @dataclass(frozen=True, slots=True)
 class Onset:
-    """Where something was met, as the loading curve shows it without a model.
+    """Onset of contact as the loading curve shows it, without a model.
 
     Attributes:
         first: m, tip height at which the force began to rise, with its standard deviation.
@@ -78,8 +78,9 @@ class Spring:
         return (self.held - self.compliance) / doubt
 
     def at_most(self, sigmas: float) -> float:
-        """m/N that it gives way at most, as far as so many standard deviations tell: by the whole
-        curve, where what is held does not belie it. What flows is held deeper than a spring would be."""
+        """Upper bound of the compliance, m/N, at the given number of standard deviations, from the
+        whole curve where the held force does not contradict it (a surface that flows is deeper when
+        held than a spring)."""
         curve = self.compliance + sigmas * self.compliance_std
         doubt = sigmas * self.held_std
         return min(max(curve, self.held - doubt), self.held + doubt)
@@ -150,7 +151,7 @@ class _Curve:
 
 
 def fit_spring(descent: Descent, onset: Onset, hand: Hand) -> Spring:
-    """The spring that a descent pressed on, above whatever stiff it may have met below.
+    """Fit the spring that a descent pressed on, above a stiffer support below it if there is one.
 
     The standard deviation holds the fit's, and so what the joints' friction lets go of as the arm stops;
     the gain of the joints' sensors; how the force changes and wanders with the place, in free air and so
@@ -167,12 +168,14 @@ def fit_spring(descent: Descent, onset: Onset, hand: Hand) -> Spring:
     # What free air does on the way down to the contact, it may do otherwise on the way through, and
     # what joints rub with is another force in another posture, foreseen or not.
     rubs = max(abs(float(descent.set_out[2])) - 2.0 * hand.force_repeatability, 0.0)
-    if descent.rubbed.any():
+    if descent.joint_friction.any():
         rubs *= tuning.RUBBED
     slopes = (tuning.FREE_SLOPE_STD, descent.slope / 2, rubs / tuning.POSTURE)
     slope = np.linalg.norm(slopes) / stiffness
-    rubbed = tuning.RUBBED * float(np.std(descent.rubbed[descent.onset :]))
-    hardening, hardening_std = _hardening(curve, found, first, np.hypot(descent.wander[2], rubbed))
+    reversing = tuning.RUBBED * float(np.std(descent.joint_friction[descent.onset :]))
+    hardening, hardening_std = _hardening(
+        curve, found, first, np.hypot(descent.wander[2], reversing)
+    )
     # Where it changes, it is half of that off its mean; where it changes by more, it is no spring.
     certain = max(abs(hardening) - tuning.LOOKED_FOR * hardening_std, 0.0)
     uneven = min(certain, tuning.HARDENS) / 2
@@ -226,7 +229,7 @@ def _hardening(curve: _Curve, found: Array, first: float, wander: float) -> tupl
 
 
 def _beside(known: Array, column: Array) -> Array:
-    """What of a column (n,) the known ones (n, m) do not hold."""
+    """Component of a column (n,) orthogonal to the columns `known` (n, m)."""
     share = np.linalg.lstsq(known, column, rcond=None)[0].astype(np.float64)
     return column - known @ share
 
@@ -244,7 +247,7 @@ def _curve(descent: Descent, onset: Onset, hand: Hand) -> _Curve:
     dissipated = 2.0 * (tuning.DISSIPATING_MASS / max(onset.secant, tuning.UNSEEN)) ** 0.5
     return _Curve(
         descent.z[rows],
-        (descent.force - descent.rubbed)[rows],
+        (descent.force - descent.joint_friction)[rows],
         speed[rows],
         acceleration[rows],
         resting[rows],

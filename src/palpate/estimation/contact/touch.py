@@ -1,4 +1,5 @@
-"""What a guarded descent met: tip height over pressing force, from the first contact on.
+"""Touch of a surface by a guarded descent: tip height over pressing force, from the first contact
+on.
 
 Touching has three stages: free air, perhaps something soft that gives way while the force rises
 slowly, then what the tip is stopped by. The slope of the last stretch, from `LATE` of the force to
@@ -39,7 +40,7 @@ from palpate.trace.samples import Trace
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Touch:
-    """What a guarded descent met.
+    """Contact at the end of a guarded descent.
 
     Attributes:
         recording: of the pose in which the tip was held.
@@ -81,7 +82,8 @@ class Touch:
 
     @property
     def height(self) -> float:
-        """m, of what stopped the tip, at no force; of what gives way, where it was met."""
+        """Height of the rigid surface extrapolated to zero force, m; of a compliant one, that of
+        first contact."""
         return self.first if self.gives_way else self.held + self.penetration
 
     def height_std(self, hand: Hand) -> float:
@@ -117,28 +119,28 @@ class Touch:
 
     @property
     def at_most(self) -> float:
-        """m/N that what stopped the tip gives way at most, beyond the tips themselves, as far as `SURE`
-        standard deviations tell: by its spring, or below something soft by the last stretch."""
+        """Upper bound of the surface's compliance without the tips', m/N, at `SURE` standard
+        deviations: from the spring, or below something soft from the last stretch."""
         if self.knee == 0.0:
             return self.spring.at_most(tuning.SURE)
         return self._stretched(-tuning.SURE) - self.own + tuning.SURE * self.own_std
 
     @property
     def at_least(self) -> float:
-        """m/N that it certainly gives way."""
+        """Lower bound of the compliance, m/N."""
         if self.knee == 0.0:
             return self.spring.at_least(2.0)
         return self._stretched(2.0) - self.own - 2.0 * self.own_std
 
     def _stretched(self, sigmas: float) -> float:
-        """m/N of the last stretch, had the force risen by so many standard deviations more: the joints'
-        friction lets go of an unknown part of it as the arm stops."""
+        """Compliance of the last stretch, m/N, if the force had risen by so many standard
+        deviations more: joint friction relaxes by an unknown part as the arm stops."""
         risen = max(self.rise + sigmas * self.descent.friction, tuning.SOFT_FORCE)
         return self.compliance * self.rise / risen
 
     @property
     def gives_way(self) -> bool:
-        """Whether it is not known to be rigid."""
+        """The surface is not known to be rigid."""
         return self.at_most > tuning.RIGID
 
     @property
@@ -148,7 +150,7 @@ class Touch:
         return thickness if thickness > tuning.SOFT and not self.gives_way else 0.0
 
     def firm(self) -> FitTest:
-        """Whether it is rigid."""
+        """Test for a rigid surface."""
         certain = self.at_least > tuning.RIGID
         how = "gives way" if certain else "may give way"
         return FitTest(
@@ -161,7 +163,7 @@ class Touch:
         )
 
     def sides(self) -> Iterator[FitTest]:
-        """Whether both fingers stand on what was touched, as far as the lean and the moment tell.
+        """Tests for contact of both fingers, by the lean and the moment.
 
         One finger alone bears the force nearer to itself than to the middle of the two, and the
         hand leans over to its other side until that finger stands, too.
@@ -186,7 +188,7 @@ class Touch:
 
 
 def touches_of(trace: Trace, recordings: Iterable[Recording]) -> list[Touch]:
-    """What the guarded descents before recorded poses met, as far as something pressed back.
+    """Touches of the guarded descents before recorded poses that met a resistance.
 
     Raises:
         ValueError: as `touched`.
@@ -196,8 +198,7 @@ def touches_of(trace: Trace, recordings: Iterable[Recording]) -> list[Touch]:
 
 
 def touched(trace: Trace, recording: Recording) -> Touch | None:
-    """What the guarded descent before a recorded pose met; None where nothing pressed back for
-    good.
+    """Touch of the guarded descent before a recorded pose; None without a lasting resistance.
 
     Raises:
         ValueError: the recording holds no samples, or no guarded descent comes before it.
@@ -252,7 +253,7 @@ def _lean(descent: Descent) -> float:
 
 
 def _lever(descent: Descent, hand: Hand) -> tuple[float, float]:
-    """m: where the held force acts along the closing direction, from the middle of the fingertips,
+    """Offset of the held force from the middle of the fingertips along the closing direction, m,
     and its standard deviation.
 
     At a lever p from there the force F turns the hand about the tips by p x F; about the TCP the

@@ -1,4 +1,4 @@
-"""Static friction: the force at which a held object begins to slide.
+"""Static friction: force at which a held object begins to slide.
 
 While the hand sets out, the force along the support rises as the grip is strained, up to what sticking
 bears. There it stays as long as the object creeps, and then falls to the level of sliding, which is known
@@ -28,7 +28,7 @@ FLOOR = 1e-300
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Parting:
-    """What a drag says of the coefficient of sticking.
+    """Likelihood of the static coefficient from one breakaway.
 
     Attributes:
         drag: its number.
@@ -116,7 +116,8 @@ def _partings(drags: Sequence[Drag], sliding: Sliding, values: Array) -> Iterato
 
 
 def _parted(number: int, drag: Drag, sliding: Sliding, values: Array) -> _Parting:
-    """What a drag says of each of `values` (m,), the first of which is that of sliding."""
+    """Likelihood of each of `values` (m,) of the static coefficient from a drag; the first is the
+    sliding one."""
     mass, mass_std = _further_mass(number, drag, sliding)
     normal = np.maximum(drag.normal, tuning.NORMAL_MIN)
     ratio = (drag.tangential - sliding.besides(number) - mass * drag.acceleration) / normal
@@ -145,9 +146,9 @@ def _parted(number: int, drag: Drag, sliding: Sliding, values: Array) -> _Partin
 
 
 def _likely(ratio: Array, noise: Array, values: Array) -> Array:
-    """(n, h, m) how likely quotients of forces (n,) are whose noise is `noise`, as logarithms, if row i is
-    the last before the object lets go, having held for j + 1 rows at the k-th of `values` (m,), the first
-    of which holds while it slides.
+    """(n, h, m) log likelihood of force ratios (n,) with std `noise`, if row i is the last before
+    breakaway, after j + 1 rows at the k-th of `values` (m,), the first of which holds during
+    sliding.
 
     All of these explain as many rows: an explanation of more would seem better.
     """
@@ -170,7 +171,7 @@ def _likely(ratio: Array, noise: Array, values: Array) -> Array:
 
 
 def _parting(ratio: Array, noise: Array, mu: float, values: Array) -> Array:
-    """(n - 1, m) how likely two neighbouring quotients are between which an object lets go, as logarithms.
+    """(n - 1, m) log likelihood of two neighbouring ratios with the breakaway between them.
 
     It does so up to half a row earlier or later, and what the arm gains by it is a mean over two rows: of the
     fall, half is in the two, none to all of that half in the first.

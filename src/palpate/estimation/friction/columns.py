@@ -1,4 +1,4 @@
-"""What the sliding force may be made of beside friction: one column for each unknown.
+"""Design matrix of the sliding force: friction and all other unknowns, one column each.
 
 A row of a drag in direction w (a unit vector), at the place r of the hand and the speed v, follows
 
@@ -27,7 +27,7 @@ import numpy as np
 from palpate.estimation import tuning
 from palpate.estimation.friction.drags import Drag
 from palpate.estimation.gains import gain_root
-from palpate.estimation.load.feeling import Feeling
+from palpate.estimation.load.observation import WrenchObservation
 from palpate.geometry.pose import Array
 from palpate.trace.recording import Hand
 
@@ -42,7 +42,7 @@ FIRST = 18
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Columns:
-    """The unknowns of some drags.
+    """Linear unknowns of several drags.
 
     Attributes:
         of: for each drag (n, p), one row for each of its own.
@@ -83,19 +83,19 @@ class Columns:
                 yield f"{what} {i + 1}", of, effect
 
 
-def columns(drags: Sequence[Drag], felt: Feeling, hand: Hand, mu: float) -> Columns:
+def columns(drags: Sequence[Drag], observed: WrenchObservation, hand: Hand, mu: float) -> Columns:
     """All unknowns; the arm's columns and their priors are those at about `mu`."""
     middle, usual = middle_of(drags), usual_speed(drags)
     whole: list[Array] = []
-    rubbed: list[Array] = []
+    dahl: list[Array] = []
     for drag, mine in zip(drags, np.eye(len(drags)), strict=True):
-        rubbing, gains = _arm(drag, drags, felt, hand, mu)
+        dahl_states, gains = _arm(drag, drags, observed, hand, mu)
         own = np.ones((len(drag.t), 1)) * mine
-        whole.append(np.hstack([of_support(drag, middle, usual), rubbing, own, gains]))
-        rubbed.append(rubbing[drag.steady].mean(axis=0))
+        whole.append(np.hstack([of_support(drag, middle, usual), dahl_states, own, gains]))
+        dahl.append(dahl_states[drag.steady].mean(axis=0))
 
     # After those of the support: friction of the joints, one for each drag, gains.
-    friction, unsure = _friction(drags[0], felt, len(rubbed[0]))
+    friction, unsure = _friction(drags[0], observed, len(dahl[0]))
     joints = slice(FIRST, FIRST + len(friction))
     each = slice(joints.stop, joints.stop + len(drags))
     gains = slice(each.stop, whole[0].shape[1])
@@ -104,16 +104,16 @@ def columns(drags: Sequence[Drag], felt: Feeling, hand: Hand, mu: float) -> Colu
     fixed[BIAS], fixed[SPRING], fixed[CURVE] = tuning.REFERRED, tuning.PULL, tuning.CURVE
     uneven[AXES] = uneven[PLACES] = uneven[SPEED] = mu
     expected[joints], fixed[joints] = friction, np.hypot(unsure, tuning.ANOTHER * friction)
-    fixed[each] = np.hypot(tuning.DRAG_BIAS, tuning.ANOTHER_DRAG * (np.array(rubbed) @ friction))
+    fixed[each] = np.hypot(tuning.DRAG_BIAS, tuning.ANOTHER_DRAG * (np.array(dahl) @ friction))
     fixed[gains] = 1.0
-    levers = tuple(_lever(drag.q, drag, felt, mu) for drag in drags)
+    levers = tuple(_lever(drag.q, drag, observed, mu) for drag in drags)
     return Columns(tuple(whole), levers, expected, fixed, uneven, joints, gains)
 
 
-def _friction(drag: Drag, felt: Feeling, count: int) -> tuple[Array, Array]:
+def _friction(drag: Drag, observed: WrenchObservation, count: int) -> tuple[Array, Array]:
     """(k,) what is expected of the arm's own friction, and the standard deviation: N m in each joint,
     or N on each line where nothing is known of joints."""
-    if felt.chain is None:
+    if observed.chain is None:
         return np.zeros(count), np.full(count, tuning.KIND_BIAS)
     return drag.hanging.friction, drag.hanging.unsure
 
@@ -153,24 +153,27 @@ def of_support(drag: Drag, middle: Array, usual: float) -> Array:
 
 
 def _arm(
-    drag: Drag, drags: Sequence[Drag], felt: Feeling, hand: Hand, mu: float
+    drag: Drag, drags: Sequence[Drag], observed: WrenchObservation, hand: Hand, mu: float
 ) -> tuple[Array, Array]:
     """(n, k) N for each N m of the joints' friction, and (n, m) N for each standard deviation of
     what their gains are off by."""
-    if felt.chain is None:
+    if observed.chain is None:
         # Not known joint by joint: both forces carry the gain of the joints that sensed them.
         gain = tuning.GAIN_RATIO * hand.torque_gain * mu * drag.normal
         return _by_line(drag, drags), gain[:, None]
-    there, hanging = _lever(drag.q, drag, felt, mu), _lever(drag.hanging.q[None], drag, felt, mu)
+    there, hanging = (
+        _lever(drag.q, drag, observed, mu),
+        _lever(drag.hanging.q[None], drag, observed, mu),
+    )
     friction = there * drag.turned - hanging * drag.hanging.turned
     return friction, (there * drag.torque) @ gain_root(hand, len(there))
 
 
-def _lever(q: Array, drag: Drag, felt: Feeling, mu: float) -> Array:
+def _lever(q: Array, drag: Drag, observed: WrenchObservation, mu: float) -> Array:
     """(m,) what a unit of each signal adds to f_t - mu N of a drag, at the middle of the angles `q`
     (n, 7): the wrench is (J^T)^+ tau."""
     middle: Array = q.mean(axis=0, keepdims=True)
-    wrenches: Array = np.linalg.pinv(felt.maps(middle)).astype(np.float64)
+    wrenches: Array = np.linalg.pinv(observed.maps(middle)).astype(np.float64)
     return drag.way @ wrenches[0, :2] + mu * wrenches[0, 2]
 
 

@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 
 from palpate.estimation import tuning
 from palpate.estimation.friction.joints import joint_friction
-from palpate.estimation.load.feeling import Feeling
+from palpate.estimation.load.dahl import TURNED, dahl_states
 from palpate.estimation.load.noise import Noise, block_noise
-from palpate.estimation.load.rubbing import TURNED, rubbing
+from palpate.estimation.load.observation import WrenchObservation
 from palpate.estimation.windows import (
     Load,
     Mask,
@@ -35,7 +35,7 @@ from palpate.trace.samples import Samples, Trace
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Hanging:
-    """What was so while the object hung free, to which a drag is referred.
+    """Reference state of a drag: the object hanging in free air.
 
     Attributes:
         force: (3,) N.
@@ -56,7 +56,7 @@ class Hanging:
 
 @dataclass(frozen=True, eq=False)
 class Drag:
-    """One drag, row by row.
+    """Drag of the object along its support, row by row.
 
     Attributes:
         t: s.
@@ -145,8 +145,8 @@ class Drag:
 
     @cached_property
     def swung_out(self) -> Mask:
-        """Rows after the breakaway in which the hand is told to move at full speed, and is for a
-        while longer: what begins to slow down is felt before it shows in the speed."""
+        """Rows after breakaway that are commanded at full speed, now and for a while longer:
+        deceleration shows in the force before it shows in the speed."""
         if self.breakaway is None:
             return np.zeros(len(self.t), dtype=bool)
         ahead = np.searchsorted(self.t, self.t + tuning.SLOWING, side="right") - 1
@@ -190,7 +190,7 @@ class Drag:
 
     @cached_property
     def pressing(self) -> tuple[Array, float]:
-        """(n,) N, the normal force as it is likely to be, and the variance, N², that this has in a block.
+        """Shrunken normal force (n,) N, and its remaining variance in a block, N².
 
         What blocks scatter about a line is noise as far as sensors at rest have it, and rows differ.
         Friction told from a force with its noise would seem less than it is (regression calibration:
@@ -240,7 +240,7 @@ class Drag:
 
     @property
     def roughness(self) -> float:
-        """How much noisier steady sliding is than hanging at rest: what chatters sticks in between."""
+        """Noise of steady sliding over that of hanging at rest; stick-slip raises it."""
         return self.noise / (self.quiet[0] + tuning.SMOOTH_NOISE)
 
 
@@ -259,21 +259,21 @@ def _density(forces: Iterable[Array], period: float) -> float:
 
 
 def _detrended(y: Array) -> Array:
-    """What a straight line leaves of `y`."""
+    """Residuals of a straight line fitted to `y`."""
     basis = np.vander(np.linspace(-1.0, 1.0, len(y)), 2)
     return y - basis @ (np.linalg.pinv(basis) @ y)
 
 
-def steady_drags(trace: Trace, name: str, felt: Feeling) -> list[Drag]:
+def steady_drags(trace: Trace, name: str, observed: WrenchObservation) -> list[Drag]:
     """Drags of the object `name` in which it slid steadily for long enough; those in which it
     chatters only where it does in all."""
-    drags = _drags(trace, load_of(trace, name), felt)
+    drags = _drags(trace, load_of(trace, name), observed)
     found = [drag for drag in drags if drag.steady.sum() >= tuning.STEADY_ROWS]
     return [drag for drag in found if drag.roughness < tuning.ROUGH] or found
 
 
-def _drags(trace: Trace, load: Load, felt: Feeling) -> Iterator[Drag]:
-    """Rows where the loaded hand is told to move horizontally, as low as it was at the grasp."""
+def _drags(trace: Trace, load: Load, observed: WrenchObservation) -> Iterator[Drag]:
+    """Drags of the loaded hand, commanded horizontally at the height of the grasp."""
     samples = trace.samples
     if not load.grasps:
         return
@@ -281,13 +281,13 @@ def _drags(trace: Trace, load: Load, felt: Feeling) -> Iterator[Drag]:
     hanging = _at_rest(samples, load, floor)
     if not hanging.any():
         return
-    ways = rubbing(samples.q)[:, :, TURNED]
+    ways = dahl_states(samples.q)[:, :, TURNED]
     free = Hanging(
         samples.wrench[hanging, :3].mean(axis=0),
         samples.q[hanging].mean(axis=0),
         ways[hanging].mean(axis=0),
         *joint_friction(samples, ways, load, floor + tuning.HANGING),
-        _noise(samples, felt, load, floor),
+        _noise(samples, observed, load, floor),
     )
     step = np.gradient(samples.target_world_tcp[:, :3], samples.t, axis=0)
     horizontal = np.linalg.norm(step[:, :2], axis=1)
@@ -299,22 +299,26 @@ def _drags(trace: Trace, load: Load, felt: Feeling) -> Iterator[Drag]:
     for told in runs(load.loaded & low & (horizontal > tuning.DRAG_SPEED) & level):
         if told.stop - told.start > tuning.DRAG_ROWS:
             rows = slice(_since(samples.t, told.start, load.loaded & low, ended), told.stop)
-            moved = _moved(samples, rows, felt, mass)
+            moved = _moved(samples, rows, observed, mass)
             drag = _drag(samples, rows, step[:, :2], moved, hanging, ways, free)
             begins = told.start - _leading(horizontal[rows.start : told.start] > tuning.SETS_OUT)
             drag = replace(drag, begins=begins - rows.start, mass=mass)
-            yield drag if felt.knows_links else replace(drag, unsure_mass=tuning.HORIZONTAL_SPREAD)
+            yield (
+                drag
+                if observed.knows_links
+                else replace(drag, unsure_mass=tuning.HORIZONTAL_SPREAD)
+            )
         ended = told.stop
 
 
 def _leading(told: Mask) -> int:
-    """How many rows at the end of some are told to move."""
+    """Number of rows at the end of a mask that are True."""
     return len(told) - 1 - int(np.flatnonzero(~told)[-1]) if not told.all() else len(told)
 
 
 def _since(t: Array, first: int, held: Mask, ended: int) -> int:
-    """The row from which a drag is looked at that is told in row `first`: what strains the object
-    before it breaks away is seen to rise, unless the drag before `ended` so late."""
+    """First row of a drag that is commanded from row `first`: some time earlier, to show the force
+    rise before breakaway, unless the drag before `ended` too late."""
     before = (t > t[first] - tuning.STRAINING) & held & (np.arange(len(t)) >= ended)
     return int(np.flatnonzero(before[: first + 1])[0])
 
@@ -325,14 +329,14 @@ def _climbing(samples: Samples) -> Array:
     return np.gradient(smoothed(samples.pose_world_tcp[:, 2], size), samples.t)
 
 
-def _noise(samples: Samples, felt: Feeling, load: Load, floor: float) -> Noise:
+def _noise(samples: Samples, observed: WrenchObservation, load: Load, floor: float) -> Noise:
     """Of each signal, as the arm moves slowly through free air, or rests."""
     high = samples.pose_world_tcp[:, 2] > floor + tuning.HANGING
     gaining = acceleration(samples, tuning.SPEED_SMOOTH)
     even = np.linalg.norm(gaining, axis=1) < tuning.STEADY
     slow = np.linalg.norm(samples.twist[:, :3], axis=1) < tuning.SLOW
     calm = high & even & slow & (load.loaded | load.empty)
-    return block_noise(felt.signals, samples.t, gaining[:, 2], list(runs(calm)))
+    return block_noise(observed.signals, samples.t, gaining[:, 2], list(runs(calm)))
 
 
 def _height_at(samples: Samples, time: float) -> float:
@@ -363,18 +367,18 @@ def _gained(values: Array, t: Array, rows: slice) -> Array:
     return gained
 
 
-def _moved(samples: Samples, rows: slice, felt: Feeling, mass: float) -> Array:
+def _moved(samples: Samples, rows: slice, observed: WrenchObservation, mass: float) -> Array:
     """(k, 3) N, world axes, that moving the arm's own links and a held `mass`, kg, takes in `rows`.
 
     An arm on soft springs sways for a second after a breakaway. Links of which nothing is known are
     `HORIZONTAL_MASS` at the TCP.
     """
     rising = _gained(samples.twist[:, :3], samples.t, rows)
-    if not felt.knows_links:
+    if not observed.knows_links:
         return rising * [tuning.HORIZONTAL_MASS, tuning.HORIZONTAL_MASS, 0.0]
     q, dq = samples.q[rows], samples.dq[rows]
-    torques = felt.links_motion(q, dq, _gained(samples.dq, samples.t, rows))
-    wrenches: Array = np.linalg.pinv(felt.maps(q)) @ torques[:, :, None]
+    torques = observed.links_motion(q, dq, _gained(samples.dq, samples.t, rows))
+    wrenches: Array = np.linalg.pinv(observed.maps(q)) @ torques[:, :, None]
     return wrenches[:, :3, 0] + mass * rising
 
 

@@ -1,4 +1,4 @@
-"""The friction in drags of a held object along its support.
+"""Sliding friction from drags of a held object along its support.
 
 What the drags have in common is linear in its unknowns (`columns`), which have normal priors but for
 the friction itself (Bayesian linear regression, e.g. Bishop, Pattern Recognition and Machine
@@ -25,7 +25,7 @@ from palpate.estimation.estimate import Shared
 from palpate.estimation.friction.columns import MU, Columns, columns
 from palpate.estimation.friction.drags import Drag
 from palpate.estimation.load.biases import flicker
-from palpate.estimation.load.feeling import Feeling
+from palpate.estimation.load.observation import WrenchObservation
 from palpate.estimation.windows import Mask
 from palpate.geometry.pose import Array
 from palpate.trace.recording import Hand
@@ -43,7 +43,7 @@ class Posterior:
 
 @dataclass(frozen=True, eq=False)
 class Forces:
-    """What was felt in blocks of steady sliding.
+    """Tangential forces in blocks of steady sliding.
 
     Attributes:
         force: (m,) N, tangential.
@@ -82,8 +82,8 @@ class Forces:
 
 @dataclass(frozen=True, slots=True)
 class Difference:
-    """Whether some unknowns are needed: their size, a sum of squares of unit variance where they are
-    not, and how many squares that are."""
+    """Wald test of some unknowns: their size, the statistic (χ² without them), and its degrees of
+    freedom."""
 
     size: float
     statistic: float
@@ -92,7 +92,7 @@ class Difference:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Sliding:
-    """What fits all drags.
+    """Fit of all drags.
 
     Attributes:
         columns: of the unknowns.
@@ -113,7 +113,7 @@ class Sliding:
 
     @property
     def shared(self) -> tuple[Shared, ...]:
-        """What of mu_d's error all measurements with that arm, or of that object, have in common."""
+        """Shared causes of mu_d's error, common to measurements of that arm or that object."""
         effects = self.columns.shared(self.found.covariance[MU])
         causes = [Shared(cause, of, (effect,)) for cause, of, effect in effects]
         return *causes, Shared("unevenness of the friction", "scene", (self.uneven,))
@@ -174,23 +174,23 @@ class Sliding:
         return Difference(float(np.linalg.norm(mean)), statistic, len(mean))
 
 
-def fit_sliding(drags: Sequence[Drag], felt: Feeling, hand: Hand) -> Sliding:
-    """The friction of steady sliding, as an arm feels it."""
+def fit_sliding(drags: Sequence[Drag], observed: WrenchObservation, hand: Hand) -> Sliding:
+    """Fit the friction of steady sliding."""
     mu = _quotient(drags)
     for _ in range(tuning.FRICTION_ITERATIONS - 1):
-        mu = max(float(_fitted(drags, felt, hand, mu)[2].mean[MU]), 0.0)
-    unknowns, forces, found, uneven = _fitted(drags, felt, hand, mu)
+        mu = max(float(_fitted(drags, observed, hand, mu)[2].mean[MU]), 0.0)
+    unknowns, forces, found, uneven = _fitted(drags, observed, hand, mu)
     force, design = forces.white
     excess = max(0.0, float(np.mean((force - design @ found.mean) ** 2)) - 1.0)
     squares = (forces.force - forces.design @ found.mean) ** 2
     # Within one drag, half of what an approach may be off, and half of what joints rub otherwise.
     each = slice(unknowns.joints.stop, unknowns.gains.start)
-    rubbed = forces.design[:, each] @ unknowns.fixed[each]
-    allowed = forces.noise + (hand.force_repeatability / 2) ** 2 + (rubbed / 2) ** 2
+    dahl = forces.design[:, each] @ unknowns.fixed[each]
+    allowed = forces.noise + (hand.force_repeatability / 2) ** 2 + (dahl / 2) ** 2
     return Sliding(
         unknowns,
         forces,
-        _unsure(found, design, tuning.CORRELATED_BLOCKS * excess),
+        _with_extra_variance(found, design, tuning.CORRELATED_BLOCKS * excess),
         uneven,
         float(np.sqrt(max(0.0, float(np.mean(squares - forces.noise))))),
         float((squares / allowed).sum()) / tuning.CORRELATED_BLOCKS,
@@ -199,10 +199,10 @@ def fit_sliding(drags: Sequence[Drag], felt: Feeling, hand: Hand) -> Sliding:
 
 
 def _fitted(
-    drags: Sequence[Drag], felt: Feeling, hand: Hand, mu: float
+    drags: Sequence[Drag], observed: WrenchObservation, hand: Hand, mu: float
 ) -> tuple[Columns, Forces, Posterior, float]:
     """With the arm's columns, and how uneven friction may be, as at a friction of `mu`."""
-    unknowns = columns(drags, felt, hand, mu)
+    unknowns = columns(drags, observed, hand, mu)
     forces = _forces(drags, unknowns, mu)
     return unknowns, forces, *averaged(forces, unknowns)
 
@@ -222,9 +222,9 @@ def averaged(forces: Forces, unknowns: Columns) -> tuple[Posterior, float]:
     return Posterior(np.asarray(mean), covariance), float(np.sqrt(weights @ np.square(uneven)))
 
 
-def _unsure(found: Posterior, design: Array, variance: float) -> Posterior:
-    """With so much variance in every block of a white `design` besides, which the weights knew
-    nothing of."""
+def _with_extra_variance(found: Posterior, design: Array, variance: float) -> Posterior:
+    """Posterior with an additional white `variance` in every block of a whitened `design`, which
+    the weights did not include."""
     gain = found.covariance @ design.T
     return replace(found, covariance=found.covariance + variance * (gain @ gain.T))
 

@@ -1,4 +1,4 @@
-"""Friction in the arm's own joints, from its motions through free air.
+"""Friction of the arm's own joints, from motions through free air.
 
 An arm that moves with empty fingers feels no contact; what turns round in the torque of a joint
 where the joint turns round is friction behind its sensor. The joints of a real arm are fitted one by
@@ -7,7 +7,7 @@ one, linear in
     tau = s tau_f + what grows with the angles (gravity that the model of the arm leaves)
                   + what grows with acceleration and squared speed (its inertia)
 
-with s which way the joint was turned last (`load.rubbing`). This is the tau_f of w = (J^T)^+ (tau - tau_g -
+with s which way the joint was turned last (`load.dahl`). This is the tau_f of w = (J^T)^+ (tau - tau_g -
 tau_f).
 """
 
@@ -22,8 +22,8 @@ from palpate.trace.samples import Samples
 
 
 def joint_friction(samples: Samples, ways: Array, load: Load, height: float) -> tuple[Array, Array]:
-    """(7,) N m in each joint, as the empty hand moved above `height`, m, and standard deviations;
-    `ways` (n, 7) tells which way each was turned last."""
+    """Friction level of each joint, (7,) N m, with standard deviations, from motions of the empty
+    hand above `height`, m; `ways` (n, 7) are the Dahl states."""
     speed = _rate(samples.q, samples.t, tuning.SMOOTH)
     faster = _rate(speed, samples.t, 2 * tuning.SMOOTH)
     free = _free(samples, ways, load, height) & (np.abs(faster).max(axis=1) < tuning.SLOWLY)

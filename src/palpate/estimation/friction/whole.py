@@ -1,4 +1,4 @@
-"""The friction of a held object from all that the arm did around its drags, joint by joint.
+"""Sliding friction from all motion around the drags, joint by joint.
 
 Referred to a rest in the air, the force of a drag holds what an arm's biases make from there to here, and
 only how the force grows with pressure tells friction from that. But the same links, zeros, gains and
@@ -38,15 +38,15 @@ from palpate.estimation.load.around.causes import (
     GAIN,
     LINK,
     Cause,
+    hyperpriors,
     named,
     of_arm,
     of_load,
     sizes,
-    unsure,
     whitened,
 )
-from palpate.estimation.load.equations import Model, Unsure
-from palpate.estimation.load.feeling import Feeling
+from palpate.estimation.load.equations import Model, ScaleHyperprior
+from palpate.estimation.load.observation import WrenchObservation
 from palpate.estimation.windows import row_at
 from palpate.geometry.pose import Array
 from palpate.trace.samples import Trace
@@ -58,7 +58,7 @@ UNEVEN, HOLDS, LEAN, PULLS, STEP = (
     "what pulls",
     "step",
 )
-"""How names of causes begin that are the scene's."""
+"""Prefixes of the names of the scene's causes."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -81,14 +81,14 @@ class Whole:
 
     @property
     def explains(self) -> bool:
-        """Whether the model of the arm holds well enough for what it leaves to be taken for noise, and for the
-        same before the drags and after."""
+        """The model of the arm fits well enough for its residuals to count as noise, and equally
+        before and after the drags."""
         return self.misfit < tuning.SLID_MISFIT and self.stepped < tuning.STEP
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Pressed:
-    """What is known of each block of free motion, then of the drags.
+    """Support forces in the blocks: first those of free motion, then those of the drags.
 
     Attributes:
         way: (k, 3) of the drag, 0 in free motion.
@@ -110,14 +110,14 @@ class _Pressed:
 
 
 def fit_whole(
-    trace: Trace, name: str, drags: Sequence[Drag], felt: Feeling, about: float
+    trace: Trace, name: str, drags: Sequence[Drag], observed: WrenchObservation, about: float
 ) -> Whole | None:
     """The coefficient with which `name` slid in all drags, near `about`; None where the arm's links are not
     known, or it never hung free."""
-    free = free_rows(trace, name) if felt.knows_links else []
+    free = free_rows(trace, name) if observed.knows_links else []
     if not free:
         return None
-    seen = blocks(trace, felt, name, [*free, *_slid_rows(trace, drags)])
+    seen = blocks(trace, observed, name, [*free, *_slid_rows(trace, drags)])
     pressed = _pressed(drags, len(free))
     force = drags[0].mass * trace.gravity
     slides = pressed.slides[:, None]
@@ -129,7 +129,7 @@ def fit_whole(
     borne = force * load[0].torque + seen.torques(rubs)
     scene = list(_of_scene(seen, pressed, about))
     scene += _of_steps(seen, len(free))
-    causes = [*scene, *load, *of_arm(trace, felt, seen, force * pull[:, 2], borne)]
+    causes = [*scene, *load, *of_arm(trace, observed, seen, force * pull[:, 2], borne)]
     support = list(_of_support(seen, pressed, about))
     design, y = whitened([*causes, *support], seen, drags[0].hanging.noise)
     known, anything = np.split(design, [len(causes)], axis=1)
@@ -138,7 +138,7 @@ def fit_whole(
     known = known - basis @ (basis.T @ known)
     y = y - basis @ (basis.T @ y)
     freedom = drags[0].hanging.noise.freedom
-    model = Model(known, y, sizes(causes), freedom, (*unsure(causes), *_unsure(causes)))
+    model = Model(known, y, sizes(causes), freedom, (*hyperpriors(causes), *_hyperpriors(causes)))
     count = named(causes, UNEVEN).stop
     misfit = _misfit(model, len(seen.t), len(free), len(support))
     louder = max(1.0, misfit) ** 0.5
@@ -193,27 +193,33 @@ def _of_scene(seen: Blocks, pressed: _Pressed, about: float) -> Iterator[Cause]:
 def _of_steps(seen: Blocks, free: int) -> Iterator[Cause]:
     """A sensor's zero that is another after the drags."""
     after = (seen.t > seen.t[free:].mean())[:, None]
-    for joint in np.eye(seen.felt.shape[1]):
+    for joint in np.eye(seen.observed.shape[1]):
         yield Cause(STEP, after * joint, tuning.STEP)
 
 
-def _unsure(causes: Sequence[Cause]) -> tuple[Unsure, ...]:
-    """What of the scene's causes is learned from the recordings."""
-    uneven = Unsure(named(causes, UNEVEN), tuning.UNEVEN, tuning.LIKELY_UNEVEN)
-    holds = Unsure(named(causes, HOLDS), tuning.HOLDING_MORE, tuning.LIKELY_HOLDING)
-    lean = Unsure(named(causes, LEAN), tuning.LEANING, tuning.LIKELY_LEANING)
-    pulls = Unsure(named(causes, PULLS), (0.0, 1.0), tuning.LIKELY_PULL)
-    return uneven, holds, lean, pulls, Unsure(named(causes, STEP), (0.0, 1.0), tuning.LIKELY_STEP)
+def _hyperpriors(causes: Sequence[Cause]) -> tuple[ScaleHyperprior, ...]:
+    """Prior scales of the scene's causes that are learned from the recording."""
+    uneven = ScaleHyperprior(named(causes, UNEVEN), tuning.UNEVEN, tuning.LIKELY_UNEVEN)
+    holds = ScaleHyperprior(named(causes, HOLDS), tuning.HOLDING_MORE, tuning.LIKELY_HOLDING)
+    lean = ScaleHyperprior(named(causes, LEAN), tuning.LEANING, tuning.LIKELY_LEANING)
+    pulls = ScaleHyperprior(named(causes, PULLS), (0.0, 1.0), tuning.LIKELY_PULL)
+    return (
+        uneven,
+        holds,
+        lean,
+        pulls,
+        ScaleHyperprior(named(causes, STEP), (0.0, 1.0), tuning.LIKELY_STEP),
+    )
 
 
 def _of_support(seen: Blocks, pressed: _Pressed, about: float) -> Iterator[Cause]:
-    """What a support may do in each block of a drag; how much, nobody knows."""
+    """Forces of the support in each block of a drag, of unknown size."""
     for block in np.flatnonzero(pressed.slides).tolist():
         maps, way = seen.maps[block], pressed.way[block]
         sideways = np.cross(UP, way)
         forces = maps[:, :3] @ np.column_stack([UP - about * way, sideways])
         for torque in (*forces.T, *maps[:, 3:].T):
-            alone = np.zeros_like(seen.felt)
+            alone = np.zeros_like(seen.observed)
             alone[block] = torque
             yield Cause("support", alone, 1.0)
 
@@ -236,7 +242,7 @@ def _together(left: Array) -> float:
 
 
 def _shared(causes: Sequence[Cause], effects: Array) -> Iterator[Shared]:
-    """What one standard deviation of causes that are the same in other runs does."""
+    """Effects of one standard deviation of the causes that are shared with other runs."""
     gains = 0
     for cause, effect in zip(causes, effects.tolist(), strict=True):
         if cause.name.startswith(LINK):

@@ -1,5 +1,4 @@
-"""What signals show without a load: how their biases, drift, noise and the arm's own inertia go together
-from bin to bin."""
+"""Covariance of signals without a load: bias, drift, noise and inertia of the arm, from bin to bin."""
 
 from __future__ import annotations
 
@@ -36,16 +35,16 @@ def covariance(weighing: Weighing, maps: Array, apart: float) -> Array:
 
 
 def _empty(found: Sequence[Segment], signal: int) -> float:
-    """What a signal shows of the empty hand: its bias is as large where an end effector is told wrong, and
-    nothing that is compared with it depends on how large that is."""
-    shown = [float(segment.felt[:, signal].mean()) for segment in found if not segment.loaded]
+    """Mean of a signal with the empty hand, N m: the scale of its bias where an end effector is
+    wrongly configured. The contrast with the load does not depend on it."""
+    shown = [float(segment.observed[:, signal].mean()) for segment in found if not segment.loaded]
     return float(np.mean(shown)) if shown else 0.0
 
 
 def _bias(found: Sequence[Segment], apart: float) -> Array:
-    """(bins, bins) N²: of one signal in units of its scale, all that is no noise: a constant bias, one
-    along the path of which each kind has a part `apart` of its own, and each turn all, what the arm's own motion
-    makes, and what a rest was left with."""
+    """(bins, bins) N²: covariance of one signal in units of its scale, without noise: constant
+    bias; bias along the path, of which each kind has its own part `apart`, and each turn the whole;
+    inertia and viscous effects of the motion; residual stiction of rests."""
     kinds = np.concatenate([[segment.kind] * len(segment.t) for segment in found])
     own = np.concatenate([np.full(len(s.t), i) for i, s in enumerate(found)])
     at_rest = np.concatenate([np.full(len(s.t), float(s.at_rest)) for s in found])

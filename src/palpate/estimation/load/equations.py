@@ -20,21 +20,21 @@ from palpate.geometry.pose import Array
 FORCE_Z, TORQUE_X, TORQUE_Y, TORQUE_Z = 2, 3, 4, 5
 """Components of a wrench."""
 LEANING = (0, 1)
-"""Those that a weight has where gravity leans."""
+"""Components that a weight has where gravity is tilted."""
 SIDEWAYS = (0, 1, 5)
-"""Those that a thing which hangs free does not have."""
+"""Components that a freely hanging object does not have."""
 WAYS = {"up": 1.0, "down": -1.0}
 
 
-class Left(NamedTuple):
-    """What an approach leaves in the joints.
+class ResidualStiction(NamedTuple):
+    """Columns of the joint torque that an approach leaves behind.
 
     Attributes:
-        stuck: (n, 3 rests) at a rest, as forces at the TCP of a newton an axis.
-        forces: (n, 3 passes) in a pass, likewise.
-        carried: (n, 3 pairs) at a rest and in the pass that begins at it.
-        offsets: (n, m passes) in a pass, in each signal.
-        paired: (3 rests + 3 passes,) which of `stuck` and `forces` are of such a pair.
+        stuck: (n, 3 rests) of each rest, as a force at the TCP, per newton along each axis.
+        forces: (n, 3 passes) of each pass, likewise.
+        carried: (n, 3 pairs) common to a rest and the pass that begins at it.
+        offsets: (n, m passes) of each pass, in each signal.
+        paired: (3 rests + 3 passes,) the columns of `stuck` and `forces` that belong to such a pair.
     """
 
     stuck: Array
@@ -50,35 +50,34 @@ class Left(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Rows:
-    """The equations of one weighing, signal by signal and in each bin by bin.
+    """Linear equations of a weighing, ordered by signal, then by bin.
 
     Attributes:
-        felt: (n,) the signals.
+        observed: (n,) the signals.
         root: (n, n) lower triangle whose square is their covariance without the load.
-        wrench: (n, 6) what the components of the load's wrench make of them.
+        wrench: (n, 6) signals per unit of each component of the load's wrench.
         grasp: (n,) s, of loaded rows.
         height: (n,) m about its mean, of loaded rows.
         way: (n,) 1 up, -1 down, 0 at rest.
         rest: (n,) 1 at rest.
-        rubbed: (n, p) what a level of friction in each joint makes of them, and what it had at the
-            start (`estimation.load.rubbing`).
-        left: what each rest and each pass may be off by as a whole, for what an approach leaves in
-            the joints.
-        since: (n, k) what a newton upward at the TCP makes of them from the second segment on, from the third,
-            and so on in time.
+        dahl: (n, p) signals per unit of friction level in each joint, and per unit of its initial
+            state (`estimation.load.dahl`).
+        stiction: columns of the torque that an approach leaves in the joints, per rest and pass.
+        since: (n, k) signals per newton upward at the TCP, as a step that begins with the second segment in time,
+            with the third, and so on.
         signal: (n,) which signal a row is of.
         freedom: degrees of freedom of the noise.
     """
 
-    felt: Array
+    observed: Array
     root: Array
     wrench: Array
     grasp: Array
     height: Array
     way: Array
     rest: Array
-    rubbed: Array
-    left: Left
+    dahl: Array
+    stiction: ResidualStiction
     since: Array
     signal: NDArray[np.intp]
     freedom: float
@@ -115,10 +114,9 @@ class _Solved(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Unsure:
-    """How far the prior deviations of some coefficients are off themselves: by one of `factors`, of
-    all of them or of each, `chance` of each of which is what is believed before anything is
-    recorded."""
+class ScaleHyperprior:
+    """Discrete hyperprior: the prior deviations of some coefficients are scaled by one of `factors`
+    (a number for all of them, or an array), with prior probability `chance` each."""
 
     columns: slice
     factors: Sequence[float | Array]
@@ -128,19 +126,18 @@ class Unsure:
 @dataclass(frozen=True, slots=True, eq=False)
 class Model:
     """A linear model in rows of unit variance: `y` (n,) = `design` (n, p) times coefficients with
-    prior deviations `prior` (p,), some of which are `unsure`; the unit is known with `freedom`
+    prior deviations `prior` (p,), the scales of some of which have `hyperpriors`; the unit is known with `freedom`
     degrees of freedom."""
 
     design: Array
     y: Array
     prior: Array
     freedom: float
-    unsure: tuple[Unsure, ...]
+    hyperpriors: tuple[ScaleHyperprior, ...]
 
     def solve(self, first: int | None = None) -> tuple[Array, Array]:
-        """Posterior mean (p,) and covariance (first, p), all rows of it by default, averaged over what is
-        unsure by what `y` says of it (Bayesian model averaging: Hoeting et al., Statistical Science 14,
-        1999)."""
+        """Posterior mean (p,) and covariance (first, p), all p rows by default, averaged over the hyperpriors
+        (Bayesian model averaging: Hoeting et al., Statistical Science 14, 1999)."""
         count = len(self.prior) if first is None else first
         every = self._every()
         evidence = np.array([each.evidence for each in every])
@@ -165,19 +162,19 @@ class Model:
         return together - 0.5 * float(self.y @ self.y)
 
     def _every(self) -> Sequence[_Solved]:
-        """For each choice of what is unsure."""
+        """Posteriors for each combination of the hyperpriors' factors."""
         told, gram = self.design.T @ self.y, self.design.T @ self.design
-        choices = product(*(range(len(each.factors)) for each in self.unsure))
+        choices = product(*(range(len(each.factors)) for each in self.hyperpriors))
         return [self._solve(choice, told, gram) for choice in choices]
 
     def _solve(self, choice: tuple[int, ...], told: Array, gram: Array) -> _Solved:
-        """Where the deviations are off by the chosen factors. The evidence is the logarithm of the
-        probability of that and of `y`, but for what is the same for every choice (Bishop, Pattern
-        Recognition and Machine Learning, section 3.5.1)."""
+        """Posterior with the chosen scale factors. Its evidence is the log probability of the
+        choice and of `y`, up to a constant common to all choices (Bishop, Pattern Recognition and
+        Machine Learning, section 3.5.1)."""
         from scipy.linalg.lapack import dpotrf, dpotrs
 
         prior, chance = self.prior.copy(), 0.0
-        for each, i in zip(self.unsure, choice, strict=True):
+        for each, i in zip(self.hyperpriors, choice, strict=True):
             prior[each.columns] *= each.factors[i]
             chance += float(np.log(each.chance[i]))
         # In units of the prior, where what is known for certain has none.
@@ -189,8 +186,8 @@ class Model:
         return _Solved(prior, root, mean, chance + 0.5 * (float(mean @ told) - volume))
 
     def each_alone(self, columns: Array, prior: float) -> tuple[Array, Array]:
-        """Posterior means and variances (k,) of further coefficients of `columns` (n, k), each of which would be
-        the only one beside the model's."""
+        """Posterior means and variances (k,) of the coefficients of `columns` (n, k), each added to the model
+        alone."""
         from scipy.linalg.lapack import dpotrs
 
         shared = self.design.T @ columns
@@ -212,19 +209,19 @@ class Model:
         return found, (weights * (np.array(variances) + (np.array(means) - found) ** 2)).sum(axis=0)
 
     def extended(self, columns: Array, prior: float) -> Model:
-        """With further coefficients, in front."""
+        """Model with the coefficients of `columns` in front of its own."""
         more = np.full(columns.shape[1], prior)
         wider = np.concatenate([columns, self.design], axis=1)
-        unsure: list[Unsure] = []
-        for each in self.unsure:
+        hyperpriors: list[ScaleHyperprior] = []
+        for each in self.hyperpriors:
             moved = slice(each.columns.start + len(more), each.columns.stop + len(more))
-            unsure.append(replace(each, columns=moved))
+            hyperpriors.append(replace(each, columns=moved))
         deviations = np.concatenate([more, self.prior])
-        return replace(self, design=wider, prior=deviations, unsure=tuple(unsure))
+        return replace(self, design=wider, prior=deviations, hyperpriors=tuple(hyperpriors))
 
 
 def equations(weighing: Weighing, gravity: float, apart: float = 1.0) -> Rows:
-    """The rows of a weighing, kinds of segments being `apart` in their biases
+    """Equations of a weighing; `apart` is the part of the bias that each kind of segment has of its own
     (`estimation.load.biases`)."""
     found = weighing.segments
     hanging: list[Array] = []
@@ -242,7 +239,7 @@ def equations(weighing: Weighing, gravity: float, apart: float = 1.0) -> Rows:
         return np.tile(np.concatenate([np.full(len(s.t), v) for s, v in pairs]), signals)
 
     return Rows(
-        np.concatenate([segment.felt for segment in found]).T.ravel(),
+        np.concatenate([segment.observed for segment in found]).T.ravel(),
         root,
         (maps * loaded[:, None, None]).transpose(1, 0, 2).reshape(-1, 6),
         each(segment.grasp for segment in found),
@@ -250,7 +247,7 @@ def equations(weighing: Weighing, gravity: float, apart: float = 1.0) -> Rows:
         each(WAYS.get(segment.kind, 0.0) for segment in found),
         each(float(segment.at_rest) for segment in found),
         _rubbed(found, signals),
-        _left(weighing, maps),
+        _stiction(weighing, maps),
         _since(found, maps),
         np.repeat(np.arange(signals), len(path)),
         weighing.noise.freedom,
@@ -259,7 +256,7 @@ def equations(weighing: Weighing, gravity: float, apart: float = 1.0) -> Rows:
 
 def _rubbed(found: Sequence[Segment], signals: int) -> Array:
     """(signals x bins, 2 joints): a joint's friction shows in its own signal."""
-    states = np.concatenate([segment.rubbed for segment in found])
+    states = np.concatenate([segment.dahl for segment in found])
     bins, joints, kinds = states.shape
     if not joints:
         return np.zeros((signals * bins, 0))
@@ -288,8 +285,8 @@ def each_its_own(blocks: Sequence[Array]) -> list[Array]:
     return wide
 
 
-def _left(weighing: Weighing, maps: Array) -> Left:
-    """The columns of `Rows.left`."""
+def _stiction(weighing: Weighing, maps: Array) -> ResidualStiction:
+    """The columns of `Rows.stiction`."""
     signals, count = int(maps.shape[1]), len(maps)
     own = np.eye(signals) * weighing.scale[:, None]
     forces: list[Array] = []
@@ -308,7 +305,7 @@ def _left(weighing: Weighing, maps: Array) -> Left:
     pairs = _pairs(weighing.segments)
     both = {i for pair in pairs for i in pair}
     nothing = np.zeros((signals * count, 0))
-    return Left(
+    return ResidualStiction(
         np.hstack([nothing, *(forces[i] for i in rests)]),
         np.hstack([nothing, *(forces[i] for i in passes)]),
         np.hstack([nothing, *(forces[i] + forces[j] for i, j in pairs)]),

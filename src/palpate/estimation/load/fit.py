@@ -1,6 +1,6 @@
-"""The load on the hand, from signals that are never zero.
+"""Generalised least squares for the load on the hand.
 
-A signal (a joint's torque; `estimation.load.feeling`), averaged over bin b of a rest or a pass along the
+A signal (a joint's torque; `estimation.load.observation`), averaged over bin b of a rest or a pass along the
 path of a lift, is modelled as
 
     y_b = L_b (1 + a_b / g) (J_b^T W + gain errors) + f s_b + c_kind(x_b) + i m_b + d(t_b) + e + n_b
@@ -8,9 +8,9 @@ path of a lift, is modelled as
     W       the wrench of the load, which is sought: (0, 0, F, M_x, M_y, 0) of what hangs free;
             L_b is 1 with the load in the hand and 0 without
     a, g    vertical acceleration and gravity
-    m       what moving the arm's links takes (`estimation.load.moving`), which is out of y but for an
+    m       what moving the arm's links takes (`estimation.load.inverse_dynamics`), which is out of y but for an
             error i of some per cent; where links are not known, the acceleration takes its place
-    f, s    friction of a joint, whose state follows its motion (`estimation.load.rubbing`)
+    f, s    friction of a joint, whose state follows its motion (`estimation.load.dahl`)
     c       bias of each kind of segment, a cubic along the path x and a bit of its own in each bin;
             kinds have some or all of it in common
     d       drift and 1/f noise over time t
@@ -54,12 +54,12 @@ from palpate.estimation.load.equations import (
     TORQUE_Z,
     Model,
     Rows,
-    Unsure,
+    ScaleHyperprior,
     each_its_own,
     equations,
     in_each,
 )
-from palpate.estimation.load.others import tests_of
+from palpate.estimation.load.misspecification import tests_of
 from palpate.estimation.load.segments import Weighing
 from palpate.geometry.pose import Array
 from palpate.trace.recording import Hand
@@ -67,7 +67,7 @@ from palpate.trace.recording import Hand
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Load:
-    """One and the same load, in n grasps.
+    """Estimate of one load over n grasps.
 
     Attributes:
         grasps: s, when.
@@ -92,7 +92,7 @@ class Load:
 
     @property
     def agrees(self) -> bool:
-        """Whether all tests passed."""
+        """All tests passed."""
         return all(test.passed for test in self.tests)
 
     @property
@@ -107,7 +107,7 @@ class Load:
 
 
 def fit_load(weighings: Sequence[Weighing], gravity: float, hand: Hand) -> Load:
-    """What hung on the hand in all `weighings`, at g = `gravity` m/s².
+    """Fit the load that hung on the hand in all `weighings`, at g = `gravity` m/s².
 
     Where they do not agree, those that contradict themselves have no say in the value, and the
     tests tell of them.
@@ -130,8 +130,8 @@ def fit_load(weighings: Sequence[Weighing], gravity: float, hand: Hand) -> Load:
 
 
 def foreseen(weighing: Weighing, weight: float, gravity: float, hand: Hand) -> float:
-    """N², variance of F of a load of `weight` N that rests and passes to come would leave. What the
-    segments felt does not matter: how well passes will agree is seen from typical draws of the
+    """Predict the variance of F, N², for a load of `weight` N from planned rests and passes. The
+    segments' signals are not used: the agreement of the passes is taken from typical draws of the
     noise."""
     rows = [equations(weighing, gravity)]
     grasps = tuple(weighing.grasps)
@@ -146,7 +146,7 @@ def foreseen(weighing: Weighing, weight: float, gravity: float, hand: Hand) -> f
 
 
 def untested(weighings: Sequence[Weighing], gravity: float, hand: Hand) -> tuple[float, float]:
-    """N, F and its standard deviation, as `fit_load` has them together, whatever else might act."""
+    """F and its standard deviation, N, as in `fit_load`, without the tests of misspecification."""
     _, _, mean, covariance = _solved(weighings, gravity, hand)
     return float(mean[0]), float(np.sqrt(covariance[0, 0]))
 
@@ -202,8 +202,8 @@ def _equations(weighings: Sequence[Weighing], gravity: float, apart: float) -> S
 
 
 def _evidence(rows: Sequence[Rows], model: Model) -> float:
-    """Logarithm of the probability density of what was felt, but for a constant: of whitened rows, in
-    units of the volume that whitening makes of them."""
+    """Log probability density of the signals, up to a constant: that of the whitened rows plus the
+    log determinant of the whitening."""
     return model.evidence - sum(row.volume for row in rows)
 
 
@@ -219,8 +219,8 @@ def load_model(rows: Sequence[Rows], grasps: Sequence[float], about: Array, hand
     lean = tuning.TILT * force + tuning.FLOOR
     signals, count = int(rows[0].signal.max()) + 1, 1 + 2 * len(grasps)
     gains = gain_root(hand, signals)
-    levels = np.full(rows[0].rubbed.shape[1], tuning.JOINT_LEVEL)
-    left = [each_its_own([row.left.columns[i] for row in rows]) for i in range(4)]
+    levels = np.full(rows[0].dahl.shape[1], tuning.JOINT_LEVEL)
+    left = [each_its_own([row.stiction.columns[i] for row in rows]) for i in range(4)]
     at_hand, offsets = sum(blocks[0].shape[1] for blocks in left[:3]), left[3][0].shape[1]
     first = count + len(LEANING)
     most = hand.force_repeatability + tuning.FLOOR
@@ -238,30 +238,30 @@ def load_model(rows: Sequence[Rows], grasps: Sequence[float], about: Array, hand
         )
         borne = (vertical @ about)[:, None] * gains[row.signal]
         leaning = _leaning(row, grasps, about)
-        design = [vertical, leaning, *left_in, row.rubbed, borne]
+        design = [vertical, leaning, *left_in, row.dahl, borne]
         designs.append(row.white(np.column_stack(design)))
-    y = np.concatenate([row.white(row.felt) for row in rows])
+    y = np.concatenate([row.white(row.observed) for row in rows])
     freedom = min(row.freedom for row in rows)
     deviations = np.concatenate(prior)
     shares = tuning.LEFT_SHARES
     even = [1.0 / len(shares)] * len(shares)
     in_signals = slice(first + at_hand, first + at_hand + offsets)
     # How much of the datasheet's figure this arm leaves; how much of that stays in motion.
-    unsure = (
-        Unsure(slice(first, in_signals.stop), shares, even),
-        Unsure(slice(first, in_signals.start), _staying(rows), even),
-        Unsure(in_signals, shares, even),
-        Unsure(slice(len(deviations) - signals, len(deviations)), *tuning.GAINS_OFF),
+    hyperpriors = (
+        ScaleHyperprior(slice(first, in_signals.stop), shares, even),
+        ScaleHyperprior(slice(first, in_signals.start), _staying(rows), even),
+        ScaleHyperprior(in_signals, shares, even),
+        ScaleHyperprior(slice(len(deviations) - signals, len(deviations)), *tuning.GAINS_OFF),
     )
-    return Model(np.concatenate(designs), y, deviations, freedom, unsure)
+    return Model(np.concatenate(designs), y, deviations, freedom, hyperpriors)
 
 
 def _staying(rows: Sequence[Rows]) -> Sequence[Array]:
-    """What of the forces at rests, in passes, and in both alike there is, for each of
-    `tuning.LEFT_SHARES`: what stays wholly in a pass is what was there at the rest before it."""
-    paired = [np.split(row.left.paired, [row.left.stuck.shape[1]]) for row in rows]
+    """Scales of the stiction forces at rests, in passes, and common to a rest and its pass, for
+    each of `tuning.LEFT_SHARES`: a pass that keeps all of it has the force of the rest before."""
+    paired = [np.split(row.stiction.paired, [row.stiction.stuck.shape[1]]) for row in rows]
     rests, passes = (np.concatenate([pair[i] for pair in paired]) for i in (0, 1))
-    both = sum(row.left.carried.shape[1] for row in rows)
+    both = sum(row.stiction.carried.shape[1] for row in rows)
     found: list[Array] = []
     for share in tuning.LEFT_SHARES[:-1]:
         parts = [np.ones(len(rests)), np.full(len(passes), share), np.zeros(both)]

@@ -1,5 +1,5 @@
-"""How well a load would be known after passes that nobody has made yet: the covariance of its fit
-needs no measured values, only where the arm will be when, and how noisy its signals are."""
+"""Predicted precision of a load after planned passes: the covariance of the fit needs the planned
+motion and the noise, no measured values."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ import numpy as np
 
 from palpate.estimation import tuning
 from palpate.estimation.agreement import KNOWN
-from palpate.estimation.load.feeling import Feeling
 from palpate.estimation.load.fit import foreseen
 from palpate.estimation.load.noise import Noise
+from palpate.estimation.load.observation import WrenchObservation
 from palpate.estimation.load.segments import Segment, Weighing
 from palpate.geometry.pose import Array
 from palpate.trace.recording import Hand
@@ -24,14 +24,14 @@ PASSES = (("down", False), ("up", True), ("down", True), ("up", False))
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Lift:
-    """A straight lift, for which an arm's signals are foreseen.
+    """Planned straight lift.
 
     Attributes:
         q: (2, m) joint angles at the grasp and above it, rad.
         length: m.
         near_speed: m/s, the fastest near a support.
         acceleration: m/s².
-        felt: how the arm feels; its signals do not matter.
+        observed: wrench observation of the arm; its signals are not used.
         white: (m,) (N m)² s, variance of a signal's mean over 1 s.
         flicker: (m,), see `Noise`.
     """
@@ -40,7 +40,7 @@ class Lift:
     length: float
     near_speed: float
     acceleration: float
-    felt: Feeling
+    observed: WrenchObservation
     white: Array
     flicker: Array
 
@@ -69,7 +69,7 @@ class Lift:
                 segments.append(self._pass(kind, loaded, float(grasp), start, speed))
                 start += self.length / speed + tuning.HANDLING
         noise = Noise(self.white, self.flicker, KNOWN)
-        return Weighing(segments, noise, self.felt.scale)
+        return Weighing(segments, noise, self.observed.scale)
 
     def _pass(self, kind: str, loaded: bool, grasp: float, start: float, speed: float) -> Segment:
         """The steady part of a pass, in bins."""
@@ -79,7 +79,7 @@ class Lift:
         part = (1.0 - clear) * self.length / tuning.BINS / speed
         gone = share if kind == "up" else 1.0 - share
         q = self.q[0] + share[:, None] * (self.q[1] - self.q[0])
-        maps = self.felt.maps(q)
+        maps = self.observed.maps(q)
         count = len(self.white)
         return Segment(
             kind,

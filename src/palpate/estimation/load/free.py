@@ -1,4 +1,4 @@
-"""When nothing but its load and its own links acts on an arm: rows of a trace in free air."""
+"""Rows of a trace in free air: only the load and the arm's own links act."""
 
 from __future__ import annotations
 

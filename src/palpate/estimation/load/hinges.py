@@ -1,4 +1,4 @@
-"""Where the hinges of an arm are, at angles of its joints."""
+"""Forward kinematics of the joint axes of an arm."""
 
 from __future__ import annotations
 

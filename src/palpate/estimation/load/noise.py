@@ -1,5 +1,4 @@
-"""How noisy signals are, from the signals alone: where nothing happens, or where what happens is
-smooth.
+"""Noise of the signals, estimated from the signals alone, at rest or in smooth motion.
 
 Means over neighbouring blocks differ by the noise; second differences of them do not know a trend.
 A sixth of their mean square is the Hadamard variance; that of white noise falls with the length of
@@ -34,7 +33,7 @@ FLICKER_HADAMARD = 0.5 * float(np.log(256.0 / 27.0))
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Noise:
-    """Of m signals, in their squared units.
+    """Noise levels of m signals, in squared units of the signals.
 
     Attributes:
         white: (m,) variance that the mean of n rows has, times n.

@@ -1,4 +1,4 @@
-"""Rests, passes and turns of a trace that tell about the load on the hand, with and without it.
+"""Segmentation of a trace into rests, passes and turns, with and without the load.
 
 The sensed wrench is load + bias, and the bias depends on where the arm is, which way its joints
 slide, how it came to rest, and on time. All of that is the same with and without the object on the
@@ -17,9 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.estimation import tuning
-from palpate.estimation.load.feeling import Feeling, feeling
+from palpate.estimation.load.dahl import dahl_states
 from palpate.estimation.load.noise import Noise, Rows, block_noise
-from palpate.estimation.load.rubbing import rubbing
+from palpate.estimation.load.observation import WrenchObservation, observe
 from palpate.estimation.windows import (
     Load,
     Mask,
@@ -43,7 +43,7 @@ from palpate.trace.samples import FORCES, Samples, Trace
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Segment:
-    """A rest, or a pass in k bins along the path.
+    """Rest, or pass in k bins along the path.
 
     Attributes:
         kind: `up`, `down` (passes), `rest ...` with how the arm came to rest, or `turn ...` with its number.
@@ -54,12 +54,12 @@ class Segment:
         path: (k,) m along the path.
         acceleration: (k,) vertical, m/s².
         speed2: (k,) m²/s², squared speed.
-        maps: (k, m, 6) what unit wrenches make of the m signals (`estimation.load.feeling`).
-        felt, variance: (k, m) the signals' means, and what white noise leaves of it in them.
-        motion: (k, m) N m that the arm's own links took to move, which is out of `felt`; nothing, (k, 0),
+        maps: (k, m, 6) m signals per unit wrench (`estimation.load.observation`).
+        observed, variance: (k, m) means of the signals, and the variance of white noise in them.
+        motion: (k, m) N m that the arm's own links took to move, which is out of `observed`; nothing, (k, 0),
             where it is not known.
-        rubbed: (k, m, 2) how the joints rub (`estimation.load.rubbing`); nothing, (k, 0, 2), where
-            the signals are no joints'.
+        dahl: (k, m, 2) Dahl states of the joints (`estimation.load.dahl`); (k, 0, 2) where the signals
+            are no joint torques.
         turned: (k,) rad by which the hand is turned about the vertical from where the load was measured; what
             hangs on it turns with it, and so do the moments that `maps` are of.
     """
@@ -74,10 +74,10 @@ class Segment:
     acceleration: Array
     speed2: Array
     maps: Array
-    felt: Array
+    observed: Array
     variance: Array
     motion: Array
-    rubbed: Array
+    dahl: Array
     turned: Array
 
     @property
@@ -90,9 +90,9 @@ class Segment:
 
 
 TURN = "turn"
-"""How kinds of turns begin."""
+"""Prefix of the kinds of turns."""
 LEVER = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
-"""What makes where a weight hangs, times it, of its moment about the TCP, world axes."""
+"""Matrix from the lever of a weight to its moment about the TCP per newton, world axes."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,12 +106,12 @@ class Cut:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Weighing:
-    """What tells about a load along one path.
+    """Segments of a trace with and without a load, along one path.
 
     Attributes:
         segments: rests and passes with the load and without.
         noise: of the signals.
-        scale: (m,) of the signals, see `estimation.load.feeling`.
+        scale: (m,) of the signals, see `estimation.load.observation`.
     """
 
     segments: Sequence[Segment]
@@ -134,7 +134,7 @@ class _Signals:
     """A trace's signals with what its segments are made of, row by row."""
 
     samples: Samples
-    felt: Feeling
+    observed: WrenchObservation
     net: Array
     motion: Array
     noise: Noise
@@ -142,12 +142,12 @@ class _Signals:
     speed2: Array
     progress: Array
     grasps: tuple[float, ...]
-    rubbed: Array
+    dahl: Array
 
 
 @once
 def weighing(trace: Trace, recording: Recording) -> Weighing:
-    """All rests and passes that tell about the load of `recording`, with and without it."""
+    """Find the rests and passes that weigh the load of `recording`, with and without it."""
     load = load_of(trace, recording.context.holding)
     path = lift_path(trace, recording, load)
     samples = trace.samples
@@ -167,44 +167,44 @@ def weighing(trace: Trace, recording: Recording) -> Weighing:
     if not any(segment.loaded for segment in found):
         # A recording of a motion is all there is.
         found = [_segment(signals, cut, [cut.rows]) for cut in rests]
-    return Weighing(found, signals.noise, signals.felt.scale)
+    return Weighing(found, signals.noise, signals.observed.scale)
 
 
 def compared(trace: Trace, name: str, cuts: Sequence[Cut]) -> Weighing:
-    """What tells about the load `name` in cuts of which those of one kind compare, at one place
-    each."""
+    """Weighing of the load `name` from given cuts, which are compared within each kind, at one
+    place each."""
     signals = _signals(trace, load_of(trace, name), None, cuts)
     found = [_segment(signals, cut, [cut.rows]) for cut in cuts]
-    return Weighing(found, signals.noise, signals.felt.scale)
+    return Weighing(found, signals.noise, signals.observed.scale)
 
 
 def _signals(trace: Trace, load: Load, path: Path | None, cuts: Iterable[Cut]) -> _Signals:
-    """What segments are made of; what takes long to say, in the rows of `cuts` alone."""
+    """Row-wise signals of a trace; expensive ones only in the rows of `cuts`."""
     samples = trace.samples
-    felt, rising = feeling(trace), acceleration(samples, tuning.SPEED_SHORT)[:, 2]
+    observed, rising = observe(trace), acceleration(samples, tuning.SPEED_SHORT)[:, 2]
     used = np.zeros(len(samples), dtype=bool)
     for cut in cuts:
         used[cut.rows] = True
-    motion = felt.own_motion(samples, used)
+    motion = observed.own_motion(samples, used)
     calm = (at_rest(samples) | (_steady(samples) & _moves(samples))) & (load.loaded | load.empty)
     calm &= ~_dragged(trace)
     return _Signals(
         samples,
-        felt,
-        _net(felt, samples, motion),
+        observed,
+        _net(observed, samples, motion),
         motion,
-        block_noise(felt.signals, samples.t, rising, list(runs(calm))),
+        block_noise(observed.signals, samples.t, rising, list(runs(calm))),
         rising,
         (samples.twist[:, :3] ** 2).sum(axis=1),
         path.progress(samples) if path is not None else np.zeros(len(samples)),
         load.grasps,
-        _rubbed(felt, samples),
+        _rubbed(observed, samples),
     )
 
 
 def _dragged(trace: Trace) -> Mask:
-    """Rows in which an object was slid along its support: what that makes the arm feel is no noise of
-    its own."""
+    """Rows between the first and the last slide of an object along its support, which the noise
+    estimate leaves out."""
     t = trace.samples.t
     slides = [one for one in trace.recordings if one.context.activity == "sliding"]
     if not slides:
@@ -213,29 +213,29 @@ def _dragged(trace: Trace) -> Mask:
     return (first <= t) & (t <= last)
 
 
-def _net(felt: Feeling, samples: Samples, motion: Array) -> Array:
-    """(n, m) what is felt besides the arm's own motion."""
+def _net(observed: WrenchObservation, samples: Samples, motion: Array) -> Array:
+    """(n, m) signals without the torque that moves the arm's own links."""
     if not motion.shape[1]:
-        return felt.signals
+        return observed.signals
     # Averaged as the motion is, lest what is faster shows as a difference.
-    return gained(felt.signals, samples.t, tuning.SPEED_SHORT)[0] - motion
+    return gained(observed.signals, samples.t, tuning.SPEED_SHORT)[0] - motion
 
 
-def _rubbed(felt: Feeling, samples: Samples) -> Array:
-    """(n, m, 2) how the joints rub; of none, (n, 0, 2), where they are not what is felt."""
-    if felt.chain is None:
+def _rubbed(observed: WrenchObservation, samples: Samples) -> Array:
+    """(n, m, 2) Dahl states of the joints; (n, 0, 2) where the signals are no joint torques."""
+    if observed.chain is None:
         return np.zeros((len(samples), 0, 2))
     return _joint_rubbing(samples)
 
 
 @once
 def _joint_rubbing(samples: Samples) -> Array:
-    return rubbing(samples.q)
+    return dahl_states(samples.q)
 
 
 def weighings(trace: Trace, recording: Recording) -> Sequence[Weighing]:
-    """All that tells about what was held during `recording`, a weighing for each path on which the
-    same object was lifted and held still."""
+    """All weighings of the object held during `recording`, one per path on which it was lifted and
+    held still."""
     measured = [recording]
     for other in trace.recordings:
         still = other.buffer == FORCES and other.context.activity == "still"
@@ -246,7 +246,7 @@ def weighings(trace: Trace, recording: Recording) -> Sequence[Weighing]:
 
 
 def _same_place(trace: Trace, one: Recording, other: Recording) -> bool:
-    """Whether two recordings are of one lift, or of lifts along the same path."""
+    """Two recordings belong to one lift, or to lifts along the same path."""
     if one is other:
         return True
     load = load_of(trace, one.context.holding)
@@ -258,7 +258,7 @@ def _same_place(trace: Trace, one: Recording, other: Recording) -> bool:
 
 
 def referenced(found: Iterable[Segment]) -> bool:
-    """Whether some kind of segment was seen both with and without the load."""
+    """At least one kind of segment was recorded both with and without the load."""
     loaded: set[str] = set()
     empty: set[str] = set()
     for segment in found:
@@ -271,8 +271,8 @@ def _has_counterpart(one: Segment, found: Iterable[Segment]) -> bool:
 
 
 def _comparable(one: Segment, other: Segment) -> bool:
-    """Whether two passes, one with the load and one without, were the same motion: else the arm's
-    own inertia, which is far larger than a load's, does not cancel."""
+    """Two passes, one with the load and one without, have the same motion, so that the inertia of
+    the arm, far larger than the load's, cancels."""
     if one.kind != other.kind or one.loaded == other.loaded:
         return False
     apart = one.acceleration - np.interp(one.path, other.path, other.acceleration)
@@ -335,7 +335,7 @@ def _turned(
 
 
 def _arrival(samples: Samples, row: int, path: Path | None) -> str:
-    """How the arm came to rest at `row`: `up` or `down` the path, or `beside` it."""
+    """Direction of the arm's arrival at the rest at `row`: `up` or `down` the path, or `beside` it."""
     if path is None:
         return "beside"
     moved = samples.target_world_tcp[row, :3] - samples.target_world_tcp[: row + 1, :3]
@@ -426,11 +426,11 @@ def _segment(signals: _Signals, cut: Cut, bins: Sequence[Rows]) -> Segment:
         _means(signals.progress, bins),
         _means(signals.acceleration, bins),
         _means(signals.speed2, bins),
-        signals.felt.maps(_means(samples.q, bins)),
+        signals.observed.maps(_means(samples.q, bins)),
         _means(signals.net, bins),
         np.array([signals.noise.white / len(samples.t[rows]) for rows in bins]),
         _means(signals.motion, bins),
-        _means(signals.rubbed, bins),
+        _means(signals.dahl, bins),
         np.zeros(len(bins)),
     )
 

@@ -1,4 +1,4 @@
-"""Mass that each part of a recording gives beside the fit of all parts.
+"""Mass from each part of a recording, beside the fit of all parts.
 
 A part is a rest or a pass of a weighing, or half a second of free motion. Its value is the fitted mass
 plus the posterior mean of a load of its own in that part alone, one further coefficient of the same

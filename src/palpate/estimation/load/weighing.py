@@ -1,4 +1,4 @@
-"""What a held object weighs: shared by mass, momentum and centre of mass."""
+"""Weighing of a held object: shared by mass, momentum and centre of mass."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from palpate.trace.samples import FORCES, Trace
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Weight:
-    """The mass of the object that was held during a recording.
+    """Mass of the object held during a recording.
 
     Attributes:
         mass, std, ci95: kg.
@@ -51,7 +51,7 @@ class Weight:
 
     @property
     def part(self) -> Part:
-        """As a part of another estimate."""
+        """Estimate of the mass as a part of another estimate."""
         return Part(self.mass, self.std, "kg")
 
     def view(self, gravity: float) -> FitView:
@@ -99,8 +99,8 @@ def weigh(trace: Trace, recording: Recording) -> Weight:
 def whole_of(
     trace: Trace, recording: Recording, found: Sequence[Weighing], load: Load
 ) -> Whole | None:
-    """The load from all that the arm did around its weighings, where that tells more than they do, nothing
-    else acted, and they agree with it."""
+    """Load fitted to all free motion around its weighings, where that is more precise than they
+    are, no test failed, and both agree; else None."""
     name = recording.context.holding
     if name is None or not load.agrees:
         return None
@@ -112,8 +112,8 @@ def whole_of(
 
 
 def shared_gains(effects: Array) -> tuple[Shared, ...]:
-    """What one standard deviation of the gain of each joint's sensor does, (n, joints), as causes
-    that all measurements of an arm share."""
+    """Shared causes: effect of one standard deviation of each joint sensor's gain, (n, joints),
+    common to all measurements of an arm."""
     found: list[Shared] = []
     for i, effect in enumerate(effects.T.tolist()):
         found.append(Shared(f"gain of joint {i + 1}", "arm", tuple(effect)))
@@ -121,13 +121,13 @@ def shared_gains(effects: Array) -> tuple[Shared, ...]:
 
 
 def shared_links(links: Mapping[str, Array]) -> tuple[Shared, ...]:
-    """What errors of the arm's links do, by their names: the same in all that it measures."""
+    """Shared causes: effects of link model errors by name, common to all measurements of an arm."""
     return tuple(Shared(name, "arm", tuple(effect.tolist())) for name, effect in links.items())
 
 
 def hangs_free(trace: Trace, name: str) -> tuple[FitTest, ...]:
-    """The tests of what else than its weight acts on an object that is held in the air; none where
-    nothing was recorded of that."""
+    """Tests for other forces than its weight on an object held in the air; empty without such a
+    recording."""
     for recording in trace.recordings:
         context = recording.context
         still = recording.buffer == FORCES and context.activity == "still"
@@ -143,7 +143,7 @@ def single_shot(trace: Trace, recording: Recording) -> Part:
 
 
 def alone(trace: Trace, found: Sequence[Weighing]) -> Mapping[str, Part]:
-    """What `rests` and `passes` say on their own, kg, where they have a reference."""
+    """Estimates of the mass from `rests` alone and `passes` alone, kg, where they have a reference."""
     parts: dict[str, Part] = {}
     for name, at_rest in (("rests", True), ("passes", False)):
         group = [weighing.only(at_rest) for weighing in found]

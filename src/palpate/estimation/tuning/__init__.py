@@ -1,4 +1,4 @@
-"""Every tuning number of the estimators: its value, its unit, why it has it, how sensitive it is.
+"""Tuning numbers of the estimators: value, unit, reason and measured sensitivity of each.
 
 *Sensitive* says what becomes of an estimate when the number is halved or doubled (one that cannot
 exceed 1: half way to 1): by how many of its own standard deviations σ it moves at most, and between

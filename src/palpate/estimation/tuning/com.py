@@ -1,4 +1,4 @@
-"""Where a centre of mass lies: the numbers."""
+"""Tuning numbers: centre of mass."""
 
 GRASP_SHIFT = 2e-4
 """m (1 sigma): how far an object slips along the fingers as it is put down, beside what its droop and

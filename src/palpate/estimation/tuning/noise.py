@@ -1,4 +1,4 @@
-"""How noisily joints are sensed: the numbers."""
+"""Tuning numbers: noise of the joint sensors."""
 
 SHORT_BLOCK = 0.05
 """s: means over such blocks show the white noise; long enough for a filter of the signals to have

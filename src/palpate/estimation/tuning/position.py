@@ -1,4 +1,4 @@
-"""Where fingers centre an object: the numbers."""
+"""Tuning numbers: centring by the fingers."""
 
 CENTRING = 0.0015
 """m (1 sigma): fingers centre an object on themselves as they close; in simulated grasps it

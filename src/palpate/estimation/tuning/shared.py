@@ -1,4 +1,4 @@
-"""What several estimators rely on: tests of fit, and what is not known of any force."""
+"""Tuning numbers of several estimators: goodness-of-fit tests, and systematic errors of any force."""
 
 FALSE_ALARM = 1e-4
 """Probability that one test of fit fails although the model holds: an estimate rests on up to ten,

@@ -31,7 +31,13 @@ from palpate.planning.symbolic.places import (
     places,
 )
 from palpate.planning.symbolic.recording import yielding
-from palpate.planning.symbolic.shortest import Refusal, first_refused, obstacle, shortest
+from palpate.planning.symbolic.shortest import (
+    Refusal,
+    first_refused,
+    obstacle,
+    reason,
+    shortest,
+)
 from palpate.planning.symbolic.steps import TEMPORARY, Step, nodes
 from palpate.quantities.precision.effort import Effort
 from palpate.scene.scene import Scene
@@ -175,11 +181,13 @@ class Backchainer:
 
     def _acquire(self, parameter: Parameter) -> None:
         """One more piece of evidence, with as few places to go to as will do."""
-        self._hindrance = ""
+        self._hindrance = blocked = ""
         for expressions in places(self.scene, parameter, self.state):
             if self._recorded(parameter, expressions):
                 return
-        why = self._mute(parameter) or self._hindrance
+            operators = self._operators(parameter.object, expressions)
+            blocked = blocked or obstacle(self.state, operators)
+        why = self._mute(parameter) or self._hindrance or blocked
         raise PlanRejected(f"no sequence of primitives measures {parameter}{why}")
 
     def _recorded(self, parameter: Parameter, expressions: Sequence[str]) -> bool:
@@ -399,7 +407,7 @@ class Backchainer:
                 self.state = after
                 return True
             refused.add(refusal[0])
-            self._hindrance = hindrance = f": {refusal[1]}"
+            self._hindrance = hindrance = reason(refusal[1])
         if failure:
             raise PlanRejected(failure + (hindrance or obstacle(self.state, operators)))
         return False

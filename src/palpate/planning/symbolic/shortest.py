@@ -7,7 +7,7 @@ the next search.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
@@ -15,12 +15,25 @@ from palpate.planning.symbolic.goals import Tail
 from palpate.planning.symbolic.steps import Step
 from palpate.vocabulary.base import Primitive
 from palpate.vocabulary.state import SymbolicState
-from palpate.vocabulary.violation import PRECONDITION
+from palpate.vocabulary.violation import PRECONDITION, Violation
 
 MAX_STATES = 5000
 """States that one search looks at before it gives up."""
 FEW_STATES = 60
 """That it looks at again, to say why."""
+MOVE_OR_CLEAR = "make room: move it, or what stands beside it"
+MOVE_OR_TURN = "move it nearer to the middle of the arm's reach, or turn it"
+ADVICE: Mapping[str, str] = {
+    "twist": "lay it so that the fingers can take it near its centre of mass, or state its mass",
+    "blocked": MOVE_OR_CLEAR,
+    "collision": MOVE_OR_CLEAR,
+    "sideways": MOVE_OR_CLEAR,
+    "unreachable": MOVE_OR_TURN,
+    "self-collision": MOVE_OR_TURN,
+    "unsupported": "move it away from the edge, or clear what stands on it",
+    "too-wide": "turn it so that a narrower side faces the fingers",
+}
+"""Advice to the user by rule."""
 Refusal = tuple[tuple[object, ...], str]
 """A state, and the label of a step that does harm there."""
 
@@ -50,20 +63,20 @@ def shortest(
     return None
 
 
-def first_refused(state: SymbolicState, steps: Iterable[Step]) -> tuple[Refusal, str] | None:
+def first_refused(state: SymbolicState, steps: Iterable[Step]) -> tuple[Refusal, Violation] | None:
     """The first of some steps that the exact judgement does not let pass, and why; it is too slow
     to be asked at every step of a search."""
     for step in steps:
         harm = step.harm(state)
         if harm is not None:
-            return (_key(state), step.label), str(harm)
+            return (_key(state), step.label), harm
         state = step.effect(state)
     return None
 
 
 def obstacle(state: SymbolicState, operators: Sequence[Primitive]) -> str:
-    """What of the things themselves speaks against an action on the way, where none leads on: that one
-    would tip, fall or turn in the grip; not the order of actions."""
+    """Reason why no sequence of actions leads on, with advice to the user: an object would tip, fall
+    or turn in the grip. Violations of the order of actions are not reasons."""
     queue, seen = deque([state]), {_key(state)}
     while queue and len(seen) < FEW_STATES:
         here = queue.popleft()
@@ -71,12 +84,20 @@ def obstacle(state: SymbolicState, operators: Sequence[Primitive]) -> str:
             taking = "gripper" in operator.claims
             for violation in operator.requires(here) if taking else ():
                 if violation.rule not in (PRECONDITION, "gripper-state", "unknown-start"):
-                    return f": {violation}"
+                    return reason(violation)
             after = Step((operator,)).applied(here)
             if after is not None and _key(after) not in seen:
                 seen.add(_key(after))
                 queue.append(after)
     return ""
+
+
+def reason(violation: Violation) -> str:
+    """A violation as a reason for the user: its finding, and advice that changes the scene. The advice
+    in its message is for the author of a plan."""
+    finding = violation.message.partition(";")[0]
+    advice = ADVICE.get(violation.rule)
+    return f": {finding}; {advice}" if advice else f": {finding}"
 
 
 def _is_refused(state: SymbolicState, steps: Iterable[Step], refused: set[Refusal]) -> bool:

@@ -1,5 +1,4 @@
-"""How much work goes into a parameter: how often, and how slowly, its object is lifted, or how often
-it is measured as ever."""
+"""Effort for a parameter: number and speed of lifts of its object, or number of repetitions."""
 
 from __future__ import annotations
 
@@ -25,7 +24,7 @@ class Effort:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Site:
-    """Where an object is worked on.
+    """Workplace of an object: arm, grasp and lift poses.
 
     Attributes:
         parameter: what the work is for.

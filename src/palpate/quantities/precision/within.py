@@ -1,4 +1,4 @@
-"""How narrow the intervals of a run are asked to be, and whether they are.
+"""Requested half widths of 95 % intervals, and their fulfilment.
 
 `--within mass=1g` asks for a 95 % interval of every mass that reaches 1 g to either side. Repeating a
 measurement narrows what is noise; what other measurements share, such as a sensor's gain, is a floor
@@ -44,7 +44,7 @@ Outcome = Literal["reached", "floor", "rounds used up"]
 
 @dataclass(frozen=True, slots=True)
 class Precision:
-    """What was asked of one estimate and what came of it.
+    """Requested and reached precision of an estimate.
 
     Attributes:
         asked, reached, floor: half widths of the 95 % interval in the estimate's unit: as asked, as
@@ -94,8 +94,8 @@ class Precision:
         return 1.0 / math.sqrt(wanted**-2 - present**-2)
 
     def further(self, times: int) -> int:
-        """How often what was done so many `times` is to be done besides, at least once: the noise
-        of a mean falls with the root of their number."""
+        """Number of further repetitions after `times`, at least one: the std of a mean falls with
+        the root of their number."""
         return max(1, math.ceil(times * ((self._noise / self._wanted) ** 2 - 1.0)))
 
     @property
@@ -132,8 +132,8 @@ class Within:
         return iter(self.widths)
 
     def of(self, parameter: Parameter) -> float | None:
-        """What is asked of a parameter, by its own name before that of its quantity; None where
-        nothing is."""
+        """Requested half width of a parameter, by its own name before that of its quantity; None if
+        there is none."""
         widths = dict(self.widths)
         return widths.get(str(parameter), widths.get(parameter.quantity))
 
@@ -149,7 +149,7 @@ class Within:
                 raise unknown_name("object in within=", object, names)
 
     def precision(self, estimate: Estimate) -> Precision | None:
-        """What came of it, by its widest component; None where nothing was asked.
+        """Precision of the widest component; None without a request.
 
         A component that no recording says anything of is no matter of width: nobody can narrow it.
         """
@@ -158,7 +158,7 @@ class Within:
             return None
         if not estimate.has_value:
             return Precision(asked, math.inf, 0.0)
-        half = (estimate.ci95[:, 1] - estimate.ci95[:, 0]) / 2.0
+        half = (estimate.intervals[:, 1] - estimate.intervals[:, 0]) / 2.0
         narrowable = np.delete(np.arange(len(half)), estimate.unseen)
         candidates = narrowable if len(narrowable) else np.arange(len(half))
         widest = int(candidates[half[candidates].argmax()])
@@ -181,8 +181,8 @@ def noise_std(width: float, floor: float) -> float:
 
 
 def _cause(estimate: Estimate, component: int) -> tuple[str, str]:
-    """What most of the floor of a component comes from, causes that differ in the joint alone taken
-    together, and whose it is."""
+    """Main cause of a component's floor, and its owner; causes that differ only in the joint are
+    added."""
     squares: dict[tuple[str, str], float] = {}
     for shared in estimate.shared:
         kind = JOINT.sub("the joints", shared.cause), shared.of

@@ -1,5 +1,4 @@
-"""Where the extents of an object stand in its file: in the numbers of its shapes, or in the `scale` of
-its meshes."""
+"""Extents of an object in its file: the `size` of its geoms, or the `scale` of its meshes."""
 
 from __future__ import annotations
 
@@ -29,7 +28,7 @@ _SIZES: Mapping[str, int] = {"box": 3, "ellipsoid": 3, "cylinder": 2, "capsule":
 
 
 def is_one_shape(elements: Elements) -> bool:
-    """Whether an object is a single shape whose extents are numbers of it."""
+    """The object is a single geom whose `size` states its extents."""
     if len(elements.geoms) != 1 or elements.geoms[0].get("fromto"):
         return False
     return (elements.defaults.attribute(elements.geoms[0], "type") or "sphere") in _RADII

@@ -1,4 +1,4 @@
-"""Size of an object: its three extents, as the fingers and a touch of its top tell them."""
+"""Size of an object: its three extents, from the finger opening at a grasp and a touch of its top."""
 
 from __future__ import annotations
 
@@ -45,8 +45,8 @@ AXES = "xyz"
 
 
 class Size(Quantity):
-    """Full extents along the axes of the object's own frame. The fingers' opening tells its width
-    where they hold it, a touch of its top how high it is."""
+    """Full extents along the axes of the object's own frame: the width from the finger opening at a
+    grasp, the height from a touch of its top."""
 
     id = "size"
     unit = UNIT
@@ -119,7 +119,7 @@ class Size(Quantity):
             yield Slot(elements.geoms[0], "size", str(HALF))
 
     def prior(self, body: BodyDescription, believed: Values) -> Prior:
-        """As high as fits between its middle and what it stands on; as wide as a hand takes."""
+        """Prior: as high as fits between its middle and its support; as wide as a hand takes."""
         extents, is_open = body.box()[1], open_extents(body)
         mean = np.where(is_open, 2 * HALF, extents)
         std = np.where(is_open, tuning.EXTENT_PRIOR * mean, 0.0)
@@ -130,7 +130,7 @@ class Size(Quantity):
         return Prior(tuple(mean.tolist()), tuple(std.tolist()))
 
     def draw(self, body: Body, prior: Prior, random: np.random.Generator) -> tuple[float, ...]:
-        """Up to `OFF` off to the sides; what stands on something is as high as it stands."""
+        """Uniform within `OFF` sideways; supported objects keep their height."""
         up = np.abs(body.pose_world.rotation[2]) > tuning.ALIGNED
         off = random.uniform(-OFF, OFF, 3) * (np.array(prior.std) > 0.0) * ~up
         return tuple((np.array(prior.mean) * (1.0 + off)).tolist())
@@ -155,7 +155,7 @@ class Size(Quantity):
 
 @dataclass(frozen=True, slots=True)
 class _Extent:
-    """One measured extent: along which axis of the object, m, and its standard deviation."""
+    """Measured extent along an axis of the object, m, with its standard deviation."""
 
     axis: int
     value: float
@@ -163,8 +163,7 @@ class _Extent:
 
 
 def estimate_size(trace: Trace, parameter: Parameter, body: Body | None) -> Estimate:
-    """Extents of an object from how far the fingers stayed open as they held it, and from a touch
-    of its top.
+    """Extents of an object from the finger opening at its grasps, and from a touch of its top.
 
     An extent that nothing told stays as the scene has it, with its prior deviation, and the method
     says so.
@@ -209,7 +208,7 @@ def _held(trace: Trace, name: str) -> list[Recording]:
 
 
 def _widths(trace: Trace, held: Sequence[Recording], body: Body) -> Iterator[_Extent]:
-    """Where the fingers closed along an axis of the object, or the object is round."""
+    """Widths from grasps that closed along an axis of the object, or around a round one."""
     for recording in held:
         closing = mean_pose(trace.of(recording)).rotation[:, 1]
         width, std = _width(trace, recording)
@@ -241,7 +240,7 @@ def _width(trace: Trace, recording: Recording) -> tuple[float, float]:
 
 
 def _heights(trace: Trace, touches: Sequence[Touch], body: Body) -> Iterator[_Extent]:
-    """What was touched of its top, less what it stands on."""
+    """Height of the touched top above the support."""
     upright = np.flatnonzero(np.abs(body.pose_world.rotation[2]) > tuning.ALIGNED)
     if not touches or not len(upright):
         return
@@ -276,7 +275,7 @@ def _support(trace: Trace, body: Body) -> tuple[float, float]:
 
 
 def _tests(touches: Iterable[Touch]) -> Iterator[FitTest]:
-    """Whether what was met of the top is the object itself, and nothing soft on it or under it.
+    """Tests for a rigid top: nothing soft on the object or under it.
 
     An object ends where it is met. It may give way a little as it is pressed, or what it stands on:
     where it was met is then uncertain by a part of that, which its standard deviation tells.

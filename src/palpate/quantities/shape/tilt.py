@@ -52,7 +52,7 @@ class Tilt(Quantity):
 
 
 def estimate_tilt(trace: Trace, parameter: Parameter, body: Body | None) -> Estimate:
-    """How a surface leans, from the plane through all its touches; `parts`: `angle` from level.
+    """Tilt of a surface from the plane through all its touches; `parts`: `angle` from level.
 
     Raises:
         ValueError: a recording holds no samples, or no guarded descent comes before it.

@@ -44,7 +44,7 @@ def _shown(view: FitView, measured: Measured) -> np.ndarray:
     near, std = view.measured[certain], view.std[certain]
     ends = [near - std, near + std, view.measured, view.predicted]
     if view.component is not None:
-        ends.append(view.scale * measured.estimate.ci95[view.component])
+        ends.append(view.scale * measured.estimate.intervals[view.component])
     return np.concatenate(ends)
 
 
@@ -55,8 +55,8 @@ def _prediction(sheet: Sheet, view: FitView, measured: Measured) -> list[tuple[s
         sheet.line("fit", view.x[order], view.predicted[order])
         return [("fit", "the fit")]
     estimate, i = measured.estimate, view.component
-    low, high = (view.scale * estimate.ci95[i]).tolist()
-    value, std = float(estimate.value[i]), float(estimate.std[i])
+    low, high = (view.scale * estimate.intervals[i]).tolist()
+    value, std = float(estimate.values[i]), float(estimate.stds[i])
     sheet.band("interval", sheet.x, (low, high))
     sheet.level("fit", view.scale * value)
     unit = "" if estimate.unit == "1" else estimate.unit

@@ -37,9 +37,9 @@ def _closings(measured: Measured, trace: Trace) -> Iterator[Closing]:
 
 def _opening(recording: Recording, samples: Samples, measured: Measured) -> Chart:
     held = 1e3 * float(np.median(samples.between(recording.start, recording.end).width))
-    values = 1e3 * measured.estimate.value
+    values = 1e3 * measured.estimate.values
     axis = int(np.abs(values - held).argmin())
-    value, std = float(values[axis]), 1e3 * float(measured.estimate.std[axis])
+    value, std = float(values[axis]), 1e3 * float(measured.estimate.stds[axis])
     opening = 1e3 * samples.width
     ends = [held, value - 2.0 * std, value + 2.0 * std]
     sheet = Sheet((float(samples.t[0]), float(samples.t[-1])), span(np.append(opening, ends), 0.1))
@@ -70,7 +70,7 @@ def _opening(recording: Recording, samples: Samples, measured: Measured) -> Char
 def _place(recording: Recording, samples: Samples, measured: Measured) -> Chart:
     hand = mean_pose(samples.between(recording.start, recording.end))
     closing = hand.rotation[:2, 1] / np.linalg.norm(hand.rotation[:2, 1])
-    std = 1e3 * float(np.linalg.norm(closing * measured.estimate.std))
+    std = 1e3 * float(np.linalg.norm(closing * measured.estimate.stds))
     place = 1e3 * ((samples.pose_world_tcp[:, :2] - hand.position[:2]) @ closing)
     ends = [-2.0 * std, 2.0 * std]
     sheet = Sheet((float(samples.t[0]), float(samples.t[-1])), span(np.append(place, ends), 0.2))

@@ -38,7 +38,7 @@ def held_charts(measured: Measured, trace: Trace) -> tuple[Chart, ...]:
     levers = list(_levers(rests, trace))
     if not levers:
         return ()
-    return _moments(rests, trace), _places(levers, float(measured.estimate.std[:2].max()))
+    return _moments(rests, trace), _places(levers, float(measured.estimate.stds[:2].max()))
 
 
 def _mean(segment: Segment, trace: Trace) -> Array:

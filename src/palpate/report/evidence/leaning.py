@@ -13,7 +13,7 @@ from palpate.trace.samples import Trace
 def leaned_charts(measured: Measured, trace: Trace) -> tuple[Chart, ...]:
     """One chart, seen from the side: along the direction in which it rises most."""
     touches = touches_of(trace, measured.estimate.evidence)
-    slope = measured.estimate.value
+    slope = measured.estimate.values
     steep = float(np.linalg.norm(slope))
     if len(touches) < 3 or steep == 0.0:
         return ()

@@ -23,7 +23,7 @@ def pressed_charts(measured: Measured, trace: Trace) -> tuple[Chart, ...]:
 
 
 def _press(touch: Touch, measured: Measured) -> Chart:
-    stiffness, std = float(measured.estimate.value[0]), float(measured.estimate.std[0])
+    stiffness, std = float(measured.estimate.values[0]), float(measured.estimate.stds[0])
     spring, descent = touch.spring, touch.descent
     depth = 1e3 * (spring.first - descent.z)
     most = float(depth.max())

@@ -8,7 +8,7 @@ import numpy as np
 
 from palpate.estimation.estimate import rounded
 from palpate.estimation.friction.drags import Drag, steady_drags
-from palpate.estimation.load.feeling import feeling
+from palpate.estimation.load.observation import observe
 from palpate.report.data import Measured
 from palpate.report.evidence.chart import Chart, Sheet, span
 from palpate.trace.samples import Trace
@@ -19,14 +19,14 @@ BLOCKS = 12
 
 def slid_charts(measured: Measured, trace: Trace) -> tuple[Chart, ...]:
     """The forces of all drags against each other, and their quotient over time."""
-    drags = steady_drags(trace, measured.estimate.parameter.object, feeling(trace))
+    drags = steady_drags(trace, measured.estimate.parameter.object, observe(trace))
     if not drags:
         return ()
     return _forces(drags, measured), _quotient(drags, measured)
 
 
 def _forces(drags: Sequence[Drag], measured: Measured) -> Chart:
-    value, std = float(measured.estimate.value[0]), float(measured.estimate.std[0])
+    value, std = float(measured.estimate.values[0]), float(measured.estimate.stds[0])
     points: list[tuple[float, float]] = []
     for drag in drags:
         rows = np.flatnonzero(drag.cruising & drag.moving)
@@ -57,12 +57,12 @@ def _forces(drags: Sequence[Drag], measured: Measured) -> Chart:
 
 
 def _quotient(drags: Sequence[Drag], measured: Measured) -> Chart:
-    value = float(measured.estimate.value[0])
+    value = float(measured.estimate.values[0])
     start, end = drags[0].t[0], drags[-1].t[-1]
     static = measured.estimate.parts.get("static")
     tops = [value, *(float(np.percentile(drag.quotient, 99.5)) for drag in drags)]
     sheet = Sheet((float(start), float(end)), span(np.array([0.0, *tops]), 0.12))
-    low, high = measured.estimate.ci95[0].tolist()
+    low, high = measured.estimate.intervals[0].tolist()
     for drag in drags:
         rows = np.flatnonzero(drag.cruising & drag.moving)
         if len(rows):

@@ -28,12 +28,12 @@ def swung_charts(measured: Measured, trace: Trace) -> tuple[Chart, ...]:
     if not told:
         return ()
     load = np.concatenate([swing.load for swing, _, _ in told])
-    felt = np.concatenate([added for _, added, _ in told])
+    observed = np.concatenate([added for _, added, _ in told])
     std = np.sqrt(np.concatenate([variance for _, _, variance in told]))
     # Least squares by one body in the hand's axes; what swings do not excite stays 0.
-    body = np.linalg.lstsq(load / std[:, None], felt / std, rcond=1e-6)[0]
+    body = np.linalg.lstsq(load / std[:, None], observed / std, rcond=1e-6)[0]
     rates = np.concatenate([np.full(len(added), swing.rate) for swing, added, _ in told])
-    points = _Points(1e3 * (load @ body), 1e3 * felt, 1e3 * std, rates > FASTER * rates.min())
+    points = _Points(1e3 * (load @ body), 1e3 * observed, 1e3 * std, rates > FASTER * rates.min())
     return _agreement(points, told), _residuals(points)
 
 
@@ -55,7 +55,7 @@ class _Points:
     deviation; whether it was swung fast."""
 
     made: Array
-    felt: Array
+    observed: Array
     std: Array
     fast: NDArray[np.bool_]
 
@@ -69,10 +69,12 @@ class _Points:
 
 
 def _agreement(points: _Points, told: list[Told]) -> Chart:
-    sheet = Sheet(span(points.made, 0.08), span(np.concatenate([points.felt, points.made]), 0.08))
+    sheet = Sheet(
+        span(points.made, 0.08), span(np.concatenate([points.observed, points.made]), 0.08)
+    )
     ends = np.array(sheet.x)
     sheet.line("fit", ends, ends)
-    points.draw(sheet, points.felt)
+    points.draw(sheet, points.observed)
     rates = sorted({round(swing.rate / (2.0 * np.pi), 1) for swing, _, _ in told})
     hertz = " and ".join(f"{rate:.1f}" for rate in rates)
     return sheet.chart(
@@ -85,7 +87,7 @@ def _agreement(points: _Points, told: list[Told]) -> Chart:
 
 
 def _residuals(points: _Points) -> Chart:
-    left = points.felt - points.made
+    left = points.observed - points.made
     ends = np.concatenate([left - points.std, left + points.std])
     sheet = Sheet(span(points.made, 0.08), span(ends, 0.1))
     sheet.level("fit", 0.0)
@@ -93,8 +95,8 @@ def _residuals(points: _Points) -> Chart:
     rms = float(np.sqrt(np.mean(left**2)))
     return sheet.chart(
         "What one rigid body leaves of them.",
-        f"{rms:.2f} mN·m (root mean square), of up to {np.abs(points.felt).max():.0f} mN·m. The estimate also knows "
-        "how the object hangs, and that what is between pads and object gives way, more so in fast swings.",
+        f"{rms:.2f} mN·m (root mean square), of up to {np.abs(points.observed).max():.0f} mN·m. The estimate also "
+        "knows how the object hangs, and that what is between pads and object gives way, more so in fast swings.",
         ("by one rigid body (mN·m)", "left of it (mN·m)"),
         DOTS,
     )

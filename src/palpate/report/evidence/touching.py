@@ -27,7 +27,7 @@ def touched_charts(measured: Measured, trace: Trace) -> tuple[Chart, ...]:
 
 def _touch(descent: Descent, recording: Recording, measured: Measured) -> Chart:
     estimate = measured.estimate
-    value, std = float(estimate.value[0]), float(estimate.std[0])
+    value, std = float(estimate.values[0]), float(estimate.stds[0])
     onset = estimate.parts.get("soft onset")
     began = value if onset is None else max(value, onset.value)
     least = min(float(descent.z.min()), value - 2 * std)

@@ -24,6 +24,8 @@ _MESSAGE = struct.Struct("<III")
 """Command, id and size of a message that says no more; an answer to it has a status besides."""
 RECOVER = 10
 """AutomaticErrorRecovery (rbk_types.h)."""
+INCOMPATIBLE = 1
+"""The status of an answer that refuses the version; 0 accepts it (service_types.h)."""
 _ANSWER = struct.Struct("<IIIBH")
 """Command, id and size of the message; status and version."""
 
@@ -51,7 +53,9 @@ def greet(address: Address) -> Greeting:
         )
     if len(answer) < _ANSWER.size:
         return Greeting(None, f"it hangs up: {ACTIVATE}")
-    _, _, _, refused, version = _ANSWER.unpack(answer)
+    command, number, size, refused, version = _ANSWER.unpack(answer)
+    if (command, number) != (0, 0) or size < _ANSWER.size or refused > INCOMPATIBLE:
+        return Greeting(None, STRANGER.format(answer=answer))
     if refused:
         return Greeting(version, WHEEL.format(theirs=version, ours=SPOKEN))
     return Greeting(version, None)
@@ -86,6 +90,10 @@ def _greeted(line: socket.socket) -> bytes:
 
 
 ACTIVATE = "activate FCI in Desk, and see that no other program is connected"
+STRANGER = (
+    "something else answers at its port, which begins with {answer!r} and is no control box of a Franka: see "
+    "that the address is the one under which Desk opens"
+)
 WHEEL = (
     "it speaks version {theirs} of the robot interface, and this franky-control version {ours}: install "
     "the wheel that is built for its system version (README of franky-control, compatibility)"

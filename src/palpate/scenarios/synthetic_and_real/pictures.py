@@ -20,7 +20,7 @@ from palpate.pictures.renderer import Painter, Pixels
 WORLD = Path(__file__).with_name("world.xml")
 WIDTH, HEIGHT = 800, 600
 FILES = ("rendering/rendering.jpg", "photo.jpg")
-"""Where they are, from this folder."""
+"""Paths relative to this folder."""
 
 CAMERA = mujoco.MjvCamera()
 """The photo's: from the arm's other side, lower and nearer than the scene's own camera."""
@@ -98,7 +98,7 @@ def _asset(name: str) -> str:
 
 
 def _wood(random: np.random.Generator) -> Light:
-    """Planks along x, each with a grain of its own."""
+    """Planks along x, each with its own grain."""
     size = 512
     y, x = np.mgrid[0:size, 0:size] / size
     plank = np.floor(8 * y)
@@ -116,7 +116,7 @@ def _wood(random: np.random.Generator) -> Light:
 def _mottled(
     random: np.random.Generator, colour: tuple[float, float, float], depth: float
 ) -> Light:
-    """One colour with stains of several sizes."""
+    """Colour with stains of several sizes."""
     size = 256
     stains = np.zeros((size, size))
     for n in (4, 16, 64, 256):
@@ -139,7 +139,7 @@ def _through_lens(seen: Light) -> Light:
 
 
 def _sensed(light: Light, random: np.random.Generator) -> Pixels:
-    """What the sensor makes of it: shot noise, read noise, the colour of the light."""
+    """Sensor model: shot noise, read noise, colour of the light."""
     charge = random.poisson(ELECTRONS * light) + random.normal(0.0, READ_NOISE, light.shape)
     return _bytes(charge / ELECTRONS * np.array(WHITE))
 

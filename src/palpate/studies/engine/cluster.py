@@ -28,8 +28,9 @@ _ADDRESS = re.compile(r"(?:ray://)?(?P<host>[\w.-]+):(?P<port>\d{1,5})")
 
 @contextmanager
 def crew(address: str, workers: int | None = None) -> Generator[Crew]:
-    """Those at `address`: `local`, `auto` (the cluster that runs on this machine), `HOST:PORT` or
-    `ray://HOST:PORT`. `workers`: how many at most, by default one a processor.
+    """Workers of the Ray cluster at `address`: `local`, `auto` (the cluster that runs on this
+    machine), `HOST:PORT` or `ray://HOST:PORT`. At most `workers` of them, by default one per
+    processor.
 
     Raises:
         InputError: it is no address.
@@ -86,7 +87,7 @@ class RayCrew:
 
 
 def _joined(address: str) -> Any:
-    """The library, once this process is part of the cluster; nothing is told to anybody else."""
+    """Import Ray and join the cluster at `address`, with usage reports off."""
     _require_answer(address)
     os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
     try:

@@ -54,7 +54,7 @@ class Lines:
             raise InputError(f"cannot write '{self.file}': {error.strerror}") from error
 
     def other(self) -> InputError:
-        """What to raise when the lines are not those of the study that reads them."""
+        """Error for a file whose lines belong to another study."""
         return InputError(
             f"'{self.file.name}' is not a results file of a study; choose another place with --out"
         )

@@ -1,4 +1,4 @@
-"""How far a study has come."""
+"""Progress of a study: tasks done and time left."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class Progress:
         self.done, self.began = self.before, self.clock()
 
     def step(self) -> str:
-        """One more is done: how far that is, in a line."""
+        """Count one more finished task; return the progress as a line of text."""
         self.done += 1
         return str(self)
 
@@ -39,7 +39,7 @@ class Progress:
 
 
 def _duration(seconds: float) -> str:
-    """As people say it: `42 s`, `17 min`, `3 h 05 min`."""
+    """Format a duration: `42 s`, `17 min`, `3 h 05 min`."""
     if seconds < 2 * MINUTE:
         return f"{seconds:.0f} s"
     if seconds < 2 * HOUR:

@@ -18,7 +18,7 @@ Task = TypeVar("Task")
 Result = TypeVar("Result")
 
 AHEAD = 2
-"""Tasks that a worker is handed at once, so that none waits for the next one."""
+"""Tasks that a worker receives ahead, so that it never waits for the next."""
 
 
 class Lost(Exception):
@@ -26,12 +26,12 @@ class Lost(Exception):
 
 
 class Crew(Protocol):
-    """Those who do tasks."""
+    """Workers that execute the tasks of a study."""
 
     def each(
         self, work: Callable[[Task], Result], tasks: Sequence[Task]
     ) -> Iterator[tuple[int, Result | Lost]]:
-        """What `work` makes of every task, with the task's place, as they are done.
+        """Yield (index of the task, result of `work`) in order of completion.
 
         Work, tasks and results must be picklable unless a single process does them all. What `work`
         raises is raised.
@@ -63,7 +63,7 @@ class Processes:
     def _pooled(
         self, work: Callable[[Task], Result], tasks: Sequence[Task], waiting: deque[int]
     ) -> Generator[tuple[int, Result], None, list[int]]:
-        """Until nobody is waiting, or a process is gone; returns the tasks that were under way."""
+        """Work through the queue until it is empty or a process dies; return the tasks in progress."""
         # A signal to all of them is this process's affair: the others finish what they are at.
         pool = ProcessPoolExecutor(self.count, initializer=ignore_signals)
         running: dict[Future[Result], int] = {}
@@ -84,7 +84,7 @@ class Processes:
 
 
 def spread(work: Callable[[Task], Result], tasks: Sequence[Task], workers: int) -> list[Result]:
-    """What `work` makes of every task, in order, whatever the number of processes.
+    """Map `work` over the tasks with `workers` processes; results in the order of the tasks.
 
     Raises:
         Lost: a task took its process with it.
@@ -98,7 +98,7 @@ def spread(work: Callable[[Task], Result], tasks: Sequence[Task], workers: int) 
 
 
 def _alone(work: Callable[[Task], Result], task: Task) -> Result | Lost:
-    """What becomes of a task in a process of its own."""
+    """Result of a task in a process of its own; `Lost` if the process dies."""
     with ProcessPoolExecutor(1, initializer=ignore_signals) as pool:
         try:
             return pool.submit(work, task).result()

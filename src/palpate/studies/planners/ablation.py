@@ -1,4 +1,5 @@
-"""The paper's table II: what each part of the prompt is worth, over independent trials."""
+"""Ablation of the prompt (the paper's table II): success rate without each module, over independent
+trials."""
 
 from __future__ import annotations
 
@@ -48,8 +49,8 @@ KINDS = (
     "vision/labels",
     "water_temperature",
 )
-"""Scenarios of several kinds: what a part of the prompt is worth for one of them (something in the
-way, a slide beside a log, three grasps, a label, a refusal) it may not be for another."""
+"""Scenarios of several kinds: a module of the prompt that helps one of them (an obstacle, a slide,
+three grasps, a label, a refusal) may not help another."""
 EVERY = "all"
 SEVERAL = "kinds"
 

@@ -1,4 +1,4 @@
-"""One trial: ask a planner, compile its first answer, execute its plan, judge trace and twin."""
+"""Trial of a planner: ask it, compile its first answer, execute its plan, judge trace and twin."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ from palpate.vocabulary.state import SymbolicState
 
 @dataclass(frozen=True, slots=True)
 class Conditions:
-    """What all trials of a study share.
+    """Conditions that all trials of a study share.
 
     Attributes:
         images: pictures of the workspace, instead of the scenario's own.
@@ -92,7 +92,7 @@ def attempt(trial: Trial, without: frozenset[str], conditions: Conditions) -> Re
 
 
 def _looks(planner: str) -> bool:
-    """Whether a planner sees pictures.
+    """True for a planner that sees pictures.
 
     Raises:
         InputError: there is no such planner.
@@ -117,8 +117,8 @@ def _settings(
 
 
 def _images(task: Scenario, conditions: Conditions) -> tuple[Path, ...]:
-    """What a model is shown: the pictures given, the scenario's own, else those of its world, which
-    are taken once. Without a usable OpenGL there are none."""
+    """Pictures for a model: those given, else the scenario's own, else renderings of its world,
+    made once. Empty without a usable OpenGL."""
     given = conditions.images or task.images
     if given or conditions.beside is None:
         return given
@@ -152,16 +152,16 @@ def _with_twin(run: Run) -> Run:
     scene = run.scene
     if run.seen is not None and run.final_state is not None:
         scene = run.final_state.scene
-    return replace(run, twin=build_twin(scene, run.estimates))
+    return replace(run, finished=build_twin(scene, run.estimates))
 
 
 def _found(run: Run) -> dict[str, Found]:
-    """What was estimated, beside what is true, by parameter."""
+    """Estimates and true values by parameter."""
     found: dict[str, Found] = {}
     for estimate in run.estimates:
         found[str(estimate.parameter)] = Found(
-            tuple(estimate.value.tolist()) if estimate.has_value else (),
-            tuple(estimate.std.tolist()) if estimate.has_value else (),
+            tuple(estimate.values.tolist()) if estimate.has_value else (),
+            tuple(estimate.stds.tolist()) if estimate.has_value else (),
             run.truth.get(estimate.parameter, ()),
             estimate.unit,
             estimate.verdict,
@@ -170,7 +170,7 @@ def _found(run: Run) -> dict[str, Found]:
 
 
 def _figures(run: Run) -> dict[str, Any]:
-    """What asking a model took, and what it said."""
+    """Tokens, cost, duration and answers of a model's conversation."""
     if run.conversation is None:
         return {}
     answers = [asked.answer.text for asked in run.conversation.rounds]
@@ -178,7 +178,7 @@ def _figures(run: Run) -> dict[str, Any]:
 
 
 def _syntax(run: Run) -> bool:
-    """Whether the first answer is a plan that compiles, as it came."""
+    """The unmodified first answer is a plan that compiles."""
     if run.conversation is None:
         return _compiles(run.plan, run.scene)
     first = run.conversation.rounds[0].answer.text
@@ -189,7 +189,7 @@ def _syntax(run: Run) -> bool:
 
 
 def _compiles(plan: Plan, scene: Scene) -> bool:
-    """Whether py_trees takes the plan's tree; an idle plan needs none."""
+    """py_trees accepts the plan's tree; a plan without one needs none."""
     from palpate.execution.build import build
 
     if plan.tree is None:

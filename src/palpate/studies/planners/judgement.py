@@ -22,7 +22,7 @@ FAR = 4.0
 
 @dataclass(frozen=True, slots=True)
 class Judgement:
-    """Whether a trial succeeded, and if not, the first reason."""
+    """Success of a trial, or the first reason against it."""
 
     success: bool
     reason: str = ""
@@ -30,20 +30,21 @@ class Judgement:
 
 @dataclass(frozen=True, slots=True)
 class Ruling:
-    """What a trial came to, and why it is no success."""
+    """Outcome of a trial, with the reason where it is no success."""
 
     outcome: Outcome
     reason: str = ""
 
     @property
     def success(self) -> bool:
-        """Whether that is what was to come of it."""
+        """The outcome is the one that the scenario expects."""
         return self.outcome in SUCCESSES
 
 
 def rule(run: Run, task: Scenario, looks: bool) -> Ruling:
-    """What a run of a scenario came to: by its trace, and by what stands in its twin beside what is
-    true. `looks`: the planner sees pictures, and so has no excuse where only they tell."""
+    """Judge a run of a scenario by its trace and by the values in its twin against the truth.
+    `looks`: the planner sees pictures, so a scenario that only a picture explains counts as
+    solvable."""
     if not run.ready:
         return _unmoved(run, task, looks)
     blind = task.only_seen and not looks
@@ -51,8 +52,8 @@ def rule(run: Run, task: Scenario, looks: bool) -> Ruling:
         return Ruling("failed", "the arm moved where nothing can be measured")
     if task.status != "complete":
         return _stopped(run, task, blind)
-    assert run.trace is not None
-    judgement = judge(run.trace, task.expects, task.may_touch)
+    assert run.trace_if_any is not None
+    judgement = judge(run.trace_if_any, task.expects, task.may_touch)
     if not judgement.success:
         return Ruling("failed", judgement.reason)
     if wrong := next(_errors(run, task.expects), None):
@@ -61,7 +62,7 @@ def rule(run: Run, task: Scenario, looks: bool) -> Ruling:
 
 
 def is_valid(run: Run) -> bool:
-    """Whether the plan, or the explanation why there is none, passed the check."""
+    """The plan, or the explanation for not making one, passed the check."""
     if run.findings:
         return False
     if run.conversation is None or not run.conversation.rounds:
@@ -70,14 +71,14 @@ def is_valid(run: Run) -> bool:
 
 
 def _findings(run: Run) -> Sequence[str]:
-    """What the check says against the plan, or against a model's last answer."""
+    """Findings of the check on the plan, or on a model's last answer."""
     if run.findings or run.conversation is None:
         return [finding.message for finding in run.findings]
     return run.conversation.rounds[-1].findings
 
 
 def _unmoved(run: Run, task: Scenario, looks: bool) -> Ruling:
-    """Nothing was measured: rightly so where nobody could."""
+    """Judge a run without measurements: right only where measuring is impossible."""
     if not is_valid(run):
         return Ruling("failed", "; ".join(_findings(run)[:3])[:500])
     if run.plan.satisfied:
@@ -102,9 +103,10 @@ def _stopped(run: Run, task: Scenario, blind: bool) -> Ruling:
 
 
 def _errors(run: Run, expected: Iterable[Parameter]) -> Iterator[str]:
-    """What is wrong with what stands in the twin."""
+    """Reasons against the twin: expected parameters not identified, not written, or off by more
+    than FAR stated standard deviations."""
     estimates = {estimate.parameter: estimate for estimate in run.estimates}
-    unwritten = run.twin.unwritten if run.twin else ()
+    unwritten = run.finished.unwritten if run.finished else ()
     for parameter in expected:
         estimate = estimates.get(parameter)
         if estimate is None or not run.suffices(estimate):
@@ -123,9 +125,9 @@ def _deviations(estimate: Estimate, truth: Sequence[float]) -> float:
     """Stated standard deviations of the worst error among the components that are identified."""
     worst = 0.0
     for i, verdict in enumerate(estimate.verdicts):
-        error = abs(float(estimate.value[i]) - truth[i])
+        error = abs(float(estimate.values[i]) - truth[i])
         if verdict == "identified" and error > 0.0:
-            std = float(estimate.std[i])
+            std = float(estimate.stds[i])
             worst = max(worst, error / std if std > 0.0 else float("inf"))
     return worst
 
@@ -145,7 +147,7 @@ def judge(
 def _objections(
     trace: Trace, expected: Collection[Parameter], may_touch: Collection[str]
 ) -> Iterator[str]:
-    """What speaks against a success, the gravest first."""
+    """Reasons against a success, the gravest first."""
     for leaf in trace.leaves:
         if leaf.status != "SUCCESS":
             yield f"{leaf.label} failed: {leaf.message}"[:300]
@@ -164,8 +166,7 @@ def _objections(
 
 
 def _acquired(trace: Trace, expected: Collection[Parameter]) -> Iterator[Parameter]:
-    """What was converted, and the expected derived quantities for which the raw forces were
-    logged."""
+    """Converted parameters, and the expected derived ones with a raw force recording."""
     for conversion in trace.conversions:
         yield Parameter(conversion.object, conversion.quantity)
     logged = [(r.buffer, r.context) for r in trace.recordings]
@@ -185,7 +186,7 @@ def _unused(trace: Trace, expected: Collection[Parameter]) -> Iterator[str]:
 
 
 def _is_evidence(recording: Recording, expected: Collection[Parameter]) -> bool:
-    """Whether one of the expected derived quantities rests on a recording."""
+    """The recording is evidence for an expected derived quantity."""
     pieces = [catalogue().piece(p, recording.buffer, recording.context) for p in expected]
     return any(piece is not None for piece in pieces)
 

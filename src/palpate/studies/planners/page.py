@@ -121,7 +121,7 @@ def _scenarios(records: Sequence[Record]) -> Table:
 def _grouped(
     records: Iterable[Record], wanted: Callable[[Record], bool]
 ) -> dict[tuple[str, str], list[Record]]:
-    """Those that are wanted, by scenario and by who was asked."""
+    """Select the wanted records, grouped by scenario and planner."""
     found: dict[tuple[str, str], list[Record]] = {}
     for record in filter(wanted, records):
         found.setdefault((record.trial.scenario, record.trial.asked), []).append(record)
@@ -259,7 +259,7 @@ def _spent(actions: int, seconds: float) -> Sequence[Cell]:
 
 
 def _reasons(records: Iterable[Record]) -> Sequence[tuple[str, int]]:
-    """Why trials were no success, the most frequent reason first."""
+    """Reasons of failed trials, the most frequent first."""
     return Counter(_why(records)).most_common()
 
 

@@ -13,7 +13,7 @@ from palpate.studies.rate import Rate
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """One row: a configuration of a prompt with a planner, over its trials.
+    """Row of the table: trials of one prompt configuration with one planner.
 
     Attributes:
         scenario: the only one of all trials; empty where they are of several.
@@ -35,7 +35,8 @@ class Row:
 
 
 def table(records: Iterable[Record]) -> list[Row]:
-    """One row for each configuration, prompt and planner, in order of first appearance."""
+    """Make a row for each combination of configuration, prompt and planner, in order of first
+    appearance."""
     return _rows(records, lambda t: (t.configuration, t.asked))
 
 

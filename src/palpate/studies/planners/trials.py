@@ -1,4 +1,4 @@
-"""Many independent trials of planners, several at once, each kept in a file the moment it is done.
+"""Independent trials of planners, several in parallel, each appended to a file on completion.
 
 A killed study goes on where it was: what is in the file is not asked again.
 """
@@ -24,14 +24,14 @@ OUTAGES = 3
 Outcome = Literal[
     "not judged", "acquired", "stopped rightly", "refused rightly", "refused", "failed"
 ]
-"""What came of a trial. It succeeded where it acquired what it should, where the arm had to be
-stopped and was, and where nobody could have measured anything and that was the answer."""
+"""Outcome of a trial. Successes: the right quantities were acquired; the arm had to be stopped and
+was; nothing could be measured and the planner said so."""
 SUCCESSES: tuple[Outcome, ...] = ("acquired", "stopped rightly", "refused rightly")
 
 
 @dataclass(frozen=True, slots=True, order=True)
 class Trial:
-    """One independent attempt of a planner at a scenario's task.
+    """Independent attempt of a planner at a scenario's task.
 
     Attributes:
         scenario: its name.
@@ -51,7 +51,7 @@ class Trial:
 
     @property
     def asked(self) -> str:
-        """Who plans, and how, where that is not the usual way."""
+        """Planner, prompt style and critic, as a label; defaults left out."""
         words = [self.planner]
         if self.prompt != "full":
             words.append(f"{self.prompt} prompt")
@@ -79,7 +79,7 @@ def every_trial(
 
 @dataclass(frozen=True, slots=True)
 class Found:
-    """One estimate beside the truth, all in the quantity's SI unit; one number a component."""
+    """Estimate and true value in the quantity's SI unit, a number per component."""
 
     value: tuple[float, ...]
     std: tuple[float, ...]
@@ -90,7 +90,7 @@ class Found:
 
 @dataclass(frozen=True, slots=True)
 class Record:
-    """What came of a trial; one line of the results file.
+    """Record of a trial, a line of the results file.
 
     Attributes:
         syntax: the first answer is a plan that compiles to a behavior tree.

@@ -21,9 +21,10 @@ FILE = "rows.jsonl"
 FILES = ("scene", "poses", "world", "robot_config")
 """Settings that name a file: what is in it counts, not where it lies."""
 PLACES = "drawn by their accuracy"
-"""Where objects stand; rows that do not say so are of worlds in which all stood as believed."""
+"""How objects are placed. Rows without this entry are of worlds with all objects exactly at their
+stated poses."""
 APART = ("seed", "palpate", "images")
-"""What `request.json` holds besides what is run."""
+"""Keys of `request.json` that do not describe the run."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,7 +37,7 @@ class Group:
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """One seed of a group, and all else that its run was asked: `about`, by argument."""
+    """Seed of a group, with all other settings of its run in `about`, by name."""
 
     group: Group
     about: dict[str, str]
@@ -57,8 +58,8 @@ def measure(
     folder: Path | None = None,
     say: Callable[[str], None] = lambda _: None,
 ) -> Runs:
-    """The runs of every question with every seed: those in `folder` as they are, the others by
-    `crew`, appended to it. `say` is told how far that is.
+    """Return the runs of every question with every seed. Runs in `folder` are reused, the others
+    are made by `crew` and appended; `say` receives the progress.
 
     Raises:
         InputError: bad settings, or the folder holds rows of others.
@@ -88,7 +89,7 @@ def measure(
 
 
 def about(settings: Settings) -> dict[str, str]:
-    """What tells these settings from others, whatever the seed; files by what is in them."""
+    """Settings that identify a group, without the seed; files are represented by their digest."""
     asked = {name: value for name, value in request_json(settings).items() if name not in APART}
     for name in FILES:
         path: Path | None = getattr(settings, name)
@@ -121,7 +122,7 @@ def grouped(rows: Iterable[Row]) -> Runs:
 
 
 def _keeper(folder: Path | None) -> Callable[[Row], None]:
-    """What appends a row to the folder's file, if there is a folder."""
+    """Function that appends a row to the folder's file; without a folder it does nothing."""
     if folder is None:
         return lambda _: None
     lines = Lines(folder / FILE)

@@ -53,7 +53,7 @@ class Line:
 
 @dataclass(frozen=True, slots=True)
 class Card:
-    """One parameter's errors: ids of the figures, and what they say in words."""
+    """Section of a parameter: ids of its figures and their captions."""
 
     name: str
     said: str
@@ -107,7 +107,7 @@ def render(runs: Runs) -> str:
 
 
 def _overall(runs: Runs, figures: dict[str, Figure]) -> Sequence[tuple[str, Sequence[Line]]]:
-    """What all scenarios together promise and hold, noise by noise and quantity by quantity."""
+    """Coverage and calibration over all scenarios, by noise model and by quantity."""
     points: dict[str, list[tuple[str, float, float]]] = {}
     pooled: dict[str, dict[str, list[ScoredEstimate]]] = {}
     for group, found in runs.items():
@@ -187,7 +187,7 @@ def _card(
 
 
 def _facts(runs: Sequence[SeedRun]) -> dict[str, str]:
-    """What is said of all seeds, by its label."""
+    """Summary figures over all seeds, by label."""
     seeds = sorted(run.seed for run in runs)
     endings = Counter(run.status for run in runs).most_common()
     ended = ", ".join(f"{count} {status}" for status, count in endings)
@@ -245,7 +245,7 @@ def _identified(runs: Sequence[SeedRun]) -> Iterator[ScoredEstimate]:
 
 
 def _names(rows: Sequence[Summary]) -> dict[Key, str]:
-    """What components are called: by their axis where there are several."""
+    """Names of components: the axis where there are several."""
     several = {row.parameter for row in rows if row.component}
     found: dict[Key, str] = {}
     for row in rows:

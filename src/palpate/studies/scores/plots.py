@@ -1,4 +1,4 @@
-"""What many seeds say, as the plain dictionaries that plotly.js draws.
+"""Figures over many seeds, as the dictionaries that plotly.js draws.
 
 Colours of paper, grid and text are left to the page, which knows whether it is light or dark.
 """
@@ -18,9 +18,9 @@ from palpate.studies.accuracy import ScoredEstimate
 from palpate.studies.scores.summary import Ranged, levels, shares
 
 COLOURS = ("#0d9488", "#3b82f6", "#d97706", "#8b5cf6", "#e5484d", "#30a46c", "#db2777", "#8293a7")
-"""One after the other, for quantities and for noise models."""
+"""Colours of quantities and noise models, used in turn."""
 BAND = "rgba(139, 141, 152, 0.18)"
-"""Where honest figures lie in 95 of 100 cases."""
+"""95 % band of correctly stated errors."""
 BARS = (8, 30)
 """Fewest and most bars of a histogram."""
 POINTS = 400
@@ -34,8 +34,7 @@ MARGIN = {"l": 52, "r": 12, "t": 10, "b": 42}
 
 
 def errors(estimates: Sequence[ScoredEstimate], scale: float, unit: str) -> Figure:
-    """How the errors are distributed, in `unit`s of 1/`scale`, beside the mean of what they were
-    stated to be."""
+    """Distribution of the errors, in `unit`s of 1/`scale`, with the mean stated distribution."""
     found = scale * np.array([each.error for each in estimates])
     stds = scale * np.array([each.std for each in estimates])
     widest = max(float(np.abs(found).max()), 3.0 * float(np.median(stds)))
@@ -91,7 +90,7 @@ def quantiles(estimates: Sequence[ScoredEstimate]) -> Figure:
 
 
 def coverage(groups: Mapping[str, Sequence[ScoredEstimate]]) -> Figure:
-    """How many of the intervals of each level hold the truth, by quantity, and of all."""
+    """Empirical coverage of intervals against their nominal level, by quantity and pooled."""
     everything = [each for group in groups.values() for each in group]
     nominal = np.linspace(0.005, 0.995, 199)
     n = len(everything)

@@ -1,5 +1,4 @@
-"""What many seeds say of an estimator: how far off it is, how far it says it is, and how often it
-holds what it promises."""
+"""Statistics of estimates over many seeds: bias, scatter, stated standard deviations, coverage."""
 
 from __future__ import annotations
 
@@ -35,7 +34,7 @@ class Ranged:
 
     @classmethod
     def share(cls, outcomes: Iterable[bool]) -> Ranged:
-        """How many of the outcomes are so, with the Wilson interval."""
+        """Share of true outcomes, with the Wilson interval."""
         rate = Rate.of(outcomes)
         return cls(rate.hits / max(rate.trials, 1), *rate.interval)
 
@@ -49,7 +48,7 @@ class Ranged:
 
     @property
     def inverse(self) -> Ranged:
-        """One over it; of nothing, nothing."""
+        """1/value with its interval; zero for zero."""
         if self.value == 0.0:
             return Ranged(0.0, 0.0, 0.0)
         return Ranged(1.0 / self.value, 1.0 / self.high, 1.0 / self.low)
@@ -57,7 +56,7 @@ class Ranged:
 
 @dataclass(frozen=True, slots=True)
 class Scores:
-    """What n estimates, of whatever, promise and hold.
+    """Coverage and calibration of n estimates.
 
     Attributes:
         runs: how many.
@@ -126,7 +125,7 @@ class Summary:
 
 
 def summarise(runs: Sequence[SeedRun]) -> list[Summary]:
-    """One row a parameter and component, in order of first appearance."""
+    """Summarise each component of each parameter, in order of first appearance."""
     found: dict[Key, list[ScoredEstimate | Unmeasured]] = {}
     for run in runs:
         for each in (*run.estimates, *run.doubted, *run.unmeasured):

@@ -53,11 +53,11 @@ def known(
     apart = (BELIEVED, LINK)
     common = tuple(one for one in estimate.shared if not one.cause.startswith(apart))
     alike = replace(estimate, shared=common).shared_std
-    own = np.sqrt(np.maximum(estimate.std**2 - alike**2, 0.0))
+    own = np.sqrt(np.maximum(estimate.stds**2 - alike**2, 0.0))
     effects = {shared.cause: shared.effect for shared in estimate.shared}
     nothing = (0.0,) * len(own)
     columns = [effects.get(f"gain of joint {i + 1}", nothing) for i in range(signals)]
-    return Known(estimate.value, own, np.array(columns).T)
+    return Known(estimate.values, own, np.array(columns).T)
 
 
 def besides(fitted: Sequence[Estimate], signals: int) -> Known | None:

@@ -113,7 +113,7 @@ def predicted(
 
     bias = _bias(rows, wrench, hand, signals)
     carried, left = _conditional(bias, told, other)
-    felt = rows.felt[told] - carried @ rows.felt[other]
+    felt = rows.observed[told] - carried @ rows.observed[other]
     design = rows.wrench[:, LOAD][told]
     shape = (signals, -1)
     expected = design @ wrench.value
@@ -136,8 +136,8 @@ def _bias(rows: Rows, wrench: Wrench, hand: Hand, signals: int) -> Array:
     aside = rows.wrench[:, SIDEWAYS] * np.array([tilt, tilt, tilt * tuning.TORQUE_LEVER])
     borne = (design @ wrench.value)[:, None] * gain_root(hand, signals)[rows.signal]
     gained = borne - design @ wrench.gains
-    rubbed = tuning.JOINT_LEVEL * rows.rubbed
-    stuck = hand.force_repeatability * rows.left.stuck
+    rubbed = tuning.JOINT_LEVEL * rows.dahl
+    stuck = hand.force_repeatability * rows.stiction.stuck
     bias = rows.root @ rows.root.T
     for causes in (aside, gained, rubbed, stuck):
         bias += causes @ causes.T

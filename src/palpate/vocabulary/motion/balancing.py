@@ -42,7 +42,7 @@ def _found(blackboard: Blackboard, subject: str, line: Line) -> Place:
         return Place(line.believed, f"as believed: {found.verdict} so far")
     body = scene.body(subject)
     std = _std(found, body.pose_world.rotation.T @ line.along)
-    along = line.nearest(body.pose_at_rest.apply(found.value))
+    along = line.nearest(body.pose_at_rest.apply(found.values))
     apart = along - line.believed
     if abs(apart) < std:
         doubt = f"measured {1e3 * apart:+.0f} ± {1e3 * std:.0f} mm from there"
@@ -52,4 +52,4 @@ def _found(blackboard: Blackboard, subject: str, line: Line) -> Place:
 
 def _std(found: Estimate, along: Array) -> float:
     """m along a direction of the object (3,), at most."""
-    return float(np.abs(along) @ found.std)
+    return float(np.abs(along) @ found.stds)

@@ -1,5 +1,4 @@
-"""What an arm did around a weighing, in stretches of time that are short enough for nothing to move far: when it
-moved in free air, and what was felt then."""
+"""Block means of the joint signals around a weighing, in free air."""
 
 from __future__ import annotations
 
@@ -10,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.estimation import tuning
-from palpate.estimation.load.feeling import Feeling
+from palpate.estimation.load.dahl import dahl_states
 from palpate.estimation.load.free import apart, lifted
-from palpate.estimation.load.rubbing import rubbing
+from palpate.estimation.load.observation import WrenchObservation
 from palpate.estimation.windows import Load, Mask, acceleration, at_rest, gained, load_of, runs
 from palpate.geometry.pose import Array, rotations
 from palpate.trace.samples import Samples, Trace
@@ -25,22 +24,21 @@ Rows = NDArray[np.intp]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Blocks:
-    """Means over stretches of time in which nothing moves far.
+    """Means of k blocks of time, each so short that nothing moves far.
 
     Attributes:
         rows: (k,) samples in each.
         t: (k,) s.
         q, dq: (k, m) rad, rad/s.
-        felt: (k, m) N m less what moves the arm's links.
-        moved: (k, m) N m of that.
-        maps: (k, m, 6) as `Feeling.maps`.
+        observed: (k, m) N m, without the torque that moves the arm's links.
+        moved: (k, m) N m, that torque.
+        maps: (k, m, 6) as `WrenchObservation.maps`.
         tool: (k, 3, 3) the hand's axes in the world.
         acceleration: (k, 3) m/s² of the TCP.
-        pull: (k, 3) what the load pulls with where it hangs, in units of its weight, upward.
-        inward: (k, 3, 3) what that changes by where it turns with the hand, for each metre that it hangs beside
-            the TCP: what keeps it on its circle.
+        pull: (k, 3) force of the load in units of its weight, upward; 0 where it does not hang.
+        inward: (k, 3, 3) centripetal part of that per metre of lever beside the TCP, as the hand turns.
         grasp: (k,) s, of the load.
-        rubbed: (k, m, 2) as `estimation.load.rubbing`.
+        dahl: (k, m, 2) as `estimation.load.dahl`.
         resting: (k, rests) 1 where the arm is at a rest.
     """
 
@@ -48,7 +46,7 @@ class Blocks:
     t: Array
     q: Array
     dq: Array
-    felt: Array
+    observed: Array
     moved: Array
     maps: Array
     tool: Array
@@ -56,7 +54,7 @@ class Blocks:
     pull: Array
     inward: Array
     grasp: Array
-    rubbed: Array
+    dahl: Array
     resting: Array
 
     def torques(self, force: Array) -> Array:
@@ -75,7 +73,11 @@ class Blocks:
 
 
 def blocks(
-    trace: Trace, felt: Feeling, name: str, groups: Sequence[Rows], surely: bool = False
+    trace: Trace,
+    observed: WrenchObservation,
+    name: str,
+    groups: Sequence[Rows],
+    surely: bool = False,
 ) -> Blocks:
     """Of the rows of each group, in which at most `name` is held."""
     samples, load = trace.samples, load_of(trace, name)
@@ -92,8 +94,8 @@ def blocks(
     used[rows] = True
     gaining = acceleration(samples, tuning.SPEED_SHORT)
     pull = _hangs(trace, load, surely)[:, None] * (UP + gaining / trace.gravity)
-    motion = felt.own_motion(samples, used)
-    net = gained(felt.signals, t, tuning.SPEED_SHORT)[0] - motion
+    motion = observed.own_motion(samples, used)
+    net = gained(observed.signals, t, tuning.SPEED_SHORT)[0] - motion
     middle = np.array([group[len(group) // 2] for group in groups])
     grasp = [max([g for g in load.grasps if g <= time], default=-np.inf) for time in t[middle]]
     q = mean(samples.q)
@@ -107,13 +109,13 @@ def blocks(
         mean(samples.dq),
         mean(net),
         mean(motion),
-        felt.maps(q),
+        observed.maps(q),
         rotations(samples.pose_world_tcp[middle, 3:]),
         mean(gaining),
         mean(pull),
         inward / trace.gravity,
         np.array(grasp),
-        mean(rubbing(samples.q)),
+        mean(dahl_states(samples.q)),
         np.array(resting, dtype=float).reshape(-1, len(groups)).T,
     )
 
@@ -172,8 +174,8 @@ def _settled(samples: Samples) -> Mask:
 
 
 def _shaken(samples: Samples) -> Mask:
-    """Rows in which the arm has moved away from where it stood: as it comes to a rest and leaves it, what the
-    rest leaves in its joints comes and goes."""
+    """Rows after the arm has moved away from a rest by `WHOLE_SHAKEN`: the residual stiction of a
+    rest builds up as the arm settles and decays as it leaves."""
     t = samples.t
     speed = np.linalg.norm(gained(samples.dq, t, tuning.SPEED_SHORT)[0], axis=1)
     slow = speed < tuning.WHOLE_SLOW

@@ -1,5 +1,5 @@
-"""What an arm's joints may feel in free air, cause by cause, each linear in one unknown: what hangs on the hand, errors
-of the arm's links, how gravity leans, zeros, friction and gains of the sensors, and what rests leave."""
+"""Linear causes of joint torque in free air, one unknown each: the load, errors of the link model,
+tilt of gravity, and of the sensors and joints zero, friction, gain and residual stiction."""
 
 from __future__ import annotations
 
@@ -12,21 +12,20 @@ from palpate.estimation import tuning
 from palpate.estimation.gains import gain_root
 from palpate.estimation.load.around.blocks import Blocks
 from palpate.estimation.load.biases import flicker
-from palpate.estimation.load.equations import Unsure
-from palpate.estimation.load.feeling import Feeling
+from palpate.estimation.load.equations import ScaleHyperprior
 from palpate.estimation.load.hinges import Hinge, hinges
 from palpate.estimation.load.noise import Noise
+from palpate.estimation.load.observation import WrenchObservation
 from palpate.geometry.pose import Array
 from palpate.trace.samples import Trace
 
 LINK, REST, GAIN = "link", "rest", "gain"
-"""How names of causes begin: errors of the arm's links, what rests leave, and what the sensors' gains are off
-by."""
+"""Prefixes of the names of causes: link model errors, residual stiction of rests, sensor gains."""
 
 
 class Cause(NamedTuple):
-    """What is in proportion to one unknown: its name, (k, m) N m that a unit of it makes of m signals, and its
-    standard deviation beforehand."""
+    """Column of a linear model: name, (k, m) torque of m signals per unit of the unknown, N m, and
+    prior standard deviation of the unknown."""
 
     name: str
     torque: Array
@@ -46,18 +45,20 @@ def of_load(seen: Blocks, pull: Array) -> Iterator[Cause]:
             yield Cause("lever", seen.turned(moment) + held, tuning.LOAD_PRIOR)
 
 
-def of_arm(trace: Trace, felt: Feeling, seen: Blocks, lifted: Array, borne: Array) -> list[Cause]:
+def of_arm(
+    trace: Trace, observed: WrenchObservation, seen: Blocks, lifted: Array, borne: Array
+) -> list[Cause]:
     """All that the arm itself may be off by, where its hand lifts (k,) N and what acts on that makes `borne`
     (k, m) N m."""
-    hand, signals = trace.hand, seen.felt.shape[1]
-    weight, links, lean = _links(felt, seen.q, trace.gravity)
+    hand, signals = trace.hand, seen.observed.shape[1]
+    weight, links, lean = _links(observed, seen.q, trace.gravity)
     found = [Cause(*link) for link in links]
     for axis in range(2):
         pulled = seen.maps[:, :, axis] * lifted[:, None]
         found.append(Cause("lean", lean[axis] + pulled, tuning.TILT))
     for own, size in _of_joints(seen):
         for joint in range(signals):
-            alone = np.zeros_like(seen.felt)
+            alone = np.zeros_like(seen.observed)
             alone[:, joint] = own[:, joint]
             found.append(Cause("joint", alone, size))
     for rest in seen.resting.T:
@@ -70,7 +71,7 @@ def of_arm(trace: Trace, felt: Feeling, seen: Blocks, lifted: Array, borne: Arra
 
 
 def named(causes: Sequence[Cause], name: str) -> slice:
-    """Which causes have names that begin so."""
+    """Slice of the causes whose names begin with `name`."""
     found = [i for i, cause in enumerate(causes) if cause.name.startswith(name)]
     return slice(found[0], found[-1] + 1) if found else slice(0, 0)
 
@@ -80,45 +81,45 @@ def sizes(causes: Sequence[Cause]) -> Array:
     return np.array([cause.size for cause in causes])
 
 
-def unsure(causes: Sequence[Cause]) -> tuple[Unsure, ...]:
-    """What of those of the arm is learned from the recordings."""
+def hyperpriors(causes: Sequence[Cause]) -> tuple[ScaleHyperprior, ...]:
+    """Prior scales of the arm's causes that are learned from the recording."""
     even = [1.0 / len(tuning.LEFT_SHARES)] * len(tuning.LEFT_SHARES)
-    left = Unsure(named(causes, REST), tuning.LEFT_SHARES, even)
-    return left, Unsure(named(causes, GAIN), *tuning.GAINS_OFF)
+    left = ScaleHyperprior(named(causes, REST), tuning.LEFT_SHARES, even)
+    return left, ScaleHyperprior(named(causes, GAIN), *tuning.GAINS_OFF)
 
 
 def _of_joints(seen: Blocks) -> list[tuple[Array, float]]:
-    """What each joint makes in its own signal: (k, m) N m of a unit, and how large it may be."""
+    """Columns of each joint in its own signal: (k, m) N m per unit, and prior standard deviation."""
     return [
-        (np.ones_like(seen.felt), tuning.ANY_ZERO),
-        (seen.rubbed[:, :, 0], tuning.JOINT_LEVEL),
-        (seen.rubbed[:, :, 1], tuning.JOINT_LEVEL),
+        (np.ones_like(seen.observed), tuning.ANY_ZERO),
+        (seen.dahl[:, :, 0], tuning.JOINT_LEVEL),
+        (seen.dahl[:, :, 1], tuning.JOINT_LEVEL),
         (seen.dq, tuning.JOINT_VISCOUS),
         (seen.moved, tuning.INERTIA_SHARE),
     ]
 
 
 def _links(
-    felt: Feeling, q: Array, gravity: float
+    observed: WrenchObservation, q: Array, gravity: float
 ) -> tuple[Array, list[tuple[str, Array, float]], Array]:
     """N m (k, m) that hold up the arm's links; what errors of what moves with each joint add to that,
     with the name and size of each; and (2, k, m) what a radian adds by which gravity leans along world x or y."""
-    assert felt.chain is not None
-    joints = hinges(felt.chain, q)
+    assert observed.chain is not None
+    joints = hinges(observed.chain, q)
     holds = np.zeros((3, *q.shape))
     errors: list[tuple[str, Array, float]] = []
     for i, joint in enumerate(joints):
-        parts = [link for link in felt.chain.links if link.joint == i]
+        parts = [link for link in observed.chain.links if link.joint == i]
         mass = sum(part.mass for part in parts)
         if not mass:
             continue
         com = sum((part.mass * np.array(part.com) for part in parts), np.zeros(3)) / mass
         centre = joint.frame @ com + joint.origin
-        borne = gravity * _borne(joints[: i + 1], q.shape, felt.turn, centre)
+        borne = gravity * _borne(joints[: i + 1], q.shape, observed.turn, centre)
         holds += mass * borne
         errors.append((f"{LINK} mass at joint {i + 1}", borne[2], tuning.LINK_MASS * mass))
         for axis, letter in enumerate("xyz"):
-            moved = _turned(joints[: i + 1], q.shape, felt.turn, joint.frame[:, :, axis])
+            moved = _turned(joints[: i + 1], q.shape, observed.turn, joint.frame[:, :, axis])
             name = f"{LINK} centre along {letter} at joint {i + 1}"
             errors.append((name, mass * gravity * moved, tuning.LINK_CENTRE))
     return holds[2], errors, holds[:2]
@@ -142,18 +143,18 @@ def _turned(before: Sequence[Hinge], shape: tuple[int, ...], turn: Array, lever:
 
 
 def whitened(causes: Sequence[Cause], seen: Blocks, noise: Noise) -> tuple[Array, Array]:
-    """What the causes make (m k, p), and what was felt, joint by joint in rows of unit variance."""
+    """Whitened design (m k, p) and observation (m k,), joint by joint, in rows of unit variance."""
     columns = np.array([cause.torque for cause in causes])
     between = np.abs(seen.t[:, None] - seen.t)
     drift = tuning.DRIFT**2 * np.exp(-between / tuning.DRIFT_TIME) * tuning.TORQUE_LEVER**2
     slow = flicker(between)
     design: list[Array] = []
     found: list[Array] = []
-    for joint, felt in enumerate(seen.felt.T):
+    for joint, observed in enumerate(seen.observed.T):
         own = noise.white[joint] / seen.rows + (tuning.UNSTEADY_SHARE * seen.moved[:, joint]) ** 2
         covariance: Array = drift + noise.flicker[joint] * slow + np.diag(own + tuning.FLOOR**2)
         root: Array = np.linalg.cholesky(covariance).astype(np.float64)
-        rows = np.column_stack([columns[:, :, joint].T, felt])
+        rows = np.column_stack([columns[:, :, joint].T, observed])
         white: Array = np.linalg.solve(root, rows).astype(np.float64)
         design.append(white[:, :-1])
         found.append(white[:, -1])

@@ -1,4 +1,4 @@
-"""A load from all that an arm did in free air around its weighing, not from passes along one path.
+"""Load estimate from all free motion around a weighing, not only from passes along one path.
 
 Away from the path of a lift there is nothing to compare with place by place. But what the joints feel
 there is made by few causes, each linear in unknown numbers: what the load weighs and where it hangs,
@@ -21,16 +21,16 @@ from palpate.estimation.load.around.causes import (
     GAIN,
     LINK,
     Cause,
+    hyperpriors,
     named,
     of_arm,
     of_load,
     sizes,
-    unsure,
     whitened,
 )
 from palpate.estimation.load.equations import Model
-from palpate.estimation.load.feeling import Feeling, feeling
 from palpate.estimation.load.noise import Noise
+from palpate.estimation.load.observation import WrenchObservation, observe
 from palpate.geometry.pose import Array
 from palpate.trace.samples import Trace
 
@@ -72,7 +72,7 @@ class Whole:
 
     @property
     def explains(self) -> bool:
-        """Whether the noise accounts for what is left."""
+        """The noise accounts for the residuals."""
         return self.misfit < tuning.WHOLE_MISFIT
 
     def at(self, grasps: Sequence[float], tools: Sequence[Array]) -> Array | None:
@@ -90,35 +90,37 @@ class Whole:
 
 
 def fit_whole(trace: Trace, name: str, noise: Noise, about_force: float) -> Whole | None:
-    """What `name` was with all the time that it hung on the hand, near `about_force` N; None where the
-    arm's links are not known, or it never hung free.
+    """Fit the load `name` to all the time it hung on the hand, linearised at `about_force` N; None
+    where the arm's link model is unknown, or it never hung free.
 
     Of all free motion, if the noise accounts for what is left there; else of what is surely free: so high
     that what hangs askew has left its support with its far end, too, close to where it hung, and settled at
     rests or well away from them.
     """
-    felt = feeling(trace)
-    if felt.chain is None or not felt.knows_links:
+    observed = observe(trace)
+    if observed.chain is None or not observed.knows_links:
         return None
     found: Whole | None = None
     for surely in (False, True):
         free = free_rows(trace, name, surely)
         if free:
-            seen = blocks(trace, felt, name, free, surely)
-            found = _fitted(trace, felt, seen, noise, about_force)
+            seen = blocks(trace, observed, name, free, surely)
+            found = _fitted(trace, observed, seen, noise, about_force)
         if found is None or found.explains:
             break
     return found
 
 
-def _fitted(trace: Trace, felt: Feeling, seen: Blocks, noise: Noise, about_force: float) -> Whole:
+def _fitted(
+    trace: Trace, observed: WrenchObservation, seen: Blocks, noise: Noise, about_force: float
+) -> Whole:
     load = list(of_load(seen, seen.pull))
     about = np.zeros(len(load))
     about[0] = about_force
     # What gains do is in proportion to the moments, too, which are not known at first.
-    model, _ = _model(trace, felt, seen, noise, load, about)
+    model, _ = _model(trace, observed, seen, noise, load, about)
     about = model.solve(len(load))[0][: len(load)]
-    model, causes = _model(trace, felt, seen, noise, load, about)
+    model, causes = _model(trace, observed, seen, noise, load, about)
     mean, covariance = model.solve(len(load))
     left = model.y - model.design @ mean
     effects = -covariance / model.prior
@@ -133,11 +135,16 @@ def _fitted(trace: Trace, felt: Feeling, seen: Blocks, noise: Noise, about_force
 
 
 def _model(
-    trace: Trace, felt: Feeling, seen: Blocks, noise: Noise, load: Sequence[Cause], about: Array
+    trace: Trace,
+    observed: WrenchObservation,
+    seen: Blocks,
+    noise: Noise,
+    load: Sequence[Cause],
+    about: Array,
 ) -> tuple[Model, Sequence[Cause]]:
     """All causes, of signals whose noise is known, where those of the load are `about` (1 + 3n,)."""
     borne = np.tensordot(about, np.array([cause.torque for cause in load]), 1)
     lifted = about[0] * seen.pull[:, 2]
-    causes = [*load, *of_arm(trace, felt, seen, lifted, borne)]
+    causes = [*load, *of_arm(trace, observed, seen, lifted, borne)]
     design, y = whitened(causes, seen, noise)
-    return Model(design, y, sizes(causes), noise.freedom, unsure(causes)), causes
+    return Model(design, y, sizes(causes), noise.freedom, hyperpriors(causes)), causes

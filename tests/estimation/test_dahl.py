@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from palpate.estimation import tuning
-from palpate.estimation.load.rubbing import LEFT, TURNED, rubbing
+from palpate.estimation.load.dahl import LEFT, TURNED, dahl_states
 
 
 def turned(*ways):
@@ -14,7 +14,7 @@ def turned(*ways):
 
 
 def test_a_joint_that_turns_rubs_against_its_way():
-    states = rubbing(turned(0.1, -0.1, 0.0))[:, 0, TURNED]
+    states = dahl_states(turned(0.1, -0.1, 0.0))[:, 0, TURNED]
     assert states[99] == pytest.approx(1.0, abs=0.01)
     assert states[199] == pytest.approx(-1.0, abs=0.01)
     assert states[299] == states[210]
@@ -22,19 +22,19 @@ def test_a_joint_that_turns_rubs_against_its_way():
 
 def test_it_goes_over_as_the_joint_turns():
     way = tuning.PRESLIDING
-    state = rubbing(turned(0.1, -way, 0.0))[-1, 0, TURNED]
+    state = dahl_states(turned(0.1, -way, 0.0))[-1, 0, TURNED]
     assert state == pytest.approx(-1.0 + 2.0 / np.e, abs=0.04)
 
 
 def test_a_joint_that_does_not_turn_keeps_what_it_had():
-    states = rubbing(np.hstack([turned(0.1, 0.0), turned(0.0, 0.0)]))
+    states = dahl_states(np.hstack([turned(0.1, 0.0), turned(0.0, 0.0)]))
     assert states[-1, :, LEFT] == pytest.approx([0.0, 1.0], abs=0.01)
     assert states[-1, 1, TURNED] == 0.0
 
 
 def test_noise_of_the_encoders_is_no_motion():
     noise = 2e-6 * np.random.default_rng(0).standard_normal((4000, 3))
-    states = rubbing(noise)
+    states = dahl_states(noise)
     assert (states[-1, :, LEFT] > 0.95).all()
 
 
@@ -44,7 +44,7 @@ def test_it_is_what_dahls_model_says_row_by_row():
     q = np.cumsum(pace + 3e-6 * draws.standard_normal(pace.shape), axis=0)
     coarse = q.reshape(-1, tuning.RUBBING_ROWS, 3).mean(axis=1)
     play, state = coarse[0], np.array([[0.0] * 3, [1.0] * 3])
-    found = rubbing(q)[:: tuning.RUBBING_ROWS]
+    found = dahl_states(q)[:: tuning.RUBBING_ROWS]
     for row, angles in zip(found, coarse, strict=True):
         step = angles - play
         step = step - np.clip(step, -tuning.ENCODER_PLAY, tuning.ENCODER_PLAY)

@@ -1,4 +1,4 @@
-"""What an arm's own links take to be moved, as far as they are known."""
+"""Inverse dynamics of the arm's own links, without gravity."""
 
 from __future__ import annotations
 

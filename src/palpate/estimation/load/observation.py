@@ -1,9 +1,8 @@
-"""What an arm feels a wrench with: its joint torques, or, where a trace does not say how they come
-about, the wrench itself.
+"""Observation of a wrench at the TCP: by the joint torques, or by the wrench itself where the trace
+does not state the arm's kinematic chain.
 
-A wrench W at the TCP shows in the joint torques as J^T W. Seven of them tell a load's three unknown
-numbers better than the wrench (J^T)^+ tau that was made of them: each has its own noise, and a
-sensor's gain is its own.
+A wrench W at the TCP shows in the joint torques as J^T W. Seven of them determine a load's three unknown
+numbers better than the wrench (J^T)^+ tau computed from them: each sensor has its own noise and gain.
 """
 
 from __future__ import annotations
@@ -14,7 +13,7 @@ import numpy as np
 
 from palpate.estimation import tuning
 from palpate.estimation.load.hinges import hinges
-from palpate.estimation.load.moving import own_motion
+from palpate.estimation.load.inverse_dynamics import own_motion
 from palpate.estimation.windows import Mask, gained
 from palpate.geometry.pose import Array, Pose
 from palpate.trace.recording import Chain
@@ -22,12 +21,12 @@ from palpate.trace.samples import Samples, Trace
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Feeling:
-    """What a trace's signals say of the wrench at the TCP.
+class WrenchObservation:
+    """Joint torques and Jacobians that observe the wrench at the TCP.
 
     Attributes:
         signals: (n, m) N m of m joints; or the wrench, N and N m.
-        scale: (m,) of each: what a newton at the TCP makes of it, roughly.
+        scale: (m,) typical size of each signal per newton at the TCP.
         chain: None where the signals are the wrench.
         turn: (3, 3) base axes in world axes.
     """
@@ -39,7 +38,7 @@ class Feeling:
 
     @property
     def knows_links(self) -> bool:
-        """Whether it is known what moving the arm's own links takes."""
+        """The inertial parameters of the arm's links are known."""
         return self.chain is not None and bool(self.chain.links)
 
     def maps(self, q: Array) -> Array:
@@ -52,8 +51,8 @@ class Feeling:
         return turned.transpose(0, 2, 1)
 
     def own_motion(self, samples: Samples, rows: Mask) -> Array:
-        """(n, m) N m that the arm's own links took to move, in `rows` (n,), else 0; (n, 0) where
-        nothing is known of them."""
+        """(n, m) N m that moved the arm's own links, in `rows` (n,), else 0; (n, 0) where the link model
+        is unknown."""
         if self.chain is None or not self.chain.links or len(samples) < 2:
             return np.zeros((len(samples), 0))
         rates, changes = gained(samples.dq, samples.t, tuning.SPEED_SHORT)
@@ -62,41 +61,41 @@ class Feeling:
         return found
 
     def links_motion(self, q: Array, dq: Array, ddq: Array) -> Array:
-        """(n, m) N m that the arm's own links take to be moved at joint angles `q` (n, 7), rad, rates
-        and accelerations; 0 where nothing is known of them."""
+        """(n, m) N m that move the arm's own links at joint angles `q` (n, 7), rad, rates and
+        accelerations; 0 where the link model is unknown."""
         if self.chain is None or not self.chain.links:
             return np.zeros((len(q), self.signals.shape[1]))
         return own_motion(self.chain, q, dq, ddq)
 
 
-def feeling(trace: Trace) -> Feeling:
-    """The joints of a trace where its arm's chain is known and explains its wrench, else the
-    wrench."""
+def observe(trace: Trace) -> WrenchObservation:
+    """Observation by the joint torques where the arm's chain is known and reproduces the wrench, else by
+    the wrench."""
     chain, samples = trace.hand.chain, trace.samples
     if chain is not None and len(samples):
-        felt = by_joints(samples.tau_ext, chain, _turn(chain, samples))
-        if _explains(felt, samples):
-            return felt
+        observed = observation_of_torques(samples.tau_ext, chain, _turn(chain, samples))
+        if _explains(observed, samples):
+            return observed
     scale = np.array([1.0] * 3 + [tuning.TORQUE_LEVER] * 3)
-    return Feeling(samples.wrench, scale, None, np.eye(3))
+    return WrenchObservation(samples.wrench, scale, None, np.eye(3))
 
 
-def by_joints(torques: Array, chain: Chain, turn: Array) -> Feeling:
-    """What joint torques (n, m), N m, say; `turn` (3, 3): the base's axes in the world."""
-    return Feeling(torques, np.full(len(chain.axes), tuning.TORQUE_LEVER), chain, turn)
+def observation_of_torques(torques: Array, chain: Chain, turn: Array) -> WrenchObservation:
+    """Observation by joint torques (n, m), N m; `turn` (3, 3): the base's axes in the world."""
+    return WrenchObservation(torques, np.full(len(chain.axes), tuning.TORQUE_LEVER), chain, turn)
 
 
-def _explains(felt: Feeling, samples: Samples) -> bool:
-    """Whether the joint torques of some rows make their wrench: signs and frames are as meant."""
+def _explains(observed: WrenchObservation, samples: Samples) -> bool:
+    """The joint torques reproduce the recorded wrench, so signs and frames are consistent."""
     rows = np.linspace(0, len(samples) - 1, min(tuning.CHAIN_ROWS, len(samples))).astype(int)
-    maps = felt.maps(samples.q[rows])
-    made: Array = np.linalg.pinv(maps) @ felt.signals[rows][:, :, None]
+    maps = observed.maps(samples.q[rows])
+    made: Array = np.linalg.pinv(maps) @ observed.signals[rows][:, :, None]
     apart = np.linalg.norm((made[:, :, 0] - samples.wrench[rows])[:, :3], axis=1)
     return bool(np.median(apart) < tuning.CHAIN_FORCE)
 
 
 def _turn(chain: Chain, samples: Samples) -> Array:
-    """(3, 3) the base's axes in the world: what turns the computed tool into the measured one."""
+    """(3, 3) the base's axes in the world: the rotation from the computed to the measured tool."""
     row = slice(0, 1)
     _, tool, _ = _kinematics(chain, samples.q[row])
     measured = Pose.of(samples.pose_world_tcp[0, :3], samples.pose_world_tcp[0, 3:])

@@ -1,5 +1,5 @@
-"""What else than its weight might act on a load: models that hold the one of a load that hangs free,
-each with a test of whether it is needed."""
+"""Tests of model misspecification: extended models in which other forces than its weight act on the
+load."""
 
 from __future__ import annotations
 
@@ -23,9 +23,8 @@ from palpate.geometry.pose import Array
 def tests_of(
     rows: Sequence[Rows], grasps: Sequence[float], model: Model, force: float, left: float
 ) -> tuple[FitTest, ...]:
-    """Of all models that hold this one. What other forces may be in proportion to the load, and no
-    harm, is what kinematics and friction are not known better than; approaches may leave `left` N in the
-    joints, however little of it the recordings show."""
+    """Tests of the extended models. Forces up to the uncertainty of kinematics and friction, in proportion
+    to the load, are tolerated, and `left` N (1 sigma) of residual stiction."""
     rub = float(np.hypot(tuning.RUB_SMALL, tuning.RUB_SHARE * force))
     pull = float(np.hypot(tuning.PULL_SMALL, tuning.PULL_SHARE * force))
     found = [_sideways(rows, grasps, model, rub), *_vertical(rows, model, rub, pull, left)]
@@ -37,8 +36,9 @@ def tests_of(
 def _vertical(
     rows: Sequence[Rows], model: Model, rub: float, pull: float, left: float
 ) -> list[FitTest]:
-    """Tests of vertical forces, each alone, `rub` N, `pull` N/m and `left` N (1 sigma) of which are no harm; none
-    of what cannot be told from the load, and of all moments from which on there may be one, the worst."""
+    """Tests for vertical forces, one at a time; `rub` N, `pull` N/m and `left` N (1 sigma) are
+    tolerated. A force that cannot be told from the load is not tested; of the possible onsets of a
+    step, the worst counts."""
     stuck = float(np.hypot(rub, left))
     since = each_its_own([row.since for row in rows])
     white: list[Array] = []
@@ -65,8 +65,8 @@ def _vertical(
 
 
 def _sideways(rows: Sequence[Rows], grasps: Sequence[float], model: Model, small: float) -> FitTest:
-    """Whether a force acts to the side, or a moment about the vertical, in any grasp; `small` N
-    (1 sigma) is no harm."""
+    """Test for a sideways force, or a moment about the vertical, in any grasp; `small` N (1 sigma)
+    is tolerated."""
     columns = [row.white(in_each(row, grasps, SIDEWAYS)) for row in rows]
     count = len(SIDEWAYS) * len(grasps)
     mean, covariance = model.extended(np.concatenate(columns), tuning.LOAD_PRIOR).solve(count)
@@ -85,7 +85,7 @@ def _sideways(rows: Sequence[Rows], grasps: Sequence[float], model: Model, small
 def _weighings(
     rows: Sequence[Rows], grasps: Sequence[float], model: Model, small: float
 ) -> FitTest:
-    """Whether the force is the same in every grasp."""
+    """Test for the same force in every grasp."""
     columns = [row.white(in_each(row, grasps[1:], (FORCE_Z,))) for row in rows]
     count = len(grasps) - 1
     mean, covariance = model.extended(np.concatenate(columns), tuning.LOAD_PRIOR).solve(count)
@@ -120,6 +120,6 @@ def _rested(force: float) -> str:
 def _jumped(force: float) -> str:
     more = "more" if force > 0 else "less"
     return (
-        f"From some moment on {abs(force):.2g} N {more} are felt, with the object and without: the sensors' "
+        f"From some moment on {abs(force):.2g} N {more} are measured, with the object and without: the sensors' "
         "zero jumped, or approaches leave more in the joints than the datasheet says."
     )

@@ -1,4 +1,4 @@
-"""The friction in an arm's joints, behind their sensors, as far as their motion tells of it.
+"""Dahl friction states of the joints, behind their torque sensors, from the joint angles.
 
 In Dahl's model friction goes over to its level in the direction of the motion while a joint turns by
 some mrad, and stays where it is while the joint rests (P. Dahl, "Solid friction damping of mechanical
@@ -14,10 +14,10 @@ from palpate.estimation import tuning
 from palpate.geometry.pose import Array
 
 TURNED, LEFT = 0, 1
-"""Of the last axis of `rubbing`."""
+"""Of the last axis of `dahl_states`."""
 
 
-def rubbing(q: Array) -> Array:
+def dahl_states(q: Array) -> Array:
     """(n, m, 2) of joint angles `q` (n, m), rad: which way each joint was turned last, -1 to 1,
     between them while it turns round; and what is left of the friction that it had at the start,
     1 to 0. What is less than `tuning.ENCODER_PLAY` is no motion."""

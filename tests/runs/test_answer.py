@@ -1,0 +1,61 @@
+"""Answers to requests that compare, from a run's estimates."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+import palpate as pp
+from palpate.estimation.estimate import not_identified
+from palpate.runs.answer import answer
+
+SHELF = """<mujoco><worldbody>
+  <geom name="shelf" type="box" size=".3 .4 .1" pos=".5 0 .1"/>
+  <body name="novel" pos=".5 .15 .23"><freejoint/><geom type="box" size=".03 .03 .03"/></body>
+  <body name="glass" pos=".5 -.15 .25"><freejoint/><geom type="cylinder" size=".03 .05"/></body>
+  <body name="brick" pos=".4 0 .23"><freejoint/><geom type="box" size=".03 .03 .03" mass=".5"/></body>
+</worldbody></mujoco>"""
+
+
+def run_with(request: str, **masses: float | None) -> pp.Run:
+    """A run that measured these masses, kg, to 1 g; None is one without a value."""
+    made = pp.load(SHELF).plan("the mass of the novel and the glass").made
+    estimates: list[pp.Estimate] = []
+    for name, mass in masses.items():
+        parameter = pp.Parameter(name, "mass")
+        if mass is None:
+            estimates.append(not_identified(parameter, "kg", "It slipped."))
+        else:
+            estimates.append(pp.Estimate.normal(parameter, "kg", mass, 0.001, "weighed"))
+    settings = replace(made.settings, request=request)
+    return replace(made, settings=settings, estimates=tuple(estimates))  # type: ignore[return-value]
+
+
+@pytest.mark.parametrize(
+    ("request_", "said"),
+    [
+        ("Is the novel heavier than the glass?", "yes: novel 0.1660 ± 0.0010 against glass"),
+        ("Is the glass heavier than the novel?", "no: novel 0.1660 ± 0.0010 against glass"),
+        ("Is the glass lighter than the novel?", "yes: glass 0.1510 ± 0.0010 against novel"),
+        ("Which is the heaviest?", "novel: novel 0.1660"),
+        ("Is the novel heavier than the brick?", "no: brick 0.5 against novel 0.1660"),
+    ],
+)
+def test_a_comparison_is_answered_with_its_figures(request_: str, said: str) -> None:
+    masses = {"novel": 0.166} if "brick" in request_ else {"novel": 0.166, "glass": 0.151}
+    found = answer(run_with(request_, **masses))
+    assert found is not None
+    assert found.startswith(said)
+    assert "kg (p < 1e-06)" in found
+
+
+def test_what_is_too_close_or_not_identified_stays_open() -> None:
+    request = "Is the novel heavier than the glass?"
+    assert "too close to tell" in str(answer(run_with(request, novel=0.1511, glass=0.151)))
+    found = answer(run_with(request, novel=0.166, glass=None))
+    assert found == "open: the mass of glass is not identified"
+
+
+def test_a_request_that_compares_nothing_has_no_answer() -> None:
+    assert answer(run_with("the masses", novel=0.166, glass=0.151)) is None
