@@ -214,7 +214,7 @@ def read_description(folder: Path, name: str, known: Mapping[str, Path]) -> Robo
 
 
 def _nominal(sheet: Sheet, model: mujoco.MjModel) -> Hand:
-    """What estimators need of the arm, as its datasheet tells."""
+    """Build the arm's data for the estimators, from its datasheet."""
     accuracy = sheet.accuracy
     return Hand(
         tip_offset=pads_end(model, sheet.hand),
@@ -282,7 +282,7 @@ def _weigh_hand(spec: mujoco.MjSpec, arm: RobotDescription, end: EndEffector) ->
 
 
 def reflexes(said: ReflexSheet, payload: float) -> Reflexes:
-    """What hangs on the hand weighs up to the payload, kg; in free air nothing does."""
+    """Build the reflexes; with a load on the hand they allow for the weight of the payload, kg."""
     weight = payload * STANDARD_GRAVITY
     return Reflexes(
         free=Reflex(said.free.force, said.free.torque),

@@ -114,7 +114,7 @@ def turned_grasp(
 
 
 def _around(arm: RobotDescription, cloud: Array, obstacles: Sequence[Obstacle]) -> list[Obstacle]:
-    """Those that the hand could touch while it grasps."""
+    """Select the obstacles that the hand could touch while it grasps."""
     width = 2 * arm.hand.half_extents[1]
     low, high = cloud.min(axis=0)[:2] - width, cloud.max(axis=0)[:2] + width
     return [

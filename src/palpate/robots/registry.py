@@ -75,5 +75,5 @@ def load_description(name_or_path: str = DEFAULT, cautious: bool = False) -> Rob
 
 @cache
 def _slow(arm: RobotDescription) -> RobotDescription:
-    """One and the same for an arm, as what is computed of it is kept."""
+    """Return the cautious arm; cached, because results computed for it are cached by identity."""
     return arm.cautious()

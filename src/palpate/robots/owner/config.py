@@ -256,7 +256,7 @@ def write_config(path: Path, config: RobotConfig) -> None:
 
 
 def _plain(section: BaseModel) -> dict[str, Any]:
-    """What is said in it, without arrays, which YAML does not know."""
+    """Convert a section to plain values, arrays to lists, for YAML."""
     said: dict[str, Any] = {}
     for name in type(section).model_fields:
         value = getattr(section, name)

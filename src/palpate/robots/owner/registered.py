@@ -41,7 +41,7 @@ def own_arm(
 
 @cache
 def _real(arm: RobotDescription) -> RobotDescription:
-    """One and the same for an arm, as what is computed of it is kept."""
+    """Return the real arm; cached, because results computed for it are cached by identity."""
     return arm.real()
 
 

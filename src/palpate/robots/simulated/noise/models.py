@@ -71,8 +71,8 @@ class NoiseModels:
         self.load(name_or_path)
 
     def title(self, name_or_path: str) -> str:
-        """What report and result call a model: its own name, or that of its file where this is
-        gone."""
+        """Return a model's title in report and result: its name, or its file's if that cannot be
+        read."""
         try:
             return self.load(name_or_path).name
         except InputError:
@@ -80,7 +80,7 @@ class NoiseModels:
 
 
 def means_file(name_or_path: str) -> bool:
-    """Whether a file is meant, be it there or not: what has a folder or an ending is no name."""
+    """Test if the text is a file's path, by its folder or ending; the file need not exist."""
     path = Path(name_or_path)
     return path.suffix in (".yaml", ".yml") or len(path.parts) > 1
 
