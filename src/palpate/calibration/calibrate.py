@@ -68,7 +68,7 @@ def wanted(weight: str | None, gauge: str | None, own_weight: bool) -> Wanted:
 
 @dataclass(frozen=True, slots=True)
 class Found:
-    """One calibrated value, before and after.
+    """Calibrated value, before and after.
 
     Attributes:
         name: its key in robot.yaml, a joint's with its number.

@@ -137,7 +137,7 @@ class Gravity(Figure):
 
 
 class EndEffector(Section):
-    """What the last joint carries without a load, the fingers included: `mass` in kg, `centre` in m
+    """End effector without a load, the fingers included: `mass` in kg, `centre` in m
     in the axes of the hand's body, from its origin, with the fingers half open."""
 
     mass: Size
@@ -155,7 +155,7 @@ class Camera(Section):
 
 
 class Simulated(Section):
-    """Which arm of the embedded world it is: another `noise` or `seed` is another arm. `visits`: how
+    """Identity of the arm in the embedded world: another `noise` or `seed` is another arm. `visits`: how
     often it was calibrated; the next time what is drawn once a run is drawn anew."""
 
     noise: Annotated[str, Field(min_length=1, max_length=1000)]

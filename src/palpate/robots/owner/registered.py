@@ -48,7 +48,7 @@ def _real(arm: RobotDescription) -> RobotDescription:
 def require_same(
     config: RobotConfig | None, simulated: tuple[str, int] | None, where: str = "the robot_config="
 ) -> None:
-    """That what is said in a robot.yaml was measured of the arm that is to move: the embedded one's
+    """Require that a robot.yaml was measured on the arm that is to move: the embedded one's
     noise model and seed, None for a real one.
 
     Raises:

@@ -140,7 +140,7 @@ class MujocoRobot(Commanded):
 
     @property
     def state(self) -> RobotState:
-        """As of the last `advance`."""
+        """State as of the last `advance`."""
         if self._cached is None:
             readout, gripper, t = self._readout, self._gripper, self._world.t
             q, pose = readout.told
@@ -225,7 +225,7 @@ class MujocoRobot(Commanded):
         return logged[0] if len(logged) == 1 else Samples.concatenate(logged)
 
     def close(self) -> None:
-        """Nothing to let go of."""
+        """Do nothing: there is no connection to close."""
 
     @property
     def _path(self) -> Path | PosePath:

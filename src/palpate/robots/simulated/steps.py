@@ -12,7 +12,7 @@ from palpate.robots.simulated.timing import BLOCK
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Steps:
-    """What some blocks of steps did to the robot.
+    """Record of the robot over some blocks of steps.
 
     Attributes:
         q, dq: (n, 7) at the end of each block.

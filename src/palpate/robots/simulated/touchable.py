@@ -1,4 +1,4 @@
-"""What the robot can touch: all of the scene that can touch anything.
+"""Shapes that the robot can touch: all of the scene that can collide at all.
 
 MuJoCo lets two shapes collide where a bit of one's `contype` is in the other's `conaffinity`. Which
 bits a scene uses is its own affair; a hand would pass through what has none of the robot's.

@@ -187,7 +187,7 @@ class World:
             )
 
     def _substeps(self) -> None:
-        """One control cycle, under the eyes of whoever watches."""
+        """Step one control cycle, calling `watch` after each physics step."""
         if self.watch is None:
             mujoco.mj_step(self.model, self._data, nstep=SUBSTEPS)
             return

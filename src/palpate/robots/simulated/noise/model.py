@@ -79,7 +79,7 @@ class Ripple(Section):
 
 
 class EncoderRipple(Ripple):
-    """As `Ripple`, rad."""
+    """Ripple of the encoders, as `Ripple`, rad."""
 
     cycles: Level = 64.0
 
