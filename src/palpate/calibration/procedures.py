@@ -1,4 +1,4 @@
-"""What an arm does to be calibrated: weigh what is known, touch what is known, weigh itself."""
+"""Calibration procedures: weigh a known mass, touch known heights, weigh the arm itself."""
 
 from __future__ import annotations
 

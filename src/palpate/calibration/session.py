@@ -44,7 +44,7 @@ class Session:
 
     @property
     def arm(self) -> RobotDescription:
-        """As it is known by now."""
+        """Description of the arm with the calibration so far."""
         told = replace(self.settings, robot_config=None).described_arm()
         return calibrated(told, self.config)
 
@@ -74,7 +74,7 @@ class Session:
         return made
 
     def _cell(self, scene: Scene, world: Scene | None) -> Cell:
-        """What is drawn once a run is drawn anew in every visit to the embedded arm."""
+        """Return the cell of the next run; each visit to the embedded arm redraws its per-run errors."""
         settings = self.settings
         if world is not None:
             return SimulatedCell(
@@ -87,7 +87,7 @@ class Session:
 
 
 def _in_the_way(findings: Sequence[Finding]) -> str:
-    """What the first of them says, without the advice to whom writes plans."""
+    """Word the first finding as an error, without its advice for authors of plans."""
     what = findings[0].message.partition(";")[0]
     often = (
         "" if len(findings) == 1 else f" ({len(findings)} motions of the calibration are refused)"
@@ -99,6 +99,6 @@ def _in_the_way(findings: Sequence[Finding]) -> str:
 
 
 def _findings(plan: Plan, scene: Scene) -> tuple[Finding, ...]:
-    """What the check says; all that is logged is needed, though no parameter is made of it."""
+    """Check the plan, ignoring `redundant`: a calibration needs recordings that no parameter uses."""
     found = check(plan, scene, remeasure=True)
     return tuple(finding for finding in found if finding.rule != "redundant")

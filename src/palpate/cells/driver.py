@@ -1,4 +1,4 @@
-"""Drivers: factories of cells of real robots."""
+"""Driver interface: makes the cells of one kind of real robot."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ if TYPE_CHECKING:
     from palpate.scene.scene import Scene
 
 Finding = tuple[bool, str, str]
-"""Line of an examination: passed or not, subject, and finding or remedy."""
+"""Result of one diagnostic check: passed, name of the check, and its value or the remedy."""
 
 
 @dataclass(frozen=True, slots=True)
 class Driver:
-    """Factory of the cells of one kind of real robot: public in a module that an entry point of the
+    """Factory of the cells of one kind of robot: public in a module that an entry point of the
     group `palpate.cells` names.
 
     Attributes:

@@ -1,4 +1,4 @@
-"""Accuracy of the forces at rest, from the arm's description."""
+"""Uncertainty of the wrench measured at rest, from the arm's description."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ REVERSED = 2.2
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Doubt:
-    """Standard deviations of a moment in one configuration, by the deviations of the joints.
+    """Standard deviations of a moment measured in one configuration, from the joints' errors.
 
     Attributes:
         lasting: (7,) N m, of each joint's relative errors: those of its sensor and of the links it

@@ -1,4 +1,4 @@
-"""Description of an arm with its hand, read from one folder and passed on.
+"""Description of an arm with its hand, read from one folder.
 
 Nobody else holds a number of an arm.
 """
@@ -41,7 +41,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Limits:
-    """Limits of the arm.
+    """Safety limits of the arm.
 
     Attributes:
         q_min, q_max: (7,) joint range, rad.
@@ -213,7 +213,7 @@ def read_description(folder: Path, name: str, known: Mapping[str, Path]) -> Robo
 
 
 def _nominal(sheet: Sheet, model: mujoco.MjModel) -> Hand:
-    """Nominal arm for the estimators, by its datasheet."""
+    """Build the arm's data for the estimators, from its datasheet."""
     accuracy = sheet.accuracy
     return Hand(
         tip_offset=pads_end(model, sheet.hand),
@@ -281,7 +281,7 @@ def _weigh_hand(spec: mujoco.MjSpec, arm: RobotDescription, end: EndEffector) ->
 
 
 def reflexes(said: ReflexSheet, payload: float) -> Reflexes:
-    """Reflex thresholds; a carried load weighs up to the payload, kg, in free air there is none."""
+    """Build the reflexes; with a load on the hand they allow for the weight of the payload, kg."""
     weight = payload * STANDARD_GRAVITY
     return Reflexes(
         free=Reflex(said.free.force, said.free.torque),
@@ -302,7 +302,7 @@ def _links(model: mujoco.MjModel, joints: tuple[str, ...]) -> tuple[str, ...]:
 
 
 def pads_end(model: mujoco.MjModel, hand: ParallelHand) -> float:
-    """Length of the pads beyond the TCP along the tool, m."""
+    """Return the distance from the TCP to the end of the pads along the tool, m."""
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     tool = tool_pose(model, data, hand)

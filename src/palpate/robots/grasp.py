@@ -114,7 +114,7 @@ def turned_grasp(
 
 
 def _around(arm: RobotDescription, cloud: Array, obstacles: Sequence[Obstacle]) -> list[Obstacle]:
-    """Objects that the hand could touch while it grasps."""
+    """Select the obstacles that the hand could touch while it grasps."""
     width = 2 * arm.hand.half_extents[1]
     low, high = cloud.min(axis=0)[:2] - width, cloud.max(axis=0)[:2] + width
     return [
@@ -217,7 +217,7 @@ def _hand_blocked(
     nearby: Sequence[Array],
     tall: Sequence[Array],
 ) -> bool:
-    """True if the opened fingers, or the palm above them, would be in a neighbour."""
+    """Test if the opened fingers, or the palm above them, would overlap a neighbour."""
     reach = arm.hand.opening / 2 + arm.hand.finger / 2
     finger = rectangle(np.zeros(2), across, arm.hand.finger / 2, arm.hand.pad)
     spots = np.array([centre + reach * across, centre - reach * across])

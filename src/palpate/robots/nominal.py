@@ -22,7 +22,7 @@ SEARCH_STEPS, SEARCH_RATE, SEARCH_DAMPING, SEARCH_DONE = 60, 0.3, 1e-4, 1e-3
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Kinematics:
-    """Kinematics of the nominal arm in n configurations.
+    """Kinematics of the nominal arm in n configurations at once.
 
     Attributes:
         pose_world_tcp: (n, 7).

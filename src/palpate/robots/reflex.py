@@ -1,4 +1,4 @@
-"""Thresholds of the reflex that stops the arm."""
+"""Collision reflex: contact thresholds at which the robot stops itself."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from palpate.geometry.pose import Array
 
 @dataclass(frozen=True, slots=True)
 class Reflex:
-    """Largest force and torque, beside a carried load, before the arm stops itself.
+    """Thresholds of the external wrench, without the carried load, at which the arm stops itself.
 
     Attributes:
         force: N, magnitude at the TCP.
@@ -30,8 +30,8 @@ class Reflex:
         return min(self.force, self.torque, self.sideways)
 
     def fired(self, contact: Array) -> str | None:
-        """Reason why the arm stops at the external wrench `contact` (6,), in the convention of
-        `palpate.trace`; None below the thresholds."""
+        """Return the reason to stop at the external wrench `contact` (6,), the convention of
+        `palpate.trace`; None while it goes on."""
         x, y, z, turn_x, turn_y, turn_z = contact.tolist()
         force = math.hypot(x, y, z - min(max(z, 0.0), self.load))
         if force > self.force:

@@ -75,12 +75,12 @@ class Robot(Protocol):
 
     @property
     def limits(self) -> Limits:
-        """Limits of the arm: the description's, constant."""
+        """Safety limits from the description; they never change."""
         ...
 
     @property
     def hand(self) -> Hand:
-        """Nominal arm for the estimators; part of every trace."""
+        """Data of the nominal arm for the estimators; part of every trace."""
         ...
 
     @property
@@ -90,7 +90,7 @@ class Robot(Protocol):
 
     @property
     def state(self) -> RobotState:
-        """State at the last `advance`; reading it never blocks. A lost connection shows in its
+        """State as of the last `advance`; reading it never blocks. A lost connection shows in its
         `stamp`, which grows old."""
         ...
 
@@ -112,8 +112,8 @@ class Robot(Protocol):
         ...
 
     def move_axis(self, direction: Array, speed: float, travel: float) -> None:
-        """Move like `move_pose`, along the unit vector `direction` (3,) (world) at `speed` m/s for
-        `travel` m, with constant orientation."""
+        """Move the TCP straight as `move_pose`, along unit `direction` (3,) (world) at `speed` m/s for `travel` m, with
+        the orientation kept."""
         ...
 
     def swing(self, about: Array, angle: float, frequency: float, cycles: int) -> None:
@@ -189,6 +189,6 @@ class Remembering(Protocol):
     """A robot that knows more of its last seconds than its samples say."""
 
     def black_box(self) -> Mapping[str, Array] | None:
-        """Log of the control loop in the last seconds before a stop, by name, a row per cycle; None
-        without a stop."""
+        """Return the control loop's inputs and outputs of the last seconds before it was stopped, by name, one
+        row a cycle; None where nothing stopped it."""
         ...

@@ -61,7 +61,7 @@ class Workspace(Section):
 
 
 class Reach(Section):
-    """Workspace with the tool down: a quick estimate, m.
+    """Quick estimate of the arm's working range with the tool down, m.
 
     Attributes:
         nearest, farthest, preferred: horizontal distances of the TCP from the base.
@@ -174,7 +174,7 @@ class Stiffness(Section):
 
 
 class Hardware(Section):
-    """Differences of the real arm from the simulated one.
+    """Values in which a real arm differs from a simulated one.
 
     Attributes:
         stiffness: of springs that a control loop at 1 kHz keeps stable, and that give way to a person.
@@ -187,7 +187,7 @@ class Hardware(Section):
 
 
 class Cautious(Section):
-    """Reductions of a cautious arm; see `Pace`."""
+    """Lower limits of cautious motions; see `Pace`."""
 
     speed: Size
     turning_speed: Size
@@ -221,7 +221,7 @@ class Pace(Section):
 
 
 class Accuracy(Section):
-    """Accuracy as the maker states it, and that of the pads' end.
+    """Accuracy stated by the manufacturer, and the uncertainty of the pads' end.
 
     Attributes:
         force_resolution: N.
@@ -241,7 +241,8 @@ class Accuracy(Section):
 
 
 class Sensors(Section):
-    """Deviations of the joint torque signals and of the links from the nominal ones.
+    """Errors of the joint torque signals, and deviations of the links from the
+    nominal ones.
 
     Attributes:
         torque_noise: (7,) N m, standard deviation of a 1 kHz sample.
@@ -322,7 +323,7 @@ def read_sheet(folder: Path, known: Mapping[str, Path]) -> Sheet:
 
 
 def _content(path: Path, known: Mapping[str, Path]) -> Any:
-    """Content of the file, completed by that of the arm that it is like."""
+    """Read the file, completed with the description of the arm named by `like`."""
     content: Any = _yaml(path)
     if not isinstance(content, dict):
         return None

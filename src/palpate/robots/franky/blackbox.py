@@ -1,4 +1,4 @@
-"""Log of every cycle before a fault, for a later analysis."""
+"""Recorder of the last control cycles before a fault, for diagnosis."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Conditions of an arm before it is commanded."""
+"""Checks of an arm before it is commanded."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def require_free(hand: Hand) -> None:
 
 
 def require_end_effector(state: Any, nominal: NominalArm, pose_world_base: Pose) -> float:
-    """Require the same TCP in the control box; return the distance between the two, m.
+    """Require the control box's TCP to agree with the description's; return their distance, m.
 
     Raises:
         InputError: it does not.

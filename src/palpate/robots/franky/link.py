@@ -1,4 +1,4 @@
-"""Received states of the arm, cycle by cycle: time, samples, and the reason for an end."""
+"""Data received from the arm each cycle: its time, its samples, and the reason of a stop."""
 
 from __future__ import annotations
 
@@ -160,7 +160,7 @@ class Link:
         return max(self._readout.stamp, self._drive.last)
 
     def _take(self) -> None:
-        """Process the cycles since the last advance."""
+        """Take over the cycles since the last advance."""
         self._follow_width()
         rows = self._drive.take()
         if rows:

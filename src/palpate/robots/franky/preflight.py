@@ -1,4 +1,4 @@
-"""Greeting of the control box before anything is planned: it answers, in a supported version."""
+"""Check of a control box before planning: it answers, in a supported protocol."""
 
 from __future__ import annotations
 
@@ -32,8 +32,8 @@ _ANSWER = struct.Struct("<IIIBH")
 
 @dataclass(frozen=True, slots=True)
 class Greeting:
-    """Answer of a control box: its version, None if it was not understood; reason why it cannot be
-    used, None if it can."""
+    """Answer of a control box: its protocol version, None where it said nothing that we
+    understand; why it cannot be used, None where it can."""
 
     version: int | None
     problem: str | None
@@ -84,7 +84,7 @@ def _line(address: Address) -> socket.socket:
 
 
 def _greeted(line: socket.socket) -> bytes:
-    """Answer to a greeting."""
+    """Return the answer to a greeting."""
     line.sendall(_GREETING.pack(0, 0, _GREETING.size, SPOKEN, line.getsockname()[1]))
     return line.recv(_ANSWER.size, socket.MSG_WAITALL)
 

@@ -1,4 +1,4 @@
-"""Conversion of franky's states at 1 kHz into logged samples."""
+"""Sensor readout of the arm: from franky's states at 1 kHz to logged samples."""
 
 from __future__ import annotations
 

@@ -86,7 +86,7 @@ class Value(Figure):
 
 
 class Repeated(Figure):
-    """Standard deviation of what differs from time to time."""
+    """Standard deviation of a repeatability."""
 
     value: Deviation
 
@@ -137,8 +137,8 @@ class Gravity(Figure):
 
 
 class EndEffector(Section):
-    """End effector without a load, the fingers included: `mass` in kg, `centre` in m in the axes of
-    the hand's body, from its origin, with the fingers half open."""
+    """End effector without a load, the fingers included: `mass` in kg, `centre` in m
+    in the axes of the hand's body, from its origin, with the fingers half open."""
 
     mass: Size
     centre: Vector
@@ -155,8 +155,8 @@ class Camera(Section):
 
 
 class Simulated(Section):
-    """Identity of an arm of the embedded world: another `noise` or `seed` is another arm. `visits`:
-    number of calibrations; quantities drawn per run are drawn anew in each."""
+    """Identity of the arm in the embedded world: another `noise` or `seed` is another arm. `visits`: how
+    often it was calibrated; the next time what is drawn once a run is drawn anew."""
 
     noise: Annotated[str, Field(min_length=1, max_length=1000)]
     seed: Annotated[int, Field(ge=0)]
@@ -211,7 +211,7 @@ class RobotConfig(Section):
 
 
 def read_config(path: Path) -> RobotConfig:
-    """Read a robot.yaml; the same object as long as the file does not change.
+    """Read a robot.yaml; return the same object as long as the file does not change.
 
     Raises:
         InputError: unreadable, or not of this form; the message names file and key.
@@ -256,7 +256,7 @@ def write_config(path: Path, config: RobotConfig) -> None:
 
 
 def _plain(section: BaseModel) -> dict[str, Any]:
-    """Content without arrays, for YAML."""
+    """Convert a section to plain values, arrays to lists, for YAML."""
     said: dict[str, Any] = {}
     for name in type(section).model_fields:
         value = getattr(section, name)

@@ -41,15 +41,15 @@ def own_arm(
 
 @cache
 def _real(arm: RobotDescription) -> RobotDescription:
-    """Real arm, cached, so that what is computed of it is kept."""
+    """Return the real arm; cached, because results computed for it are cached by identity."""
     return arm.real()
 
 
 def require_same(
     config: RobotConfig | None, simulated: tuple[str, int] | None, where: str = "the robot_config="
 ) -> None:
-    """Require that a robot.yaml was measured on the arm that is to move: the embedded one's noise
-    model and seed, None for a real one.
+    """Require that a robot.yaml was measured on the arm that is to move: the embedded one's
+    noise model and seed, None for a real one.
 
     Raises:
         InputError: it was another one; `where` names the file.

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class Fault:
-    """Reason why signals are implausible.
+    """Reason to distrust the signals.
 
     Attributes:
         name: what people call it.

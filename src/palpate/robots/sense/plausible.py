@@ -1,5 +1,5 @@
-"""Plausibility rules by the arm's description: each sees one state, or a sample and its
-predecessor."""
+"""Plausibility rules from the arm's description: each rule sees one state, or one sample and the one
+before."""
 
 from __future__ import annotations
 

@@ -32,7 +32,7 @@ class Watched:
 
     @property
     def fault(self) -> Fault | None:
-        """Fault of the signals; None so far."""
+        """Fault of the signals; None while they are sound."""
         return self._watch.fault
 
     @property

@@ -43,7 +43,7 @@ _WRENCH_KEPT, _INPUT_KEPT = _faded(LONGEST_RUN * BLOCK)
 
 
 class Reaction(NamedTuple):
-    """Compliant reaction of the arm as it stops itself.
+    """Reaction of the arm to its own collision stop: it yields.
 
     Attributes:
         gains: of the drives, which then take torques.

@@ -54,8 +54,8 @@ def add_actuators(world: mujoco.MjSpec, arm: RobotDescription) -> None:
 
 
 class Inertia(NamedTuple):
-    """Apparent inertia in one configuration: at the TCP (6, 6), world axes, and at the joints (7,
-    7)."""
+    """Inertia that the springs act on in one configuration: at the TCP (6, 6), world axes, and at the joints
+    (7, 7)."""
 
     tcp: Array
     joints: Array
@@ -71,7 +71,8 @@ class Inertia(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Gains:
-    """Active springs and their critical damping 2 sqrt(k m) with the inertia that each moves.
+    """Stiffness of the active springs, and their critical damping 2 sqrt(k m) with the inertia that each
+    moves.
 
     Attributes:
         cartesian: the TCP's springs act, and the joint drives take torques; else the joints'
@@ -109,11 +110,11 @@ class Gains:
         return cls(False, np.zeros(7), np.zeros(7), inertia, np.diag(inertia))
 
     def joint_damping(self, jacobian: Array) -> Array:
-        """Damping of all dampers at the joints, (7, 7)."""
+        """Sum of all dampers at the joints, (7, 7)."""
         return self._at_joints(self.damping, jacobian)
 
     def joint_stiffness(self, jacobian: Array) -> Array:
-        """Stiffness of all springs at the joints, (7, 7)."""
+        """Sum of all springs at the joints, (7, 7)."""
         return self._at_joints(self.stiffness, jacobian)
 
     def _at_joints(self, each: Array, jacobian: Array) -> Array:
@@ -138,7 +139,7 @@ class Gains:
 
 
 class Actuators:
-    """Actuators of the controller in a model, and the setting of their gains.
+    """Indices of the controller's actuators in a model, and the setting of their gains.
 
     Attributes:
         position, orientation, drives: indices into `ctrl`.

@@ -1,4 +1,5 @@
-"""Conversion of recorded joint signals into logged samples, through the nominal model."""
+"""Simulated sensors of the arm: from recorded joint signals to logged samples, through the nominal
+model."""
 
 from __future__ import annotations
 
@@ -28,7 +29,7 @@ _KEPT = math.exp(-PERIOD / OBSERVER_TIME)
 
 
 class _Way(NamedTuple):
-    """Motion of the arm through n log periods.
+    """Motion of the arm over n log periods.
 
     Attributes:
         mean: (n, 21) joint angles, rad, the TCP's pose, and N m that hold the nominal arm up.
@@ -46,7 +47,7 @@ class _Way(NamedTuple):
 
 
 class _Felt(NamedTuple):
-    """Measurements of that motion.
+    """Torques and wrenches measured along a motion.
 
     Attributes:
         torque, tau_ext: (n, 7) N m.
@@ -151,7 +152,7 @@ class Readout:
         return self._arriving(samples, felt)
 
     def _follow(self, steps: Steps) -> _Way:
-        """Path of the arm by its encoders, without their noise."""
+        """Compute the arm's motion as its encoders report it, without their noise."""
         gained = self._gained(steps.dq)
         q = self._reported(steps)
         here = self._nominal.kinematics(q, steps.dq, gained / PERIOD)
@@ -165,7 +166,7 @@ class Readout:
         return _Way(mean, dq, gained, here.jacobian, here.inertia_torque)
 
     def _feel(self, steps: Steps, way: _Way, gains: Gains) -> _Felt:
-        """Measurements of the torque sensors along the path."""
+        """Simulate the torque sensors along a motion."""
         true = self._link_torque(steps, way.gained, gains)
         motion = Motion(way.mean[:, :7], way.dq, self.jacobian, way.mean[:, 7:10])
         torque, arrived, shown = self._sensors.measure(true, motion)
@@ -182,7 +183,7 @@ class Readout:
         return _Felt(torque, tau_ext, wrench, contact, arrived)
 
     def _arriving(self, samples: Samples, felt: _Felt) -> Samples:
-        """Samples that arrive; the newest of them is the known state of the arm."""
+        """Return the samples that arrive; the newest sets the reported state of the arm."""
         torque, contact, arrived = felt.torque, felt.contact, felt.arrived
         if arrived is None or arrived[-1]:
             self.told = (self.q, self.pose_world_tcp)

@@ -70,7 +70,7 @@ class Stiction:
 
 
 def declared(model: mujoco.MjModel) -> tuple[Stiction, ...]:
-    """Coefficients declared in the model's `<custom>`.
+    """Read the declarations in the model's `<custom>`.
 
     Raises:
         InputError: it names no object of the world.

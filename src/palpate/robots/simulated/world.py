@@ -187,7 +187,7 @@ class World:
             )
 
     def _substeps(self) -> None:
-        """Run one control cycle, with the watchers called."""
+        """Step one control cycle, calling `watch` after each physics step."""
         if self.watch is None:
             mujoco.mj_step(self.model, self._data, nstep=SUBSTEPS)
             return
@@ -225,7 +225,7 @@ class World:
         return self._at(self.qpos if qpos is None else qpos)
 
     def true_pose(self, body: str) -> Pose:
-        """True pose of a body in the world.
+        """Return the true pose of a body now, in the world.
 
         Raises:
             InputError: there is no such body.
@@ -237,7 +237,7 @@ class World:
         return Pose(frame.xpos.copy(), frame.xquat.copy())
 
     def true_tcp(self) -> Pose:
-        """True pose of the TCP in the world."""
+        """Return the true pose of the TCP now, in the world."""
         data = self._seen
         data.qpos[:] = self._data.qpos
         mujoco.mj_kinematics(self.model, data)

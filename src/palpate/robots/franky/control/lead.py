@@ -84,17 +84,17 @@ class Lead:
         return course
 
     def begin(self) -> tuple[Motion, Array]:
-        """Start of a Cartesian motion now."""
+        """Return the start of a Cartesian motion now."""
         return self._pose_motion(self._drive.course, self._drive.clock)
 
     def inertia(self) -> Inertia:
-        """Inertia that the springs move."""
+        """Inertia that the springs act on."""
         q = self._readout.q
         return Inertia.of(self._nominal.mass_matrix(q), self._readout.jacobian)
 
     def _joint_motion(self, before: Course | None, clock: float) -> Motion:
-        """Start of a joint motion: on the present one, or at the joint equilibrium that exerts the
-        forces of the TCP's springs."""
+        """Return the start of a joint motion: on the present one, or where the joints' springs pull as the
+        TCP's do now."""
         if before is not None and isinstance(before.path, Path):
             return before.path.at(clock)
         readout = self._readout
@@ -103,8 +103,8 @@ class Lead:
         return Motion(leading, rate, np.zeros(7))
 
     def _pose_motion(self, before: Course | None, clock: float) -> tuple[Motion, Array]:
-        """Start of a Cartesian motion: on the present one, or at the TCP equilibrium that exerts
-        the torques of the joint springs."""
+        """Return the start of a Cartesian motion: on the present one, or where the TCP's springs pull as
+        the joints' do now."""
         if before is not None and isinstance(before.path, PosePath):
             return before.path.motion(clock), before.path.pose(clock).quaternion
         readout = self._readout

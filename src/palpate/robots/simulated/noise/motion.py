@@ -1,4 +1,4 @@
-"""Motion of an arm in a run of log periods, as input of its sensors."""
+"""Motion of an arm over consecutive log periods, as input of the sensor models."""
 
 from __future__ import annotations
 

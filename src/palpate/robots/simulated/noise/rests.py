@@ -1,4 +1,5 @@
-"""Effects of each rest: a residual stiction torque in the joints, and the pose error of the TCP."""
+"""Errors drawn at every rest of the arm: a torque that sticks in the joints, and the TCP's
+true resting position."""
 
 from __future__ import annotations
 

@@ -20,7 +20,7 @@ SHARE = 0.3
 
 
 class Truth:
-    """True deviations of one robot from the nominal model, and their application to a world.
+    """Deviations of an individual robot from the nominal model, applied to a world.
 
     Attributes:
         askew: whether the TCP may be elsewhere than the encoders say, or another weight be held up

@@ -1,4 +1,4 @@
-"""Values of a noise model's keys: levels, and sizes of random draws.
+"""Values of the keys of a noise model: levels, and sizes that values are drawn from.
 
 A scalar stands for all seven joints, or for all axes. A drawn size may be written
 `{fixed: value}`: then it is that very value for every seed.
@@ -38,11 +38,11 @@ class Drawn:
 
     @property
     def any(self) -> bool:
-        """True if it is ever anything but zero."""
+        """Test if it can be non-zero."""
         return bool(np.any(self.size if self.fixed is None else self.fixed))
 
     def draw(self, random: np.random.Generator) -> Array:
-        """Draw a value in the shape of its size."""
+        """Draw a value, in the shape of its size."""
         if self.fixed is not None:
             return self.fixed.copy()
         if self.law == "uniform":
@@ -55,7 +55,7 @@ class Drawn:
         return self.size * drawn
 
     def number(self, random: np.random.Generator) -> float:
-        """Draw a single number."""
+        """Draw a scalar value."""
         return float(self.draw(random)[()])
 
 
@@ -64,8 +64,8 @@ LAST_BYTE = 255
 
 
 class Streams:
-    """Random streams, one per key of a noise model (`torque.white`): a change of one reshuffles no
-    other."""
+    """Separate stream of random numbers for each key of a noise model, by its name (`torque.white`): a
+    change of one reshuffles no other."""
 
     def __init__(self, seed: int, visit: int = 0) -> None:
         """`seed` is the robot; `visit` is one of the runs that it makes."""
@@ -157,7 +157,7 @@ def _drawn(shape: Shape, law: Law) -> Callable[[Any], Drawn]:
 
 
 def nothing(shape: Shape = (), law: Law = "normal") -> Drawn:
-    """Size zero: nothing is drawn."""
+    """Level that is always zero."""
     return Drawn(law, np.zeros(shape))
 
 
