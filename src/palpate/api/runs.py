@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from palpate import pipeline
 from palpate.api.given import contents_of, path_of
-from palpate.audience import Audience, Progress, quiet
+from palpate.callbacks import Progress, RunCallbacks, quiet
 from palpate.display import table, text_table
 from palpate.estimation.estimate import COLUMNS, Estimate
 from palpate.runs.compare import Comparison, compare_runs
@@ -146,7 +146,7 @@ def finish(folder: str | Path, progress: Progress = quiet, film: bool = False) -
     Raises:
         InputError: there is no such folder, or it is not a run's.
     """
-    return run_of(pipeline.finish(Path(folder), Audience(progress=progress), film))
+    return run_of(pipeline.finish(Path(folder), RunCallbacks(progress=progress), film))
 
 
 def run_of(made: InnerRun) -> Run:

@@ -14,10 +14,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from palpate.audience import SILENT, Audience
 from palpate.calibration.procedures import gauge, weigh, weigh_itself
 from palpate.calibration.session import Session
 from palpate.calibration.stated import LENGTH, MASS, Known
+from palpate.callbacks import SILENT, RunCallbacks
 from palpate.errors import InputError
 from palpate.estimation.gains import gain_root
 from palpate.robots.owner.config import (
@@ -98,7 +98,7 @@ def calibrate(
     settings: Settings,
     wanted: Wanted,
     out: Path,
-    audience: Audience = SILENT,
+    callbacks: RunCallbacks = SILENT,
 ) -> Calibration:
     """Calibrate an arm, and write what was found into `out`: other figures of an existing file stay.
 
@@ -117,7 +117,7 @@ def calibrate(
     before = RobotConfig()
     if settings.robot_config is not None:
         before = read_config(settings.robot_config)
-    session = Session(settings, before, audience, _visits(before, there))
+    session = Session(settings, before, callbacks, _visits(before, there))
     start = session.arm
     if wanted.own_weight:
         weigh_itself(session)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from palpate import pipeline
-from palpate.audience import SILENT, Audience
+from palpate.callbacks import SILENT, RunCallbacks
 from palpate.cells.cell import Cell
 from palpate.cells.simulated import SimulatedCell
 from palpate.errors import ExecutionAborted, InputError
@@ -38,7 +38,7 @@ class Session:
 
     settings: Settings
     config: RobotConfig
-    audience: Audience = SILENT
+    callbacks: RunCallbacks = SILENT
     visits: int = 0
     seconds: float = 0.0
 
@@ -59,12 +59,12 @@ class Session:
         """
         self.visits += 1
         made = Run(self.settings, scene, plan, _findings(plan, scene))
-        made = pipeline.rehearse(made, self.audience)
+        made = pipeline.rehearse(made, self.callbacks)
         if made.findings:
             raise InputError(_in_the_way(made.findings))
         cell = self._cell(scene, world)
-        pipeline.confirm(made, self.audience, cell)
-        made = pipeline.measure(made, self.audience, cell)
+        pipeline.confirm(made, self.callbacks, cell)
+        made = pipeline.measure(made, self.callbacks, cell)
         assert made.execution is not None
         if made.execution.stopped_by is not None:
             raise ExecutionAborted(

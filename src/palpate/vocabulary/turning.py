@@ -29,7 +29,7 @@ from palpate.vocabulary.admissible.grasp import torsion
 from palpate.vocabulary.admissible.profile import POSE_ERROR
 from palpate.vocabulary.admissible.solids import solids
 from palpate.vocabulary.admissible.support import above
-from palpate.vocabulary.admissible.sweep.crowd import near_spans
+from palpate.vocabulary.admissible.sweep.collision_geometry import near_spans
 from palpate.vocabulary.base import (
     Blackboard,
     LeafFailure,

@@ -126,7 +126,7 @@ def _would_take(
         return False
     if _slides(before, after) and not _slides_well(before, after, recorded):
         return False
-    return next(motion.qualms(before, after), None) is None
+    return next(motion.conservative_violations(before, after), None) is None
 
 
 def _straddles(state: SymbolicState) -> bool:

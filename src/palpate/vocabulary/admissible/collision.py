@@ -22,7 +22,7 @@ from palpate.vocabulary.admissible.clearance import STEEP, straddled
 from palpate.vocabulary.admissible.footing import SETTLES, footing
 from palpate.vocabulary.admissible.guessed import higher, is_unmeasured, supposed, touched
 from palpate.vocabulary.admissible.solids import SIDES, solids
-from palpate.vocabulary.admissible.sweep.crowd import (
+from palpate.vocabulary.admissible.sweep.collision_geometry import (
     HIGHER,
     LINK,
     LOAD,

@@ -85,7 +85,7 @@ def violations(
         yield from collisions(before, after)
 
 
-def qualms(before: SymbolicState, after: SymbolicState) -> Iterator[Violation]:
+def conservative_violations(before: SymbolicState, after: SymbolicState) -> Iterator[Violation]:
     """Conservative violations for a planner that takes no risk: a quick test by boxes, and straight
     vertical motion near anything."""
     if before.pose_world_tcp is None or after.pose_world_tcp is None:

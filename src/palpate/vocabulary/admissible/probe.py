@@ -12,7 +12,7 @@ from palpate.geometry.pose import Array, Pose, digits
 from palpate.vocabulary.admissible.footing import footing
 from palpate.vocabulary.admissible.solids import SIDES, solids
 from palpate.vocabulary.admissible.support import TIPPING
-from palpate.vocabulary.admissible.sweep.crowd import hand_sweep, opening
+from palpate.vocabulary.admissible.sweep.collision_geometry import hand_sweep, opening
 from palpate.vocabulary.admissible.sweep.sweep import FINEST, Hit
 from palpate.vocabulary.admissible.sweep.way import of_hand
 from palpate.vocabulary.state import SymbolicState

@@ -30,7 +30,7 @@ from palpate.robots.trajectory.straight import Stretch
 from palpate.scene.scene import Scene
 from palpate.vocabulary.admissible.clearance import STEEP
 from palpate.vocabulary.admissible.support import clear_of_support
-from palpate.vocabulary.admissible.sweep.crowd import near_spans
+from palpate.vocabulary.admissible.sweep.collision_geometry import near_spans
 from palpate.vocabulary.state import SymbolicState
 
 POSE_ERROR = 0.020

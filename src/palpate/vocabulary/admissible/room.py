@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from palpate.errors import InputError
 from palpate.scene.scene import Scene
 from palpate.vocabulary.admissible.solids import solids
-from palpate.vocabulary.admissible.sweep.crowd import LINK, arm_sweep
+from palpate.vocabulary.admissible.sweep.collision_geometry import LINK, arm_sweep
 from palpate.vocabulary.admissible.sweep.sweep import Hit
 from palpate.vocabulary.admissible.sweep.way import of_joints
 from palpate.vocabulary.state import HOME_CONFIG, SymbolicState
