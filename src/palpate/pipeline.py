@@ -159,7 +159,7 @@ class _Steps:
 
     Attributes:
         keeper: writes down what they made.
-        audience: who hears of it.
+        callbacks: progress and confirmation.
         cell: where the robot moved; None where it did so in an earlier process.
         darkroom: film and pictures in the making.
         given: the scene as it was given, being touched.

@@ -31,7 +31,7 @@ class Session:
     Attributes:
         settings: which arm.
         config: what is known of it by now; corrected in the next visit.
-        audience: who watches, and who is asked before a real arm moves.
+        callbacks: progress, and the question before a real arm moves.
         visits: how often it was visited.
         seconds: of robot time.
     """

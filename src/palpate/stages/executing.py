@@ -76,7 +76,7 @@ def perform(
         plan: what is to be done.
         scene: where.
         robot: what moves.
-        audience: who watches, and who is asked where a real robot was stopped.
+        callbacks: progress, and the question where a real robot was stopped.
         on_failure: how far it goes on after a failure.
         within: half widths; what is wider is measured again.
         keep: writes down what is sensed meanwhile.
