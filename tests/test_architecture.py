@@ -113,7 +113,7 @@ def test_imports_point_down(name: str) -> None:
 
 
 FRONT = {
-    "audience",
+    "callbacks",
     "api",
     "tools",
     "settings",

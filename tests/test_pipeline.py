@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 from palpate import pipeline
-from palpate.audience import Audience
+from palpate.callbacks import RunCallbacks
 from palpate.runs.run import Run
 from palpate.scenarios.catalogue import scenario
 from palpate.scene.load import load_scene
@@ -122,7 +122,7 @@ def test_values_are_shown_before_twin_film_and_report() -> None:
         assert run.finished is None
         told.extend(str(estimate.parameter) for estimate in run.estimates)
 
-    run = pipeline.carry_out(made, Audience(progress=told.append, measured=measured))
+    run = pipeline.carry_out(made, RunCallbacks(progress=told.append, measured=measured))
     assert told.index("green_bottle.mass") < told.index("building the twin")
     assert run.twin.validation is not None
     assert run.twin.validation.settled

@@ -183,7 +183,7 @@ def measured(case: Case, traces: Path | None = None) -> Run:
         else:
             made = pipeline.execute(made, cell)
             _keep(made.trace, file)
-    if world.jump is not None and made.trace is not None:
+    if world.jump is not None and made.trace_if_any is not None:
         made = replace(made, recorded=jumped(made.trace, world.jump))
     return pipeline.estimate(made, cell)
 

@@ -25,7 +25,7 @@ from bench.faults.kinds import FAULTS, OBJECT, Fault
 from bench.harm.harm import Harm, harm
 from bench.harm.probe import AFTERWARDS
 from palpate import pipeline
-from palpate.audience import Audience
+from palpate.callbacks import RunCallbacks
 from palpate.cells.simulated import SimulatedCell, simulated_cell
 from palpate.errors import PalpateError
 from palpate.runs.run import Run
@@ -112,7 +112,7 @@ def _struck(case: Case, blank: Row) -> Row:
         observer = _Watcher(moment) if fault.name == "watcher fails" else None
         run, said = None, ()
         try:
-            run = pipeline.run(settings, Audience(observer))
+            run = pipeline.run(settings, RunCallbacks(observer))
         except PalpateError as error:
             status, said = type(error).__name__, (str(error)[:300],)
         else:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 from bench.harm.harm import Harm, harm
 from bench.harm.touch import SHOWN, UNSEEN, Figures
 from bench.harm.witness import Witness
-from palpate.audience import Audience
+from palpate.callbacks import RunCallbacks
 from palpate.cells.simulated import SimulatedCell, simulated_cell
 from palpate.errors import InputError
 from palpate.execution.recovery import OnFailure
@@ -68,7 +68,7 @@ def probed_run(
     cell = cell or simulated_cell(scene, world, noise=noise, seed=seed)
     robot = cell.robot()
     witness = Witness.of(robot.world)
-    execution = executing.perform(plan, scene, robot, Audience(observer), on_failure)
+    execution = executing.perform(plan, scene, robot, RunCallbacks(observer), on_failure)
     robot.advance(AFTERWARDS)
     return Probed(execution, harm(witness, named(plan, scene), unseen, shown, hidden))
 

@@ -18,8 +18,8 @@ T = TypeVar("T")
 
 
 class Beside(Generic[T]):
-    """What `work` returns, made by a copy of this process. A context manager; what nobody has asked
-    for when it is left is given up.
+    """Result of `work`, computed by a copy of this process. A context manager; an unused result is
+    given up on exit.
 
     Where there can be no copy, or it has failed, the work is done here, when it is asked for.
     """
@@ -65,8 +65,8 @@ class Beside(Generic[T]):
 
 
 def can_copy() -> bool:
-    """Whether a copy of this process runs beside it: there is a second processor, and no thread whose
-    locks the copy would wait for in vain."""
+    """True if a copy of this process runs beside it: there is a second processor, and no thread
+    whose locks the copy would wait for in vain."""
     if sys.platform != "linux" or threading.active_count() > 1:
         return False
     return len(os.sched_getaffinity(0)) > 1

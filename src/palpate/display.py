@@ -1,5 +1,4 @@
-"""How text from elsewhere is shown: without what a terminal would take for a command; and how
-things look in a notebook: small tables, everything in them escaped."""
+"""Display of untrusted text, without terminal commands; small escaped tables for notebooks."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What other packages bring: the modules that their entry points name.
+"""Extensions by other packages: the modules that their entry points name.
 
 Every group works alike (`palpate.primitives`, `palpate.planners`, …): an entry point names a
 module, and what is public in it and of the group's kind is registered.
@@ -40,7 +40,7 @@ def references(group: str) -> dict[str, str]:
 
 
 def public(module: ModuleType) -> list[object]:
-    """What `module` offers: the names in its `__all__`, else all without a leading underscore."""
+    """Public names of `module`: its `__all__`, else all without a leading underscore."""
     without_underscore = [name for name in vars(module) if not name.startswith("_")]
     names: list[str] = getattr(module, "__all__", without_underscore)
     return [getattr(module, name) for name in names]

@@ -33,7 +33,7 @@ class Interrupts:
 
     @property
     def count(self) -> int:
-        """How many have come."""
+        """Number of signals so far."""
         return self._count
 
     def __repr__(self) -> str:
@@ -87,12 +87,12 @@ class Interrupts:
             raise Interrupted(self.reason)
 
     def pressed(self) -> int:
-        """How many have come since they are noted; they are heard now."""
+        """Number of signals since they are noted; they count as handled now."""
         self._heard = self._count
         return self._count - self._before
 
     def forget(self) -> None:
-        """What has come only ended a wait, after everything was done: nothing was interrupted."""
+        """Forget the signals so far: they only ended a wait after everything was done."""
         self._count = self._heard = self._before = 0
 
     @property
@@ -103,7 +103,7 @@ class Interrupts:
 
 @contextmanager
 def interrupts(signals: Iterable[signal.Signals] = (signal.SIGINT,)) -> Generator[Interrupts]:
-    """Those that this process takes already, else new ones that take `signals` inside the block.
+    """Signal handling of this process, if active, else a new one for `signals` inside the block.
 
     Off the main thread, where Python takes none, nothing is taken.
     """
@@ -141,8 +141,7 @@ def before_anything_moves(doing: str) -> Generator[None]:
 
 
 def ending_signals() -> tuple[signal.Signals, ...]:
-    """Those that ask a program to end; a hang-up where nobody said that it is to be ignored (as
-    nohup does)."""
+    """Signals that ask a program to end; a hang-up unless it is ignored (nohup)."""
     hang_up = getattr(signal, "SIGHUP", None)
     if hang_up is None or signal.getsignal(hang_up) == signal.SIG_IGN:
         return (signal.SIGINT, signal.SIGTERM)

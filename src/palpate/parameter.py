@@ -1,4 +1,4 @@
-"""One unknown: the thread through everything."""
+"""Parameter: an unknown, the thread through everything."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ _set = object.__setattr__
 
 @dataclass(frozen=True, slots=True, order=True, init=False, repr=False)
 class Parameter:
-    """One unknown: a quantity of a named object of the scene.
+    """Unknown: a quantity of a named object of the scene.
 
     `Parameter("mug", "mass")` and `Parameter("mug.mass")` are the same; a name is split at its last
     dot, so that an object's name may hold dots itself.

@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from palpate.audience import SILENT, Audience
+from palpate.callbacks import SILENT, RunCallbacks
 from palpate.cells.cell import Cell
 from palpate.interrupt import before_anything_moves, interrupts
 from palpate.runs.folder import check_writable
@@ -64,7 +64,7 @@ __all__ = [
 ]
 
 
-def run(settings: Settings, audience: Audience = SILENT) -> Run:
+def run(settings: Settings, callbacks: RunCallbacks = SILENT) -> Run:
     """From settings to a finished run folder.
 
     Raises:
@@ -79,13 +79,16 @@ def run(settings: Settings, audience: Audience = SILENT) -> Run:
     with before_anything_moves("planning"):
         preflight(settings)
         scene = load(settings)
-        audience.progress("planning")
+        callbacks.progress("planning")
         made = replace(plan(settings, scene), begun=began)
-    return carry_out(made, audience, folder=folder)
+    return carry_out(made, callbacks, folder=folder)
 
 
 def carry_out(
-    made: Run, audience: Audience = SILENT, cell: Cell | None = None, folder: Path | None = None
+    made: Run,
+    callbacks: RunCallbacks = SILENT,
+    cell: Cell | None = None,
+    folder: Path | None = None,
 ) -> Run:
     """From a plan to a finished run, kept in `folder` while it grows, or in memory alone.
 
@@ -98,13 +101,13 @@ def carry_out(
         Unavailable: the robot is out of reach.
         ExecutionAborted: not confirmed, or interrupted before anything moved.
     """
-    audience = audience.unfailing()
+    callbacks = callbacks.unfailing()
     if made.begun is None:
         made = replace(made, begun=time.perf_counter())
     with interrupts() as signals:
         with before_anything_moves("rehearsing"):
-            made = rehearse(made, audience)
-            confirm(made, audience, cell)
+            made = rehearse(made, callbacks)
+            confirm(made, callbacks, cell)
             if not made.ready:
                 return made if folder is None else save(made, folder)
             cell = cell or _cell_of(made)
@@ -113,12 +116,12 @@ def carry_out(
         made = keeper.begin(made, request_json(made.settings))
         with touched_beside(made, cell) as given:
             await_film(made)
-            made = keeper.executed(_Steps(keeper, audience, cell).execution, made)
+            made = keeper.executed(_Steps(keeper, callbacks, cell).execution, made)
             with darkroom_for(made) as darkroom:
-                return _Steps(keeper, audience, cell, darkroom, given).finished(made)
+                return _Steps(keeper, callbacks, cell, darkroom, given).finished(made)
 
 
-def finish(folder: Path, audience: Audience = SILENT, film: bool = False) -> Run:
+def finish(folder: Path, callbacks: RunCallbacks = SILENT, film: bool = False) -> Run:
     """Do what a run that was cut off, or was in a hurry, has left to do, with what its folder holds,
     and write its report anew. What the camera saw is kept nowhere: a `film` made later is the trace,
     played again.
@@ -133,10 +136,10 @@ def finish(folder: Path, audience: Audience = SILENT, film: bool = False) -> Run
             made = replace(made, stage="estimating")
         if film:
             made = with_footage(made)
-        return _Steps(keeper, audience.unfailing()).finished(made)
+        return _Steps(keeper, callbacks.unfailing()).finished(made)
 
 
-def measure(made: Run, audience: Audience = SILENT, cell: Cell | None = None) -> Run:
+def measure(made: Run, callbacks: RunCallbacks = SILENT, cell: Cell | None = None) -> Run:
     """From a checked plan to estimates in memory, in `cell`, else in the one that the settings name.
     A plan with findings, or without a tree, is rejected: nothing moves.
 
@@ -147,7 +150,7 @@ def measure(made: Run, audience: Audience = SILENT, cell: Cell | None = None) ->
         return made
     with interrupts() as signals, signals.raised():
         cell = cell or _cell_of(made)
-        return estimate(execute(made, cell, audience), cell, audience)
+        return estimate(execute(made, cell, callbacks), cell, callbacks)
 
 
 @dataclass(frozen=True, slots=True)
@@ -156,14 +159,14 @@ class _Steps:
 
     Attributes:
         keeper: writes down what they made.
-        audience: who hears of it.
+        callbacks: progress and confirmation.
         cell: where the robot moved; None where it did so in an earlier process.
         darkroom: film and pictures in the making.
         given: the scene as it was given, being touched.
     """
 
     keeper: Keeper
-    audience: Audience
+    callbacks: RunCallbacks
     cell: Cell | None = None
     darkroom: Darkroom | None = None
     given: Beside[Trace] | None = None
@@ -188,29 +191,29 @@ class _Steps:
 
     def execution(self, made: Run) -> Iterator[Run]:
         assert self.cell is not None
-        made = execute(made, self.cell, self.audience, self.keeper.samples)
+        made = execute(made, self.cell, self.callbacks, self.keeper.samples)
         self.keeper.trace(made)
         yield made
 
     def estimates(self, made: Run) -> Iterator[Run]:
-        for grown in estimates(made, self.cell, self.audience):
+        for grown in estimates(made, self.cell, self.callbacks):
             made = grown
             yield made
-        self.audience.measured(made)
+        self.callbacks.measured(made)
 
     def twin(self, made: Run) -> Iterator[Run]:
         planned_in = made.scene
-        made = build_twin(made, self.audience)
+        made = build_twin(made, self.callbacks)
         self.keeper.twin(made)
         yield made
         if self.darkroom is not None:
             self.darkroom.begin_stills(made)
         if not made.settings.fast:
-            yield touch_twin(made, planned_in, self.audience, self.given)
+            yield touch_twin(made, planned_in, self.callbacks, self.given)
 
     def report(self, made: Run) -> Iterator[Run]:
         if self.keeper.folder is not None:
-            self.audience.progress("writing the report")
+            self.callbacks.progress("writing the report")
             yield write_report(made, self.keeper.folder, self.darkroom)
 
 

@@ -36,7 +36,7 @@ _QUERY = re.compile(
 """A key in the query of an address."""
 
 _BETWEEN = r"[\s\u00ad\u200b-\u200f\u2060\ufeff]*"
-"""What one key may be spread with: white space and characters that nobody sees."""
+"""Separators inside a spread key: white space and invisible characters."""
 
 
 def redact(text: str) -> str:
@@ -127,7 +127,7 @@ def _without_stretches(text: str, forms: Iterable[str]) -> str:
 
 
 def _stretches(text: str, form: str) -> Iterator[tuple[int, int]]:
-    """Where `text` has `STRETCH` characters of the form in a row."""
+    """Stretches of `text` with `STRETCH` characters of the form in a row."""
     width = min(STRETCH, len(form))
     for i in range(len(form) - width + 1):
         start = text.find(form[i : i + width])

@@ -1,4 +1,4 @@
-"""What the user hands over: one frozen description of a run, and its form in `request.json`."""
+"""Settings of a run, immutable, and their form in `request.json`."""
 
 from __future__ import annotations
 
@@ -175,7 +175,7 @@ def request_json(settings: Settings) -> dict[str, Any]:
 
 
 def noise_told(noise: str) -> str:
-    """How a noise model is named in files: its name, or where its file is."""
+    """Name of a noise model in files: its own, or the path of its file."""
     from palpate.robots.simulated.noise.models import means_file
 
     return str(Path(noise).absolute()) if means_file(noise) else noise
@@ -224,7 +224,7 @@ def settings_from(document: Mapping[str, Any]) -> Settings:
 
 
 def _model_settings_json(model_settings: ModelSettings) -> dict[str, Any]:
-    """How a model was asked, without whatever an address may hold besides the address."""
+    """Model settings as JSON; of the address, without any credentials in it."""
     url = urlsplit(model_settings.base_url or "")
     host = url.netloc.rpartition("@")[2]
     return asdict(model_settings) | {

@@ -1,4 +1,4 @@
-"""What can be asked without a run: whether a plan holds, what a model would be sent, what plans are made of.
+"""Questions without a run: check of a plan, prompt for a model, vocabulary of plans.
 
 With `palpate.api` this is all that the command line stands on.
 """
@@ -63,8 +63,8 @@ __all__ = [
 def examined(
     url: str, arm: str, robot_config: Path | None, may_hold: Callable[[], bool]
 ) -> Iterator[tuple[bool, str, str]]:
-    """What there is to say of the real robot at a URL: whether a thing is well, what it is, and what is
-    so, or what to do about it. `may_hold` is asked whether the arm may hold itself for some seconds.
+    """Examine the real robot at a URL: lines with passed or not, subject, and finding or remedy.
+    `may_hold` is asked whether the arm may hold itself for some seconds.
 
     Raises:
         InputError: no such URL or arm.
@@ -79,8 +79,8 @@ def examined(
 def examined_planner(
     planner: str, base_url: str | None, seconds: float
 ) -> Iterator[tuple[bool, str, str]]:
-    """What there is to say of a planner, as `examined` of a robot: a model's server is asked for its
-    models, and the model for a word and for the colour of a picture, `seconds` each at most.
+    """Examine a planner, as `examined` does a robot: a model's server is asked for its models, and
+    the model for a word and for the colour of a picture, `seconds` each at most.
 
     Raises:
         InputError: no such planner or address.
@@ -94,7 +94,7 @@ def examined_planner(
 
 
 def lesson(scene: Path, poses: Path | None, arm: str, root: Path | None) -> Lesson:
-    """What is known of where a scene's things are, to be taught more of.
+    """Lesson for teaching the poses of a scene, with the known ones.
 
     Raises:
         InputError: a file that cannot be read.
@@ -141,7 +141,7 @@ def check_file(
     root: Path | None = None,
     robot_body: Sequence[str] = (),
 ) -> tuple[Finding, ...]:
-    """What the check says against a plan in a file.
+    """Findings of the check on a plan in a file.
 
     Args:
         plan: a plan, a chat's answer, or a run folder.
@@ -205,7 +205,7 @@ def model_settings(
     critic: str | None = None,
     **budget: Any,
 ) -> ModelSettings:
-    """How a model is asked.
+    """Settings of a model.
 
     Args:
         base_url: address of its server.
@@ -233,7 +233,7 @@ def model_settings(
 
 
 def widths(asked: Mapping[str, str | float]) -> Within:
-    """How narrow intervals are to be, from `{"mass": "1g"}`.
+    """Requested half widths of intervals, from `{"mass": "1g"}`.
 
     Raises:
         InputError: no such quantity or unit, or no positive number.
@@ -282,7 +282,7 @@ def tree_nodes_model() -> str:
 
 
 def pictures() -> tuple[bool, str]:
-    """Whether pictures can be made here, and by what, or what to do about it."""
+    """Test for a renderer: availability, and the backend or a remedy."""
     from palpate.pictures.renderer import gl_available
 
     return gl_available()

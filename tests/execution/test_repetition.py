@@ -58,7 +58,7 @@ def narrowed(tmp_path_factory) -> Run:
 )
 def test_a_value_is_measured_until_it_is_as_narrow_as_asked(narrowed, name, half, truth) -> None:
     assert count(narrowed, Parameter(name).quantity) > 1
-    low, high = narrowed[name].ci95[0]
+    low, high = narrowed[name].intervals[0]
     assert (high - low) / 2 <= half
     assert low < truth < high
     assert "was asked: " in narrowed[name].method

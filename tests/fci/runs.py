@@ -127,7 +127,7 @@ def _beside_truth(estimate: Any, bench: Served) -> dict[str, Any]:
         return {"error": float("nan"), "within": 0.0, "inside": False, "verdict": estimate.verdict}
     seen = [verdict == "identified" for verdict in estimate.verdicts or [estimate.verdict]]
     off = np.array(estimate.value) - np.array(truth)[: len(estimate.value)]
-    bounds = np.array(estimate.ci95)
+    bounds = np.array(estimate.intervals)
     half = (bounds[:, 1] - bounds[:, 0]) / 2
     kept = np.array(seen) if any(seen) else np.ones(len(off), dtype=bool)
     worst = int(np.argmax(np.where(kept, np.abs(off) / half, -1.0)))

@@ -12,7 +12,7 @@ from palpate.api.given import Widths, is_text, names, path_of, paths_of, planner
 from palpate.api.plans import Plan, RunOptions, plan_of
 from palpate.api.runs import Run, run_of
 from palpate.api.scenes import Scene, load
-from palpate.audience import SILENT, Audience, quiet
+from palpate.callbacks import SILENT, RunCallbacks, quiet
 from palpate.planning.model.settings import ModelSettings
 from palpate.planning.planner import Planner
 from palpate.quantities.precision.within import Within
@@ -101,7 +101,7 @@ def plan_settings(settings: Settings) -> Plan:
     return plan_of(settings, pipeline.load(settings), settings.planner)
 
 
-def run_settings(settings: Settings, audience: Audience = SILENT) -> Run:
+def run_settings(settings: Settings, callbacks: RunCallbacks = SILENT) -> Run:
     """The run that settings describe, as the command line has them, into a run folder.
 
     Raises:
@@ -109,11 +109,11 @@ def run_settings(settings: Settings, audience: Audience = SILENT) -> Run:
         Unavailable: planner or robot out of reach.
         ExecutionAborted: a real robot was not allowed to move.
     """
-    return run_of(pipeline.run(settings, audience))
+    return run_of(pipeline.run(settings, callbacks))
 
 
 def _stated(options: RunOptions) -> dict[str, Any]:
-    """Those of the options that settings hold; a world at hand has no file."""
+    """Options that are fields of the settings; a world given as an object has no file."""
     names = ("robot", "noise", "seed", "on_failure", "rehearse", "fast")
     stated: dict[str, Any] = {name: options.get(name) for name in names if name in options}
     folder, world = options.get("out"), options.get("world")

@@ -19,7 +19,7 @@ def is_text(source: object) -> bool:
 
 
 def names(given: str | Sequence[str]) -> tuple[str, ...]:
-    """One name, or several."""
+    """Names as a tuple, from one name or several."""
     return (given,) if isinstance(given, str) else tuple(given)
 
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, TypedDict
 from palpate import pipeline
 from palpate.api.given import Widths, contents_of, is_text, path_of
 from palpate.api.runs import Run, run_of
-from palpate.audience import Audience, Confirm, Progress, quiet, unasked
+from palpate.callbacks import Confirm, Progress, RunCallbacks, quiet, unasked
 from palpate.cells.cell import Cell
 from palpate.display import table
 from palpate.errors import InputError
@@ -126,9 +126,9 @@ class Plan(InnerPlan):
         made = replace(begun, settings=settings)
         if robot is not None:
             made = replace(made, scene=with_real_arm(made.scene))
-        audience = Audience(observer, progress, confirm)
+        callbacks = RunCallbacks(observer, progress, confirm)
         with single_threaded_blas():
-            return run_of(pipeline.carry_out(made, audience, cell, settings.out))
+            return run_of(pipeline.carry_out(made, callbacks, cell, settings.out))
 
     def _repr_html_(self) -> str:
         rows = [(line,) for line in str(self).splitlines()[1:]]

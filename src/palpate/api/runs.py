@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from palpate import pipeline
 from palpate.api.given import contents_of, path_of
-from palpate.audience import Audience, Progress, quiet
+from palpate.callbacks import Progress, RunCallbacks, quiet
 from palpate.display import table, text_table
 from palpate.estimation.estimate import COLUMNS, Estimate
 from palpate.runs.compare import Comparison, compare_runs
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Run(InnerRun):
-    """What a run made: `run["mug.mass"]`, `run.trace`, `run.twin`. See `palpate.runs.run.Run`."""
+    """Result of a run: `run["mug.mass"]`, `run.trace`, `run.twin`. See `palpate.runs.run.Run`."""
 
     def save(self, folder: str | Path) -> Run:
         """Write the run folder: request, plan, tree, trace, result, twin, report and images.
@@ -74,8 +74,7 @@ class Run(InnerRun):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Fusion(InnerFusion):
-    """What several runs say together: `fusion["mug.mass"]`, `fusion.twin`. See
-    `palpate.runs.fuse.Fusion`."""
+    """Fusion of several runs: `fusion["mug.mass"]`, `fusion.twin`. See `palpate.runs.fuse.Fusion`."""
 
     def save(self, folder: str | Path) -> Fusion:
         """Write result and twin into a new folder.
@@ -108,7 +107,7 @@ def open(folder: str | Path) -> Run:
 
 
 def fuse(runs: Sequence[str | Path | InnerRun]) -> Fusion:
-    """What several runs of one scene say together.
+    """Fuse the estimates of several runs of one scene.
 
     Each parameter gets the mean of least variance of the estimates that are identified; what runs of
     one arm, or of one scene, have in common (gains, fingertips, poses) is not averaged away. Runs
@@ -129,7 +128,7 @@ def fuse(runs: Sequence[str | Path | InnerRun]) -> Fusion:
 
 
 def compare(runs: Sequence[str | Path | InnerRun]) -> Comparison:
-    """What several runs say of the same parameters, each beside the first that has a value.
+    """Compare the estimates of several runs, each with the first that has a value.
 
     Args:
         runs: folders, or runs at hand; of other scenes, too, with a remark.
@@ -147,7 +146,7 @@ def finish(folder: str | Path, progress: Progress = quiet, film: bool = False) -
     Raises:
         InputError: there is no such folder, or it is not a run's.
     """
-    return run_of(pipeline.finish(Path(folder), Audience(progress=progress), film))
+    return run_of(pipeline.finish(Path(folder), RunCallbacks(progress=progress), film))
 
 
 def run_of(made: InnerRun) -> Run:

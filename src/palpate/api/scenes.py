@@ -78,11 +78,12 @@ class Scene(InnerScene):
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """What was taken for what, what was left out, and why nothing may be missing."""
+        """Remarks on the reading: interpretations, omissions, and reasons why nothing may be
+        missing."""
         return remarks(self)
 
     def settings(self, asked: Settings) -> Settings:
-        """What is asked, of this scene.
+        """Settings for a request about this scene.
 
         Raises:
             InputError: a value out of range.

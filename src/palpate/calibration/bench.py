@@ -60,7 +60,7 @@ def with_gauges(height: float, gravity: float) -> str:
 
 
 def truth(said: Stated, seed: int, what: str) -> float:
-    """What is so, evenly within the limits of what was said; the same for the same seed."""
+    """Draw a true value, uniform within the stated limits; deterministic for a seed."""
     random = np.random.default_rng([seed, *what.encode()])
     return said.value + said.limit * random.uniform(-1.0, 1.0)
 

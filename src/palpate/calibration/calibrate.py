@@ -14,10 +14,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from palpate.audience import SILENT, Audience
 from palpate.calibration.procedures import gauge, weigh, weigh_itself
 from palpate.calibration.session import Session
 from palpate.calibration.stated import LENGTH, MASS, Known
+from palpate.callbacks import SILENT, RunCallbacks
 from palpate.errors import InputError
 from palpate.estimation.gains import gain_root
 from palpate.robots.owner.config import (
@@ -40,7 +40,7 @@ MEASURED = ("torque_gain", "tip_offset", "base_lean", "pose_repeatability", "tip
 
 @dataclass(frozen=True, slots=True)
 class Wanted:
-    """What is known, and what is to be done with it.
+    """References and procedures of one calibration.
 
     Attributes:
         weight: a known mass, kg.
@@ -54,7 +54,7 @@ class Wanted:
 
 
 def wanted(weight: str | None, gauge: str | None, own_weight: bool) -> Wanted:
-    """As somebody writes it: `0.5kg±0.1g`, `block=50mm±0.01mm`.
+    """Parse the references from text: `0.5kg±0.1g`, `block=50mm±0.01mm`.
 
     Raises:
         InputError: no such size.
@@ -68,13 +68,13 @@ def wanted(weight: str | None, gauge: str | None, own_weight: bool) -> Wanted:
 
 @dataclass(frozen=True, slots=True)
 class Found:
-    """One figure, with what was known of it before.
+    """Calibrated value, before and after.
 
     Attributes:
         name: its key in robot.yaml, a joint's with its number.
         unit: `1` where it is relative.
         before, after: value and standard deviation.
-        by: with what it was measured.
+        by: procedure that measured it.
     """
 
     name: str
@@ -86,7 +86,7 @@ class Found:
 
 @dataclass(frozen=True, slots=True)
 class Calibration:
-    """What was found, and the file that has it. `robot_seconds`: what it took, s."""
+    """Result of a calibration and the file it is in. `robot_seconds`: duration of the motions, s."""
 
     config: RobotConfig
     found: tuple[Found, ...]
@@ -98,7 +98,7 @@ def calibrate(
     settings: Settings,
     wanted: Wanted,
     out: Path,
-    audience: Audience = SILENT,
+    callbacks: RunCallbacks = SILENT,
 ) -> Calibration:
     """Calibrate an arm, and write what was found into `out`: other figures of an existing file stay.
 
@@ -117,7 +117,7 @@ def calibrate(
     before = RobotConfig()
     if settings.robot_config is not None:
         before = read_config(settings.robot_config)
-    session = Session(settings, before, audience, _visits(before, there))
+    session = Session(settings, before, callbacks, _visits(before, there))
     start = session.arm
     if wanted.own_weight:
         weigh_itself(session)
@@ -135,7 +135,7 @@ def _existing(out: Path) -> RobotConfig | None:
 
 
 def _visits(*configs: RobotConfig | None) -> int:
-    """How often the embedded arm was visited already."""
+    """Return the number of earlier visits to the embedded arm."""
     simulated = [config.simulated for config in configs if config is not None]
     return max([one.visits for one in simulated if one is not None], default=0)
 
@@ -177,7 +177,7 @@ def _merged(under: RobotConfig, session: Session) -> RobotConfig:
 
 
 def _compared(start: RobotDescription, end: RobotDescription) -> Iterator[Found]:
-    """What was measured, figure by figure, against what was known before."""
+    """Compare each measured value with its value before the calibration."""
     assert end.config is not None
     gains, told, known = end.config.torque_gain, start.nominal, end.nominal
     if gains is not None and gains is not _gains(start):

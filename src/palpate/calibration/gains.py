@@ -29,22 +29,22 @@ from palpate.trace.samples import Trace
 
 @dataclass(frozen=True, slots=True, eq=False)
 class GainBelief:
-    """What is known of the gains: `mean` (7,) and `covariance` (7, 7), relative."""
+    """Gaussian of the torque sensors' relative gain errors: `mean` (7,), `covariance` (7, 7)."""
 
     mean: Array
     covariance: Array
 
     def after(self, corrected: Array) -> GainBelief:
-        """These gains, of sensors whose readings are corrected by the gains `corrected` (7,) already:
-        what a reading is too much altogether."""
+        """Compose with gains `corrected` (7,) that the readings were already corrected by:
+        1 + g = (1 + corrected)(1 + mean)."""
         larger = 1.0 + corrected
         whole = larger * (1.0 + self.mean) - 1.0
         return GainBelief(whole, self.covariance * np.outer(larger, larger))
 
 
 def weighed(trace: Trace, parameter: Parameter, known: Stated) -> GainBelief:
-    """What is known of the gains after a mass that is `known`, kg, was measured in `trace`, of sensors
-    that are corrected by what was known of them before.
+    """Compute the posterior of the gains from a weighing of the `known` mass, kg, in `trace`; its readings
+    are corrected by the earlier calibration.
 
     Raises:
         InputError: it was not weighed, its weighing contradicts itself, or what was felt is not what
@@ -97,8 +97,8 @@ def _solved(model: Model, force: float, std: float) -> tuple[Array, Array]:
 def _require_agreement(
     found: Sequence[Weighing], gravity: float, hand: Hand, known: Stated
 ) -> None:
-    """That the weight hung free, and is what it is said to be, as far as the gains let anybody
-    know."""
+    """Require that the weight hung free and agrees with its stated mass, within the gains'
+    uncertainty."""
     load = fit_load(found, gravity, hand)
     mass, std = load.force / gravity, load.force_std / gravity
     apart = mass - known.value
@@ -114,7 +114,7 @@ def _require_agreement(
 
 
 def require(tests: Sequence[FitTest], what: str) -> None:
-    """That all tests passed.
+    """Require that all tests passed.
 
     Raises:
         InputError: some did not; the message has what they found.

@@ -65,8 +65,8 @@ def tree(arm: RobotDescription) -> Node:
 
 
 def weighed_itself(trace: Trace, arm: RobotDescription) -> GainBelief:
-    """What is known of the gains after rests all around, of sensors that are corrected by what was
-    known of them before.
+    """Compute the posterior of the gains from the arm's own weight at rest in many configurations; the
+    readings are corrected by the earlier calibration.
 
     Raises:
         InputError: too few rests, or what was felt is not what such an arm may weigh.
@@ -166,8 +166,8 @@ def _columns(trace: Trace, arm: RobotDescription, q: Array) -> tuple[Array, Arra
 
 
 def _require_agreement(mean: Array, covariance: Array, believed: Array) -> None:
-    """That gains of which nothing was believed, `mean` (7,) ± `covariance` (7, 7), are such as the
-    `believed` covariance (7, 7) allows."""
+    """Require that gains estimated without a prior, `mean` (7,) with `covariance` (7, 7), agree with
+    zero within the prior covariance `believed` (7, 7)."""
     spread = covariance + believed
     apart = np.abs(mean) / np.sqrt(spread.diagonal())
     worst = int(np.argmax(apart))

@@ -1,4 +1,4 @@
-"""What an arm does to be calibrated: weigh what is known, touch what is known, weigh itself."""
+"""Calibration procedures: weigh a known mass, touch known heights, weigh the arm itself."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ SAME = 1e-6
 
 def weigh_itself(session: Session) -> None:
     """Own weight: gains of all joints but those whose axes are upright."""
-    session.audience.progress(
+    session.callbacks.progress(
         f"weighing the arm itself in {own_weight.CONFIGURATIONS} configurations"
     )
     scene = _own_scene(session) or parse_scene(bench.plain(STANDARD_GRAVITY), arm=session.arm)
@@ -58,7 +58,7 @@ def weigh(session: Session, known: Known) -> None:
         return
     true = bench.truth(known.size, session.settings.seed, "weight")
     for i, x in enumerate(bench.PLACES, 1):
-        session.audience.progress(f"weighing {known.size.text}, place {i} of {len(bench.PLACES)}")
+        session.callbacks.progress(f"weighing {known.size.text}, place {i} of {len(bench.PLACES)}")
         scene = parse_scene(
             bench.with_weight(known.size.value, x, STANDARD_GRAVITY), arm=session.arm
         )
@@ -70,7 +70,7 @@ def gauge(session: Session, known: Known) -> None:
     """Known heights: where the fingertips end, and how far they give way."""
     own = _own_scene(session)
     if own is None:
-        session.audience.progress(f"touching gauges of {known.size.text}")
+        session.callbacks.progress(f"touching gauges of {known.size.text}")
         true = bench.truth(known.size, session.settings.seed, "gauge")
         said = bench.with_gauges(known.size.value, STANDARD_GRAVITY)
         scene = parse_scene(said, arm=session.arm)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from palpate import pipeline
-from palpate.audience import SILENT, Audience
+from palpate.callbacks import SILENT, RunCallbacks
 from palpate.cells.cell import Cell
 from palpate.cells.simulated import SimulatedCell
 from palpate.errors import ExecutionAborted, InputError
@@ -31,20 +31,20 @@ class Session:
     Attributes:
         settings: which arm.
         config: what is known of it by now; corrected in the next visit.
-        audience: who watches, and who is asked before a real arm moves.
+        callbacks: progress, and the question before a real arm moves.
         visits: how often it was visited.
         seconds: of robot time.
     """
 
     settings: Settings
     config: RobotConfig
-    audience: Audience = SILENT
+    callbacks: RunCallbacks = SILENT
     visits: int = 0
     seconds: float = 0.0
 
     @property
     def arm(self) -> RobotDescription:
-        """As it is known by now."""
+        """Description of the arm with the calibration so far."""
         told = replace(self.settings, robot_config=None).described_arm()
         return calibrated(told, self.config)
 
@@ -59,12 +59,12 @@ class Session:
         """
         self.visits += 1
         made = Run(self.settings, scene, plan, _findings(plan, scene))
-        made = pipeline.rehearse(made, self.audience)
+        made = pipeline.rehearse(made, self.callbacks)
         if made.findings:
             raise InputError(_in_the_way(made.findings))
         cell = self._cell(scene, world)
-        pipeline.confirm(made, self.audience, cell)
-        made = pipeline.measure(made, self.audience, cell)
+        pipeline.confirm(made, self.callbacks, cell)
+        made = pipeline.measure(made, self.callbacks, cell)
         assert made.execution is not None
         if made.execution.stopped_by is not None:
             raise ExecutionAborted(
@@ -74,7 +74,7 @@ class Session:
         return made
 
     def _cell(self, scene: Scene, world: Scene | None) -> Cell:
-        """What is drawn once a run is drawn anew in every visit to the embedded arm."""
+        """Return the cell of the next run; each visit to the embedded arm redraws its per-run errors."""
         settings = self.settings
         if world is not None:
             return SimulatedCell(
@@ -87,7 +87,7 @@ class Session:
 
 
 def _in_the_way(findings: Sequence[Finding]) -> str:
-    """What the first of them says, without the advice to whom writes plans."""
+    """Word the first finding as an error, without its advice for authors of plans."""
     what = findings[0].message.partition(";")[0]
     often = (
         "" if len(findings) == 1 else f" ({len(findings)} motions of the calibration are refused)"
@@ -99,6 +99,6 @@ def _in_the_way(findings: Sequence[Finding]) -> str:
 
 
 def _findings(plan: Plan, scene: Scene) -> tuple[Finding, ...]:
-    """What the check says; all that is logged is needed, though no parameter is made of it."""
+    """Check the plan, ignoring `redundant`: a calibration needs recordings that no parameter uses."""
     found = check(plan, scene, remeasure=True)
     return tuple(finding for finding in found if finding.rule != "redundant")

@@ -1,4 +1,4 @@
-"""What somebody says of a weight or a gauge: `0.5kg±0.1g`, `50mm+-0.01mm`."""
+"""Parser of a reference value with tolerance: `0.5kg±0.1g`, `50mm+-0.01mm`."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class Stated:
     """A value within limits, in SI units.
 
     Attributes:
-        value: what it is said to be.
+        value: the nominal value.
         limit: how far it may be off at most, as on a weight's or a gauge block's certificate.
         text: as it was written.
     """
@@ -36,7 +36,7 @@ class Stated:
 
 
 def stated(text: str, units: Mapping[str, float], what: str) -> Stated:
-    """What `text` says; a number without a unit is in SI units, without limits it is taken for
+    """Parse `text`; a number without a unit is in SI units, without a tolerance it is
     exact.
 
     Raises:

@@ -1,6 +1,6 @@
-"""Where the fingertips end, and how the arm's frame leans, from heights that are known.
+"""Length of the fingertips and tilt of the arm's base, from touches of known heights.
 
-What a fingertip touches h too high, at x and y from the base, tells
+The height error h of a touch at x and y from the base follows the plane
 
     h = c + s_x x + s_y y
 
@@ -75,8 +75,8 @@ class Tips:
 def gauged(
     trace: Trace, surfaces: Sequence[Parameter], known: Stated, base: Pose, reach: float
 ) -> Tips:
-    """What is known after touches of `surfaces`, all of which are `known` m high, by an arm that
-    stands at `base` and reaches `reach` m.
+    """Fit tip length and base tilt to touches of `surfaces`, all `known` m high, by an arm with its base at
+    `base` and a reach of `reach` m.
 
     Raises:
         InputError: too few touches, or what was met is not as high as it is said to be, or not in one
@@ -126,7 +126,7 @@ def _spread(places: Sequence[_Place], frame: float, repeatability: float) -> Arr
 def _shares(
     heights: Sequence[Array], design: Array, prior: Array, repeatability: float
 ) -> tuple[float, float]:
-    """How much this very arm has of what is not known of its frame, and of the stated `repeatability`, m:
+    """Estimate this arm's share of the frame error `BENT` and of the stated `repeatability`, m:
     root mean squares over how likely `FRAMES` and `SHARES` make the `heights` (k,) felt at each place, m too
     high (Bishop, Pattern Recognition and Machine Learning, section 3.4)."""
     each = [len(high) for high in heights]
@@ -149,7 +149,7 @@ def _shares(
 def _require_plane(
     high: Array, design: Array, mean: Array, spread: Array, prior: Array, known: Stated
 ) -> None:
-    """That the gauges lie in one plane, and not farther off than what was known of the arm allows."""
+    """Require that the gauges lie in one plane, within the prior uncertainty of the arm."""
     apart = float(mean[0])
     side = "above" if apart > 0 else "below"
     tests = [

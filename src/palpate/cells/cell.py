@@ -1,4 +1,4 @@
-"""What a workplace offers: a robot, a view of the table, and, where it is simulated, the truth."""
+"""Interface of a workplace: a robot, a view of the table, and ground truth if it is simulated."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ class Cell(Protocol):
 
     @property
     def description(self) -> str:
-        """Where the run happens, in words, for the report."""
+        """Name of the workplace in the report."""
         ...
 
     @property
     def simulated(self) -> bool:
-        """Whether no real thing moves."""
+        """True if no real robot moves."""
         ...
 
     def picture(self, camera: CameraEntry | None = None) -> bytes | None:
@@ -36,7 +36,7 @@ class Cell(Protocol):
         ...
 
     def robot(self) -> Robot:
-        """The robot, at rest with open fingers; whoever asks closes it.
+        """Return the robot, at rest with open fingers; the caller closes it.
 
         Raises:
             InputError: the workplace cannot be used.
@@ -45,19 +45,19 @@ class Cell(Protocol):
         ...
 
     def footage(self) -> Footage | None:
-        """What the cell's camera saw since the robot was last asked for, or None."""
+        """Return the camera's recording since the last call of `robot`, or None."""
         ...
 
     def truth(self, parameter: Parameter) -> tuple[float, ...] | None:
-        """What is so, in the quantity's unit; None where nobody knows, as with real things."""
+        """Return the true value in the quantity's unit; None if unknown, as for a real workplace."""
         ...
 
 
 @runtime_checkable
 class Close(Protocol):
-    """What a cell may do beside: show a model the things from nearer."""
+    """Optional ability of a cell: a close-up of the objects for a vision model."""
 
     def closer(self) -> bytes | None:
-        """The things from nearer, as PNG, with the names that the scene has for them, axes and a
-        scale; None where nothing can look."""
+        """Return a close-up of the objects as PNG, labelled with their names in the scene, axes and
+        a scale; None without a camera."""
         ...

@@ -1,4 +1,4 @@
-"""What is true in a simulated world made from the scene alone: its unknowns, drawn from priors."""
+"""Ground truth of a simulated world made from the scene alone: unknowns drawn from their priors."""
 
 from __future__ import annotations
 

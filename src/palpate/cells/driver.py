@@ -1,4 +1,4 @@
-"""How the cells of one kind of real robot are made."""
+"""Driver interface: makes the cells of one kind of real robot."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ if TYPE_CHECKING:
     from palpate.scene.scene import Scene
 
 Finding = tuple[bool, str, str]
-"""Whether a thing is well, what it is, and what is so, or what to do about it."""
+"""Result of one diagnostic check: passed, name of the check, and its value or the remedy."""
 
 
 @dataclass(frozen=True, slots=True)
 class Driver:
-    """How the cells of one kind of robot are made: public in a module that an entry point of the
+    """Factory of the cells of one kind of robot: public in a module that an entry point of the
     group `palpate.cells` names.
 
     Attributes:

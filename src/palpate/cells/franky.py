@@ -85,7 +85,7 @@ def connect(url: str, scene: Scene | None) -> FrankyCell:
 
 
 def examine(url: str, arm: RobotDescription, may_hold: Callable[[], bool]) -> Iterator[Finding]:
-    """What there is to say of the arm at a URL; see `Driver`.
+    """Run the diagnostic checks of the arm at a URL; see `Driver`.
 
     Raises:
         InputError: no such URL.

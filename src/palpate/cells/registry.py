@@ -1,4 +1,4 @@
-"""Which real robots can be reached: a URL's scheme names the driver that makes its cell."""
+"""Registry of robot drivers: a URL's scheme selects the driver that makes the cell."""
 
 from __future__ import annotations
 

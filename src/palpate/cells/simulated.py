@@ -126,7 +126,7 @@ class SimulatedCell:
         return Footage(world.model, tuple(world.frames), self._spec)
 
     def truth(self, parameter: Parameter) -> tuple[float, ...] | None:
-        """What is true in the world, or None where it is not defined. Ask after estimating."""
+        """Return the true value in the world, None where undefined. Call it after estimating only."""
         if parameter in self.drawn:
             return self.drawn[parameter]
         body = self.world.bodies.get(self.names.get(parameter.object, parameter.object))
@@ -198,8 +198,8 @@ def _match(scene: Scene, world: Scene, tolerance: float) -> None:
 
 
 def _names_by_place(scene: Scene, world: Scene) -> dict[str, str]:
-    """What the world calls that which the scene has: objects by where they stand, each once and the
-    nearest first, surfaces by what is below the middle of the scene's. "" for what is not there."""
+    """Map each body of the scene to its name in the world. Objects are paired by horizontal distance,
+    nearest pair first; a surface takes the highest one below its middle. "" without a partner."""
     pairs = [
         (_apart(mine, theirs), mine.name, theirs.name)
         for mine in scene.objects.values()
@@ -223,7 +223,7 @@ def _apart(one: Body, other: Body) -> float:
 
 
 def _is_under(surface: Body, seen: Body) -> bool:
-    """Whether the middle of what was seen as a surface lies on a surface of the world."""
+    """Test if the middle of the scene's body `seen` lies within the world's `surface`, from above."""
     middle = seen.pose_world.apply(seen.centre)[:2]
     mine = surface.pose_world.apply(surface.centre)[:2]
     return surface.role == "surface" and bool((abs(middle - mine) < surface.size[:2] / 2).all())

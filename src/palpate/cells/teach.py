@@ -1,7 +1,7 @@
-"""Where things are, shown by hand or measured with a ruler: a `poses.yaml` for a scene.
+"""Teaching of object poses, by hand guiding or with a ruler: a `poses.yaml` for a scene.
 
-The hand is led to an object as it would grasp it, pointing down, or to a place. Of an object it tells
-x, y and the heading; how high it stands is what the scene has.
+A person guides the hand to the grasp pose of an object, pointing down, or to a place. This gives an
+object's x, y and yaw; its height is taken from the scene.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ class GuidedHand(Protocol):
 
 @dataclass(slots=True)
 class Lesson:
-    """What was taught of a scene so far.
+    """Poses taught for a scene so far.
 
     Attributes:
         scene: D.
@@ -57,7 +57,7 @@ class Lesson:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """What may be taught by name: objects, and approaches to surfaces."""
+        """Names that can be taught: objects, and approaches to surfaces."""
         approaches = [f"{name}_approach" for name in self.scene.surfaces]
         return (*self.scene.objects, *approaches)
 
@@ -117,7 +117,7 @@ class Lesson:
         return f"{name} at {_spot(pose)}, turned by {math.degrees(yaw):+.0f}° from the scene's"
 
     def _compared(self, name: str, width: float | None) -> str:
-        """What closed fingers tell of a width."""
+        """Compare the measured finger width with the object's size in the scene, as a clause for the user."""
         arm, body = self.scene.arm, self.scene.body(name)
         if width is None or width > arm.hand.opening - APART:
             return ""

@@ -108,7 +108,7 @@ def _option(name: str, hint: Any, default: Any) -> Parameter:
 
 
 def _set_options(called: Any, options: list[Parameter]) -> None:
-    """What typer looks at to make a command of a function."""
+    """Set the signature from which typer makes the command."""
     called.__signature__ = Signature(options)
     called.__annotations__ = {option.name: option.annotation for option in options}
 

@@ -1,4 +1,4 @@
-"""Where the commands print: stdout for results, stderr for everything else."""
+"""Output of the commands: stdout for results, stderr for everything else."""
 
 from __future__ import annotations
 
@@ -24,12 +24,13 @@ err = SafeConsole(stderr=True, highlight=False)
 
 
 def print_json(content: Any) -> None:
-    """One object on stdout, strict JSON."""
+    """Print an object on stdout, as strict JSON."""
     sys.stdout.write(json_text(content) + "\n")
 
 
 def print_error(error: PalpateError, as_json: bool) -> int:
-    """One line on stderr, and an object on stdout where JSON is wanted; the exit status."""
+    """Print an error as a line on stderr, and as an object on stdout where JSON is wanted; return
+    the exit status."""
     status, message = exit_status(error), redact(in_flags(str(error)))
     if as_json:
         with printing():
@@ -39,19 +40,19 @@ def print_error(error: PalpateError, as_json: bool) -> int:
 
 
 def print_failure(message: str, status: int) -> None:
-    """What went wrong, as an object on stdout."""
+    """Print a failure as an object on stdout."""
     ended = {3: "rejected", 4: "aborted"}.get(status, "failed")
     print_json({"status": ended, "error": {"message": message, "exit_status": status}})
 
 
 def say(line: str) -> None:
-    """One line on stderr, as far as anybody listens there."""
+    """Print a line on stderr, if it is open."""
     with suppress(OSError, ValueError):
         print(f"palpate: {visible(line)}", file=sys.stderr, flush=True)
 
 
 def aside(line: str) -> None:
-    """One dim line on stderr: how far something is, or where something lies."""
+    """Print a dim line on stderr: progress, or the place of a file."""
     err.print(Text(line, "dim"), soft_wrap=True)
 
 

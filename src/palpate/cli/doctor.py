@@ -40,11 +40,11 @@ EXTRAS = {
     "groot": ("Groot2 for --groot", "pyzmq"),
     "export": ("export to USD", "mujoco-usd-converter"),
 }
-"""What else can be installed: what it is for, and its distribution."""
+"""Optional packages: purpose and distribution."""
 
 
 class Line(NamedTuple):
-    """Whether a thing is available, what it is, and its version or the remedy."""
+    """Line of the examination: available or not, subject, and version or remedy."""
 
     good: bool
     what: str

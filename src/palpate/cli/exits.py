@@ -1,4 +1,4 @@
-"""How the command line tells what happened: exit statuses, and flags for arguments."""
+"""Exit statuses of the command line, and flags for arguments."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ ERRORS: dict[type[PalpateError], int] = {
 }
 
 FLAGS = {"request": "-r", "images": "--image"}
-"""Where the flag is not the argument's own name."""
+"""Flags that differ from the argument's name."""
 
 _ARGUMENT = re.compile(
     r"\b(request|scene|root|poses|images|world|robot|robot_config|arm|planner|noise|seed|out|base_url|remeasure|within|robot_body|twin)="

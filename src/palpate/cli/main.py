@@ -14,7 +14,7 @@ from typing import Any, NoReturn
 from palpate.interrupt import ending_signals, ignore_signals, interrupts
 
 INTERRUPTED = 130
-"""What typer makes of a signal that comes outside of a command."""
+"""Exit status of typer for a signal outside of a command."""
 LITTER = 100_000
 """Objects more than before, after which Python looks for garbage. While a program is loaded, hardly
 anything is: to look every 700 objects takes a sixth of the time that `palpate plan` does."""
@@ -23,7 +23,7 @@ GRACE = 0.1
 
 
 def main() -> None:
-    """What palpate refuses is told by the commands; here is the rest."""
+    """Entry point of the command line; handles what the commands themselves do not."""
     # Small matrices: the threads of processes side by side wait for each other, ten times as long.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     gc.set_threshold(LITTER)
@@ -82,7 +82,7 @@ def _without_broken_opengl() -> None:
 
 
 def _flushed() -> bool:
-    """Whether all that was printed has arrived; results that cannot be told are no success."""
+    """True if all that was printed has arrived; results that cannot be told are no success."""
     try:
         sys.stdout.flush()
     except OSError:

@@ -1,4 +1,4 @@
-"""How much a command says on stderr, and what it writes into a log: options of every command."""
+"""Verbosity on stderr and log file: options of every command."""
 
 from __future__ import annotations
 

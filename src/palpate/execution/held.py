@@ -1,4 +1,4 @@
-"""What becomes of what the fingers hold when a run is stopped early."""
+"""Fate of a held object in a run that is stopped early."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ Fate = Literal["put down", "held", "lost"]
 
 @dataclass(frozen=True, slots=True)
 class Held:
-    """What the fingers held as a run was stopped, and what became of it.
+    """Object in the fingers as a run was stopped, and its fate.
 
     Attributes:
         object: its name; None for something that was just grasped.
@@ -23,12 +23,12 @@ class Held:
 
     @property
     def name(self) -> str:
-        """As people read it."""
+        """Name for people."""
         return f"'{self.object}'" if self.object else "what was grasped"
 
     @property
     def warning(self) -> str | None:
-        """What somebody has to see to, in words; None where it was put down."""
+        """Warning about it; None where it was put down."""
         if self.became == "held":
             return f"the fingers still hold {self.name}"
         if self.became == "lost":

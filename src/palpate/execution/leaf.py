@@ -61,7 +61,7 @@ class PrimitiveLeaf(Behaviour):
         self._life = self._live()
 
     def update(self) -> Status:
-        """One step; none beside a leaf that has failed, which is about to end this one, too."""
+        """Do one step; none beside a leaf that has failed, which is about to end this one, too."""
         assert self._life is not None
         if self.blackboard.failed:
             return Status.RUNNING
@@ -166,7 +166,7 @@ class PrimitiveLeaf(Behaviour):
             raise LeafFailure(f"not done after {limit:g} s of robot time")
 
     def _reflex(self) -> str | None:
-        """Why the arm stopped itself since this leaf began."""
+        """Reason why the arm stopped itself since this leaf began."""
         reflex = self.blackboard.robot.state.reflex
         if reflex is None:
             self._earlier = None

@@ -1,5 +1,4 @@
-"""What happens after a run stopped early: nothing, going on without what failed, or planning again
-from here.
+"""Recovery from an early stop: none, continuing without the failed part, or planning again.
 
 The tree itself only knows Sequence and Parallel, so recovery is outside it: the arm has stopped and
 put down what it held, and what is still missing is planned again, from where things stand now, and
@@ -109,7 +108,7 @@ def _planned_again(
 
 
 def resumable(done: Execution, robot: Robot) -> bool:
-    """Whether a stopped run left a cell in which to go on, and a robot that can be believed."""
+    """True if a stopped run left a cell in which to go on, and a robot that can be believed."""
     if done.asked or done.status != "stopped" or done.final_state.holding is not None:
         return False
     # What the robot itself says stopped it can be seen to; signals without sense cannot.
@@ -133,14 +132,14 @@ def let_go_on(done: Execution, robot: Robot, may_resume: Resume) -> Execution | 
 
 
 def confirmed(why: str) -> str:
-    """What stopped a robot, and that a person let it go on."""
+    """Reason of a stop, with the time at which a person let the robot go on."""
     word = f"{why} (a person let the robot go on at {time.strftime('%H:%M:%S')})"
     log.warning("%s", word)
     return word
 
 
 def remaining(parameters: Sequence[Parameter], trace: Trace) -> list[Parameter]:
-    """What no conversion has discharged; what is derived is recorded again as a whole."""
+    """Parameters without a conversion so far; derived ones are recorded again as a whole."""
     made = {Parameter(c.object, c.quantity) for c in trace.conversions}
     return [parameter for parameter in parameters if parameter not in made]
 

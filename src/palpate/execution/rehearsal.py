@@ -17,7 +17,7 @@ from palpate.scene.scene import Scene
 
 @dataclass(frozen=True, slots=True)
 class Rehearsal:
-    """What a run is predicted to be.
+    """Prediction of a run.
 
     Attributes:
         actions: leaves started.

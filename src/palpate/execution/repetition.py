@@ -1,5 +1,5 @@
-"""What happens after a run whose intervals are wider than was asked: what they rest on is measured
-again, by the same robot, until they are narrow enough, or at the floor that no repetition narrows.
+"""Repetition for `--within`: parameters with wider intervals are measured again by the same robot,
+until they are narrow enough or at the floor that no repetition lowers.
 
 As in a recovery, a further tree is planned from where things stand now, checked and run, and its
 trace is joined to what there is. All of it makes the estimate.
@@ -32,11 +32,10 @@ if TYPE_CHECKING:
 log = logging.getLogger(__name__)
 
 MAX_ROUNDS = 5
-"""How often what is too wide is measured again, at most."""
+"""Largest number of rounds of repetition."""
 
 MOST_TIMES = 4
-"""How often it is measured in one round, at most: what the first round showed of the noise is not
-sure."""
+"""Largest number of repetitions in one round: the noise seen in the first round is uncertain."""
 
 LONGEST = 100.0
 """s of robot time after whose further rounds no other one begins: in a third of a drift's time constant
@@ -48,7 +47,7 @@ FUTILE = 0.98
 """Part of an interval that a round must leave at most, for another one to be worth it."""
 
 Lacking = dict[Parameter, Precision]
-"""What is wider than asked, and how far."""
+"""Parameter with a wider interval than requested."""
 
 
 def repeat(
@@ -90,7 +89,7 @@ def _took(done: Execution, first: Execution) -> float:
 def _lacking(
     asked: Sequence[Parameter], done: Execution, scene: Scene, within: Within
 ) -> Iterator[tuple[Parameter, Precision]]:
-    """What more of the same would narrow: not what contradicts itself or was not found."""
+    """Parameters that repetition would narrow: not those contradicted or not identified."""
     for estimate in estimate_all(asked, done.trace, as_measured(scene, done.trace).bodies):
         precision = within.precision(estimate)
         if precision is None or estimate.contradiction or not estimate.has_value:
@@ -100,15 +99,15 @@ def _lacking(
 
 
 def _is_worth_it(parameter: Parameter, now: Lacking, before: Lacking) -> bool:
-    """Whether another round may narrow it: the last one has, if there was any."""
+    """True if another round may narrow it: the last one has, if there was any."""
     return parameter not in before or now[parameter].reached < FUTILE * before[parameter].reached
 
 
 def _efforts(
     lacking: Lacking, scene: Scene, done: Execution, so_far: Counter[Parameter]
 ) -> dict[Parameter, Effort]:
-    """How much more work they take, as noisy as the arm has shown itself: as their quantities
-    foresee it, else as what was measured `so_far` tells."""
+    """Effort that they need with the noise that the arm has shown, as their quantities predict it,
+    else extrapolated from `so_far`."""
     found: dict[Parameter, Effort] = {}
     for parameter, precision in lacking.items():
         site, effort = site_of(scene, parameter), None

@@ -40,13 +40,13 @@ MAX_ROBOT_SECONDS = 1800.0
 STOP_SECONDS = 2.0
 """s of robot time for the arm to come to rest after `hold`."""
 EASINGS = 8
-"""How often the arm gives way to what it presses on; each leaves a fraction of the force."""
+"""Largest number of easings of a press; each leaves a fraction of the force."""
 STOP_NODE = "stop"
 """`LeafRun.node` of what the runner itself runs on the way to a controlled stop; no plan has such a
 node."""
 
 Asked = Callable[[], str | None]
-"""Whether somebody wants the run to stop, and who."""
+"""Request to stop the run, with its origin."""
 Keep = Callable[[Samples, Recorder], None]
 """Handed the newest samples, and all that is recorded, after every tick: writes them down while the
 run goes on. What it raises ends nothing but its own work."""
@@ -54,7 +54,7 @@ run goes on. What it raises ends nothing but its own work."""
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Execution:
-    """What a run gave.
+    """Result of an execution.
 
     Attributes:
         trace: everything recorded, up to and including a controlled stop.
@@ -87,7 +87,7 @@ class Execution:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Snapshot:
-    """What an observer sees after a tick.
+    """State shown to an observer after a tick.
 
     Attributes:
         root: the plan's tree.
@@ -157,7 +157,7 @@ def run(
 
 @dataclass
 class _Loop:
-    """One run: the tree and what it works on."""
+    """Execution in progress: the tree and its blackboard."""
 
     blackboard: Blackboard
     watched: Watched
@@ -194,11 +194,11 @@ class _Loop:
         return f"not done after {budget:g} s of robot time, the budget of a run"
 
     def interrupted(self) -> str | None:
-        """What a signal asks for: a controlled stop."""
+        """Signal handler: request a controlled stop."""
         return self.signals.reason if self.signals.pressed() else None
 
     def hurried(self) -> str | None:
-        """What a second signal asks for: to hold at once."""
+        """Second signal: hold at once."""
         return self.signals.reason if self.signals.pressed() > 1 else None
 
     def stop(self) -> None:
@@ -222,7 +222,7 @@ class _Loop:
             self._put_down()
 
     def _fate(self) -> Fate:
-        """What became of what was held; one that slipped out is believed at its place again."""
+        """Fate of the held object; one that slipped out is believed at its place again."""
         if self._gripping():
             return "held"
         if self.blackboard.state.holding is None:
@@ -234,8 +234,8 @@ class _Loop:
         return "lost"
 
     def _let_go(self) -> bool:
-        """Whether the fingers were opening: they do where a support is proven alone. Those that lose
-        something close further."""
+        """True if the fingers were opening: they do where a support is proven alone. Those that
+        lose something close further."""
         return self.blackboard.robot.state.width > self.blackboard.load.width
 
     def execution(self, wall_seconds: float, asked: bool) -> Execution:
@@ -258,15 +258,15 @@ class _Loop:
         )
 
     def _lost(self) -> str | None:
-        """Why the robot does not move any more."""
+        """Reason why the robot does not move any more."""
         try:
             return self.blackboard.robot.state.fault
         except Exception as error:
             return str(error)
 
     def _note_fault(self) -> str | None:
-        """What is wrong with the signals stands in the trace from when it began on, which may be
-        before the action that it ended: nothing that was felt since then is evidence."""
+        """Note a fault of the signals in the trace from its onset, which may be before the action
+        that it ended: nothing recorded since is evidence."""
         fault = self.watched.fault
         if fault is None:
             return None
@@ -363,7 +363,7 @@ class _Loop:
         return f"{self.stopping}; {warning}"
 
     def _gripping(self, unanswered: bool = True) -> bool:
-        """Whether the fingers hold something; what is taken for so where nobody answers."""
+        """True if the fingers hold something; what is taken for so where nobody answers."""
         try:
             return self.blackboard.robot.state.gripping
         except Exception:

@@ -1,5 +1,4 @@
-"""What happens to a held object when a run stops early: it is put down, or held still, never
-dropped.
+"""Controlled stop with a held object: it is put down, or held still, never dropped.
 
 It is put down only where its support is proven: believed to be below with a margin, met at about
 that height, and pressed upon by the whole weight and more, at rest and for a while. Anything less,
@@ -61,7 +60,7 @@ class PutDown(Primitive):
         return Expectation(contact=True, grasped=held)
 
     def slipping(self, blackboard: Blackboard) -> str | None:
-        """What slips is put down all the same, as long as the fingers have it."""
+        """A slipping object is put down nevertheless, as long as the fingers have it."""
         return None
 
     def run(self, blackboard: Blackboard) -> Steps:
@@ -88,13 +87,13 @@ class PutDown(Primitive):
         return "supported"
 
     def _place(self, blackboard: Blackboard, name: str) -> Pose:
-        """Where the object would stand, straight below where it is held."""
+        """Pose in which the object would stand, straight below where it is held."""
         held = _held(blackboard)
         gap = footing(blackboard.state, name, held).gap
         return held.translated((0.0, 0.0, -gap)) if np.isfinite(gap) else held
 
     def _height(self, blackboard: Blackboard) -> float:
-        """How far above the place of its grasp the object is, m; 0 when it was not lifted since."""
+        """Height of the object above the place of its grasp, m; 0 if it was not lifted since."""
         grasp = blackboard.state.grasp
         if grasp is None:
             return 0.0
@@ -147,7 +146,7 @@ def _is_borne(blackboard: Blackboard) -> Generator[None, None, bool]:
 
 
 def _held(blackboard: Blackboard) -> Pose:
-    """Where the held object is, by the arm's pose now."""
+    """Pose of the held object by the present pose of the arm."""
     held = blackboard.state.pose_tcp_object
     tcp = blackboard.robot.state.pose_world_tcp
     return tcp if held is None else tcp @ held

@@ -64,7 +64,7 @@ def slab(shape: Convex, low: float, high: float) -> Array:
 
 
 def rim(points: Array) -> Array:
-    """Those of (n, 2) points that are farthest out in one of many directions."""
+    """Points of (n, 2) that are farthest out in one of many directions."""
     if len(points) < 3:
         return points
     return points[np.unique(np.argmax(fan(_CORNERS) @ points.T, axis=1))]

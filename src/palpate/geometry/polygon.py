@@ -26,7 +26,7 @@ def hull(points: Array) -> Array:
 
 
 def _turning_left(points: list[list[float]], least: float) -> list[list[float]]:
-    """Those of points in order that are left when only turns to the left are made."""
+    """Subset of points in order that makes left turns only."""
     kept: list[list[float]] = []
     for x, y in points:
         while len(kept) > 1:

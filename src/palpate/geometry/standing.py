@@ -1,4 +1,4 @@
-"""How something comes to rest on a level plane, when it could not stay as it is."""
+"""Resting pose of a body on a level plane, from one in which it cannot stay."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def tipped(points: Array, centre: Array) -> Pose:
 
 
 def _tip(points: Array, centre: Array) -> Pose | None:
-    """One turn about what it stands on, until something else touches; None where it stays."""
+    """Tip once about the support until something else touches; None where it is stable."""
     plane = float(points[:, 2].min())
     touching = points[:, 2] < plane + TOUCHING
     edge = _nearest(hull(points[touching, :2]), centre[:2])

@@ -23,6 +23,6 @@ def steps_of(snapshot: Snapshot) -> list[PrimitiveLeaf]:
 
 
 def step_of(snapshot: Snapshot) -> tuple[int, int]:
-    """Which step is under way, and of how many."""
+    """Number of the running step, and of all steps."""
     steps = len(steps_of(snapshot))
     return min(len(snapshot.leaves) + 1, steps), steps

@@ -96,7 +96,7 @@ class LivePage:
 
     @property
     def closed(self) -> bool:
-        """Whether somebody has closed it, at the page."""
+        """True if somebody has closed it, at the page."""
         return self._closed
 
     def progress(self, stage: str) -> None:

@@ -1,4 +1,4 @@
-"""How long a run will still take, by what its steps have taken so far."""
+"""Estimate of a run's remaining time, from its steps so far."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What of a MuJoCo model a person sees, drawn once into the page's 3-D view; only poses change after that."""
+"""Visual geometry of a MuJoCo model in the page's 3-D view; only poses change later."""
 
 # trimesh is typed in part.
 # pyright: reportUnknownMemberType=false

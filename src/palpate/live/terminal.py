@@ -154,7 +154,7 @@ def _is_running(node: Behaviour) -> TypeGuard[PrimitiveLeaf]:
 
 
 def _stop(snapshot: Snapshot) -> Iterator[Text]:
-    """Why the run is being stopped, and what was done for it."""
+    """Reason of a stop, and the measures taken."""
     if snapshot.stopping is not None:
         yield Text(f"stopping: {_clean(snapshot.stopping)}", "bold red")
     for leaf in snapshot.leaves:

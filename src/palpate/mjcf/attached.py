@@ -1,4 +1,4 @@
-"""What `<attach>` brings into a scene from models in files of their own.
+"""Content of `<attach>`: models in files of their own.
 
 Its elements stay where they are, in the trees of their models, where values are written; MuJoCo puts
 the prefixes of all `<attach>`s that bring an element, the outermost first, before its name.
@@ -32,18 +32,18 @@ class Brought:
 
     @property
     def prefix(self) -> str:
-        """What comes before the names of its elements."""
+        """Prefix of the names of its elements."""
         return prefix(self.through)
 
     def overlaps(self, other: Brought) -> bool:
-        """Whether one is a part of the other, or both are the same."""
+        """True if one is a part of the other, or both are the same."""
         mine, its = self.content, other.content
         return mine is its or mine in its.iterancestors() or its in mine.iterancestors()
 
 
 def brought(attach: Element, model: Document, through: tuple[Element, ...]) -> Brought | None:
-    """What an `<attach>` of `model` brings, which itself comes `through` others; None where it names
-    nothing that is there, of which MuJoCo complains."""
+    """Attached content of `model`, which itself comes `through` others; None where its names do not
+    exist, which MuJoCo reports."""
     called = attach.get("model")
     source = model if called is None else model.models.get(called)
     if source is None:
@@ -55,7 +55,7 @@ def brought(attach: Element, model: Document, through: tuple[Element, ...]) -> B
 
 
 def prefix(through: Sequence[Element]) -> str:
-    """What `<attach>`s put before names."""
+    """Prefix of names by nested `<attach>`s."""
     return "".join(attach.get("prefix") or "" for attach in through)
 
 

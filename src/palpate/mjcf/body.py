@@ -36,7 +36,7 @@ class BodyDescription:
 
     @property
     def name(self) -> str:
-        """As in the MJCF."""
+        """Name in the MJCF."""
         return self.elements.name
 
     @property
@@ -46,7 +46,7 @@ class BodyDescription:
 
     @property
     def defaults(self) -> Defaults:
-        """What its elements inherit."""
+        """Defaults that its elements inherit."""
         return self.elements.defaults
 
     @property
@@ -82,7 +82,7 @@ class BodyDescription:
 
     @property
     def top_is_open(self) -> bool:
-        """Whether one of the numbers that place a surface's top is `?`."""
+        """True if one of the numbers that place a surface's top is `?`."""
         marked = [has_open_height(geom, self.defaults) for geom in self.elements.geoms]
         return any(marked) or has_unknown(self.elements.element, "pos", 2)
 
@@ -106,7 +106,7 @@ class BodyDescription:
         return np.array([(low[0] + high[0]) / 2, (low[1] + high[1]) / 2, low[2]])
 
     def reaches_over(self, point: Array) -> bool:
-        """Whether a point's x-y is within the level box around it."""
+        """True if a point's x-y is within the level box around it."""
         low, high = self.cloud.min(axis=0), self.cloud.max(axis=0)
         return bool(np.all(point[:2] >= low[:2]) and np.all(point[:2] <= high[:2]))
 
@@ -189,7 +189,7 @@ class Body:
         return middle - half
 
     def covers(self, x: float, y: float, pose_world: Pose | None = None) -> bool:
-        """Whether the point is above its box's footprint."""
+        """True if the point is above its box's footprint."""
         pose = pose_world or self.pose_world
         at_x, at_y, _ = pose.position.tolist()
         if not self.is_near(x - at_x, y - at_y):
@@ -201,7 +201,7 @@ class Body:
         return bool(np.minimum(near, far).max() <= np.maximum(near, far).min() + 1e-9)
 
     def is_near(self, x: float, y: float, margin: float = 0.0) -> bool:
-        """Whether a point `x`, `y` m beside its frame's origin may be within `margin` m of its box:
+        """True if a point `x`, `y` m beside its frame's origin may be within `margin` m of its box:
         a quick bound."""
         return math.hypot(x, y) <= self.reach + margin
 

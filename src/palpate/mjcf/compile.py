@@ -88,7 +88,7 @@ def model_tree(document: Document, roles: Roles, edits: Iterable[Edit | Insert])
 
 
 def removed_with_robots(document: Document, roles: Roles) -> dict[str, int]:
-    """How many elements besides the robots themselves go with them, by tag."""
+    """Number of elements removed together with the robots, by tag."""
     tree = ModelTree.of(document)
     before = Counter(str(part.tag) for part in elements(tree.root))
     for robot in roles.robots:
@@ -191,8 +191,8 @@ def _leave_site(root: Element, original: Element, robot: Element, document: Docu
 
 
 def _attached_place(attach: Element, document: Document) -> dict[str, str]:
-    """Where the first body of an attached robot stands, from its `<attach>`: its model measures
-    angles in a way of its own."""
+    """Pose of the first body of an attached robot, from its `<attach>`: its model may use another
+    angle unit."""
     part = brought(attach, document, ())
     body = None if part is None else next(part.content.iter("body"), None)
     if part is None or body is None:
@@ -239,7 +239,7 @@ def _remove_watching(root: Element, names: set[str]) -> None:
 
 
 def _mentioned(entry: Element) -> set[str]:
-    """What an element and those below it refer to, or may."""
+    """Names to which an element and those below it refer, or may refer."""
     found: set[str] = set()
     for part in elements(entry):
         found |= {str(value) for key, value in part.items() if key not in ("name", "class")}
@@ -258,12 +258,12 @@ def _remove_unused_assets(root: Element) -> None:
 
 
 def _name_by_file(asset: Element) -> str:
-    """What MuJoCo calls an asset that has no name; a model is called as it calls itself."""
+    """MuJoCo's name of an asset without a name; a model has its own name."""
     return "" if asset.tag == "model" else Path(asset.get("file") or "").stem
 
 
 def _remove_unused_plugins(root: Element) -> None:
-    """What the robot's actuators and sensors were computed by."""
+    """Remove the plugins of the robot's actuators and sensors."""
     used = _references(root, "instance")
     for instance in list(root.iterfind("extension/plugin/instance")):
         plugin = instance.getparent()

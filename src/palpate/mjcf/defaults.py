@@ -24,7 +24,8 @@ STAND_INS: Mapping[str, tuple[str, ...]] = {
     "density": ("1000",),
     "friction": MUJOCO_FRICTION,
 }
-"""What stands for a `?` in them while models are compiled; left out, a class above would answer."""
+"""Placeholders for a `?` in defaults while models are compiled; without them a class above would
+apply."""
 
 
 def standing_in(element: Element) -> Iterator[Edit]:
@@ -37,7 +38,7 @@ def standing_in(element: Element) -> Iterator[Edit]:
 
 
 def answered_elsewhere(element: Element) -> Iterator[Edit]:
-    """What becomes of the `?` in an element's inherited attributes once they mean nothing."""
+    """Replacement of a `?` in an element's inherited attributes that have lost their meaning."""
     for attribute, usual in INHERITED.items():
         parts = tokens(element.get(attribute))
         unknown = [i for i, part in enumerate(parts) if part == UNKNOWN]
@@ -65,7 +66,7 @@ class Defaults:
 
 
 class _Classes:
-    """Those of one model."""
+    """Default classes of one model."""
 
     def __init__(self, root: Element) -> None:
         self._classes: dict[str, list[Element]] = {"": []}
@@ -75,7 +76,7 @@ class _Classes:
         self._root_class = "" if first is None else first.get("class") or "main"
 
     def inherited(self, element: Element, name: str) -> str | None:
-        """What an element's classes state, the innermost first."""
+        """Attributes of an element's classes, the innermost first."""
         for default in reversed(self._classes.get(self._class_of(element), [])):
             for entry in default.iterfind(str(element.tag)):
                 inherited = entry.get(name)

@@ -33,13 +33,13 @@ UNKNOWN = "?"
 """Written in place of a number that is to be measured."""
 
 COUNTS = {"pos": 3, "diaginertia": 3, "fullinertia": 6}
-"""How many numbers a single `?` stands for."""
+"""Number of values that a single `?` stands for."""
 
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """Where an element stands: in an included file or an attached model, or in the main text (None),
-    and how many start tags come before its own there."""
+    """Place of an element: an included file or an attached model, or the main text (None), and the
+    number of start tags before its own there."""
 
     file: Path | None
     number: int
@@ -209,7 +209,7 @@ def _refuse_dtd_and_depth(data: bytes, where: str) -> None:
 
 
 def compiler_settings(root: Element) -> dict[str, str]:
-    """What a model tells MuJoCo's compiler; later elements overrule earlier ones."""
+    """Compiler settings of a model; later elements overrule earlier ones."""
     found: dict[str, str] = {}
     for compiler in root.iterfind("compiler"):
         found.update({str(name): str(value) for name, value in compiler.items()})
@@ -228,7 +228,7 @@ def children(element: Element) -> Iterator[Element]:
 
 
 def label(element: Element) -> str:
-    """How messages call an element: `<geom name="top"> (line 12)`."""
+    """Label of an element in messages: `<geom name="top"> (line 12)`."""
     name = element.get("name")
     shown = f'<{element.tag} name="{name[:60]}">' if name else f"<{element.tag}>"
     return f"{shown} (line {element.sourceline})"
@@ -265,7 +265,7 @@ def with_tokens(value: str, changes: Mapping[int, str]) -> str:
 
 
 def has_unknown(element: Element | None, attribute: str, *indices: int) -> bool:
-    """Whether one of the attribute's numbers (all, when no index is given) is written `?`."""
+    """True if one of the attribute's numbers (all, when no index is given) is written `?`."""
     if element is None:
         return False
     unknown = [part == UNKNOWN for part in tokens(element.get(attribute))]

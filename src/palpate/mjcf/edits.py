@@ -75,7 +75,7 @@ class Slot:
     required: int = 0
 
     def covers(self, number: int) -> bool:
-        """Whether a `?` may stand at this position."""
+        """True if a `?` may stand at this position."""
         return self.numbers is None or number in self.numbers
 
     def open_numbers(self, stated: str | None) -> list[int]:
@@ -95,7 +95,7 @@ class Slot:
 
 
 def unknown_only(element: Element, attribute: str, texts: Mapping[int, str]) -> dict[int, str]:
-    """Those of `texts` whose number is `?`; all of them when none is (a value measured again)."""
+    """Entries of `texts` whose number is `?`; all of them when none is (a value measured again)."""
     parts = tokens(element.get(attribute))
     unknown = {i: text for i, text in texts.items() if i < len(parts) and parts[i] == UNKNOWN}
     return unknown or dict(texts)

@@ -71,8 +71,8 @@ def parse_document(
     robots: Sequence[str] = (),
     texts: Mapping[Path, str] | None = None,
 ) -> Document:
-    """As `read_document`, from text; `folder` is where relative file names start, `robots` as in
-    `Document`; `texts` are read in the place of included files."""
+    """Parse a document as `read_document`, from text; relative file names start at `folder`,
+    `robots` as in `Document`; `texts` replace included files."""
     start = None if folder is None else folder.resolve()
     reader = _Reader(folder, start, home and home.resolve(), given=texts or {})
     return replace(reader.document(text, where), robots=tuple(robots))
@@ -94,7 +94,7 @@ def _root(start: Path | None, files: Sequence[Path]) -> Path | None:
 
 @dataclass(slots=True)
 class _Reader:
-    """What reading one scene has taken so far: of its files, and of those that they name."""
+    """Reader of one scene, with the size of its files so far."""
 
     folder: Path | None
     start: Path | None
@@ -150,7 +150,7 @@ class _Reader:
 
     @property
     def path(self) -> Path | None:
-        """Where the model lies, of one that is attached."""
+        """Path of an attached model."""
         return self.within[-1] if self.within else None
 
     def _number(self, root: Element, file: Path | None) -> None:
@@ -302,7 +302,7 @@ def _replace(include: Element, included: Element, where: str) -> None:
 
 
 def _depth(root: Element) -> int:
-    """How many elements there are from the root to the deepest one, both counted."""
+    """Depth of the tree: number of elements from the root to the deepest one."""
     depth = deepest = 0
     for event, _ in etree.iterwalk(root, events=("start", "end")):
         depth += 1 if event == "start" else -1
@@ -321,7 +321,7 @@ def _located(name: str, element: Element, settings: Mapping[str, str]) -> str:
 
 
 def _exists(folder: Path | None, name: str) -> bool:
-    """Whether there is a file of that name, from `folder`."""
+    """True if there is a file of that name, from `folder`."""
     try:
         return folder is not None and (folder / name).exists()
     except (OSError, ValueError):
@@ -329,7 +329,7 @@ def _exists(folder: Path | None, name: str) -> bool:
 
 
 def _require_model(root: Element, where: str) -> None:
-    """Whether it is a scene, and not a part of one or something else."""
+    """Require a whole MJCF model."""
     if root.tag == "mujocoinclude":
         raise InputError(
             f"{where} is a part that other scenes include (<mujocoinclude>); give a scene that does"

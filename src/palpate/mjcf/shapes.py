@@ -53,7 +53,7 @@ class Shapes:
         return self.geom_points(self.geom_ids[geom])
 
     def geom_points(self, geom: int) -> Array:
-        """As `points`, by id in the model."""
+        """Points of a geom, as `points`, by its id in the model."""
         rotation = self.data.geom_xmat[geom].reshape(3, 3)
         return hull_points(self.model, geom) @ rotation.T + self.data.geom_xpos[geom]
 
@@ -130,7 +130,7 @@ _TRIANGULATED = (int(mujoco.mjtGeom.mjGEOM_MESH), int(mujoco.mjtGeom.mjGEOM_SDF)
 
 
 def _mass_per_density(tree: ModelTree, geom: Element, body: int) -> float:
-    """As MuJoCo has it: how much heavier a body gets as one of its geoms gets denser."""
+    """Derivative of a body's mass by the density of one of its geoms, from MuJoCo."""
     stated, masses = dict(geom.attrib), list[float]()
     for density in (USUAL_DENSITY, 2 * USUAL_DENSITY):
         geom.attrib.pop("mass", None)
@@ -161,7 +161,7 @@ def _require_finite(model: mujoco.MjModel, data: mujoco.MjData) -> None:
 
 
 _NO_GEOMS = ("default", "tendon")
-"""Where `<geom>` is a class's, or what a tendon wraps around."""
+"""Parents below which `<geom>` is a default, or a tendon's wrapping geom."""
 
 
 def _name_geoms(tree: ModelTree, roles: Roles) -> dict[Element, str]:

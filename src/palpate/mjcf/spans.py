@@ -1,5 +1,4 @@
-"""Where the tags and attributes of an XML text are, so that it can be changed without being
-rewritten."""
+"""Positions of tags and attributes in an XML text, for changes without rewriting it."""
 
 from __future__ import annotations
 
@@ -18,7 +17,7 @@ _ATTRIBUTE = re.compile(rb"\s+([^\s=/>]+)\s*=\s*(\"[^\"]*\"|'[^']*')")
 
 @dataclass(slots=True)
 class Tag:
-    """One element's place, in bytes.
+    """Position of an element, in bytes.
 
     Attributes:
         start, end: of its start tag.

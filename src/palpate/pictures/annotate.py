@@ -34,7 +34,8 @@ FIGURES = 6
 CORNER = (-0.13, 0.0)
 """m from the grid's corner to where the axes are drawn, clear of its figures."""
 PLACES = ((0.0, -1.0), (-1.0, -0.6), (1.0, -0.6), (-1.2, 0.2), (1.2, 0.2), (0.0, -2.2))
-"""Where a name may stand: so many half widths beside what it names, and heights above; best first."""
+"""Candidate positions of a label: offset in half widths beside its object, and in heights above;
+best first."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,7 +55,7 @@ class Ground:
         return cls(level, (west, south), (east, north))
 
     def lines(self, axis: int) -> list[float]:
-        """Where the grid's lines across `axis` lie, m."""
+        """Positions of the grid's lines across `axis`, m."""
         count = round((self.high[axis] - self.low[axis]) / STEP)
         return [round(self.low[axis] + STEP * number, 3) for number in range(count + 1)]
 
@@ -183,7 +184,7 @@ def _above(box: Box, taken: Sequence[Box]) -> Box:
 
 
 def _busy(pixels: Pixels, box: Box) -> float:
-    """How much there is to see where a box would hide it: the spread of the colours, 0 to 255."""
+    """Spread of the colours below a box, 0 to 255: the amount of detail that it would hide."""
     left, top, right, bottom = (max(0, round(edge)) for edge in box)
     return float(np.std(pixels[top:bottom, left:right].astype(np.float64), axis=(0, 1)).sum())
 
@@ -195,7 +196,7 @@ def _overlap(one: Box, other: Box) -> bool:
 
 
 def _figures(draw: ImageDraw.ImageDraw, camera: Camera, ground: Ground) -> None:
-    """Where the grid's lines lie, at their ends that are nearest to the camera."""
+    """Positions of the grid's figures, at the ends of the lines nearest to the camera."""
     eye = camera.pose_world_camera.position
     near = [ground.high[i] if eye[i] > ground.low[i] else ground.low[i] for i in (0, 1)]
     out = [0.025 if near[i] == ground.high[i] else -0.025 for i in (0, 1)]

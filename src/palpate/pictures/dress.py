@@ -1,5 +1,4 @@
-"""How things look, beside how they collide: shapes for pictures alone, put on a copy of a scene when
-a picture is made.
+"""Visual shapes of bodies for pictures alone, added to a copy of the scene.
 
 A scene says it in MJCF's own words, `<custom><text name="look:bottle" data="bottle WATER"/>`: the
 body's name, a name from `looks.catalogue`, and what is written on it or what is in it. Collision
@@ -20,7 +19,7 @@ from palpate.pictures.looks.catalogue import parts_of
 from palpate.pictures.looks.part import Colour, Fit, Part
 
 WORD = "look:"
-"""What the name of a `<text>` begins with that says how a body looks."""
+"""Prefix of the `<text>` that states a body's look."""
 HIDDEN = 3
 """The group of shapes that are there for collisions, and not drawn."""
 SHOWN = 2
@@ -31,7 +30,7 @@ Looks = Mapping[str, str]
 
 
 def looks_in(spec: mujoco.MjSpec) -> dict[str, str]:
-    """What a scene says of its bodies' looks."""
+    """Looks that a scene states for its bodies."""
     texts: list[mujoco.MjsText] = list(spec.texts)
     return {text.name.removeprefix(WORD): text.data for text in texts if text.name.startswith(WORD)}
 
@@ -68,7 +67,7 @@ def _geoms(body: mujoco.MjsBody) -> list[mujoco.MjsGeom]:
 
 
 def _add(spec: mujoco.MjSpec, body: mujoco.MjsBody, name: str, part: Part) -> None:
-    """One surface, in the body's own frame."""
+    """Add a surface in the body's own frame."""
     mesh = spec.add_mesh(name=name)
     mesh.uservert = part.mesh.vertices.ravel()
     mesh.userface = corners = part.mesh.faces.ravel().tolist()
@@ -105,7 +104,7 @@ def _texture(spec: mujoco.MjSpec, name: str, pixels: np.ndarray) -> str:
 
 
 def _fit(model: mujoco.MjModel, name: str, floor: float | None) -> Fit | None:
-    """What a look of the body has to fill; None for a body without shapes."""
+    """Space for a look of the body; None for a body without shapes."""
     body = model.body(name)
     geoms = range(int(body.geomadr[0]), int(body.geomadr[0] + body.geomnum[0]))
     if not geoms or geoms[0] < 0:

@@ -1,4 +1,4 @@
-"""What a cell's camera saw."""
+"""Footage of a cell's camera."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Footage:
-    """What the cell's 30 Hz camera saw: the world's model and its configurations, (t in s, qpos),
+    """Footage of the cell's 30 Hz camera: the world's model and its configurations, (t in s, qpos),
     to be rendered.
 
     Attributes:

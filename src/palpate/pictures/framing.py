@@ -1,4 +1,4 @@
-"""Where a camera stands that has the work in view."""
+"""Camera pose that frames the work."""
 
 from __future__ import annotations
 

@@ -70,8 +70,8 @@ def _geoms(body: mujoco.MjsBody) -> list[mujoco.MjsGeom]:
 
 
 def _alike(one: mujoco.MjsBody, other: mujoco.MjsBody) -> bool:
-    """Whether two bodies have the same frame in their parents; a base stands anywhere, and a hand is
-    mounted as its arm wants it."""
+    """True if two bodies have the same frame in their parents; a base stands anywhere, and a hand
+    is mounted as its arm wants it."""
     if other.name in ("link0", "base", "hand"):
         return True
     apart = np.abs(np.array(one.pos) - other.pos).max()
@@ -87,7 +87,7 @@ def _unit(quaternion: object) -> np.ndarray:
 def _draw(
     spec: mujoco.MjSpec, body: mujoco.MjsBody, source: mujoco.MjSpec, geom: mujoco.MjsGeom
 ) -> None:
-    """One mesh of the source on a body, in its own colour."""
+    """Add a mesh of the source to a body, in its own colour."""
     mesh, material = source.mesh(geom.meshname), source.material(geom.material)
     assert mesh is not None
     named = f"{MARK}{source.modelname}:{geom.meshname}"
@@ -134,7 +134,7 @@ def _source(model: str) -> mujoco.MjSpec | None:
 
 
 def _folders(model: str) -> Iterator[Path]:
-    """Where the package has a model already."""
+    """Folders in which the package keeps its models."""
     try:
         import mujoco_menagerie as menagerie  # pyright: ignore[reportMissingModuleSource]
     except ImportError:

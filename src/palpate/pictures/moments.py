@@ -121,7 +121,7 @@ def film(
 
 
 def film_speed(seconds: float) -> float:
-    """How many times faster than robot time the film of a run of `seconds` plays."""
+    """Speed of the film of a run of `seconds`, relative to robot time."""
     return max(SPEED, float(np.ceil(seconds / LONGEST)))
 
 
@@ -141,7 +141,7 @@ def _frames(
 
 
 def _caption(trace: Trace, t: float) -> tuple[str, str]:
-    """What the robot does, and what it feels, at robot time `t`."""
+    """Caption with the robot's action and force at robot time `t`."""
     running = [leaf.label for leaf in trace.leaves if leaf.start <= t < leaf.end]
     force = ""
     if len(trace.samples):
@@ -188,8 +188,8 @@ def _fitting(
 
 
 def _of_interest(model: mujoco.MjModel, points: Array) -> Array:
-    """Where something can move, the corners (8, 3) around `points` and of what they stand on a part;
-    else the points."""
+    """Corners (8, 3) around `points` and a part of their support where something can move; else the
+    points."""
     if not _loose(model):
         return points
     low = points.min(axis=0) - np.array([AROUND, AROUND, BELOW])

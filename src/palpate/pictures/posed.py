@@ -69,11 +69,11 @@ class PosedCell:
         self._poses[holding] = pose_world_tcp @ self._held[1]
 
     def _address(self, joint: str) -> int:
-        """Where a joint of the arm stands in qpos."""
+        """Address of a joint of the arm in qpos."""
         return int(self.model.joint(PREFIX + joint).qposadr[0])
 
     def _free_bodies(self, scene: Scene) -> dict[str, int]:
-        """Where the poses of objects that move freely stand in qpos."""
+        """Addresses of the free objects' poses in qpos."""
         found: dict[str, int] = {}
         for name in scene.objects:
             body = mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_BODY, name)
@@ -126,7 +126,7 @@ class Replay:
 
 
 def played_again(scene: Scene, trace: Trace) -> Footage:
-    """What a camera would have seen of a trace: everything where it is believed to have been."""
+    """Replay of a trace for a camera: everything at its believed pose."""
     cell = PosedCell(scene)
     replay = Replay(cell, trace)
     frames: list[tuple[float, Array]] = []

@@ -34,8 +34,8 @@ SHADOW_MAP = 1024
 """Pixels: 2048 would leave a few dots less on walls that light grazes, for 0.06 s of a processor more
 a picture."""
 PACKING = 2
-"""How hard a PNG is packed, 0 to 9: MuJoCo's pictures become a fifth larger than with 6, in a quarter
-of the time."""
+"""Compression level of PNG, 0 to 9: MuJoCo's pictures become a fifth larger than with 6, in a
+quarter of the time."""
 
 _REMEDY = "for pictures install a software OpenGL (Debian, Ubuntu: apt-get install libegl1 libgl1-mesa-dri)"
 
@@ -49,8 +49,8 @@ mujoco.MjrContext(mujoco.MjModel.from_xml_string("<mujoco/>"), 100)
 
 
 def gl_available() -> tuple[bool, str]:
-    """Whether pictures can be rendered, and the backend's name or, if not, the reason with a remedy
-    in one line."""
+    """Test for a renderer: availability, and the backend's name or the reason with a remedy in one
+    line."""
     chosen = _chosen()
     if chosen in _OFF:
         return False, f"MUJOCO_GL={chosen} switches pictures off; unset it to get them"
@@ -90,7 +90,7 @@ def _usable() -> tuple[bool, str]:
 
 
 def _backends(chosen: str) -> tuple[str, ...]:
-    """What to try: the user's choice, else what the platform has; "" is MuJoCo's own choice."""
+    """Backends to try: the user's choice, else the platform's; "" is MuJoCo's own choice."""
     if chosen:
         return (chosen,)
     return ("egl", "osmesa") if sys.platform == "linux" else ("",)

@@ -70,7 +70,7 @@ def free_bodies(model: mujoco.MjModel) -> list[str]:
 
 
 def _is_bare(spec: mujoco.MjSpec) -> bool:
-    """Whether nothing is said of light and floor."""
+    """True if nothing is said of light and floor."""
     planes = [g for g in spec.worldbody.geoms if g.type == mujoco.mjtGeom.mjGEOM_PLANE]
     return not (list(spec.lights) or planes or _has_sky(spec))
 

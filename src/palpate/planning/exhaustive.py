@@ -14,7 +14,7 @@ from palpate.planning.symbolic.planner import assemble
 from palpate.scene.scene import Scene
 
 SUITE = {"surface": ("height",), "object": ("mass", "friction")}
-"""What is measured of everything, by role: the paper's "probe heights, weigh, and test
+"""Quantities that are measured of everything, by role: the paper's "probe heights, weigh, and test
 friction"."""
 
 

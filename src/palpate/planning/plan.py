@@ -34,7 +34,7 @@ _NODE_FIELDS = ("type", "name", "children")
 
 @dataclass(frozen=True, slots=True)
 class Node:
-    """One node of a plan's tree: its type, its arguments and its children, in order.
+    """Node of a plan's tree: its type, its arguments and its children, in order.
 
     `args` are the primitive's own (`{"pose": "bottle_pose + z_offset"}`); composites have
     `children`.
@@ -52,7 +52,7 @@ class Node:
             yield from child.walk(f"{path}.children[{i}]")
 
     def __str__(self) -> str:
-        """One node a line, children indented."""
+        """Tree as text, a node per line, children indented."""
         lines: list[str] = []
         for path, node in self.walk():
             arguments = ", ".join(str(value) for _, value in node.args)
@@ -62,15 +62,15 @@ class Node:
 
 
 Outcome = Literal["measure", "nothing_missing", "cannot", "ambiguous"]
-"""What comes of a request: a tree; nothing, for all is known; nothing, for it cannot be measured; or
-a question, for it may mean several things."""
+"""Outcome of a request: a tree; none, as all is known; none, as it cannot be measured; or a
+question, as it is ambiguous."""
 OUTCOMES: tuple[str, ...] = get_args(Outcome)
 
 
 @dataclass(frozen=True, slots=True, repr=False)
 class Plan:
-    """What a planner returns. `tree` is None when the request cannot be measured; the explanation
-    says why."""
+    """Plan of a planner. `tree` is None when the request cannot be measured; the explanation says
+    why."""
 
     parameters: tuple[Parameter, ...]
     tree: Node | None
@@ -79,11 +79,11 @@ class Plan:
     notes: tuple[str, ...] = ()
     """Remarks for the result, e.g. that a requested quantity is known already."""
     declared: Outcome | None = None
-    """What its author says comes of it, where there is no tree."""
+    """Outcome declared by the author, where there is no tree."""
 
     @property
     def outcome(self) -> Outcome:
-        """What comes of the request."""
+        """Outcome of the request."""
         if self.tree is not None:
             return "measure"
         return self.declared or "cannot"
@@ -95,7 +95,7 @@ class Plan:
 
     @property
     def actions(self) -> int:
-        """How many atomic actions (leaves) the tree has."""
+        """Number of atomic actions (leaves) of the tree."""
         if self.tree is None:
             return 0
         return sum(not node.children for _, node in self.tree.walk())
@@ -173,8 +173,8 @@ def dump_plan(plan: Plan, extra: Mapping[str, Any] | None = None) -> str:
 
 
 def _outcome(value: object, tree: Node | None) -> Outcome | None:
-    """What the author says comes of the request, where that goes with the tree; None where nothing is
-    said, or what the tree says by itself."""
+    """Outcome declared by the author, where it agrees with the tree; None without a declaration, or
+    where the tree implies it."""
     if value is None:
         return None
     if value not in OUTCOMES:

@@ -1,4 +1,4 @@
-"""What a planner is: who turns a request, a scene and pictures into a plan.
+"""Planner: turns a request, a scene and pictures into a plan.
 
 A planner of your own is one class with the members of `Planner`, public in a module that an
 entry point of the group `palpate.planners` names. Its `name` is the word after `--planner`. It
@@ -32,7 +32,7 @@ class Planner(Protocol):
 
     @property
     def name(self) -> str:
-        """As written on the command line; kept in `Plan.planner`."""
+        """Name on the command line; kept in `Plan.planner`."""
         ...
 
     def plan(self, request: str | None, scene: Scene | None, images: Sequence[Path] = ()) -> Plan:
@@ -66,7 +66,7 @@ class Observant(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class PlannerSettings:
-    """What a planner may be told when it is made.
+    """Settings for the construction of a planner.
 
     Attributes:
         remeasure: what the request asks is measured even if the scene states it.
@@ -83,7 +83,7 @@ class PlannerSettings:
 
 @dataclass(frozen=True, slots=True)
 class PlannerKind:
-    """How a planner is made from what the command line says, `name` or `name:argument`.
+    """Factory of a planner for the command line's `name` or `name:argument`.
 
     Attributes:
         name: the word before the colon.
@@ -99,11 +99,11 @@ class PlannerKind:
 
     @property
     def form(self) -> str:
-        """How it is written: `symbolic`, `replay:FILE`."""
+        """Form on the command line: `symbolic`, `replay:FILE`."""
         return f"{self.name}:{self.argument}" if self.argument else self.name
 
     def accepts(self, spec: str) -> bool:
-        """Whether `spec` is written in that form."""
+        """True if `spec` is written in that form."""
         name, _, argument = spec.partition(":")
         if name != self.name:
             return False
@@ -113,7 +113,7 @@ class PlannerKind:
 
 
 def needs_scene(planner: str) -> InputError:
-    """What to tell who wants a planner that cannot look to plan without a scene."""
+    """Error for a planner that needs a scene, as it cannot see."""
     return InputError(
         f"the {planner} planner needs a scene to work on: give an MJCF with scene=D.xml, or let a "
         "model look at a picture: planner=PROVIDER:MODEL images=I.png poses=poses.yaml (with its "

@@ -39,7 +39,7 @@ class ReplayPlanner:
 
     @property
     def name(self) -> str:
-        """As written on the command line."""
+        """Name on the command line."""
         return f"replay:{self.path}"
 
     def plan(self, request: str | None, scene: Scene | None, images: Sequence[Path] = ()) -> Plan:
@@ -88,7 +88,7 @@ def load_plan(path: Path) -> Plan:
 
 
 def load_proposal(path: Path) -> Proposal:
-    """As `load_plan`, with the objects that a model saw.
+    """Load a plan as `load_plan`, with the objects that a model saw.
 
     Raises:
         InputError: as `load_plan`.

@@ -70,7 +70,7 @@ def _offered(module: ModuleType) -> Iterator[PlannerKind]:
 
 
 def _is_planner(cls: type) -> TypeGuard[type[Planner]]:
-    """Whether a class has the members of `Planner`, its name given once for all."""
+    """True if a class has the members of `Planner`, with a constant name."""
     named = isinstance(vars(cls).get("name"), str)
     return named and callable(getattr(cls, "plan", None))
 

@@ -106,7 +106,7 @@ class Friction(Quantity):
                 yield Edit(geom, "priority", {0: str(above)}, "0")
 
     def acting(self, body: BodyDescription, stated: tuple[float, ...]) -> tuple[float, ...]:
-        """That of the pair with the support, which is what a slide measures."""
+        """Friction of the pair with the support, which a slide measures."""
         pair = pair_friction(body)
         return stated if pair is None else (pair,)
 

@@ -1,4 +1,4 @@
-"""What the page carries within itself: scripts, pictures, and the policy that lets it run nothing
+"""Assets embedded in the page: scripts, pictures, and the content policy that lets it run nothing
 else."""
 
 from __future__ import annotations
@@ -22,7 +22,8 @@ MAX_IMAGE = 400_000
 """Bytes: larger pictures are scaled down to `IMAGE_WIDTH` and stored as JPEG."""
 IMAGE_WIDTH = 1280
 PACKING = 4
-"""How hard plotly.js is packed, 0 to 9: with 6 it is a twenty-fifth smaller, and takes twice as long."""
+"""Compression level of plotly.js, 0 to 9: with 6 it is a twenty-fifth smaller, and takes twice as
+long."""
 
 
 @cache
@@ -46,7 +47,7 @@ def script() -> Markup:
 
 @cache
 def style() -> str:
-    """What all pages share: colours, light and dark, type, tables."""
+    """Style of all pages: colours, light and dark, type, tables."""
     return (files("palpate.report") / "style.css").read_text(encoding="utf-8")
 
 

@@ -1,4 +1,4 @@
-"""Where a number stands on an axis: the one rule for all charts, tables and bars of a page."""
+"""Position of a number on an axis, for all charts, tables and bars of a page."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ class Axis:
 
     @classmethod
     def around(cls, values: Array, air: float) -> Axis:
-        """One that holds all `values`, with `air` beyond them, as a share of how far they reach."""
+        """Axis that spans all `values`, with a margin of `air` times their range."""
         low, high = float(np.min(values)), float(np.max(values))
         margin = air * (high - low) or 0.1 * abs(high) or 1.0
         return cls(low - margin, high + margin)
 
     def share(self, value: float) -> float:
-        """How far along it a number stands: 0 at `low`, 1 at `high`."""
+        """Position of a number along it: 0 at `low`, 1 at `high`."""
         return (value - self.low) / (self.high - self.low)
 
     def per_cent(self, value: float) -> float:

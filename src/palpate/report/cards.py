@@ -24,7 +24,7 @@ vanish."""
 
 @dataclass(frozen=True, slots=True)
 class Truth:
-    """What is so in the simulated world; `at` in per cent of the bar."""
+    """True value of the simulated world; `at` in per cent of the bar."""
 
     value: str
     at: float
@@ -35,8 +35,8 @@ class Truth:
 
 @dataclass(frozen=True, slots=True)
 class Interval:
-    """One component of an estimate; the interval's `left` and `width` in per cent of the bar, in
-    whose middle the value stands."""
+    """Component of an estimate; the interval's `left` and `width` in per cent of the bar, in whose
+    middle the value stands."""
 
     axis: str
     value: str
@@ -87,7 +87,7 @@ class _Bar:
 
 
 def cards(measured: Sequence[Measured], trace: Trace | None) -> list[Card]:
-    """One per estimate."""
+    """Cards, one per estimate."""
     return [_card(m, trace, f"estimate-{i + 1}") for i, m in enumerate(measured)]
 
 
@@ -163,7 +163,7 @@ def _bar(value: float, ci: tuple[float, float], truth: float | None) -> _Bar:
 
 
 def in_words(measured: Sequence[Measured]) -> tuple[str, str]:
-    """What was unknown, and what it is: two captions."""
+    """Captions of the unknown and of its value."""
     unknown: list[str] = []
     known: list[str] = []
     for card in cards(measured, None):

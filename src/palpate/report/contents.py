@@ -1,4 +1,4 @@
-"""What a run shows: its pictures, and the rows of its page."""
+"""Contents of a run's page: pictures and rows."""
 
 from __future__ import annotations
 
@@ -115,7 +115,7 @@ def write_images(pictures: Pictures, folder: Path) -> None:
 
 
 def report_data(run: Run, pictures: Pictures, scratch: Path, place: Path) -> ReportData:
-    """What the page shows, with what lies in `scratch`, which is or will be at `place`."""
+    """Data of the page, with the files in `scratch`, which is or will be at `place`."""
     settings = run.settings
     data = ReportData(
         request=settings.request,
@@ -182,7 +182,7 @@ def _files(scratch: Path) -> list[str]:
 
 
 def _parameter_rows(run: Run) -> Iterator[ParameterRow]:
-    """What the scene lacks, states and leaves to MuJoCo, body by body."""
+    """Missing, known and assumed parameters of the scene, body by body."""
     asked = {stated_as(parameter) for parameter in run.plan.parameters}
     for body in run.scene.bodies.values():
         name = body.name

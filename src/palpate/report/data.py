@@ -1,4 +1,4 @@
-"""What the report page is made from."""
+"""Data of the report page."""
 
 from __future__ import annotations
 
@@ -17,8 +17,7 @@ State = Literal["known", "missing", "assumed"]
 
 @dataclass(frozen=True, slots=True)
 class ParameterRow:
-    """One quantity of one object: what the scene says about it, and whether the request names
-    it."""
+    """Quantity of an object: its status in the scene, and whether the request names it."""
 
     object: str
     quantity: str

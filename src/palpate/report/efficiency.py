@@ -1,4 +1,4 @@
-"""What intent saves, as a page of bars: actions and robot time of the exhaustive and the
+"""Savings of intent, as a page of bars: actions and robot time of the exhaustive and the
 intent-driven planner."""
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ GRID = "#e5e7eb"
 
 @dataclass(frozen=True, slots=True)
 class Effort:
-    """One scenario's actions and robot time (s) under both planners: exhaustive, intent-driven."""
+    """Actions and robot time (s) of a scenario under both planners: exhaustive, intent-driven."""
 
     scenario: str
     actions: tuple[int, int]

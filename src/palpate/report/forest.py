@@ -18,7 +18,7 @@ AIR = 0.04
 
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """One component of an estimate; places in per cent of the scale."""
+    """Component of an estimate; places in per cent of the scale."""
 
     name: str
     anchor: str
@@ -44,7 +44,7 @@ class Scale:
 
 
 def forest(cards: Sequence[Card]) -> list[Scale]:
-    """One a quantity; none where there are few cards."""
+    """Scales, one per quantity; none where there are few cards."""
     if len(cards) <= FEW:
         return []
     kinds: dict[tuple[str, str], list[Card]] = {}

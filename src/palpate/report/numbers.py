@@ -33,7 +33,7 @@ def with_spread(value: float, std: float, unit: str) -> str:
 
 
 def error_text(value: float, truth: float, unit: str, relative: bool) -> str:
-    """How far `value` is from the truth, in the smaller unit, and `relative`ly where asked."""
+    """Error of `value` against the truth, in the smaller unit, and `relative`ly where asked."""
     unit, factor = SMALL.get(unit, (unit, 1.0))
     text = with_unit(f"{factor * (value - truth):+.2g}", unit)
     if relative and truth:

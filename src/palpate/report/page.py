@@ -30,7 +30,7 @@ VERDICTS = {
 }
 
 SAFE_PATH = re.compile(r"[\w.-]+(/[\w.-]+)*")
-"""What the page links to: files beside it, nothing with a scheme."""
+"""Link targets: files beside the page, nothing with a scheme."""
 
 
 def write_report(path: Path, data: ReportData) -> None:
@@ -101,7 +101,7 @@ def _actions(data: ReportData) -> int:
 
 
 def _begun(data: ReportData) -> int | None:
-    """How many of them a run that was stopped began; None of any other."""
+    """Number of actions that a stopped run began; None for other runs."""
     if data.status != "aborted" or data.trace is None:
         return None
     return sum(leaf.node.startswith("tree") for leaf in data.trace.leaves)

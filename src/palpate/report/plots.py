@@ -155,7 +155,7 @@ def _heights(trace: Trace) -> list[Figure]:
 
 
 def _contacts(trace: Trace) -> list[Figure]:
-    """Where guarded motions met something."""
+    """Contacts of guarded motions."""
     touches = trace.leaf_runs("MoveUntilContact")
     if not touches or not len(trace.samples):
         return []

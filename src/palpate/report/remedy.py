@@ -45,7 +45,7 @@ def _steps(data: ReportData, failure: Branch | None) -> Iterator[str]:
 
 
 def _to_secure(held: Held) -> str:
-    """What to do about the object that was in the fingers."""
+    """Step to secure the object that was in the fingers."""
     if held.became == "held":
         return f"Support {held.name}, open the fingers, and put it back where the scene has it."
     if held.became == "lost":

@@ -1,4 +1,4 @@
-"""What the scene states and what it leaves open, as rows of a table."""
+"""Known and unknown values of the scene, as rows of a table."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from palpate.report.numbers import plain, with_unit
 from palpate.runs.figures import in_a_line
 
 UNSTATED = {"known": "–", "missing": "?", "assumed": "as of uniform density"}
-"""What stands for a value that there is none of."""
+"""Placeholder for a missing value."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,7 +50,7 @@ def stated_as(parameter: Parameter) -> Parameter:
 
 
 def _value(row: ParameterRow, found: Mapping[Parameter, Measured]) -> str:
-    """What the scene says, and behind an arrow what was measured."""
+    """Value of the scene, followed by an arrow and the measured one."""
     unit = catalogue()[row.quantity].unit if row.quantity in catalogue() else ""
     before = plain(row.value) if row.value else UNSTATED[row.state]
     now = found.get(Parameter(row.object, row.quantity))

@@ -36,7 +36,7 @@ class Branch:
 
 
 def primitive_groups() -> dict[str, str]:
-    """Which group each registered primitive belongs to."""
+    """Group of each registered primitive."""
     return {name: primitive.group for name, primitive in vocabulary().primitives.items()}
 
 
@@ -51,7 +51,7 @@ def branches(plan: Plan, trace: Trace | None) -> Branch | None:
 
 
 def aftermath(plan: Plan, trace: Trace | None) -> list[Branch]:
-    """What ran beside the plan: the actions of a controlled stop."""
+    """Actions of a controlled stop, outside of the plan."""
     if trace is None:
         return []
     planned: set[str] = set()
@@ -82,7 +82,7 @@ def _leaves(branch: Branch) -> Iterator[Branch]:
 
 
 def _end(trace: Trace | None) -> float:
-    """When the last leaf ended, robot time (s)."""
+    """End of the last leaf, robot time (s)."""
     if trace is None or not trace.leaves:
         return 1.0
     return max(leaf.end for leaf in trace.leaves)

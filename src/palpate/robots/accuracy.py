@@ -1,4 +1,4 @@
-"""How far what an arm feels at rest may be off, by its description."""
+"""Uncertainty of the wrench measured at rest, from the arm's description."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ REVERSED = 2.2
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Doubt:
-    """What the joints' deviations do to a moment felt in one configuration, as standard deviations.
+    """Standard deviations of a moment measured in one configuration, from the joints' errors.
 
     Attributes:
         lasting: (7,) N m, of each joint's relative errors: those of its sensor and of the links it

@@ -1,4 +1,4 @@
-"""What any robot makes of a command: where its equilibrium goes, as a function of time.
+"""Commands as trajectories: the springs' equilibrium as a function of time, for any robot.
 
 How a robot follows it (springs simulated by MuJoCo, or a real arm's controller) is its own affair.
 """
@@ -28,7 +28,7 @@ leads the arm, so that a contact keeps the force it had."""
 
 
 class Commanded:
-    """What all robots here say of themselves, whatever follows their commands: a base for `Robot`s."""
+    """Base class of robots: the properties and commands that do not depend on the controller."""
 
     def __init__(self, arm: RobotDescription, nominal: NominalArm, gravity: float) -> None:
         """`gravity`: m/s^2 that is thought to act."""
@@ -138,7 +138,7 @@ def stopped_pose(arm: RobotDescription, t: float, begin: tuple[Motion, Array]) -
 def ahead_of(
     pose: Pose, jacobian: Array, torque: Array, springs: Stiffness, twist: Array
 ) -> tuple[Motion, Array]:
-    """Where the TCP's springs must have their equilibrium to exert the joint torques `torque` (7,),
+    """Compute the equilibrium with which the TCP's springs exert the joint torques `torque` (7,),
     N m, from the first step on: ahead of the measured pose by force / stiffness, and turned by torque /
     stiffness. `twist` (6,) is the motion that goes on.
 

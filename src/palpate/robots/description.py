@@ -1,4 +1,4 @@
-"""One arm with its hand, read from one folder and handed to whoever needs it.
+"""Description of an arm with its hand, read from one folder.
 
 Nobody else holds a number of an arm.
 """
@@ -41,7 +41,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Limits:
-    """What the arm may do.
+    """Safety limits of the arm.
 
     Attributes:
         q_min, q_max: (7,) joint range, rad.
@@ -143,8 +143,7 @@ class RobotDescription:
         return measured.value if measured is not None else None
 
     def stands(self, pose_world_base: Pose) -> Pose:
-        """Where the base stands that a scene puts there, with how it leans as far as somebody
-        measured that."""
+        """Pose of the base that a scene states, with the measured tilt."""
         lean = self.config.base_lean if self.config is not None else None
         if lean is None:
             return pose_world_base
@@ -214,7 +213,7 @@ def read_description(folder: Path, name: str, known: Mapping[str, Path]) -> Robo
 
 
 def _nominal(sheet: Sheet, model: mujoco.MjModel) -> Hand:
-    """What estimators need of the arm, as its datasheet tells."""
+    """Build the arm's data for the estimators, from its datasheet."""
     accuracy = sheet.accuracy
     return Hand(
         tip_offset=pads_end(model, sheet.hand),
@@ -282,7 +281,7 @@ def _weigh_hand(spec: mujoco.MjSpec, arm: RobotDescription, end: EndEffector) ->
 
 
 def reflexes(said: ReflexSheet, payload: float) -> Reflexes:
-    """What hangs on the hand weighs up to the payload, kg; in free air nothing does."""
+    """Build the reflexes; with a load on the hand they allow for the weight of the payload, kg."""
     weight = payload * STANDARD_GRAVITY
     return Reflexes(
         free=Reflex(said.free.force, said.free.torque),
@@ -303,7 +302,7 @@ def _links(model: mujoco.MjModel, joints: tuple[str, ...]) -> tuple[str, ...]:
 
 
 def pads_end(model: mujoco.MjModel, hand: ParallelHand) -> float:
-    """How far the fingers' pads reach beyond the TCP along the tool, m."""
+    """Return the distance from the TCP to the end of the pads along the tool, m."""
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     tool = tool_pose(model, data, hand)

@@ -38,7 +38,7 @@ SHALLOW = 0.02
 """m: how far below the top the TCP is where the hand has no room deeper down."""
 
 SLANT = 0.3
-"""How far from parallel to the pads a grasped side may be (tangent); a steeper one slides out."""
+"""Largest angle between the pads and a grasped side (tangent); a steeper one slides out."""
 
 MOST_TURN = np.radians(165.0)
 """rad by which the tool may be turned against home: it takes the shorter way there, which beyond half a
@@ -114,7 +114,7 @@ def turned_grasp(
 
 
 def _around(arm: RobotDescription, cloud: Array, obstacles: Sequence[Obstacle]) -> list[Obstacle]:
-    """Those that the hand could touch while it grasps."""
+    """Select the obstacles that the hand could touch while it grasps."""
     width = 2 * arm.hand.half_extents[1]
     low, high = cloud.min(axis=0)[:2] - width, cloud.max(axis=0)[:2] + width
     return [
@@ -217,7 +217,7 @@ def _hand_blocked(
     nearby: Sequence[Array],
     tall: Sequence[Array],
 ) -> bool:
-    """Whether the opened fingers, or the palm above them, would be in a neighbour."""
+    """Test if the opened fingers, or the palm above them, would overlap a neighbour."""
     reach = arm.hand.opening / 2 + arm.hand.finger / 2
     finger = rectangle(np.zeros(2), across, arm.hand.finger / 2, arm.hand.pad)
     spots = np.array([centre + reach * across, centre - reach * across])

@@ -54,12 +54,12 @@ def inverse_kinematics(
 
 
 def reachable(arm: RobotDescription, pose_world_tcp: Pose, pose_world_base: Pose) -> bool:
-    """Whether the arm can put its TCP there."""
+    """Test if the arm can bring its TCP to a pose."""
     return inverse_kinematics(arm, pose_world_tcp, pose_world_base) is not None
 
 
 def within_joint_limits(arm: RobotDescription, q: Array) -> bool:
-    """Whether joint angles (7,), rad, are finite and where the safety predicate allows them."""
+    """Test if joint angles (7,), rad, are finite and within the safety predicate's joint range."""
     low, high = arm.limits.q_min, arm.limits.q_max
     return bool(((q >= low + JOINT_MARGIN) & (q <= high - JOINT_MARGIN)).all())
 
@@ -158,7 +158,7 @@ def _solve(
 def _seeds(
     arm: RobotDescription, pose_base_tcp: Pose, seed: tuple[float, ...] | None
 ) -> Iterator[Array]:
-    """Where the search starts: home turned towards the target, the hand turned as the pose wants
+    """Start postures of the search: home turned towards the target, the hand turned as the pose wants
     it, then the other postures."""
     if seed is not None:
         yield np.array(seed)
@@ -173,7 +173,7 @@ def _seeds(
 
 
 def _too_far(arm: RobotDescription, pose_base_tcp: Pose) -> bool:
-    """Whether the wrist would be farther from the shoulder than all links between them,
+    """Test if the wrist would be farther from the shoulder than all links between them,
     stretched."""
     chain = _chain(arm)
     wrist = pose_base_tcp.apply(chain.wrist)

@@ -55,7 +55,7 @@ def compiled(mjcf: Path) -> mujoco.MjModel:
 
 
 def tool_pose(model: mujoco.MjModel, data: mujoco.MjData, hand: ParallelHand) -> Pose:
-    """Where the TCP is: position of its site or in the hand's body, orientation of that body."""
+    """Return the TCP's pose: position of its site or in the hand's body, orientation of that body."""
     body = data.body(hand.body)
     if isinstance(hand.tcp, str):
         return Pose(data.site(hand.tcp).xpos.copy(), body.xquat.copy())
@@ -79,7 +79,7 @@ def chain(model: mujoco.MjModel, sheet: Sheet) -> Chain:
 
 
 def _links(model: mujoco.MjModel, data: mujoco.MjData, hinges: Sequence[int]) -> Iterator[Link]:
-    """What the hinges move, where it is now."""
+    """Yield the links that the hinges move, in the current configuration."""
     mujoco.mj_comPos(model, data)
     for body in range(1, model.nbody):
         moved_by = [i for i, hinge in enumerate(hinges) if _carries(model, hinge, body)]
@@ -93,7 +93,7 @@ def _links(model: mujoco.MjModel, data: mujoco.MjData, hinges: Sequence[int]) ->
 
 
 def _carries(model: mujoco.MjModel, joint: int, body: int) -> bool:
-    """Whether a joint moves a body."""
+    """Test if a joint moves a body."""
     carried = int(model.jnt_bodyid[joint])
     while body > carried:
         body = int(model.body_parentid[body])
@@ -248,7 +248,7 @@ def _explicit_inertia(spec: mujoco.MjSpec, mjcf: Path) -> None:
 
 
 def _pad(finger: mujoco.MjsBody, centre: Array, half: Array) -> None:
-    """One box to grasp with in the place of a finger's own shapes: several creep."""
+    """Replace a finger's colliding shapes by one box: with several, a grasped object creeps."""
     for geom in finger.geoms:
         geom.contype = geom.conaffinity = 0
     pad = finger.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, pos=centre, size=half, group=3, mass=0.0)

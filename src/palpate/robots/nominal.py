@@ -22,7 +22,7 @@ SEARCH_STEPS, SEARCH_RATE, SEARCH_DAMPING, SEARCH_DONE = 60, 0.3, 1e-4, 1e-3
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Kinematics:
-    """Where the nominal arm is, n configurations at once.
+    """Kinematics of the nominal arm in n configurations at once.
 
     Attributes:
         pose_world_tcp: (n, 7).
@@ -59,7 +59,7 @@ def wrenches(jacobian: Array, torque: Array) -> Array:
 
 
 RIDGE = REGULARISATION * np.eye(6)
-"""What `REGULARISATION` adds to J J^T."""
+"""Regularisation added to J J^T."""
 
 
 def _turn(start: Array, goal: Array) -> Array:

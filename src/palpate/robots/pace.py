@@ -1,4 +1,4 @@
-"""How fast an arm may move: what it would do to a thing that it runs into.
+"""Speed limits of an arm, from the impulse that a collision would give.
 
 What decides is momentum: a mass m that is stopped from speed v and comes back with restitution e
 gives m (1 + e) v, and a contact takes most of it within some milliseconds, before any reflex. The

@@ -1,4 +1,4 @@
-"""What an arm bears before it stops itself: thresholds of the reflex that runs in the robot."""
+"""Collision reflex: contact thresholds at which the robot stops itself."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from palpate.geometry.pose import Array
 
 @dataclass(frozen=True, slots=True)
 class Reflex:
-    """How much an arm may feel, besides what it carries, before it stops itself.
+    """Thresholds of the external wrench, without the carried load, at which the arm stops itself.
 
     Attributes:
         force: N, magnitude at the TCP.
@@ -30,7 +30,7 @@ class Reflex:
         return min(self.force, self.torque, self.sideways)
 
     def fired(self, contact: Array) -> str | None:
-        """Why the arm stops at the external wrench `contact` (6,), the convention of
+        """Return the reason to stop at the external wrench `contact` (6,), the convention of
         `palpate.trace`; None while it goes on."""
         x, y, z, turn_x, turn_y, turn_z = contact.tolist()
         force = math.hypot(x, y, z - min(max(z, 0.0), self.load))

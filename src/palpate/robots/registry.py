@@ -1,4 +1,4 @@
-"""Which arms there are: palpate's own folders, installed packages', and any folder by its path."""
+"""Registry of arms: palpate's own folders, installed packages', and any folder by its path."""
 
 from __future__ import annotations
 
@@ -75,5 +75,5 @@ def load_description(name_or_path: str = DEFAULT, cautious: bool = False) -> Rob
 
 @cache
 def _slow(arm: RobotDescription) -> RobotDescription:
-    """One and the same for an arm, as what is computed of it is kept."""
+    """Return the cautious arm; cached, because results computed for it are cached by identity."""
     return arm.cautious()

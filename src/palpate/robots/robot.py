@@ -75,12 +75,12 @@ class Robot(Protocol):
 
     @property
     def limits(self) -> Limits:
-        """What the arm may do: the description's, the same all its life."""
+        """Safety limits from the description; they never change."""
         ...
 
     @property
     def hand(self) -> Hand:
-        """What estimators need of the nominal arm; it goes into every trace."""
+        """Data of the nominal arm for the estimators; part of every trace."""
         ...
 
     @property
@@ -90,7 +90,7 @@ class Robot(Protocol):
 
     @property
     def state(self) -> RobotState:
-        """As of the last `advance`; reading it never blocks. A lost connection shows in its
+        """State as of the last `advance`; reading it never blocks. A lost connection shows in its
         `stamp`, which grows old."""
         ...
 
@@ -112,7 +112,7 @@ class Robot(Protocol):
         ...
 
     def move_axis(self, direction: Array, speed: float, travel: float) -> None:
-        """As `move_pose`, along unit `direction` (3,) (world) at `speed` m/s for `travel` m, with
+        """Move the TCP straight as `move_pose`, along unit `direction` (3,) (world) at `speed` m/s for `travel` m, with
         the orientation kept."""
         ...
 
@@ -189,6 +189,6 @@ class Remembering(Protocol):
     """A robot that knows more of its last seconds than its samples say."""
 
     def black_box(self) -> Mapping[str, Array] | None:
-        """What its control loop heard and told in the last seconds before it was stopped, by name, one
+        """Return the control loop's inputs and outputs of the last seconds before it was stopped, by name, one
         row a cycle; None where nothing stopped it."""
         ...

@@ -20,7 +20,7 @@ ORIGIN = Pose.of((0.0, 0.0, 0.0))
 
 @dataclass(frozen=True, slots=True)
 class Expectation:
-    """Which forces belong to what the arm is doing.
+    """Forces that the current action of the arm explains.
 
     Attributes:
         holding: an object hangs on the hand, so vertical force up to the payload is normal.

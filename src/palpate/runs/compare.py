@@ -1,4 +1,4 @@
-"""What several runs say of the same parameters, beside each other."""
+"""Comparison of several runs' estimates."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ COLUMNS = ("parameter", "run", "value ± std", "difference in stds", "verdict")
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Row:
-    """What one run says of a parameter.
+    """Estimate of one run in a comparison.
 
     Attributes:
         run: its name.
@@ -63,7 +63,7 @@ class Comparison:
     remarks: tuple[str, ...]
 
     def __getitem__(self, name: str | Parameter) -> tuple[Row, ...]:
-        """What each run says of a parameter.
+        """Estimates of a parameter, by run.
 
         Raises:
             KeyError: no run promised it; the message lists what was.

@@ -40,7 +40,7 @@ def export_run(run: Run, to: str, folder: Path | None = None) -> Export:
 
 
 def export_json(run: Run, export: Export) -> dict[str, Any]:
-    """What was made, as `export.json` has it."""
+    """Content of `export.json`."""
     return {
         "palpate": __version__,
         "format": export.format,

@@ -14,8 +14,8 @@ order."""
 
 @dataclass(frozen=True, slots=True)
 class Figure:
-    """One component of an estimate: its name, empty for a scalar, and its numbers as text, all with
-    the same digits after the point."""
+    """Component of an estimate: its name, empty for a scalar, and its numbers as text, all with the
+    same digits after the point."""
 
     axis: str
     value: str

@@ -1,4 +1,4 @@
-"""What a run leaves in its folder, but for the request, the pictures and the page."""
+"""Files of a run in its folder, without request, pictures and page."""
 
 from __future__ import annotations
 

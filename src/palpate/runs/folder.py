@@ -1,6 +1,5 @@
-"""One run, one folder. What is finished appears at once or not at all; the folder of a run under way
-says so in its result.json, and grows file by file, each of which is whole.
-"""
+"""Run folder. A finished one appears at once or not at all; a growing one says so in its
+result.json, and each of its files is complete."""
 
 from __future__ import annotations
 
@@ -138,7 +137,7 @@ def _scratch(parent: Path, name: str) -> Path:
 
 
 def _kept(scratch: Path, path: Path) -> Path:
-    """Where a scratch folder is kept whose place was taken: where nobody sweeps."""
+    """Place of a scratch folder whose target was taken: safe from sweeping."""
     for i in range(2, 100):
         beside = path.with_name(f"{path.name}-{i}")
         try:
@@ -149,7 +148,7 @@ def _kept(scratch: Path, path: Path) -> Path:
 
 
 def _alive(process: int) -> bool:
-    """Whether a process of this machine still runs."""
+    """True if a process of this machine still runs."""
     try:
         os.kill(process, 0)
     except ProcessLookupError:

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Fusion:
-    """What several runs say together.
+    """Fusion of several runs.
 
     Attributes:
         runs: those that were fused.
@@ -46,7 +46,7 @@ class Fusion:
 
     @property
     def identified(self) -> bool:
-        """Whether every parameter is."""
+        """True if every parameter is."""
         return all(estimate.identified for estimate in self.estimates)
 
     def __getitem__(self, name: str | Parameter) -> Estimate:
@@ -68,7 +68,7 @@ class Fusion:
 
 
 def fuse_runs(runs: Sequence[Run]) -> Fusion:
-    """One estimate a parameter, and the twin of them.
+    """Fuse the estimates of each parameter, and make their twin.
 
     Raises:
         InputError: fewer than two runs, runs that are not of one scene, or the same recordings twice.
@@ -93,7 +93,7 @@ def fuse_runs(runs: Sequence[Run]) -> Fusion:
 
 
 def _sources(parameter: Parameter, runs: Sequence[Run], names: Sequence[str]) -> list[Source]:
-    """What each run says of a parameter, of those that say anything."""
+    """Estimates of a parameter by the runs that have one."""
     told: list[Source] = []
     for name, run in zip(names, runs, strict=True):
         estimate = estimate_of(run, parameter)
@@ -103,14 +103,14 @@ def _sources(parameter: Parameter, runs: Sequence[Run], names: Sequence[str]) ->
 
 
 def _left_out(source: Source) -> str:
-    """What is not counted, and why, in a line."""
+    """Line on an estimate that is left out, with the reason."""
     one = source.estimate
     why = one.contradiction or one.method
     return f"{one.parameter} of {source.run} is {one.verdict}: {why}"
 
 
 def arm_of(run: Run) -> str:
-    """Which arm a run was made with. A simulated one is that of its noise model and seed; a real one
+    """Identity of the arm of a run. A simulated one is that of its noise model and seed; a real one
     is known by its address."""
     asked: Settings = run.settings
     if asked.robot is not None:
@@ -121,7 +121,7 @@ def arm_of(run: Run) -> str:
 
 
 def fusion_json(fusion: Fusion, folder: Path | None) -> dict[str, Any]:
-    """As `result.json`."""
+    """Content of the fusion's `result.json`."""
     files: dict[str, str] = {}
     if folder is not None:
         named = {"result": "result.json", "twin": "twin.xml"}
@@ -177,7 +177,7 @@ def parameters_of(runs: Sequence[Run]) -> list[Parameter]:
 
 
 def estimate_of(run: Run, parameter: Parameter) -> Estimate | None:
-    """What a run says of a parameter; None where it says nothing."""
+    """Estimate of a parameter by a run; None if it has none."""
     for estimate in run.estimates:
         if estimate.parameter == parameter:
             return estimate
@@ -185,12 +185,13 @@ def estimate_of(run: Run, parameter: Parameter) -> Estimate | None:
 
 
 def _unknown(parameter: Parameter, unit: str) -> Estimate:
-    """What is said where no run identified it. A prior is no evidence: it is not counted at all."""
+    """Estimate without a value, where no run identified it. A prior is no evidence and does not
+    count."""
     return not_identified(parameter, unit, "No run identified it.")
 
 
 def differences(one: Run, other: Run) -> Iterator[str]:
-    """Why two runs are not of one scene and one world, in words; nothing where they are."""
+    """Differences of the scenes and worlds of two runs, in words."""
     if not one.scene.bodies or not other.scene.bodies:
         yield "the scene's file is gone"
         return

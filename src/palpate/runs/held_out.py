@@ -1,4 +1,4 @@
-"""What the twin was judged on, as it stands in `result.json`, and read back."""
+"""Held-out validation in `result.json`, written and read back."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def _motion_json(motion: Motion) -> dict[str, Any]:
 
 
 def held_out_from(document: Mapping[str, Any] | None) -> HeldOut | None:
-    """What `held_out_json` wrote."""
+    """Read the output of `held_out_json`."""
     if document is None:
         return None
     motions = tuple(_motion(motion) for motion in document["motions"])

@@ -168,6 +168,6 @@ class Keeper:
 
 
 def shortfall(what: str, error: Exception) -> str:
-    """What could not be made, and why, in one line."""
+    """Line on a thing that could not be made, with the reason."""
     reason = getattr(error, "strerror", None) or f"{type(error).__name__}: {error}"
     return f"{what}: {reason}".splitlines()[0]

@@ -190,7 +190,7 @@ def estimate_from(row: Mapping[str, Any]) -> Estimate:
 
 
 def _truth(rows: Sequence[Mapping[str, Any]]) -> dict[Parameter, tuple[float, ...]]:
-    """What is so in the simulated world, where the run knew."""
+    """True values of the simulated world, where the run knew them."""
     found: dict[Parameter, tuple[float, ...]] = {}
     for row in rows:
         true = _numbers(row.get("true_value")).reshape(-1).tolist()
@@ -226,7 +226,7 @@ def _limitless(number: float | None) -> float:
 
 
 def _numbers(document: Any) -> Array:
-    """One number, lists of them, or null, as an array."""
+    """Array from a number, lists of numbers, or null."""
     return np.array([] if document is None else document, dtype=float)
 
 

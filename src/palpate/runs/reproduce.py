@@ -47,7 +47,7 @@ def executing(settings: Settings, plan: Path, start: Path | None = None) -> list
 
 
 def reproducing(settings: Settings, start: Path | None = None) -> list[str]:
-    """What carries a finished run out once more: `palpate demo` where it was a scenario."""
+    """Command that repeats a finished run: `palpate demo` for a scenario."""
     name = scenario_of(settings)
     if name is None:
         return _seeded(running(settings, start), settings)
@@ -107,7 +107,7 @@ def _planner(planner: str, start: Path | None) -> str:
 
 
 def _asking(settings: Settings) -> Iterator[str]:
-    """How a model was asked, but for its budget."""
+    """Options of the model, without its budget."""
     asking = settings.model_settings
     if asking.base_url is not None:
         yield from ("--base-url", asking.base_url)

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 CYCLES = "cycles.npz"
-"""What a real robot remembers of its last seconds before it was stopped, in a run folder."""
+"""Log of a real robot's last seconds before a stop, in a run folder."""
 
 
 def result_json(run: Run, folder: Path | None) -> dict[str, Any]:
@@ -66,7 +66,7 @@ def finite(content: Any) -> Any:
 
 
 def _truth(run: Run) -> str | None:
-    """Where the true values of a simulation come from; null where something real was touched."""
+    """Source of the true values of a simulation; null for a real robot."""
     if not run.simulated:
         return None
     if run.drawn:
@@ -106,8 +106,8 @@ def _parameter_json(run: Run, estimate: Estimate) -> dict[str, Any]:
 
 
 def parameter_json(estimate: Estimate) -> dict[str, Any]:
-    """One estimate; scalars for quantities of one component, lists for the others, null where
-    nothing is known."""
+    """Estimate as JSON; scalars for quantities of one component, lists for the others, null for
+    unknown values."""
     return {
         "object": estimate.parameter.object,
         "quantity": estimate.parameter.quantity,
@@ -140,7 +140,7 @@ def _shaped(numbers: list[Any]) -> Any:
 
 
 def has_scene_of_its_own(run: Run) -> bool:
-    """Whether the scene came from no file: seen in a picture, or handed over as text."""
+    """True if the scene came from no file: seen in a picture, or handed over as text."""
     from_no_file = run.settings.scene is None and bool(run.scene.bodies)
     return from_no_file or run.seen is not None
 
@@ -161,7 +161,7 @@ def _execution_json(run: Run) -> dict[str, Any] | None:
 
 
 def twin_json(twin: Twin) -> dict[str, Any]:
-    """What there is to say of a twin."""
+    """Twin as JSON: notes, unwritten values, validation."""
     return {
         "notes": list(twin.notes),
         "unwritten": [str(parameter) for parameter in twin.unwritten],

@@ -38,7 +38,7 @@ TRACE = "trace.mcap"
 
 @dataclass(frozen=True, slots=True)
 class Ending:
-    """How an execution went and ended, as `result.json` tells it.
+    """Course and end of an execution, as in `result.json`.
 
     Attributes:
         status: `complete` when the tree succeeded, else `stopped`.
@@ -135,7 +135,7 @@ class Run:
 
     @property
     def ready(self) -> bool:
-        """Whether there is a plan to execute that nothing speaks against."""
+        """True if there is a plan to execute that nothing speaks against."""
         return self.plan.tree is not None and not self.findings
 
     @property
@@ -159,13 +159,13 @@ class Run:
 
     @property
     def drawn(self) -> bool:
-        """Whether what was measured was made up: a simulation of the scene, its unknowns drawn."""
+        """True if what was measured was made up: a simulation of the scene, its unknowns drawn."""
         from palpate.cells.simulated import DRAWN  # with all that pictures take
 
         return self.simulated and self.world == DRAWN
 
     def suffices(self, estimate: Estimate) -> bool:
-        """Whether an estimate is identified, and as narrow as was asked or as it can be."""
+        """True if an estimate is identified, and as narrow as was asked or as it can be."""
         precision = self.settings.within.precision(estimate)
         narrow = precision is None or precision.outcome != "rounds used up"
         return estimate.identified and narrow

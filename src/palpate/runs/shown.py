@@ -1,4 +1,4 @@
-"""What viewers are shown of a run beside what was felt: the cell, where its parts are, and the picture.
+"""Content for trace viewers beside the signals: the cell, poses of its parts, and the picture.
 
 | topic | message | content |
 |---|---|---|
@@ -134,7 +134,7 @@ def _camera(run: Run, trace: Trace) -> Iterator[Message]:
 
 
 def _picture(run: Run) -> Image | None:
-    """What the planner was shown, made smaller."""
+    """Picture for the planner, reduced in size."""
     from PIL import Image
 
     from palpate.scene.camera import load_image

@@ -134,8 +134,7 @@ def _refuse_other_unknowns(document: Document, roles: Roles, slots: Iterable[Slo
 
 
 def _no_object(element: Element, roles: Roles) -> str:
-    """Why what an element belongs to is no object, with what makes it one; empty where that is not
-    why."""
+    """Reason why the body of an element is no object; empty where that is not the reason."""
     for body in (element, *element.iterancestors("body")):
         called = body.get("name") or "its body"
         if body in roles.ignored:
@@ -151,7 +150,7 @@ def _no_object(element: Element, roles: Roles) -> str:
 
 
 def _all_elements(document: Document, roles: Roles) -> Iterator[Element]:
-    """Those of the scene, and of the models that it attaches for others than robots."""
+    """All elements of the scene, and of the attached models that are no robots."""
     yield from elements(document.root)
     models = {part.model.root: part.model.root for part in roles.brought}
     for root in models:
@@ -160,7 +159,7 @@ def _all_elements(document: Document, roles: Roles) -> Iterator[Element]:
 
 
 def _is_uncovered(value: str, slots: list[Slot]) -> bool:
-    """Whether a `?` stands where no slot is."""
+    """True if a `?` stands where no slot is."""
     unknown = {i for i, part in enumerate(tokens(value)) if part == UNKNOWN}
     for slot in slots:
         unknown -= {i for i in unknown if slot.covers(i)}
@@ -210,8 +209,8 @@ def _require_in_world(body: Elements) -> None:
 
 
 def _no_surface(body: BodyDescription) -> str:
-    """Why it is none: a surface has a level top that is wide enough or carries an object, and is
-    not just what the arm is mounted on. Nothing where it is one."""
+    """Reason why a body is no surface: a surface has a level top that is wide enough or carries an
+    object, and is not just the mount of the arm. Empty if it is one."""
     if body.top_is_open:
         return ""
     if not _is_level(body.shapes, body.carrier):
@@ -232,7 +231,7 @@ def _carries(surface: BodyDescription, point: Array) -> bool:
 
 
 def _is_level(shapes: Shapes, geom: Element) -> bool:
-    """Whether the geom has a level face on top."""
+    """True if the geom has a level face on top."""
     kind = int(shapes.model.geom_type[shapes.geom_ids[geom]])
     up = np.abs(shapes.data.geom_xmat[shapes.geom_ids[geom]].reshape(3, 3)[2])
     if kind == mujoco.mjtGeom.mjGEOM_BOX:

@@ -59,7 +59,7 @@ def _body(bodies: Bodies, catalogue: Catalogue, name: str, values: Values) -> Bo
 def _stated(
     body: BodyDescription, catalogue: Catalogue, values: Values, std: Mapping[Parameter, float]
 ) -> tuple[list[Statement], list[Change]]:
-    """What each of its quantities has to say, in the catalogue's order: of the `<inertial>`, and of
+    """Statements of its quantities, in the catalogue's order: of the `<inertial>`, and of
     everything else."""
     statements: list[Statement] = []
     others: list[Change] = []
@@ -76,7 +76,7 @@ def _stated(
 
 
 def beliefs(bodies: Bodies, catalogue: Catalogue) -> dict[Parameter, Prior]:
-    """What is believed of everything missing: of surfaces first, then of what stands on them."""
+    """Priors of everything missing: of surfaces first, then of the objects on them."""
     found: dict[Parameter, Prior] = {}
     means: dict[Parameter, tuple[float, ...]] = {}
     for role in ("surface", "object"):

@@ -52,8 +52,8 @@ def parse_scene(
     quantities: Catalogue | None = None,
     robot_body: Sequence[str] = (),
 ) -> Scene:
-    """As `load_scene`, from text; `folder` is where relative file names start, `poses` YAML or read
-    already.
+    """Read a scene as `load_scene`, from text; relative file names start at `folder`, `poses` is
+    YAML or already read.
 
     Raises:
         InputError: as `load_scene`.

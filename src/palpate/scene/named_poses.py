@@ -59,7 +59,7 @@ CLEAR = 0.02
 
 @dataclass(frozen=True, eq=False)
 class Geometry:
-    """What there is to touch and to keep clear of.
+    """Geometry of the scene: objects, surfaces and obstacles.
 
     Attributes:
         objects: object to each of its geoms, in the world.
@@ -183,8 +183,8 @@ def _poses(geometry: Geometry, grasps: Mapping[str, Grasp], entries: Poses) -> d
 
 
 def _later(geometry: Geometry, poses: Mapping[str, Pose]) -> dict[str, Callable[[], Pose | None]]:
-    """What poses.yaml does not give of temporary places, poses above objects and grasps a quarter turn
-    on: worked out when they are asked for."""
+    """Poses that poses.yaml does not give, computed on demand: temporary places, poses above
+    objects, and grasps a quarter turn on."""
     later: dict[str, Callable[[], Pose | None]] = {}
     for name in geometry.objects:
         pose = poses[f"{name}_pose"]
@@ -197,8 +197,8 @@ def _later(geometry: Geometry, poses: Mapping[str, Pose]) -> dict[str, Callable[
 def _lines(
     geometry: Geometry, poses: Mapping[str, Pose], offsets: Mapping[str, Mapping[str, Array]]
 ) -> dict[str, Line]:
-    """Where along their grasps objects may turn out to balance: as far as twice their x_offset, where
-    that is farther than half the pads. Poses.yaml may name another pose so."""
+    """Segments of possible balance points along the grasps of objects: to twice their x_offset,
+    where that is more than half the pads. Poses.yaml may give another pose that name."""
     lines: dict[str, Line] = {}
     for name in geometry.objects:
         pose, body = poses[f"{name}_pose"], geometry.bodies[name]
@@ -300,7 +300,7 @@ def free_place(geometry: Geometry, name: str, poses: Mapping[str, Pose]) -> Pose
 def _put_down_before(
     geometry: Geometry, name: str, poses: Mapping[str, Pose]
 ) -> Iterator[Obstacle]:
-    """What stands on an object, at the places where it is put before the object is carried away."""
+    """Objects that stand on an object, at their temporary places before it is carried away."""
     low, high = geometry.clouds[name].min(axis=0), geometry.clouds[name].max(axis=0)
     for other, cloud in geometry.clouds.items():
         middle = np.array(_middle(cloud))
@@ -353,7 +353,7 @@ def _own_offsets(geometry: Geometry, name: str, grasp: Grasp, pose: Pose) -> dic
 
 
 def _lift(geometry: Geometry, name: str, pose: Pose) -> float:
-    """How high to lift, m: over every neighbour between the arm and the object."""
+    """Height of a lift, m: above every neighbour between the arm and the object."""
     bottom = float(geometry.clouds[name][:, 2].min())
     needed = 0.0
     for other in geometry.others(name):
@@ -363,7 +363,7 @@ def _lift(geometry: Geometry, name: str, pose: Pose) -> float:
 
 
 def _on_the_way(outline: Array, pose: Pose, base: Pose) -> bool:
-    """Whether something is near the straight way from above the arm's front to the object."""
+    """True if something is near the straight way from above the arm's front to the object."""
     start = base.position[:2] + 0.3 * base.rotation[:2, 0]
     way = pose.position[:2] - start
     low, high = outline.min(axis=0), outline.max(axis=0)

@@ -128,8 +128,8 @@ def approach_pose(
 
 
 def _middle(reach: Reach, top: Array, objects: Sequence[Array], base: Pose) -> Array:
-    """Where to look first: amid the objects on the surface, else its middle or what of it is in
-    front of the arm."""
+    """Start of the search: amid the objects on the surface, else its middle or the part in front of
+    the arm."""
     if objects:
         middles = [(cloud.max(axis=0) + cloud.min(axis=0))[:2] / 2 for cloud in objects]
         return np.mean(middles, axis=0)

@@ -67,11 +67,11 @@ class PoseEntry(_Strict):
         return self
 
     def body_pose(self) -> Pose:
-        """As the pose of a body: upright unless turned."""
+        """Pose of a body: upright unless turned."""
         return Pose.of(self.pos, self._quaternion() or (1.0, 0.0, 0.0, 0.0))
 
     def tool_pose(self) -> Pose:
-        """As the pose of the TCP: top-down, turned by yaw, unless euler or quat says otherwise."""
+        """Pose of the TCP: top-down, turned by yaw, unless euler or quat says otherwise."""
         if self.quat is None and self.euler is None:
             return Pose.top_down(self.pos, self.yaw or 0.0)
         return self.body_pose()
@@ -112,7 +112,7 @@ class Poses(_Strict):
     joints: dict[Name, tuple[Number, Number, Number, Number, Number, Number, Number]] = {}
     """Joint configurations, rad; `home_config` is where plans begin."""
     offsets: dict[Name, Offset | dict[Name, Offset]] = {}
-    """How far plans go, m: along the axis an offset is named after, or [x, y, z] along the grasp's
+    """Offsets of plans, m: along the axis an offset is named after, or [x, y, z] along the grasp's
     axes; for every object, or by object."""
     grasps: dict[Name, PoseEntry] = {}
     """Poses of the TCP in the object's frame."""
@@ -152,7 +152,7 @@ def seen_by(poses: Poses, arm: RobotDescription, pose_world_base: Pose) -> Poses
 
 
 def parse_poses(text: str, where: str = "poses") -> Poses:
-    """As `read_poses`, from text.
+    """Parse poses as `read_poses`, from text.
 
     Raises:
         InputError: not YAML, or not of this form.
@@ -176,13 +176,13 @@ _FORMS = {
     "camera": "a camera: pos: [x, y, z] in m, quat: [w, x, y, z], fovy in degrees, and size: [width, height] in pixels",
     "accuracy": "a length in m, more than 0 and at most 0.1",
 }
-"""What an entry below each key is."""
+"""Forms of the entries below each key."""
 _SINGLE = ("camera", "accuracy")
 """The keys that have no entries."""
 
 
 def _complaint(invalid: ValidationError) -> str:
-    """What is wrong, where, and what should stand there, in words of the file."""
+    """Message with the fault, its place, and the expected form, in words of the file."""
     errors = invalid.errors()
     unknown = [error for error in errors if error["type"] == "extra_forbidden"]
     first = (unknown or errors)[0]

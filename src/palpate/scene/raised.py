@@ -43,7 +43,7 @@ def learned(scene: Scene, parameter: Parameter, value: tuple[float, ...]) -> Sce
 
 
 def moves(scene: Scene, parameter: Parameter) -> bool:
-    """Whether measuring a parameter moves a surface of the scene, and nothing else about it."""
+    """True if measuring a parameter moves a surface of the scene, and nothing else about it."""
     is_height = parameter.quantity == "height" and parameter.object in scene.surfaces
     return is_height and scene.refit is None
 
@@ -60,8 +60,8 @@ def as_measured(scene: Scene, trace: Trace) -> Scene:
 
 
 def beyond(scene: Scene, name: str) -> str | None:
-    """Why an object is not to be touched in the raised scene, with the remedy; None where it may: its
-    surface is farther from where the scene has it than a guess may be."""
+    """Reason, with a remedy, why an object must not be touched in the raised scene: its surface is
+    farther from its stated height than a guess may be; None if it may."""
     rise = scene.rises.get(name, 0.0)
     if abs(rise) <= GUESS:
         return None
@@ -137,7 +137,7 @@ def level(scene: Scene, poses: Mapping[str, Pose]) -> dict[str, Pose]:
 
 
 def _support(scene: Scene, body: Body, pose_of: PoseOf) -> Body | None:
-    """What a body stands on: rather an object below it than the surface below that."""
+    """Support of a body: an object below it, else the surface below."""
     below = [base for base in scene.bodies.values() if _stands_on(body, base, pose_of)]
     carriers = [base for base in below if base.role == "object"] or below
     return max(carriers, key=lambda base: base.top_z(pose_of(base.name)), default=None)

@@ -1,4 +1,5 @@
-"""How a scene was read: what was taken for what, what was left out, and why nothing may be missing."""
+"""Remarks on the reading of a scene: interpretations, omissions, and reasons why nothing may be
+missing."""
 
 from __future__ import annotations
 
@@ -18,7 +19,7 @@ LISTED = 8
 """At most so many names stand in a sentence."""
 
 SITE = f'<site name="{BASE_SITE}" pos="x y z"/>'
-"""What says in a scene where the arm stands."""
+"""Element that places the arm in a scene."""
 
 
 def remarks(scene: Scene) -> tuple[str, ...]:
@@ -52,7 +53,7 @@ def _robots(scene: Scene) -> Iterator[str]:
 
 
 def _base(scene: Scene) -> Iterator[str]:
-    """Where the arm stands, where nothing says so or it does not reach what there is."""
+    """Remark on the arm's place, where it is not stated or does not reach the objects."""
     robots = scene.resolved.description.roles.robots
     unsaid = scene.resolved.document.root.find(f".//site[@name='{BASE_SITE}']") is None
     if unsaid and not robots:
@@ -80,7 +81,7 @@ def _is_near(scene: Scene, name: str) -> bool:
 
 
 def _others(scene: Scene) -> Iterator[str]:
-    """What is neither object nor surface."""
+    """Bodies that are neither objects nor surfaces."""
     description = scene.resolved.description
     if description.roles.ignored:
         advice = ""
@@ -99,7 +100,7 @@ def _others(scene: Scene) -> Iterator[str]:
 
 
 def _otherwise(scene: Scene) -> Iterator[str]:
-    """What is taken otherwise than the file has it."""
+    """Remarks on deviations from the file."""
     description = scene.resolved.description
     document = description.document
     if document.folder is not None and document.home not in (None, document.folder.resolve()):
@@ -115,7 +116,7 @@ def _otherwise(scene: Scene) -> Iterator[str]:
 
 
 def _replicated(scene: Scene) -> Iterator[str]:
-    """What `<replicate>` makes."""
+    """Remark on copies by `<replicate>`."""
     description = scene.resolved.description
     copied = [name for name, body in description.bodies.items() if _is_replicated(body.elements)]
     if copied:
@@ -130,7 +131,7 @@ def _replicated(scene: Scene) -> Iterator[str]:
 
 
 def _refused(scene: Scene) -> Iterator[str]:
-    """What might have been a surface."""
+    """Bodies that were rejected as surfaces."""
     refused = scene.resolved.description.refused
     if refused:
         told = [f"'{name}' ({reason})" for name, reason in refused.items()]
@@ -173,7 +174,7 @@ def _is_replicated(body: Elements) -> bool:
 
 
 def _attached_as(attach: Element) -> str:
-    """What an `<attach>` brings is called."""
+    """Names of the bodies of an `<attach>`."""
     brings = attach.get("body") or attach.get("frame") or attach.get("model") or ""
     return f"'{attach.get('prefix') or ''}{brings}'"
 

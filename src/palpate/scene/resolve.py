@@ -139,7 +139,7 @@ def resolve(document: Document, poses: Poses, catalogue: Catalogue) -> ResolvedS
 
 
 def _moves_something(change: Change) -> bool:
-    """Whether a change may show in the scene's geometry; a mass or a friction does not, and the
+    """True if a change may show in the scene's geometry; a mass or a friction does not, and the
     stand-in is as good for looking."""
     return not (isinstance(change, Edit) and change.attribute in SHAPELESS)
 
@@ -157,7 +157,7 @@ def _resting_on(surface: Body, bodies: Iterable[Body]) -> Iterator[str]:
 
 
 def _confirm(resolved: ResolvedScene) -> None:
-    """What is believed must show in the compiled geometry."""
+    """Require that the believed values show in the compiled geometry."""
     for parameter, prior in resolved.priors.items():
         body = resolved.description.bodies[parameter.object]
         quantity = resolved.catalogue[parameter.quantity]

@@ -61,7 +61,7 @@ def _stated_z(body: BodyDescription) -> float:
 
 
 def _hangs(body: BodyDescription) -> bool:
-    """Whether an object is placed in the world's axes, by its poses or its file, and just above a
+    """True if an object is placed in the world's axes, by its poses or its file, and just above a
     surface."""
     if body.role != "object" or body.elements.moved_by() is not None:
         return False
@@ -74,7 +74,7 @@ def _hangs(body: BodyDescription) -> bool:
 
 
 def _gaps(body: BodyDescription) -> Iterator[float]:
-    """How far its bottom is above each thing that reaches under its middle, m."""
+    """Gaps between its bottom and each body that reaches under its middle, m."""
     for surface in body.surfaces_below():
         yield body.bottom_z - surface.top_z
     foot = body.footing()

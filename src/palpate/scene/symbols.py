@@ -72,7 +72,7 @@ def _term_text(coefficient: float, offset: str) -> str:
 
 @dataclass(eq=False)
 class Symbols:
-    """What expressions may name.
+    """Symbols that expressions may name.
 
     Attributes:
         poses: TCP poses in the world by name.

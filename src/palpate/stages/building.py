@@ -8,8 +8,8 @@ from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
 
-from palpate.audience import SILENT, Audience
 from palpate.beside import Beside
+from palpate.callbacks import SILENT, RunCallbacks
 from palpate.cells.cell import Cell
 from palpate.execution.part import part_of
 from palpate.interrupt import interrupts
@@ -27,11 +27,11 @@ if TYPE_CHECKING:
     from palpate.trace.samples import Trace
 
 
-def build_twin(made: Run, audience: Audience = SILENT) -> Run:
+def build_twin(made: Run, callbacks: RunCallbacks = SILENT) -> Run:
     """From estimates to a twin of the scene as it was believed in the end."""
     if made.trace_if_any is None:
         return made
-    audience.progress("building the twin")
+    callbacks.progress("building the twin")
     scene = made.scene
     if made.seen and made.final_state is not None:
         scene = made.final_state.scene
@@ -53,7 +53,7 @@ def touched_beside(made: Run, cell: Cell) -> Generator[Beside[Trace] | None]:
 def touch_twin(
     made: Run,
     planned_in: Scene,
-    audience: Audience = SILENT,
+    callbacks: RunCallbacks = SILENT,
     given: Beside[Trace] | None = None,
 ) -> Run:
     """The run with its twin touched in simulation, and the scene as it was given: the plan is executed
@@ -61,7 +61,7 @@ def touch_twin(
     `touched_beside`."""
     if made.finished is None:
         return made
-    audience.progress("touching the twin in simulation")
+    callbacks.progress("touching the twin in simulation")
     trace = made.trace_if_any
     if trace is None:
         return made
@@ -85,7 +85,7 @@ def _compared(plan: Plan, trace: Trace) -> Plan:
 
 
 def _replay(scene: Scene, plan: Plan, world: MjSpec) -> Trace:
-    """What a perfect robot feels when the plan is executed in `world`.
+    """Recording of a perfect robot that executes the plan in `world`.
 
     Raises:
         Interrupted: a signal came meanwhile.

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from palpate.audience import SILENT, Audience
+from palpate.callbacks import SILENT, RunCallbacks
 from palpate.cells.cell import Cell
 from palpate.errors import InputError, PalpateError
 from palpate.estimation.estimate import Estimate
@@ -24,16 +24,16 @@ from palpate.twin.held_out.judged import HeldOut
 MADE_UP = "Simulated: the true value was drawn from priors, and is that of no real thing."
 
 
-def estimate(made: Run, cell: Cell | None, audience: Audience = SILENT) -> Run:
+def estimate(made: Run, cell: Cell | None, callbacks: RunCallbacks = SILENT) -> Run:
     """From a trace to estimates; what is true is asked when they are made, never before."""
-    for grown in estimates(made, cell, audience):
+    for grown in estimates(made, cell, callbacks):
         made = grown
     return made
 
 
-def estimates(made: Run, cell: Cell | None, audience: Audience = SILENT) -> Iterator[Run]:
+def estimates(made: Run, cell: Cell | None, callbacks: RunCallbacks = SILENT) -> Iterator[Run]:
     """The run after every estimate, after their judgement, and then with what is true."""
-    audience.progress("estimating")
+    callbacks.progress("estimating")
     # The trace is read once, not for every estimate.
     made = replace(made, estimates=(), held_out=None, recorded=made.trace_if_any)
     bodies = (
@@ -45,7 +45,7 @@ def estimates(made: Run, cell: Cell | None, audience: Audience = SILENT) -> Iter
         found = _estimate_of(made, parameter, bodies)
         made = replace(made, estimates=(*made.estimates, found))
         yield made
-    audience.progress("judging them on motions that they were not fitted to")
+    callbacks.progress("judging them on motions that they were not fitted to")
     made = _judged(made)
     yield made
     if cell is not None:

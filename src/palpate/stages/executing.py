@@ -7,7 +7,7 @@ from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
 
-from palpate.audience import SILENT, Audience
+from palpate.callbacks import SILENT, RunCallbacks
 from palpate.cells.cell import Cell
 from palpate.errors import InputError
 from palpate.execution.recovery import OnFailure
@@ -25,20 +25,22 @@ if TYPE_CHECKING:
 log = logging.getLogger(__name__)
 
 
-def execute(made: Run, cell: Cell, audience: Audience = SILENT, keep: Keep | None = None) -> Run:
+def execute(
+    made: Run, cell: Cell, callbacks: RunCallbacks = SILENT, keep: Keep | None = None
+) -> Run:
     """From a plan to a trace; `keep` writes it down meanwhile.
 
     Raises:
         InputError: the workplace cannot be used.
         Unavailable: the robot is out of reach.
     """
-    robot, before = robot_of(cell, audience.may_resume)
-    audience.progress(f"executing on the {'simulated' if cell.simulated else 'real'} robot")
+    robot, before = robot_of(cell, callbacks.may_resume)
+    callbacks.progress(f"executing on the {'simulated' if cell.simulated else 'real'} robot")
     done = perform(
         made.plan,
         made.scene,
         robot,
-        audience,
+        callbacks,
         made.settings.on_failure,
         within=made.settings.within,
         keep=keep,
@@ -61,7 +63,7 @@ def perform(
     plan: Plan,
     scene: Scene,
     robot: Robot,
-    audience: Audience = SILENT,
+    callbacks: RunCallbacks = SILENT,
     on_failure: OnFailure = "stop",
     *,
     within: Within | None = None,
@@ -74,7 +76,7 @@ def perform(
         plan: what is to be done.
         scene: where.
         robot: what moves.
-        audience: who watches, and who is asked where a real robot was stopped.
+        callbacks: progress, and the question where a real robot was stopped.
         on_failure: how far it goes on after a failure.
         within: half widths; what is wider is measured again.
         keep: writes down what is sensed meanwhile.
@@ -84,19 +86,19 @@ def perform(
     from palpate.execution.repetition import repeat
     from palpate.execution.runner import run as run_tree
 
-    attempt = partial(run_tree, observer=audience.observer, keep=keep)
+    attempt = partial(run_tree, observer=callbacks.observer, keep=keep)
     try:
         first = attempt(plan, scene, robot)
-        done = recover(first, plan, scene, robot, on_failure, attempt, real, audience.may_resume)
+        done = recover(first, plan, scene, robot, on_failure, attempt, real, callbacks.may_resume)
         if within:
-            done = repeat(done, plan, scene, robot, within, attempt, audience.progress)
+            done = repeat(done, plan, scene, robot, within, attempt, callbacks.progress)
         return done
     finally:
         _let_go(robot)
 
 
 def _let_go(robot: Robot) -> None:
-    """What was measured outlives a robot that cannot be closed."""
+    """Close the robot; measurements are kept even where that fails."""
     try:
         robot.close()
     except Exception as error:

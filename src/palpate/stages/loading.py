@@ -10,7 +10,7 @@ from palpate.stages.workplace import connected
 
 
 def preflight(settings: Settings) -> None:
-    """That the robot which the settings name answers, before anybody thinks about a plan for it.
+    """Require an answer of the robot that the settings name, before anything is planned for it.
 
     Raises:
         InputError: no such URL.

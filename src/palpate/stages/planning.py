@@ -53,7 +53,7 @@ def plan(settings: Settings, scene: Scene | None, planner: Planner | None = None
 
 
 def _poses(settings: Settings, scene: Scene | None) -> Poses:
-    """Those of the settings' file, as the arm stands that they were seen from."""
+    """Poses of the settings' file, transformed for the arm from which they were seen."""
     poses = read_poses(settings.poses) if settings.poses else Poses()
     base = Pose.of((0.0, 0.0, 0.0)) if scene is None else scene.pose_world_base
     return seen_by(poses, settings.described_arm(), base)
@@ -103,7 +103,7 @@ def _image_files(given: tuple[Path, ...], taken: Sequence[bytes]) -> Generator[t
 
 
 def _scene_of(answer: Plan, seen: DetectedScene | None) -> Scene:
-    """What a model saw; a rejection without D is about an empty scene."""
+    """Scene that a model saw; a rejection without D is about an empty scene."""
     if seen is not None:
         return seen.scene()
     if answer.tree is not None:
@@ -114,7 +114,7 @@ def _scene_of(answer: Plan, seen: DetectedScene | None) -> Scene:
 
 
 def _findings(settings: Settings, answer: Plan, scene: Scene) -> tuple[Finding, ...]:
-    """What the check says against a plan."""
+    """Findings of the check on a plan."""
     if answer.tree is None:
         return ()
     remeasure = settings.remeasure or settings.planner == "exhaustive"

@@ -99,7 +99,7 @@ def robot_of(cell: Cell, may_resume: Resume) -> tuple[Robot, tuple[str, ...]]:
 
 
 def footage_of(cell: Cell) -> Footage | None:
-    """What the cell's camera saw, None where it fails."""
+    """Footage of the cell's camera, None where it fails."""
     try:
         return cell.footage()
     except Exception as error:
@@ -108,7 +108,7 @@ def footage_of(cell: Cell) -> Footage | None:
 
 
 def truths(made: Run, cell: Cell) -> dict[Parameter, tuple[float, ...]]:
-    """What is so, as far as the cell knows; asked when the estimates are made, never before."""
+    """True values, as far as the cell knows them; asked after the estimates are made, never before."""
     found: dict[Parameter, tuple[float, ...]] = {}
     for estimate in made.estimates:
         try:

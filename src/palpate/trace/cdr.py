@@ -9,11 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 LITTLE_ENDIAN = b"\x00\x01\x00\x00"
-"""What every message begins with: plain CDR, numbers with their lowest byte first."""
+"""Header of every message: plain CDR, little-endian."""
 
 
 class Field(NamedTuple):
-    """Where numbers that differ from message to message stand: `length` of them from `offset` on."""
+    """Position of the numbers that differ from message to message: `length` of them from `offset`
+    on."""
 
     name: str
     offset: int
@@ -41,7 +42,7 @@ class Layout:
         self.fields: list[Field] = []
 
     def uint8(self, value: int) -> Layout:
-        """One byte, the same in every message."""
+        """Byte that is the same in every message."""
         self.constant.append(value)
         return self
 

@@ -108,7 +108,7 @@ def _read(file: IO[bytes]) -> Trace:
 
 
 def _is_unfinished(file: IO[bytes]) -> bool:
-    """Whether it is the file of a run under way, by what its header says."""
+    """True if it is the file of a run under way, by what its header says."""
     beginning = file.read(64)
     file.seek(0)
     return PROFILE.encode() in beginning

@@ -1,4 +1,4 @@
-"""What follows from a trace alone is found once, however many objects it is asked for."""
+"""Cache of results that follow from a trace alone."""
 
 from __future__ import annotations
 

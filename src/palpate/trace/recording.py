@@ -1,4 +1,4 @@
-"""What was recorded by which leaf, in which situation."""
+"""Recordings with their leaf and context."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ Activity = Literal["still", "moving", "sliding", "contact", "tilting", "turning"
 
 
 ABOVE = " + z_offset"
-"""What a pose expression above another adds to it."""
+"""Suffix of a pose expression above another."""
 GRASPS = ("_pose", "_balance")
 """Endings of the names of poses at which an object is held as it is usually."""
 
 
 @dataclass(frozen=True, slots=True)
 class Context:
-    """What was so while a recording was made: the plan's symbolic state, not the world's truth.
+    """Context of a recording: the plan's symbolic state, not the world's truth.
 
     Attributes:
         activity: `still` in free air, `moving` in free air, `sliding` (a held object dragged along
@@ -37,7 +37,7 @@ class Context:
 
     @property
     def is_elsewhere(self) -> bool:
-        """Whether what is held is neither where it was grasped nor right above that, having been
+        """True if what is held is neither where it was grasped nor right above that, having been
         dragged or carried."""
         here, grasp = self.at or "", self.grasp or ""
         return here.replace(ABOVE, "") != grasp.replace(ABOVE, "")
@@ -82,7 +82,7 @@ class Conversion:
 
 @dataclass(frozen=True, slots=True)
 class LeafRun:
-    """One leaf's life: from its first tick to its last, in robot time (s)."""
+    """Execution of a leaf, from its first tick to its last, in robot time (s)."""
 
     node: str
     """Path in the plan, e.g. `tree.children[3]`."""
@@ -137,7 +137,7 @@ class Chain:
 
 @dataclass(frozen=True, slots=True)
 class Hand:
-    """What estimators, plots and files need of the nominal arm: geometry, datasheet accuracy, names.
+    """Nominal arm for estimators, plots and files: geometry, datasheet accuracy, names.
 
     Attributes:
         tip_offset: distance from the TCP to the end of the fingertips along the tool axis, m.

@@ -1,5 +1,5 @@
-"""What was recorded of an execution: timestamped samples, the life of every leaf, and the recordings
-with their context.
+"""Trace of an execution: timestamped samples, the runs of all leaves, and the recordings with their
+context.
 
 A `Trace` is all that estimation sees. It holds sensed values and the *nominal* robot's kinematics,
 never the truth of a simulated world.
@@ -185,8 +185,7 @@ class Trace:
         ]
 
     def without(self, start: float, end: float) -> Trace:
-        """As if nothing had been recorded from robot time `start` to `end`; what the leaves did is
-        still known."""
+        """Trace without the samples from robot time `start` to `end`; the leaves stay."""
 
         def outside(recording: Recording) -> bool:
             return recording.end < start or recording.start > end
@@ -200,7 +199,7 @@ class Trace:
         )
 
     def until(self, time: float) -> Trace:
-        """What was known at robot time `time`."""
+        """Trace up to robot time `time`."""
         return replace(
             self,
             samples=self.samples.between(-np.inf, time),

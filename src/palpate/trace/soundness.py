@@ -1,5 +1,5 @@
-"""Which part of a trace is evidence: nothing that was recorded in an action that did not end well,
-beside it, or after it, until the plan was taken up anew.
+"""Sound part of a trace: nothing recorded in an action that did not end well, beside it, or after
+it until the plan was resumed.
 
 An arm that ran into something, slipped or was told to stop did not do what its recordings say it
 did: a slide that ends at the limit of force reads as friction what was an obstacle.
@@ -19,7 +19,7 @@ from palpate.trace.recording import LeafRun
 from palpate.trace.samples import Trace
 
 _ATTEMPT = re.compile(r"((replan|repeat)\[\d+\]\.)*")
-"""What stands before a leaf's path in the plan of a later attempt, or of a later round."""
+"""Prefix of a leaf's path in the plan of a later attempt or round."""
 
 
 class Span(NamedTuple):
@@ -30,7 +30,7 @@ class Span(NamedTuple):
     spoiled_by: LeafRun
 
     def touches(self, start: float, end: float) -> bool:
-        """Whether something that lasted from `start` to `end` reaches into it."""
+        """True if something that lasted from `start` to `end` reaches into it."""
         return end > self.start and start < self.end
 
 
@@ -81,7 +81,7 @@ def _attempt(node: str) -> str:
 
 
 def _beginning(failed: LeafRun, leaves: Sequence[LeafRun]) -> float:
-    """When the action began, or the first of those that ran beside it, or beside those."""
+    """Begin of the action, or of the first of those that ran in parallel with it, transitively."""
     start, end = failed.start, failed.end
     for leaf in sorted(leaves, key=lambda leaf: leaf.end, reverse=True):
         if leaf.end > start and leaf.start < end:

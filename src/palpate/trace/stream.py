@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from pydantic import ConfigDict
 
 PROFILE = "palpate-stream"
-"""What the header of such a file says."""
+"""Profile in the header of such a file."""
 BLOCKS, EVENTS = "/palpate/samples", "/palpate/events"
 BLOCK_SECONDS = 0.25
 """s of robot time between two blocks: what a process that is killed takes with it."""

@@ -46,7 +46,7 @@ LEVELS = {"SUCCESS": INFO, "INVALID": WARN, "FAILURE": ERROR}
 
 
 class Message(NamedTuple):
-    """One message: `time` in ns."""
+    """Message; `time` in ns."""
 
     time: int
     topic: str
@@ -62,7 +62,7 @@ class Topic(NamedTuple):
 
 
 def header(frame: str) -> Layout:
-    """What most messages begin with; `stamp` is open."""
+    """Header of most messages; `stamp` is open."""
     return Layout().time("stamp").text(frame)
 
 
@@ -154,7 +154,7 @@ def _sampled(trace: Trace) -> Iterator[Message]:
 
 
 def _signals(s: Samples) -> dict[str, NDArray[Any]]:
-    """What the open fields of the layouts are filled with, a row per sample."""
+    """Values of the open fields of the layouts, a row per sample."""
     half = s.width / 2
     return {
         "stamp": stamps(s.t),

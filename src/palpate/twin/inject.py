@@ -106,7 +106,7 @@ def complete(
 def _values(
     scene: Scene, estimates: Sequence[Estimate], asked: Collection[Parameter]
 ) -> tuple[dict[Parameter, tuple[float, ...]], list[str]]:
-    """What is to be written, and remarks on what was found besides."""
+    """Values to be written, and remarks on the others."""
     values: dict[Parameter, tuple[float, ...]] = {}
     for estimate in estimates:
         values[estimate.parameter] = tuple(estimate.values.tolist())
@@ -125,14 +125,14 @@ def _but_for(values: Values, without: Collection[Parameter]) -> dict[Parameter, 
 
 
 def _keyframes_state_places(scene: Scene, values: Values) -> bool:
-    """Whether something was found to stand elsewhere that a keyframe places, too."""
+    """True if something was found to stand elsewhere that a keyframe places, too."""
     moved = {"position", "height"} & {parameter.quantity for parameter in values}
     keys = scene.resolved.document.root.iterfind("keyframe/key")
     return bool(moved) and any(key.get("qpos") for key in keys)
 
 
 def _in_its_place(estimate: Estimate, quantities: Catalogue) -> Estimate:
-    """As one of the quantity that the file states for it."""
+    """Estimate as one of the quantity that the file states in its place."""
     name, quantity = estimate.parameter.object, quantities.get(estimate.parameter.quantity)
     if quantity is None or quantity.stands_for is None:
         return estimate
@@ -177,7 +177,7 @@ def _moved_along(
 def _misread(
     scene: Scene, texts: Texts, values: Values, estimates: Sequence[Estimate]
 ) -> Iterator[tuple[Parameter, str]]:
-    """What MuJoCo does not read back of `values`; nothing of a file that it does not accept."""
+    """Values that MuJoCo does not read back; empty for a file that it does not accept."""
     before, std = scene.resolved.description, _deviations(estimates)
     try:
         yield from misread(before, texts, values, std, scene.catalogue)
@@ -212,8 +212,7 @@ def _told(found: Sequence[Part]) -> str:
 
 
 def unfilled(text: str, folder: Path | None = None) -> list[Parameter]:
-    """What is written `?` and hence must be answered before MuJoCo reads the file, in document
-    order."""
+    """Attributes written `?` that must be filled before MuJoCo reads the file, in document order."""
     return _marked(describe(parse_document(text, folder), Poses(), catalogue()), catalogue())
 
 
@@ -244,7 +243,7 @@ def _is_marked(body: BodyDescription, quantity: Quantity) -> bool:
 
 
 def _unfit(scene: Scene, parameter: Parameter, values: Values, marked: Sequence[Parameter]) -> str:
-    """Why a value cannot be written beside what else the twin will hold, or nothing."""
+    """Reason why a value cannot be written together with the others, or None."""
     others = dict(values)
     for unknown in marked:
         others.setdefault(unknown, scene.priors[unknown])

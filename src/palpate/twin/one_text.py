@@ -45,7 +45,7 @@ def in_one(document: Document, texts: Texts) -> OneText:
 
 
 def _has_changed(model: Document, texts: Texts) -> bool:
-    """Whether something is another in a model, in what it includes or in what it attaches."""
+    """True if something is another in a model, in what it includes or in what it attaches."""
     files = {model.path, *model.includes.values()}
     if not files.isdisjoint(texts.parts):
         return True
@@ -71,7 +71,7 @@ def _one(
     texts: Texts,
     names: Mapping[Path, str],
 ) -> str:
-    """One model's text, with other names for the models that it attaches."""
+    """Text of one model, with other names for the models that it attaches."""
     renamed: dict[str, str] = {}
     in_includes = not texts.parts.keys().isdisjoint(document.includes.values())
     for named in document.named:

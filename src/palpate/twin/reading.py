@@ -1,4 +1,4 @@
-"""What MuJoCo makes of a finished twin: every value that was written is read back from it.
+"""Verification of a finished twin: every written value is read back from it by MuJoCo.
 
 Much in a file can overrule a number that stands in it: `settotalmass`, a mesh's own way to be
 weighed, a second geom, a defaults class. A twin says what was measured, or does not say it at all.
@@ -37,8 +37,8 @@ def misread(
     std: Mapping[Parameter, float],
     quantities: Catalogue,
 ) -> Iterator[tuple[Parameter, str]]:
-    """Those of `values` that the compiled file does not give back, and what it says instead;
-    `before` is what they were written into.
+    """Values that the compiled file does not reproduce, with its own ones; `before` is the document
+    into which they were written.
 
     Raises:
         InputError: MuJoCo does not accept the file.

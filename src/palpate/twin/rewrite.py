@@ -40,7 +40,7 @@ def target(edit: Change) -> Element:
 
 
 def _rewritten(document: Document, text: str, edits: Sequence[Change]) -> str:
-    """One of the document's texts with its changes made."""
+    """Text of the document with its changes made."""
     tags = spans.scan(text)
     data = text.encode("utf-8")
     values = _attribute_values(document, edits, data, tags)

@@ -91,7 +91,7 @@ def _copied(copies: Mapping[Path, Path]) -> Iterator[Path]:
 
 @dataclass(slots=True, eq=False)
 class _Tree:
-    """Where a twin's files come to lie.
+    """Layout of a twin's files.
 
     Attributes:
         after: the twin, read from the user's folder.
@@ -129,7 +129,7 @@ class _Tree:
         return found
 
     def copies(self) -> dict[Path, Path]:
-        """Where unchanged files are copied to that are not there already."""
+        """Targets of unchanged files that have to be copied."""
         found: dict[Path, Path] = {}
         for original, place in self.places.items():
             if original not in self.changed and not place.exists():
@@ -137,7 +137,7 @@ class _Tree:
         return found
 
     def _renames(self) -> bool:
-        """Whether there was an included file yet in which another name makes a change."""
+        """True if there was an included file yet in which another name makes a change."""
         for named in self.after.named:
             file = self.after.index[named.element].file
             if file is not None and file not in self.changed and self._needs_other_name(named):
@@ -167,7 +167,7 @@ class _Tree:
         return str(place)
 
     def _needs_other_name(self, named: Named) -> bool:
-        """Whether MuJoCo would not find it: from the main text, else from the file that names it."""
+        """True if MuJoCo would not find it: from the main text, else from the file that names it."""
         wanted = self.places[named.path]
         found = Path(os.path.normpath(self._folder(named) / named.located))
         file = self.after.index[named.element].file
@@ -176,26 +176,26 @@ class _Tree:
         return found != wanted
 
     def _folder(self, named: Named) -> Path:
-        """Where a name starts."""
+        """Folder to which a name is relative."""
         return (self.path if named.model is None else self.places[named.model]).parent
 
     def _will_exist(self, path: Path) -> bool:
         return path.exists() or path in self.places.values()
 
     def _is_whole(self) -> bool:
-        """Whether all files lie below the scene's folder."""
+        """True if all files lie below the scene's folder."""
         return all(self._same_place(original) is not None for original in self.after.files)
 
     def _usual_place(self, original: Path) -> Path:
-        """Where a file lies that is as it was: below the twin's folder, unless another lies there
-        already, else where it is."""
+        """Place of an unchanged file: below the twin's folder, unless another lies there already,
+        else its original place."""
         place = self._same_place(original)
         if place is None or (place.exists() and not _is_same(place, original)):
             return original
         return place
 
     def _same_place(self, original: Path) -> Path | None:
-        """Where it lies below the twin's folder as it does below the scene's; None outside of that."""
+        """Place below the twin's folder like that below the scene's; None outside of that."""
         assert self.after.folder is not None
         folder = self.after.folder.resolve()
         if not original.is_relative_to(folder):
@@ -203,8 +203,7 @@ class _Tree:
         return self.path.parent / original.relative_to(folder)
 
     def _free_place(self, original: Path) -> Path:
-        """Where a changed file may be written: under its own name, else under the twin's and its
-        own."""
+        """Place for a changed file: under its own name, else under the twin's and its own."""
         place = self._same_place(original)
         if place is not None and not place.exists():
             return place

@@ -169,13 +169,13 @@ def read_twin(
 
 
 def _written(estimates: Sequence[Estimate]) -> list[Estimate]:
-    """Those that the twin holds."""
+    """Parameters that the twin holds."""
     in_twin = ("identified", "prior-dominated")
     return [estimate for estimate in estimates if estimate.verdict in in_twin]
 
 
 def _remarks(estimates: Sequence[Estimate]) -> Iterator[str]:
-    """What to know of values that do not count as measured."""
+    """Remarks on values that do not count as measured."""
     for estimate in estimates:
         if estimate.verdict == "contradicted":
             yield f"{estimate.parameter} is not in the twin: {estimate.contradiction}"
@@ -197,8 +197,8 @@ def _unified(before: str, after: str, name: str, new_name: str) -> str:
 
 
 def _measured_places(scene: Scene, estimates: Sequence[Estimate]) -> dict[str, Pose]:
-    """Where objects were found to be: the poses that came with the scene overrule the MJCF, but not
-    what was measured, of them or of what they stand on."""
+    """Measured places of objects: the poses that came with the scene overrule the MJCF, but not
+    measurements of them or of their supports."""
     values = {one.parameter: tuple(one.values.tolist()) for one in estimates}
     scene = at_heights(scene, values)
     found: dict[str, Pose] = {}

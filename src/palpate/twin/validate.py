@@ -32,7 +32,7 @@ REST = 0.3
 
 @dataclass(frozen=True, slots=True)
 class Residual:
-    """How far a replay is from the recording.
+    """Distance of a replay from the recording.
 
     Attributes:
         force: N, root mean square over the force recordings of the difference of mean wrench
@@ -104,7 +104,7 @@ def restful(scene: Scene) -> mujoco.MjSpec:
 
 
 def settle(scene: Scene) -> tuple[bool, float]:
-    """Whether all objects rest after `SETTLE_TIME` s, and the largest way one moved, m."""
+    """Test for rest of all objects after `SETTLE_TIME` s, with the largest displacement, m."""
     model = scene.spec().compile()
     model.opt.timestep = max(model.opt.timestep, FINEST_STEP)
     data = mujoco.MjData(model)

@@ -35,7 +35,7 @@ Steps = Generator[None, None, str]
 Resource = Literal["arm", "gripper"]
 
 WRITERS = {FORCES: "MeasureForces", POSE: "MeasureGripperPose"}
-"""Who fills palpate's own buffers."""
+"""Primitives that fill palpate's own buffers."""
 
 
 class LeafFailure(Exception):
@@ -44,7 +44,7 @@ class LeafFailure(Exception):
 
 @dataclass(frozen=True, slots=True)
 class Surroundings:
-    """What a planner works on now, for `Primitive.groundings`.
+    """Subject of a planner's present work, for `Primitive.groundings`.
 
     Attributes:
         state: where its search begins.
@@ -58,7 +58,7 @@ class Surroundings:
 
 
 class Recorder:
-    """What is written while a plan runs. The runner drains the robot into it every tick."""
+    """Recorder of a running plan. The runner drains the robot into it every tick."""
 
     def __init__(self, robot: Robot) -> None:
         self.recordings: list[Recording] = []
@@ -90,7 +90,7 @@ class Recorder:
 
 @dataclass
 class Blackboard:
-    """What a running primitive may use: the robot, the symbolic state, the recorder.
+    """Blackboard of a running primitive: the robot, the symbolic state, the recorder.
 
     `owner` maps each claimed resource to the leaf that has it; the first motion claims the arm, any
     other that asks for it fails.
@@ -100,10 +100,10 @@ class Blackboard:
     state: SymbolicState
     recorder: Recorder
     motions: int = 0
-    """How many motion leaves are running now."""
+    """Number of running motion leaves."""
     owner: dict[Resource, object] = field(default_factory=dict[Resource, object])
     load: Load = NOTHING
-    """What the fingers were felt to bear."""
+    """Load on the fingers, as measured."""
     unrepeated: float = 0.0
     """N m by which a moment about the closing direction differed, with the hand empty, from before it was
     turned where it is and back: joints rub."""
@@ -115,7 +115,7 @@ class Blackboard:
 
     @property
     def scene(self) -> Scene:
-        """What is believed about the cell at rest."""
+        """Believed scene, at rest."""
         return self.state.scene
 
 
@@ -130,11 +130,11 @@ class Primitive(BaseModel):
     reads: ClassVar[str | None] = None
     writes: ClassVar[str | None] = None
     tilts: ClassVar[bool] = False
-    """Whether it may lay over what is held."""
+    """It may tilt the held object."""
     extra: ClassVar[bool] = False
-    """Whether it yields only what is worth having besides: no way is searched on which it comes."""
+    """It yields optional evidence only: no path is searched for it."""
     measures: ClassVar[type[Quantity] | None] = None
-    """What a conversion yields: a quantity of the catalogue."""
+    """Quantity of the catalogue that a conversion yields."""
     timeout: ClassVar[float] = 30.0
     """Robot time in s after which the leaf fails."""
 
@@ -178,12 +178,12 @@ class Primitive(BaseModel):
 
     @classmethod
     def writer(cls) -> str | None:
-        """Which primitive fills the buffer that it reads; None where that is not one of palpate's."""
+        """Primitive that fills the buffer which it reads; None where that is not one of palpate's."""
         return WRITERS.get(cls.reads or "")
 
     @classmethod
     def unwritten(cls) -> Violation:
-        """That the buffer which it reads is empty."""
+        """Violation: the buffer that it reads is empty."""
         writer = cls.writer() or "its sensing"
         return Violation(
             "buffer-unwritten", f"`{cls.reads}` is empty; {writer} must come before {cls.__name__}"
@@ -206,8 +206,7 @@ class Primitive(BaseModel):
         return after
 
     def expectation(self, state: SymbolicState) -> Expectation:
-        """Which forces are part of the job while this runs; the safety predicate fails all
-        others."""
+        """Expected forces while this runs; the safety predicate fails on all others."""
         return Expectation(holding=state.holding is not None)
 
     def unsafe(self, blackboard: Blackboard) -> str | None:
@@ -222,7 +221,7 @@ class Primitive(BaseModel):
         )
 
     def slipping(self, blackboard: Blackboard) -> str | None:
-        """Why what the fingers are to hold leaves them; None while it does not."""
+        """Reason why the held object slips from the fingers; None while it does not."""
         grasped, state = self.expectation(blackboard.state).grasped, blackboard.robot.state
         return blackboard.load.slip(state.width) if grasped and state.gripping else None
 
@@ -232,7 +231,7 @@ class Primitive(BaseModel):
 
     @property
     def label(self) -> str:
-        """As people read it: `MovePose(bottle_pose + z_offset)`."""
+        """Label for people: `MovePose(bottle_pose + z_offset)`."""
         shown = ", ".join(str(v) for v in self.model_dump().values() if v is not None)
         return f"{type(self).__name__}({shown})"
 

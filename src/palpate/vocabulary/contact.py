@@ -248,7 +248,7 @@ def withstands(state: SymbolicState, name: str, z: float) -> float:
 
 
 class _Contact:
-    """What is felt of a contact along the direction of a probe; to be asked once a tick."""
+    """Contact detection along the direction of a probe; to be asked once a tick."""
 
     def __init__(self, robot: Robot, direction: Array) -> None:
         self._robot, self._direction = robot, direction
@@ -260,7 +260,7 @@ class _Contact:
         return float((wrench - self._feeling.first)[:3] @ self._direction)
 
     def exceeds(self, threshold: float) -> bool:
-        """Whether more than `threshold` N press back, or something twists the hand."""
+        """True if more than `threshold` N press back, or something twists the hand."""
         wrench = self._feeling.now()
         if np.isnan(wrench).any():
             return False

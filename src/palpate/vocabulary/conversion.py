@@ -23,7 +23,7 @@ from palpate.vocabulary.violation import PRECONDITION, Violation
 
 
 class _Conversion(ConversionPrimitive):
-    """What all conversions share: they read one buffer, whose context says what it is about."""
+    """Base of all conversions: each reads one buffer, whose context names the subject."""
 
     def about(self, context: Context) -> str | None:
         """The subject of a buffer written in `context`; None when that is no evidence of what this

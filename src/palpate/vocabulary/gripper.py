@@ -213,7 +213,7 @@ class FoldFingers(Primitive):
 
 
 def _would_rub(state: SymbolicState) -> Iterator[Violation]:
-    """That folded fingers press on something: opening they would push it aside."""
+    """Violation: folded fingers press on something, which opening would push aside."""
     if state.contact is None or state.holding is not None or state.gripper != "closed":
         return
     yield Violation(

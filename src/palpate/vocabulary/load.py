@@ -1,4 +1,4 @@
-"""What hangs on the fingers, and what its support bears of it.
+"""Load on the fingers, and the share that its support bears.
 
 Both are differences from what was felt with empty fingers right before they closed: a sensed force
 is never zero on a real arm.
@@ -34,12 +34,12 @@ BREAKAWAY = 1.3
 """times what it takes to go on dragging: what it may take to set out."""
 
 SURELY = Doubt(np.zeros(7), 0.0)
-"""What is felt is so."""
+"""Confidence of a measured load."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Load:
-    """What the fingers were felt to bear.
+    """Measured load on the fingers.
 
     Attributes:
         empty: (6,) external wrench right before they closed, the convention of `palpate.trace`.
@@ -72,9 +72,9 @@ class Load:
     def turned(
         self, wrench: Array, tool: Pose, doubt: Doubt = SURELY, unrepeated: float = 0.0
     ) -> str | None:
-        """Why the object hangs otherwise than it did, None while it does not: one that turns
-        between the pads brings its centre of mass below them, and its moment goes. `unrepeated`, N m,
-        is what the joints leave otherwise as they come back from such a motion."""
+        """Reason why the object has turned between the pads, None if it has not: its centre of mass
+        comes below the pads, and the moment vanishes. `unrepeated`, N m, is the change of the joint
+        torques by such a motion alone."""
         if self.moment is None:
             return None
         change = abs(_moment(wrench, tool) - self.moment)
@@ -91,7 +91,7 @@ class Load:
         return max(float(self.hanging[2] - self.empty[2]), 0.0)
 
     def slip(self, width: float) -> str | None:
-        """Why fingers `width` m apart do not hold what they closed on any more."""
+        """Reason why fingers `width` m apart do not hold the object any more."""
         if width > self.width - CLOSING:
             return None
         return f"slip: the fingers closed from {1e3 * self.width:.1f} to {1e3 * width:.1f} mm"
@@ -101,8 +101,8 @@ class Load:
         return float(wrench[2] - self.empty[2])
 
     def too_much(self, wrench: Array, spare: float = 0.0) -> str | None:
-        """Why the fingers must not open at `wrench` (6,): they would drop what they bear. With
-        `spare`, N, they may not even if a little less is felt later."""
+        """Reason against opening the fingers at `wrench` (6,): they would drop their load. With
+        `spare`, N, they may not open even if the measured load is that much smaller later."""
         if self.hanging is None:
             bears = self.borne(wrench)
             return None if bears <= UNFELT - spare else f"the fingers still bear {bears:.1f} N"
@@ -125,4 +125,4 @@ def _moment(wrench: Array, tool: Pose) -> float:
 
 
 NOTHING = Load(np.zeros(6))
-"""Nothing was felt so far."""
+"""Load before any measurement."""

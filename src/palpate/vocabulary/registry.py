@@ -97,7 +97,8 @@ def load_vocabulary(third_parties: Iterable[ModuleType] = ()) -> Vocabulary:
 
 @cache
 def vocabulary() -> Vocabulary:
-    """What is installed: palpate's own primitives and those of every package with an entry point.
+    """Installed vocabulary: palpate's own primitives and those of every package with an entry
+    point.
 
     Raises:
         InputError: an entry point's module cannot be loaded, or a conversion measures a quantity
@@ -115,8 +116,8 @@ def vocabulary() -> Vocabulary:
 
 
 def acquisition(quantity: Quantity, words: Vocabulary | None = None) -> str:
-    """How a quantity is acquired, in words: its evidence, and then the conversion or what else
-    follows."""
+    """Description of a quantity's acquisition: its evidence, and then the conversion or other
+    steps."""
     if quantity.derived:
         return f"{quantity.how}; derived"
     for cls in (words or vocabulary()).converters(quantity.id):

@@ -89,7 +89,8 @@ class SymbolicState:
     bound: Mapping[str, float] = field(default_factory=dict[str, float])
 
     def standing(self, q: Array, pose_world_tcp: Pose) -> SymbolicState:
-        """Where nobody knew where the arm is: now that it says so itself, bent as `q` (7,), rad."""
+        """State with the arm's configuration `q` (7,), rad, reported by the arm where it was
+        unknown."""
         if self.pose_world_tcp is not None:
             return self
         return replace(self, pose_world_tcp=pose_world_tcp, joints=q)
@@ -113,7 +114,7 @@ class SymbolicState:
         return self.scene.symbols.resolve(expression, self.bound)
 
     def pose_of(self, name: str) -> Pose:
-        """Where an object is believed to be now."""
+        """Believed pose of an object now."""
         return self.moved.get(name) or self.scene.body(name).pose_world
 
     def raised(self, surface: str, top: float) -> SymbolicState:
@@ -133,7 +134,7 @@ class SymbolicState:
 
     @property
     def is_bent(self) -> bool:
-        """Whether the arm is where a joint motion took it, and not at a pose."""
+        """True if the arm is where a joint motion took it, and not at a pose."""
         if self.joints is None or self.pose_world_tcp is None:
             return False
         bent = pose_of_joints(self.scene, self.joints)
@@ -156,7 +157,7 @@ class SymbolicState:
 
     @property
     def arrangement(self) -> tuple[object, ...]:
-        """What tells two arrangements of arm, hand and things apart, for a key."""
+        """Key of the arrangement of arm, hand and objects."""
         pose, held = self.pose_world_tcp, self.pose_tcp_object
         return (
             None if pose is None else pose.digits,
@@ -174,7 +175,7 @@ class SymbolicState:
         return solids(self.scene).remembered(key, lambda: self._between(pose_world_tcp))
 
     def grip_of(self, body: Body, pose_world_tcp: Pose) -> Grip | None:
-        """How the pads would have an object at this pose of the TCP; None where it is not between
+        """Contact of the pads with an object at this pose of the TCP; None where it is not between
         them."""
         pose = self.pose_of(body.name)
         x, y, _ = (pose_world_tcp.position - pose.position).tolist()
@@ -191,8 +192,7 @@ class SymbolicState:
         return found
 
     def surface_below(self, pose_world_tcp: Pose) -> Body | None:
-        """What a guarded descent from this pose meets first, by belief: a surface or an object's
-        top."""
+        """First believed contact of a guarded descent from this pose: a surface or an object's top."""
         x, y, z = pose_world_tcp.position.tolist()
         met, highest = None, -np.inf
         for body in self.scene.bodies.values():
@@ -233,12 +233,12 @@ class SymbolicState:
 
 
 def pose_of_joints(scene: Scene, joints: Array) -> Pose:
-    """Where the TCP is (world) at joint angles (7,), rad."""
+    """Pose of the TCP (world) at joint angles (7,), rad."""
     return scene.pose_world_base @ forward_kinematics(scene.arm, tuple(joints.tolist()))
 
 
 def during(moving: Iterable[Primitive], state: SymbolicState) -> SymbolicState:
-    """What is so while `moving` run: what a sensing leaf beside them records."""
+    """State while `moving` run, as a sensing leaf beside them records it."""
     for primitive in moving:
         state = primitive.during(state)
     return state

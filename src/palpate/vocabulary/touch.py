@@ -1,4 +1,4 @@
-"""What a running primitive feels, and how it waits.
+"""Force sensing of a running primitive, and its waiting.
 
 A contact is judged by the median of several ticks: a spike of one tick is no contact, and what
 presses for longer than that is.
@@ -71,7 +71,7 @@ class Feeling:
 
 
 class FreeAir:
-    """What a probe feels on its way through free air; to be told once a tick what it feels.
+    """Baseline of a probe's force in free air; updated once a tick.
 
     At first that is what the arm felt at rest. Under way its joints rub, which is a step at once, and what
     it feels drifts with the place. A contact is neither: it comes later than the one, and grows more

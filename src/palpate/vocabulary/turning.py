@@ -29,7 +29,7 @@ from palpate.vocabulary.admissible.grasp import torsion
 from palpate.vocabulary.admissible.profile import POSE_ERROR
 from palpate.vocabulary.admissible.solids import solids
 from palpate.vocabulary.admissible.support import above
-from palpate.vocabulary.admissible.sweep.crowd import near_spans
+from palpate.vocabulary.admissible.sweep.collision_geometry import near_spans
 from palpate.vocabulary.base import (
     Blackboard,
     LeafFailure,
@@ -71,7 +71,7 @@ def swing_angle(pace: Pace, frequency: float) -> float:
 
 
 class _Turning(Primitive):
-    """What turns the hand about the TCP, ends where it began, and is worth a recording beside it."""
+    """Rotation of the hand about the TCP and back, with a recording beside it."""
 
     claims: ClassVar[frozenset[Resource]] = frozenset({"arm"})
     group: ClassVar = "motion"
@@ -80,7 +80,7 @@ class _Turning(Primitive):
 
     @classmethod
     def groundings(cls, around: Surroundings) -> Iterator[Primitive]:
-        """Where some object is worked on."""
+        """Groundings at the poses where an object is worked on."""
         if around.subject in around.state.scene.objects:
             yield cls()
 
@@ -154,8 +154,9 @@ class _Turning(Primitive):
         blackboard.robot.set_reflex(reflexes.carrying if held else reflexes.free)
 
     def _unturned(self, blackboard: Blackboard, before: Array) -> Steps:
-        """That what is held hangs as it did `before` (6,): it neither slid nor turned in the fingers. What
-        joints that rub make of the same turn with the empty hand is no turn in them.
+        """Require that the held object hangs as it did `before` (6,): it neither slid nor turned in
+        the fingers. The effect of joint friction in the same turn with the empty hand is allowed
+        for.
 
         Raises:
             LeafFailure: it does not.
@@ -204,7 +205,8 @@ class Tilt(_Turning):
         return super().requires(state) or [*self._straightening(state)]
 
     def _straightening(self, state: SymbolicState) -> Iterator[Violation]:
-        """That the wrist would come so near to straight that the joints' friction is felt as a collision."""
+        """Violation: the wrist would come so near to straight that joint friction is taken for a
+        collision."""
         scene, here = state.scene, state.pose_world_tcp
         assert here is not None
         most = PRETENDED * scene.arm.limits.reflexes.free.torque
@@ -268,7 +270,7 @@ class Turn(_Turning):
         return super().requires(state) or [*self._bending(state)]
 
     def _bending(self, state: SymbolicState) -> Iterator[Violation]:
-        """That some joint would have to come round from its other end."""
+        """Violation: a joint would have to go round to its other end."""
         now = state.q
         most = math.radians(abs(self.degrees)) + BENT
         for pose in self._ends(state):
@@ -314,7 +316,7 @@ class Swing(_Turning):
         return [*self._too_fast(state), *self._twisting(state)]
 
     def _too_fast(self, state: SymbolicState) -> Iterator[Violation]:
-        """That some joint would exceed its speed."""
+        """Violation: a joint would exceed its speed."""
         scene, here = state.scene, state.pose_world_tcp
         assert here is not None
         shapes = solids(scene)
@@ -333,8 +335,8 @@ class Swing(_Turning):
             )
 
     def _twisting(self, state: SymbolicState) -> Iterator[Violation]:
-        """That what is held would turn in the grip: by its weight and by what it resists turning
-        with, as far as they are known or believed."""
+        """Violation: the held object would turn in the grip, by its weight and its inertia, as far
+        as they are known or believed."""
         if state.holding is None or state.pose_tcp_object is None:
             return
         scene, shapes = state.scene, solids(state.scene)

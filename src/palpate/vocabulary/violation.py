@@ -1,4 +1,4 @@
-"""What speaks against an action where it stands."""
+"""Violation of a rule by an action."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ PRECONDITION = "precondition"
 
 @dataclass(frozen=True, slots=True)
 class Violation:
-    """One rule that an action would break where it stands.
+    """Violation of one rule by an action in a state.
 
     Attributes:
         rule: its id, one of `planning.check.rules`; a third party's primitive mostly uses `precondition`.

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 import palpate as pp
-from palpate.audience import Audience
+from palpate.callbacks import RunCallbacks
 from palpate.cells.registry import drivers
 from palpate.errors import Stopped
 from palpate.execution.recovery import OnFailure, nobody
@@ -70,7 +70,7 @@ def executed(bench: Served, name: str, mishap: Mishap | None, policy: OnFailure)
     scene = with_real_arm(pp.load(asked.scene))
     plan = pp.load(asked.scene).plan(asked.request)
     robot: Any = drivers().connect(f"franky://{bench.address}", scene).robot()
-    done = perform(plan, scene, robot, Audience(mishap), policy, real=True)
+    done = perform(plan, scene, robot, RunCallbacks(mishap), policy, real=True)
     BOXES.append(robot.black_box())
     return done
 

@@ -117,7 +117,9 @@ def test_a_bare_desk_that_is_78_mm_higher_is_measured_and_places_above_it_follow
     *probed, home = plan.tree.children
     lower = replace(plan.tree, children=(*probed, Node("MovePose", (("pose", "low"),)), home))
     made = replace(plan.made, plan=replace(plan.made.plan, tree=lower))
-    run = replace(plan, made=made).run(world=world, noise="none", seed=0, rehearse=False, fast=True)
+    run = replace(plan, begun=made).run(
+        world=world, noise="none", seed=0, rehearse=False, fast=True
+    )
     assert run.status == "complete"
     assert abs(run["desk.height"].values[0] - (0.1 + HIGHER)) < 0.001
 

@@ -9,7 +9,7 @@ from workbench import BOTTLE, bench
 from palpate.geometry.pose import Pose
 from palpate.vocabulary.admissible.grip import grip
 from palpate.vocabulary.admissible.solids import solids
-from palpate.vocabulary.admissible.sweep.crowd import arm_sweep, near_spans
+from palpate.vocabulary.admissible.sweep.collision_geometry import arm_sweep, near_spans
 from palpate.vocabulary.admissible.sweep.way import straight
 from palpate.vocabulary.state import SymbolicState
 

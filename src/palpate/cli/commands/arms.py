@@ -35,16 +35,16 @@ def calibrate(
     yes: Yes = False,
 ) -> None:
     """Measure one very arm with what is known, and write robot.yaml."""
-    from palpate.audience import Audience
     from palpate.calibration.calibrate import calibrate as carry_out_calibration
     from palpate.calibration.calibrate import wanted
+    from palpate.callbacks import RunCallbacks
     from palpate.cli.show.calibration import show_calibration
     from palpate.cli.show.run import confirm_plan, live_view
 
     asked = wanted(weight, gauge, own_weight)
     with live_view() as (observer, say):
-        audience = Audience(observer, say, unless(yes, confirm_plan))
-        done = carry_out_calibration(which.settings(), asked, out, audience)
+        callbacks = RunCallbacks(observer, say, unless(yes, confirm_plan))
+        done = carry_out_calibration(which.settings(), asked, out, callbacks)
     show_calibration(done, as_json)
 
 

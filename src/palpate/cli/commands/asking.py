@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from palpate.audience import Confirm, Progress
+    from palpate.callbacks import Confirm, Progress
     from palpate.runs.run import Run
 
 

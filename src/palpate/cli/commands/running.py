@@ -123,7 +123,7 @@ def execute(
 def carry_out(settings: Settings, as_json: bool, watch: WatchOptions, yes: bool = False) -> None:
     """Run with a live view on stderr, print the result, leave with its exit status."""
     from palpate.api import run_settings
-    from palpate.audience import Audience
+    from palpate.callbacks import RunCallbacks
     from palpate.cli.show.run import (
         ValuesFirst,
         confirm_plan,
@@ -146,8 +146,8 @@ def carry_out(settings: Settings, as_json: bool, watch: WatchOptions, yes: bool 
         may_move = unless(yes, page.confirm if page else confirm_plan)
         with live_view(page, publisher, pace(watch, settings)) as (observer, say):
             values = ValuesFirst(as_json)
-            audience = Audience(observer, say, may_move, resuming(say), values)
-            done = run_settings(settings, audience)
+            callbacks = RunCallbacks(observer, say, may_move, resuming(say), values)
+            done = run_settings(settings, callbacks)
         status = show_ended(done, as_json, values.shown)
         if page and not signals.count:
             play_again(page, done, signals)

@@ -12,7 +12,7 @@ from palpate.cli.options.results import AsJson
 from palpate.cli.options.scene import DEFAULT_ARM, Arm, Images, Poses, RobotBody, Root
 
 EVERYTHING_SEEN = "I want to simulate everything in this picture. What does each thing weigh?"
-"""What a model is asked that shall see a scene."""
+"""Request to a model that is to detect a scene."""
 
 
 def scenarios(as_json: AsJson = False) -> None:

@@ -97,7 +97,7 @@ class ModelOptions:
     budget_dollars: Dollars = 2
 
     def settings(self, without: Without = None) -> ModelSettings:
-        """As the planner takes them; `without` names modules of the prompt that are left out.
+        """Settings of the model; `without` names modules of the prompt that are left out.
 
         Raises:
             InputError: no such module, prompt or provider.

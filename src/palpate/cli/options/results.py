@@ -40,7 +40,8 @@ EstimatorNames = Annotated[
 
 
 def by_quantity(option: str, entries: Sequence[str], word: str = "NAME") -> dict[str, str]:
-    """What `QUANTITY=WORD` entries of an option say, by quantity; `word` is what its help calls it.
+    """Parse the `QUANTITY=WORD` entries of an option, by quantity; `word` is the placeholder in its
+    help.
 
     Raises:
         InputError: an entry that is none.
@@ -55,7 +56,7 @@ def by_quantity(option: str, entries: Sequence[str], word: str = "NAME") -> dict
 
 
 def widths(entries: Sequence[str] | None) -> Within:
-    """How narrow intervals are asked to be.
+    """Parse requested half widths of intervals.
 
     Raises:
         InputError: not of the form QUANTITY=VALUE, no such quantity or unit, or no positive number.

@@ -1,1 +1,1 @@
-"""What the commands print: tables for people on a terminal, one JSON object for scripts."""
+"""Output of results: tables for people on a terminal, one JSON object for scripts."""

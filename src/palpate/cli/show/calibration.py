@@ -1,4 +1,4 @@
-"""What a calibration found, as a table or as JSON."""
+"""Result of a calibration, as a table or as JSON."""
 
 from __future__ import annotations
 

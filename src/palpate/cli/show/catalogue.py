@@ -1,4 +1,4 @@
-"""What palpate brings along: scenarios, and the words that plans are made of."""
+"""Bundled scenarios, and the vocabulary of plans."""
 
 from __future__ import annotations
 

@@ -42,7 +42,7 @@ def show_estimates(
 
 
 def show_objection(estimate: Estimate) -> None:
-    """What speaks against an estimate, or why there is none; nothing where all is well."""
+    """Print the contradiction of an estimate, or why there is none; nothing where all is well."""
     name = escape(str(estimate.parameter))
     if estimate.contradiction:
         said = escape(estimate.contradiction)

@@ -42,8 +42,8 @@ def width() -> int:
 
 
 def print_rows(columns: Sequence[Column], rows: Sequence[Sequence[Cell]], title: str = "") -> None:
-    """As a table where there is room for it, words broken as far as need be; else as a list, a line
-    for each cell. Cells are rich markup, or text."""
+    """Print rows as a table where there is room, with words broken as far as needed; else as a
+    list, a line per cell. Cells are rich markup, or text."""
     room = width()
     table = _table(columns, rows, title)
     natural = _natural(table)
@@ -80,7 +80,7 @@ def _natural(thing: RenderableType) -> int:
 
 
 def _fits(columns: Sequence[Column], rows: Sequence[Sequence[Cell]], room: int) -> bool:
-    """Whether the table is narrow enough when its words are broken."""
+    """True if the table is narrow enough when its words are broken."""
     needed = 0
     for place, column in enumerate(columns):
         cells: list[Cell] = [column.heading, *(row[place] for row in rows)]

@@ -1,4 +1,4 @@
-"""What may be done next, as a line that can be copied."""
+"""Next commands, as lines that can be copied."""
 
 from __future__ import annotations
 
@@ -9,5 +9,5 @@ from palpate.cli.console import escape, out
 
 
 def show_next(what: str, command: Sequence[str]) -> None:
-    """What to type to get on."""
+    """Print the next command."""
     out.print(f"\n[dim]{what}:[/]\n  {escape(shlex.join(command))}", soft_wrap=True)

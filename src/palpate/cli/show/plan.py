@@ -63,7 +63,7 @@ def show_notes(plan: Plan, console: Console) -> None:
 
 
 def show_findings(findings: Iterable[Finding], as_json: bool) -> None:
-    """What the check says against a plan."""
+    """Print the findings of the check on a plan."""
     found = _findings_json(findings)
     if as_json:
         print_json({"valid": not found, "findings": found})

@@ -233,8 +233,7 @@ def _show_measured(run: Run) -> None:
 
 
 def _show_held_out(run: Run) -> None:
-    """How well motions were predicted that nothing was fitted to: a line each, or one for many that
-    agree."""
+    """Print the predictions of held-out motions: a line each, or one for many that agree."""
     if run.held_out is None:
         return
     agreeing = [motion for motion in run.held_out.motions if motion.agrees]
@@ -267,7 +266,7 @@ def _prediction(motion: Motion) -> str:
 
 
 def _show_precision(run: Run, estimate: Estimate) -> None:
-    """What came of the width that was asked."""
+    """Print the outcome of a requested width."""
     precision = run.settings.within.precision(estimate)
     if precision is not None:
         colour = "yellow" if precision.outcome == "rounds used up" else "green"

@@ -1,4 +1,4 @@
-"""What a scene states and lacks, and the files of a new one."""
+"""Known and missing parameters of a scene, and the files of a new one."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ GAP = (
 
 
 def show_gap(scene: Scene, as_json: bool) -> None:
-    """What is known and what is missing, body by body, and what to do about it."""
+    """Print what is known and what is missing, body by body, with the next command."""
     from palpate.settings import Settings
     from palpate.tools import units
 

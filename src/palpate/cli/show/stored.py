@@ -1,4 +1,4 @@
-"""What becomes of runs that lie in folders: several fused, a twin handed on."""
+"""Output for stored runs: fusion and export."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 def show_fusion(fusion: Fusion, as_json: bool) -> None:
-    """What each run says of each parameter, and what they say together."""
+    """Print the estimates of each run, and the fused ones."""
     from palpate.runs.fuse import fusion_json
 
     if as_json:
@@ -40,7 +40,7 @@ def show_fusion(fusion: Fusion, as_json: bool) -> None:
 
 
 def show_export(run: Run, export: Export, as_json: bool) -> None:
-    """What became of each estimate, and what else is not as it was."""
+    """Print the place of each estimate in the export, and other changes."""
     from palpate.runs.export import export_json
 
     if as_json:

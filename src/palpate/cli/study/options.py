@@ -1,4 +1,4 @@
-"""What the studies are asked with: options that several of them share."""
+"""Options that several studies share."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ Dollars = Annotated[
 
 @dataclass(frozen=True)
 class AskedOptions:
-    """What scenarios are run with, besides what they say themselves."""
+    """Settings of the scenarios, beside their own."""
 
     noise: NoiseLevel = "lab"
     request: Request = None
@@ -65,7 +65,7 @@ class AskedOptions:
     robot_config: RobotConfig = None
 
     def changes(self) -> dict[str, Any]:
-        """As fields of the settings."""
+        """Changed fields of the settings."""
         found: dict[str, Any] = {"noise": self.noise}
         if self.request is not None:
             found["request"] = self.request
@@ -124,7 +124,7 @@ class SeedOptions:
 
 @dataclass(frozen=True)
 class TrialOptions:
-    """What all trials of a study of planners share."""
+    """Options of all trials in a study of planners."""
 
     image: Images = None
     noise: NoiseLevel = "lab"
@@ -135,7 +135,7 @@ class TrialOptions:
     critic: CriticModel = None
 
     def conditions(self) -> Conditions:
-        """As the studies take them."""
+        """Conditions for the studies."""
         from palpate.studies.planners.attempt import Conditions
         from palpate.tools import model_settings
 

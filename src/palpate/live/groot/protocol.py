@@ -1,4 +1,4 @@
-"""What Groot2 asks of a tree that is being run, and what it is answered: bytes of BehaviorTree.CPP's monitor.
+"""Protocol of Groot2's requests about a running tree: bytes of BehaviorTree.CPP's monitor.
 
 A request's first part is six bytes: protocol, kind, a number. The first part of an answer repeats
 them and adds 16 bytes that tell one tree from another; what was asked for is its second part
@@ -44,7 +44,7 @@ class Request:
 
     @classmethod
     def read(cls, part: bytes) -> Request:
-        """What the first part of a message asks.
+        """Parse the first part of a request.
 
         Raises:
             NotUnderstood: it is no such part.
@@ -80,7 +80,7 @@ def statuses(codes: Iterable[int]) -> bytes:
 
 
 def transitions(changes: Iterable[Transition]) -> bytes:
-    """What changed while it was recorded."""
+    """Transitions during a recording."""
     return b"".join(
         change.microseconds.to_bytes(_TIME_BYTES, "little") + _NODE.pack(change.node, change.code)
         for change in changes

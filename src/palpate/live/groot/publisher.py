@@ -32,7 +32,7 @@ HOST = "127.0.0.1"
 PORT = 1667
 """Groot2's own default (source: BehaviorTree.CPP 4.8, groot2_publisher.h)."""
 PATIENCE_MS = 100
-"""How long a request is waited for before it is asked whether all is over."""
+"""Timeout of a wait for requests, ms, after which the end is checked."""
 MOST_BYTES = 1 << 20
 """Size of a message above which its sender is disconnected."""
 MOST_TRANSITIONS = 1000
@@ -102,7 +102,7 @@ class GrootPublisher:
             return [b"error", str(error).encode()]
 
     def _told(self, kind: bytes, tree: _Tree, said: list[bytes]) -> list[bytes]:
-        """What is answered beside the head."""
+        """Body of the answer."""
         match kind:
             case protocol.FULL_TREE:
                 return [tree.xml]
@@ -122,7 +122,7 @@ class GrootPublisher:
                 raise NotUnderstood("palpate runs its trees without breakpoints")
 
     def _blackboards(self, names: list[bytes]) -> bytes:
-        """What is felt now, where the one tree's blackboard is asked for."""
+        """Present forces, where the blackboard of the tree is requested."""
         from msgspec import msgpack
 
         wanted = b";".join(names).decode(errors="replace").split(";")
@@ -185,7 +185,7 @@ def _code(before: Status, now: Status) -> int:
 
 
 class _Recording:
-    """What changed since a recording began."""
+    """Transitions since a recording began."""
 
     def __init__(self) -> None:
         self._began = time.perf_counter()
@@ -202,7 +202,7 @@ class _Recording:
 
 
 def _values(snapshot: Snapshot) -> dict[str, float | str]:
-    """What stands in Groot2's table of the blackboard."""
+    """Values in Groot2's table of the blackboard."""
     leaf = steps_of(snapshot)[0]
     robot = snapshot.robot
     return {

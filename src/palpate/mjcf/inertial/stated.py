@@ -1,4 +1,4 @@
-"""What a file states of an object's mass, centre of mass and inertia, and what MuJoCo makes of it."""
+"""Stated mass, centre of mass and inertia of an object, and MuJoCo's inference from them."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def unweighed_geoms(body: BodyDescription) -> tuple[Element, ...]:
 
 
 def mass_is_open(body: BodyDescription) -> bool:
-    """Whether nothing states the object's mass."""
+    """True if nothing states the object's mass."""
     inertial = body.elements.inertial
     if inertial is None:
         return bool(unweighed_geoms(body))
@@ -40,14 +40,14 @@ def mass_is_open(body: BodyDescription) -> bool:
 
 
 def inertia_is_open(inertial: Element) -> bool:
-    """Whether an `<inertial>` leaves its inertia open."""
+    """True if an `<inertial>` leaves its inertia open."""
     if inertial.get("diaginertia") is None and inertial.get("fullinertia") is None:
         return True
     return has_unknown(inertial, "diaginertia") or has_unknown(inertial, "fullinertia")
 
 
 def lacks(inertial: Element, attribute: str) -> bool:
-    """Whether an `<inertial>` does not state all numbers of an attribute."""
+    """True if an `<inertial>` does not state all numbers of an attribute."""
     return inertial.get(attribute) is None or has_unknown(inertial, attribute)
 
 
@@ -59,7 +59,7 @@ def mass_of(body: BodyDescription) -> float:
 
 
 def mass_beside(body: BodyDescription) -> float:
-    """What the object weighs besides that part of its mass that is open, kg."""
+    """Mass of the object without the unknown part, kg."""
     inertial = body.elements.inertial
     if inertial is not None:
         model = body.shapes.model

@@ -25,12 +25,12 @@ from palpate.mjcf.inertial.stated import (
 )
 
 ORIENTATIONS = frozenset({"quat", "axisangle", "xyaxes", "zaxis", "euler"})
-"""What gives an `<inertial>` axes of its own, in which `diaginertia` is."""
+"""Attributes that give an `<inertial>` its own axes, to which `diaginertia` refers."""
 
 
 @dataclass(frozen=True, slots=True)
 class Statement:
-    """What is to be stated of an object's inertia; several of them make one `<inertial>`.
+    """Statement about an object's inertia; several of them make one `<inertial>`.
 
     Attributes:
         mass: kg.
@@ -181,7 +181,7 @@ def _inertia_attributes(tensor: Array) -> dict[str, str]:
 
 
 def _is_diagonal(tensor: Array) -> bool:
-    """Whether its axes are the body's."""
+    """True if its axes are the body's."""
     parts = components(tensor)
     return bool(np.abs(parts[3:]).max() < 1e-5 * np.abs(parts).max())
 

@@ -30,8 +30,7 @@ _TEXTS = (".xml", ".mjcf", ".mjb")
 
 
 def require_bounded_files(files: Iterable[Path]) -> int:
-    """How many bytes there are of what is neither a picture nor MJCF: meshes, and formats of
-    MuJoCo's own.
+    """Check the size of pictures; return the bytes of meshes and of MuJoCo's own formats.
 
     Raises:
         InputError: a picture unpacks to more than is read, or all of them have too many pixels.
@@ -99,7 +98,7 @@ def _packed(file: BinaryIO) -> Iterator[tuple[bytes, bytes]]:
 
 
 def _unpacked(stream: zlib._Decompress, content: bytes) -> int:  # pyright: ignore[reportPrivateUsage]
-    """How many bytes the next piece unpacks to."""
+    """Number of bytes to which the next piece unpacks."""
     try:
         return len(stream.decompress(content))
     except zlib.error:  # MuJoCo says what is wrong with it

@@ -1,4 +1,4 @@
-"""How large a scene will become, told from its text, before MuJoCo is asked to build it.
+"""Bounds on the size of a scene, computed from its text before MuJoCo builds it.
 
 A line of MJCF can ask for a million bodies. What can be computed from the text is computed and
 refused here; where a text does not tell (meshes, plugins, many bodies), it says that the scene is
@@ -91,7 +91,7 @@ _BUILT_IN = "mujoco."
 
 @dataclass(frozen=True, slots=True)
 class Extent:
-    """What a scene grows to when it is built."""
+    """Size of a scene once it is built."""
 
     elements: float
     points: float
@@ -100,12 +100,12 @@ class Extent:
 
     @property
     def is_large(self) -> bool:
-        """Whether it is compiled elsewhere first."""
+        """True if it is compiled elsewhere first."""
         return self.is_uncertain or self.elements > MANY_ELEMENTS or self.points > MANY_POINTS
 
 
 def require_bounded(document: Document, where: str = "the scene") -> Extent:
-    """How large the scene becomes.
+    """Check the size of a scene and return it.
 
     Raises:
         InputError: larger than is built, a picture unpacks to more than is read, or it needs a

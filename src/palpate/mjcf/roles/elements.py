@@ -42,8 +42,8 @@ class Elements:
     through: tuple[Element, ...] = ()
 
     def moved_by(self) -> Element | None:
-        """What it stands in that has a place of its own, so that its own is not the world's; None for
-        nothing."""
+        """Parent with a pose of its own, so that the element's pose is not the world's; None if
+        there is none."""
         for outer in around(self.element, self.through):
             moves = outer.tag == "replicate" or PLACING & set(outer.keys())
             if outer.tag in (*TRANSPARENT, "body") and moves:
@@ -60,14 +60,14 @@ def inertial_of(body: Element) -> Element | None:
 
 
 def has_open_height(geom: Element, defaults: Defaults) -> bool:
-    """Whether its z or its half height is written `?`."""
+    """True if its z or its half height is written `?`."""
     index = half_height_index(geom, defaults)
     open_size = index is not None and has_unknown(geom, "size", index)
     return open_size or has_unknown(geom, "pos", 2)
 
 
 def half_height_index(geom: Element, defaults: Defaults) -> int | None:
-    """Which number of `size` is the half height: box 2, cylinder 1, others None."""
+    """Index of the half height in `size`: box 2, cylinder 1, others None."""
     return {"box": 2, "cylinder": 1}.get(defaults.attribute(geom, "type") or "sphere")
 
 

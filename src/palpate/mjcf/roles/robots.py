@@ -1,5 +1,4 @@
-"""Which bodies of a document a robot begins with: those that actuators drive, and those that end in
-a hand.
+"""Root bodies of a document's robots: those that actuators drive, and those that end in a hand.
 
 Joints alone make no robot: cabinets and ovens have many.
 """
@@ -27,7 +26,7 @@ _JOINTS = ("joint", "freejoint")
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Robots:
-    """What tells a robot from furniture.
+    """Evidence that distinguishes robots from furniture.
 
     Attributes:
         named: bodies that somebody said robots begin with; these alone are robots then.
@@ -39,7 +38,7 @@ class Robots:
     defaults: Defaults
 
     def begin_with(self, body: Element) -> bool:
-        """Whether a robot begins here: with its first joint, or with the fixed base that carries
+        """True if a robot begins here: with its first joint, or with the fixed base that carries
         that."""
         if self.named:
             return body.get("name") in self.named
@@ -49,15 +48,15 @@ class Robots:
         return any(self._is_robot(child) for child in moving)
 
     def within(self, prefix: str, root: Element) -> Robots:
-        """Those of an attached model, `root`, whose names have a prefix in the scene."""
+        """Robots of an attached model, `root`, whose names have a prefix in the scene."""
         named = [name.removeprefix(prefix) for name in self.named if name.startswith(prefix)]
         if self.named and not named:
             named = [NOBODY]
         return Robots(tuple(named), _driven(root), self.defaults)
 
     def _is_robot(self, body: Element) -> bool:
-        """Whether a body with joints is one: an actuator drives a part of it, or it ends in a hand and
-        is held by something. A thing that is driven as a whole, by its site, is none."""
+        """True if a body with joints is one: an actuator drives a part of it, or it ends in a hand
+        and is held by something. A thing that is driven as a whole, by its site, is none."""
         parts = [part for part in elements(body) if part.tag in _PARTS]
         if self._drives(parts):
             return any(part.tag == "joint" for part in parts)
@@ -72,12 +71,12 @@ _PARTS = ("joint", "site", "body")
 
 
 def find_robots(root: Element, named: Sequence[str], defaults: Defaults) -> Robots:
-    """What tells the robots of a document; `named` as in `Robots`."""
+    """Find the evidence for robots in a document; `named` as in `Robots`."""
     return Robots(tuple(named), _driven(root), defaults)
 
 
 def is_free(body: Element, defaults: Defaults) -> bool:
-    """Whether nothing holds a body."""
+    """True if nothing holds a body."""
     for child in through_frames(body):
         is_free = child.tag == "joint" and defaults.attribute(child, "type") == "free"
         if is_free or child.tag == "freejoint":
@@ -86,7 +85,7 @@ def is_free(body: Element, defaults: Defaults) -> bool:
 
 
 def has_joint(body: Element) -> bool:
-    """Whether a body has a joint of its own."""
+    """True if a body has a joint of its own."""
     return any(child.tag in _JOINTS for child in through_frames(body))
 
 
@@ -100,8 +99,8 @@ def through_frames(body: Element) -> Iterator[Element]:
 
 
 def copy_mark(element: Element) -> str:
-    """What MuJoCo puts behind the names of the first of the copies that `<replicate>` makes of an
-    element; the marks of outer ones come last."""
+    """Suffix of MuJoCo for names in the first copy that `<replicate>` makes of an element; suffixes
+    of outer ones come last."""
     mark = ""
     for replicate in element.iterancestors("replicate"):
         mark += (replicate.get("sep") or "") + "0" * len((replicate.get("count") or "").strip())
@@ -113,7 +112,7 @@ def _ends_in_hand(parts: Sequence[Element]) -> bool:
 
 
 def _is_hand(body: Element) -> bool:
-    """Whether a body is called a hand; `handle` is none."""
+    """True if a body is called a hand; `handle` is none."""
     words = re.findall(r"[A-Z]?[a-z]+|[A-Z]+", body.get("name") or "")
     return any(word.lower() in HANDS for word in words)
 

@@ -1,4 +1,4 @@
-"""Who is what in a document."""
+"""Roles of the bodies in a document."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from palpate.mjcf.roles.robots import copy_mark
 
 @dataclass(slots=True, eq=False)
 class Roles:
-    """Who is what in a document, in its order.
+    """Roles of the bodies in a document, in its order.
 
     Attributes:
         root: the scene's.
@@ -42,11 +42,11 @@ class Roles:
 
     @property
     def surfaces(self) -> dict[str, Elements]:
-        """What may be a surface, by name."""
+        """Candidates for surfaces, by name."""
         return self._of("surface")
 
     def compiled_name(self, element: Element, own: str) -> str | None:
-        """What an element called `own` is called in compiled models; None of what is in no model."""
+        """Compiled name of an element called `own`; None if it is in no model."""
         part = self._bringing(element)
         if part is None and element.getroottree().getroot() is not self.root:
             return None
@@ -62,6 +62,6 @@ class Roles:
 
 
 def compiled_name(element: Element, own: str, through: Sequence[Element]) -> str:
-    """What an element called `own` is called that comes `through` some `<attach>`s."""
+    """Compiled name of an element called `own` that comes `through` some `<attach>`s."""
     marks = [copy_mark(part) for part in (element, *reversed(through))]
     return prefix(through) + own + "".join(marks)

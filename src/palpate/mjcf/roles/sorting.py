@@ -21,7 +21,7 @@ from palpate.mjcf.roles.robots import (
 from palpate.mjcf.roles.roles import Roles, compiled_name
 
 FLOOR = "floor"
-"""What a plane without a name is called."""
+"""Name of a plane without a name."""
 
 
 def find_roles(document: Document) -> Roles:
@@ -54,7 +54,7 @@ class _Model:
     through: tuple[Element, ...] = ()
 
     def bringing(self, attach: Element) -> Brought | None:
-        """What an `<attach>` of it brings."""
+        """Content of an `<attach>`."""
         return brought(attach, self.document, self.through)
 
     def inside(self, part: Brought) -> _Model:
@@ -63,7 +63,7 @@ class _Model:
         return _Model(part.model, robots, part.through)
 
     def name(self, element: Element, own: str) -> str:
-        """What an element is called in compiled models."""
+        """Compiled name of an element."""
         return compiled_name(element, own, self.through)
 
 
@@ -80,7 +80,7 @@ def _walk(parent: Element, found: Roles, model: _Model, world: bool) -> None:
 
 
 def _sort_attached(attach: Element, found: Roles, model: _Model, world: bool) -> None:
-    """What an attached model brings is a robot, or is sorted as if it stood here."""
+    """Sort an attached model: as a robot, or like the scene's own bodies."""
     part = model.bringing(attach)
     if part is None:
         return
@@ -183,17 +183,17 @@ def _named(body: Element, geom: Element, found: Roles, model: _Model) -> str:
 
 
 def _is_floor(geom: Element, found: Roles) -> bool:
-    """Whether it is the plane without a name that most models stand on, the first of them."""
+    """True if it is the plane without a name that most models stand on, the first of them."""
     return found.defaults.attribute(geom, "type") == "plane" and FLOOR not in found.bodies
 
 
 def _is_there(part: Brought, found: Roles) -> bool:
-    """Whether its elements are those of something else in the scene, too."""
+    """True if its elements are those of something else in the scene, too."""
     return part.is_own or any(part.overlaps(other) for other in found.brought)
 
 
 def _holds_robot(part: Brought, model: _Model) -> bool:
-    """Whether a robot begins in an attached part, or in what that attaches."""
+    """True if a robot begins in an attached part, or in what that attaches."""
     pending, seen = [(part, model)], list[Brought]()
     while pending:
         part, model = pending.pop()
@@ -209,7 +209,7 @@ def _holds_robot(part: Brought, model: _Model) -> bool:
 
 
 def _has_copies(body: Element, found: Roles, model: _Model) -> bool:
-    """Whether one element of a body makes several parts of the scene."""
+    """True if one element of a body makes several parts of the scene."""
     if body.find(".//replicate") is not None:
         return True
     brings = [(part, model) for part in _brings(body, model)]
@@ -225,7 +225,7 @@ def _has_copies(body: Element, found: Roles, model: _Model) -> bool:
 
 
 def _brings(element: Element, model: _Model) -> Iterator[Brought]:
-    """What is attached below an element."""
+    """Attached content below an element."""
     for attach in element.iter(ATTACH):
         part = model.bringing(attach)
         if part is not None:

@@ -1,4 +1,4 @@
-"""What has corners: printed cartons, painted blocks, boxes that are open or shut."""
+"""Looks with corners: printed cartons, painted blocks, open and closed boxes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What things stand on, and the room around."""
+"""Looks of furniture and of the room."""
 
 from __future__ import annotations
 

@@ -48,8 +48,8 @@ def joined(meshes: Sequence[Mesh]) -> Mesh:
 
 
 def lathe(profile: Sequence[tuple[float, float]], segments: int = SEGMENTS) -> Mesh:
-    """What turns about z: `profile` holds (radius, z) in m, upwards along the outside. A print goes
-    once around."""
+    """Surface of revolution about z: `profile` holds (radius, z) in m, upwards along the outside. A
+    print goes once around."""
     outline = np.array(profile, dtype=float)
     turn = np.linspace(0.0, 2 * np.pi, segments + 1)
     radius, z = outline[:, :1], outline[:, 1:]
@@ -112,7 +112,7 @@ def panel(corners: Array, uv: tuple[float, float, float, float] = (0, 0, 1, 1)) 
 
 
 FRONT, SIDE, LID = (0.0, 0.0, 0.5, 0.8), (0.5, 0.0, 1.0, 0.8), (0.0, 0.8, 1.0, 1.0)
-"""Where a box's front and back, its other sides, and its top and bottom are in its print."""
+"""Regions of a box's print: front and back, other sides, top and bottom."""
 _WHOLE = (0.0, 0.0, 1.0, 1.0)
 
 

@@ -1,4 +1,4 @@
-"""What a look is made of, and what it has to fit."""
+"""Parts of a look, and the space that it fills."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ STEEL: Colour = (0.62, 0.64, 0.67)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Part:
-    """One surface of a look, in the body's frame.
+    """Surface of a look, in the body's frame.
 
     Attributes:
         colour: of the surface; what a print's colours are multiplied by.
@@ -34,7 +34,7 @@ class Part:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Fit:
-    """What a look has to fill: the box around a body's shapes, in the body's frame.
+    """Space of a look: the box around a body's shapes, in the body's frame.
 
     Attributes:
         centre: (3,) m.

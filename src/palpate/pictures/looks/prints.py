@@ -1,5 +1,4 @@
-"""What is printed, woven or grown on surfaces: small pictures made by arithmetic, the same each
-time."""
+"""Prints and textures: small pictures by arithmetic, the same each time."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is held and used: hammers, thermometers, soap, cloth, balls."""
+"""Looks of tools and other objects: hammers, thermometers, soap, cloth, balls."""
 
 from __future__ import annotations
 

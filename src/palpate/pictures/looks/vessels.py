@@ -1,4 +1,4 @@
-"""What holds something: bottles, tins, mugs, cups, bowls."""
+"""Looks of vessels: bottles, tins, mugs, cups, bowls."""
 
 from __future__ import annotations
 

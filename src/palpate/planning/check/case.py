@@ -1,4 +1,4 @@
-"""What the rules of whole plans look at: the plan, its nodes read once, and what is asked of it."""
+"""Subject of the rules of whole plans: the plan, its nodes read once, and the request."""
 
 from __future__ import annotations
 
@@ -78,11 +78,11 @@ class Case:
 
     @property
     def unclear(self) -> bool:
-        """Whether a parameter names what there is not: what the plan is for is not known then."""
+        """True if a parameter names what there is not: what the plan is for is not known then."""
         return any(not self.exists(parameter) for parameter in self.plan.parameters)
 
     def exists(self, parameter: Parameter) -> bool:
-        """Whether there is such a quantity, and such a thing."""
+        """True if there is such a quantity, and such a thing."""
         quantity = catalogue().get(parameter.quantity)
         if quantity is None or self.scene is None or not quantity.identifiable:
             return quantity is not None
@@ -90,14 +90,14 @@ class Case:
         return hand or parameter.object in self.scene.bodies
 
     def is_of_its_kind(self, parameter: Parameter) -> bool:
-        """Whether an existing thing carries an existing quantity."""
+        """True if an existing thing carries an existing quantity."""
         quantity = catalogue()[parameter.quantity]
         if self.scene is None or parameter.object not in self.scene.bodies:
             return True
         return quantity.subject in (self.scene.bodies[parameter.object].role, GRIPPER)
 
     def is_known(self, parameter: Parameter) -> bool:
-        """Whether the scene states it."""
+        """True if the scene states it."""
         if self.scene is None or parameter.object not in self.scene.bodies:
             return False
         return parameter.quantity in self.scene.bodies[parameter.object].known

@@ -75,7 +75,7 @@ def check(
     words: Vocabulary | None = None,
     repeated: bool = False,
 ) -> tuple[Finding, ...]:
-    """What is wrong with a plan; empty when it may run.
+    """Check a plan; return its findings, empty when it may run.
 
     Args:
         plan: whoever made it.

@@ -1,4 +1,4 @@
-"""What the check finds wrong."""
+"""Finding of the check."""
 
 from __future__ import annotations
 
@@ -26,5 +26,5 @@ class Finding:
 
     @property
     def message(self) -> str:
-        """What is wrong and what to do about it."""
+        """Description with a remedy."""
         return self.violation.message

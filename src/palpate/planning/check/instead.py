@@ -1,5 +1,5 @@
-"""What may be written instead of a motion that would run into something: the same a little higher, or
-by way of poses above it."""
+"""Alternatives to a motion that would collide: the same a little higher, or by way of poses above
+it."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def remedied(
 
 
 def _is_of_the_hand(violation: Violation) -> bool:
-    """Whether it orders something else to be done before, such as opening the fingers."""
+    """True if it orders something else to be done before, such as opening the fingers."""
     return violation.rule == "collision" and " first" in violation.message
 
 
@@ -63,7 +63,7 @@ def instead(primitive: Primitive, before: SymbolicState) -> str:
 
 
 def _is_for_an_object(motion: MovePose, before: SymbolicState) -> bool:
-    """Whether something is taken, or put down, at its end: higher up it would not be."""
+    """True if something is taken, or put down, at its end: higher up it would not be."""
     if before.holding:
         return before.scene.symbols.subject(motion.pose) in (before.holding, None)
     return before.object_at(motion.target(before)) is not None
@@ -81,7 +81,7 @@ def _over(motion: MovePose, before: SymbolicState) -> list[str]:
 
 
 def _goes(steps: Sequence[str], motion: MovePose, state: SymbolicState) -> bool:
-    """Whether all of these motions, and then `motion`, do no harm."""
+    """True if all of these motions, and then `motion`, do no harm."""
     for step in (*(MovePose(pose=pose) for pose in steps), motion):
         if step.violations(state):
             return False

@@ -1,5 +1,5 @@
-"""When is a parameter measured? By its conversion, or, for a derived quantity, by the recordings it
-is derived from."""
+"""Completion of a parameter: by its conversion, or, for a derived quantity, by the recordings it is
+derived from."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from palpate.vocabulary.state import SymbolicState
 
 
 def amount(parameter: Parameter, state: SymbolicState) -> int:
-    """How much of the evidence for `parameter` there is: more is nearer to it."""
+    """Amount of evidence for `parameter` so far."""
     quantity = state.scene.catalogue[parameter.quantity]
     needed = sum(evidence.count for evidence in quantity.evidence)
     if parameter in state.converted:
@@ -19,13 +19,13 @@ def amount(parameter: Parameter, state: SymbolicState) -> int:
 
 
 def enough(parameter: Parameter, state: SymbolicState) -> int:
-    """How much of the evidence for `parameter` is worth having."""
+    """Amount of evidence that is useful for `parameter`."""
     quantity = state.scene.catalogue[parameter.quantity]
     return sum(max(evidence.count, evidence.better) for evidence in quantity.evidence)
 
 
 def measured(parameter: Parameter, state: SymbolicState) -> bool:
-    """Whether what was recorded and converted so far yields `parameter`."""
+    """True if what was recorded and converted so far yields `parameter`."""
     if parameter in state.converted:
         return True
     quantity = state.scene.catalogue[parameter.quantity]
@@ -33,7 +33,7 @@ def measured(parameter: Parameter, state: SymbolicState) -> bool:
 
 
 def lacking(parameter: Parameter, state: SymbolicState) -> tuple[str, ...]:
-    """Which recordings a derived `parameter` still takes, in words, with how many of each there are."""
+    """Recordings that a derived `parameter` still needs, in words, with the number of each so far."""
     quantity = state.scene.catalogue[parameter.quantity]
     kinds = Counter(kind for kind, _ in quantity.pieces(parameter, state.logged))
     found: list[str] = []

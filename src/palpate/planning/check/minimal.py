@@ -14,7 +14,7 @@ from palpate.vocabulary.admissible.clearance import needed_away
 
 
 def known(case: Case, walk: Walk) -> Iterator[Finding]:
-    """Nothing that the scene states is measured (unless re-measuring is asked for)."""
+    """Reject the measurement of known quantities, unless re-measuring is asked for."""
     for action, parameter in _conversions(walk):
         if _is_stray(parameter, case):
             message = f"{parameter} is stated by the scene; do not measure it"
@@ -22,7 +22,7 @@ def known(case: Case, walk: Walk) -> Iterator[Finding]:
 
 
 def redundant(case: Case, walk: Walk) -> Iterator[Finding]:
-    """Nothing is measured twice, and nothing that no parameter needs."""
+    """Reject repeated measurements, and those that no parameter needs."""
     made: set[Parameter] = set()
     for action, parameter in _conversions(walk):
         if not _is_stray(parameter, case):
@@ -67,14 +67,14 @@ def _conversions(walk: Walk) -> Iterator[tuple[Action, Parameter]]:
 
 
 def _is_stray(parameter: Parameter, case: Case) -> bool:
-    """Whether the scene states it and nobody asked for it."""
+    """True if the scene states it and nobody asked for it."""
     if case.remeasure or parameter in case.plan.parameters:
         return False
     return case.is_known(parameter)
 
 
 def _circumstances(action: Action) -> str:
-    """What a recording is made of, in words."""
+    """Circumstances of a recording, in words."""
     _, context = action.after.logged[-1]
     of = f"of '{context.holding}' in the hand" if context.holding else "of the empty hand"
     return f"{of}, {context.activity}, at '{context.at}'"
@@ -99,8 +99,8 @@ def _unused_recordings(case: Case, walk: Walk) -> Iterator[Action]:
 
 
 def _piece(parameter: Parameter, action: Action) -> Piece | None:
-    """Which piece of the evidence for a parameter an action records: of a derived one, or one of
-    several that count together."""
+    """Piece of evidence for a parameter that an action records: of a derived one, or one of several
+    that count together."""
     logged = action.after.logged[-1]
     quantity = catalogue().get(parameter.quantity)
     if quantity is None or quantity.derived:
@@ -126,7 +126,7 @@ def _converted_recordings(walk: Walk) -> set[str]:
 
 
 def _grasped(walk: Walk, expected: set[str]) -> list[tuple[str, str]]:
-    """Where objects other than the `expected` are taken into the hand, and which."""
+    """Grasps of objects other than the `expected` ones."""
     found: list[tuple[str, str]] = []
     for action in walk.actions:
         if action.grasps and action.grasps not in expected:

@@ -76,7 +76,7 @@ def requested(case: Case) -> Iterator[Finding]:
 
 
 def known_parameter(case: Case) -> Iterator[Finding]:
-    """Nothing that the scene states is measured (unless re-measuring is asked for)."""
+    """Reject the measurement of known quantities, unless re-measuring is asked for."""
     if case.scene is None or case.remeasure:
         return
     for path, parameter in _listed(case):

@@ -20,8 +20,8 @@ from palpate.vocabulary.motion.move_pose import MovePose
 
 
 def somewhere(case: Case, walk: Walk, reachable: Reach | None = None) -> Iterator[Finding]:
-    """What speaks against a tree that `walk` has judged with its poses where they are believed: one
-    finding for every pose whose region does not wholly pass."""
+    """Findings on a tree that `walk` has judged at the believed poses: one for every pose whose
+    region does not pass as a whole."""
     tree, scene = case.plan.tree, case.scene
     if tree is None or scene is None:
         return

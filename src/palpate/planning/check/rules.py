@@ -1,4 +1,4 @@
-"""What the check asks of a plan: every rule once, with the numbers by which it is judged.
+"""Rules of the check, each stated once, with the numbers that it uses.
 
 `docs/vocabulary.md` and a model's prompt are written from here, and a finding names the rule that it
 is about. A number is the constant that the judgement itself uses.
@@ -33,7 +33,7 @@ from palpate.vocabulary.violation import PRECONDITION
 
 @dataclass(frozen=True, slots=True)
 class Rule:
-    """One rule of the check.
+    """Rule of the check.
 
     Attributes:
         id: what findings call it.

@@ -21,8 +21,8 @@ SIDES = (("x_offset", 1), ("x_offset", -1), ("y_offset", 1), ("y_offset", -1))
 
 
 def unfelt(before: SymbolicState, after: SymbolicState) -> Violation | None:
-    """What speaks against a motion beside a force log, of an object that stands on its support in the
-    hand: that it is too short a slide, goes down, or leads off the support. One that lifts is no slide."""
+    """Violation of a motion beside a force log, of a held object on its support: too short a slide,
+    downward, or off the support. A lift is no slide."""
     start, end = before.pose_world_tcp, after.pose_world_tcp
     if before.holding is None or before.lifted or start is None or end is None:
         return None

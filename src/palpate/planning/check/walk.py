@@ -35,7 +35,7 @@ OF_ITSELF = ("unknown-symbol", "unreachable")
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Action:
-    """One leaf where it stands: the states before it and after its success."""
+    """Leaf with the states before it and after its success."""
 
     path: str
     primitive: Primitive
@@ -44,7 +44,7 @@ class Action:
 
     @property
     def conversion(self) -> Parameter | None:
-        """What it yields, if anything."""
+        """Conversion that it performs, if any."""
         if not isinstance(self.primitive, ConversionPrimitive) or self.primitive.measures is None:
             return None
         subject = self.primitive.subject(self.before)
@@ -52,7 +52,7 @@ class Action:
 
     @property
     def records(self) -> bool:
-        """Whether it fills a buffer."""
+        """True if it fills a buffer."""
         return self.primitive.writes is not None and len(self.after.logged) > len(
             self.before.logged
         )
@@ -109,7 +109,7 @@ class Walk:
         return walk
 
     def doubts(self, path: str) -> bool:
-        """Whether a slide that a leaf is to feel has a finding: what it logs will be another thing."""
+        """True if a slide that a leaf is to feel has a finding: what it logs will be another thing."""
         return any(
             found.rule == "short-slide" and path.startswith(f"{found.path}.")
             for found in self.findings
@@ -131,7 +131,7 @@ class Walk:
         return all(len(owners) == 1 for owners in self.form.owners(path).values())
 
     def _parallel(self, path: str, node: Node, before: SymbolicState) -> SymbolicState:
-        """One branch may move; the others sense what is so meanwhile."""
+        """Walk a Parallel: one branch may move; the others sense meanwhile."""
         moving = [where for where in self._below(path) if self.form.primitives[where].claims]
         try:
             meanwhile = during([self.form.primitives[where] for where in moving], before)
@@ -214,7 +214,7 @@ class Walk:
         return {violation.rule for violation in found}
 
     def _follows(self, primitive: Primitive, violation: Violation) -> bool:
-        """Whether that may come of an earlier fault alone, and is told once that is mended."""
+        """True if that may come of an earlier fault alone, and is told once that is mended."""
         if violation.rule in OF_ITSELF:
             return False
         if self.unread or (self._lost and violation.rule in CONSEQUENCES):

@@ -46,7 +46,7 @@ _DECODER = json.JSONDecoder()
 
 @dataclass(frozen=True, slots=True)
 class Proposal:
-    """What an answer holds: a plan, and, when there was no scene, the objects that the model saw."""
+    """Content of an answer: a plan, and, without a scene, the detected objects."""
 
     plan: Plan
     scene: tuple[SceneObject, ...] = ()
@@ -154,7 +154,7 @@ def _mended_object(text: str) -> tuple[str, dict[str, Any]] | None:
 
 
 def _is_plan(value: object) -> bool:
-    """Whether it is an object with a tree, in any case."""
+    """True if it is an object with a tree, in any case."""
     if not isinstance(value, dict):
         return False
     fields = cast("dict[str, Any]", value)
@@ -162,7 +162,7 @@ def _is_plan(value: object) -> bool:
 
 
 def _depth(source: str) -> int:
-    """How deep the brackets of JSON text are nested."""
+    """Nesting depth of the brackets of JSON text."""
     depth = deepest = 0
     for bracket in _BRACKET.findall(_STRING.sub("", source)):
         depth += 1 if bracket in "[{" else -1
@@ -185,7 +185,7 @@ def _decoded(text: str, start: int) -> tuple[object, int, str]:
 
 
 def _complaint(error: json.JSONDecodeError, text: str, start: int) -> str:
-    """What is wrong with the JSON that begins at `start`, and where."""
+    """Fault in the JSON that begins at `start`, with its place."""
     at_end = error.pos >= len(text.rstrip()) - 1
     what = "breaks off" if at_end or "Unterminated" in error.msg else "is not valid"
     near = text[max(start, error.pos - 40) : error.pos]

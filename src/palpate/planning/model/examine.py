@@ -1,5 +1,4 @@
-"""What `palpate doctor --planner` looks at: whether a model can be asked here, line by line, with the
-remedies."""
+"""Examination for `palpate doctor --planner`: availability of a model, line by line, with remedies."""
 
 from __future__ import annotations
 
@@ -20,7 +19,7 @@ from palpate.redaction import redact
 from palpate.vocabulary.registry import vocabulary
 
 Line = tuple[bool, str, str]
-"""Whether a thing is well, what it is, and what is so, or what to do about it."""
+"""Line of the examination: passed or not, subject, and finding or remedy."""
 
 LISTED = 12
 """Models that are named."""
@@ -29,19 +28,19 @@ ADDRESSES = {
     "google": "https://generativelanguage.googleapis.com",
     "anthropic": "https://api.anthropic.com",
 }
-"""Where the providers' own clients go."""
+"""Addresses of the providers' own clients."""
 LISTS = {"google": "/v1beta/models?pageSize=1000", "anthropic": "/v1/models?limit=1000"}
-"""Where a list of models is, below the address; elsewhere at `/models`."""
+"""Paths of the list of models; `/models` for others."""
 PING = "Answer with the one word: ready"
 WORD = "marmalade"
-"""What has to be remembered over a whole system prompt."""
+"""Word to be remembered over a whole system prompt."""
 COLOUR = "Which colour is this picture? Answer with one word, in English."
 SIDE = 64
 """Pixels of the picture that is sent."""
 
 
 def examine(planner: str, base_url: str | None, seconds: float) -> Iterator[Line]:
-    """What there is to say of `PROVIDER[:MODEL]`; each request may take `seconds`.
+    """Examine `PROVIDER[:MODEL]`; each request may take `seconds`.
 
     Raises:
         InputError: the address is none.
@@ -79,7 +78,7 @@ def _listed(provider: Provider, model: str, models: tuple[str, ...]) -> Line:
 
 
 def _pinged(endpoint: Endpoint, seconds: float) -> Iterator[Line]:
-    """Whether it answers a line, reads as much as a prompt is long, and sees what a picture shows."""
+    """Ask it for a line, a text as long as a prompt, and the content of a picture."""
 
     def asked(question: str, *pictures: Picture) -> tuple[str, Answer]:
         session = Session(endpoint, "", pictures, None, Budget(seconds=seconds))

@@ -1,4 +1,4 @@
-"""What went wrong with a provider, in plain words, and whether it may pass."""
+"""Failures of a provider, in plain words, transient or not."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ NOT_THE_API = "the reply is not in the form of this provider's API; check the ba
 
 
 def may_pass(error: ModelAPIError) -> bool:
-    """Whether the same request may succeed a little later."""
+    """True if the same request may succeed a little later."""
     from pydantic_ai import exceptions as e
 
     kinds = (
@@ -30,7 +30,7 @@ def may_pass(error: ModelAPIError) -> bool:
 
 
 def reason(error: ModelAPIError, endpoint: Endpoint) -> str:
-    """What went wrong and what to do about it, without the provider's own text where that may be
+    """Description of a failure with a remedy, without the provider's own text where that may be
     long."""
     from pydantic_ai import exceptions as e
 

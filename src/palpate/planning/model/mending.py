@@ -1,4 +1,4 @@
-"""What models write instead of JSON, or instead of a plan's form, where only one thing can be meant.
+"""Repair of unambiguous deviations of models from JSON, or from a plan's form.
 
 Everything else is left as it is, for a finding. Each step is bounded by the length of the answer.
 """

@@ -29,7 +29,7 @@ class Picture:
     media_type: str = "image/jpeg"
 
     def note(self) -> dict[str, Any]:
-        """What a record keeps of it."""
+        """Note of a picture for the record."""
         return {
             "width": self.width,
             "height": self.height,

@@ -60,7 +60,7 @@ class VlmPlanner:
 
     @property
     def name(self) -> str:
-        """As written on the command line."""
+        """Name on the command line."""
         return self.model
 
     def plan(self, request: str | None, scene: Scene | None, images: Sequence[Path] = ()) -> Plan:
@@ -98,7 +98,7 @@ class VlmPlanner:
         )
 
     def _remarks(self) -> list[str]:
-        """What a person is told of a critic that could not be asked."""
+        """Remarks on a critic that could not be asked."""
         critique = self.conversation.critique if self.conversation is not None else None
         if critique is None or not critique.error:
             return []
@@ -176,8 +176,8 @@ class VlmPlanner:
         ]
 
     def _wanted(self, request: str | None, scene: Scene) -> tuple[Parameter, ...] | None:
-        """What the plan must measure where nobody asked for anything: all that is missing. What a
-        request means is the model's to say; None leaves it open."""
+        """Parameters that a plan must measure without a request: all that is missing. With a
+        request the model decides, and None is returned."""
         if request is not None or "text" in self.model_settings.without:
             return None
         return requested(None, scene, self.remeasure)

@@ -12,7 +12,7 @@ from palpate.errors import InputError, Unavailable, unknown_name
 
 @dataclass(frozen=True, slots=True)
 class Provider:
-    """Where models come from.
+    """Source of models.
 
     Attributes:
         name: prefix in `--planner NAME:MODEL`.
@@ -125,7 +125,7 @@ class Endpoint:
 
     @classmethod
     def of(cls, planner: str, base_url: str | None = None) -> Endpoint:
-        """Where `PROVIDER:MODEL` or `PROVIDER` is asked.
+        """Provider of `PROVIDER:MODEL` or `PROVIDER`.
 
         Raises:
             InputError: unknown provider, no model where there is no default, or no address.

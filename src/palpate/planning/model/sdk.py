@@ -47,7 +47,7 @@ def _anthropic_model(endpoint: Endpoint, client: httpx2.AsyncClient) -> Model:
 
 
 def _speaks_openai(endpoint: Endpoint, client: httpx2.AsyncClient) -> SdkProvider[AsyncOpenAI]:
-    """Who answers OpenAI chat completions: OpenAI itself, or another server."""
+    """Servers that answer OpenAI chat completions: OpenAI itself, or a compatible one."""
     from pydantic_ai.providers.ollama import OllamaProvider
     from pydantic_ai.providers.openai import OpenAIProvider
     from pydantic_ai.providers.openai_compatible import OpenAICompatibleProvider

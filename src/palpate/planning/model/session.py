@@ -1,4 +1,4 @@
-"""One dialogue with a provider through pydantic-ai: messages, retries, deadlines, errors in plain
+"""Dialogue with a provider through pydantic-ai: messages, retries, deadlines, errors in plain
 words.
 
 The home of the model SDK, which is loaded when a model is asked, never before. Of pydantic-ai

@@ -1,4 +1,4 @@
-"""How a model is asked, and what that may cost."""
+"""Settings and budget of a model."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Budget:
-    """What one plan may cost.
+    """Budget of one plan.
 
     Attributes:
         seconds: wall time of the whole dialogue.
@@ -35,7 +35,7 @@ class Budget:
         return max(0.1, patience)
 
     def exhausted(self, conversation: Conversation) -> str | None:
-        """Why no further message may be sent, or None."""
+        """Reason why no further message may be sent, or None."""
         if conversation.tokens >= self.tokens:
             return f"the budget of {self.tokens} tokens is used up"
         if (conversation.cost or 0.0) >= self.dollars:
@@ -45,7 +45,7 @@ class Budget:
 
 @dataclass(frozen=True, slots=True)
 class ModelSettings:
-    """How a model is asked.
+    """Settings of a model as planner.
 
     Attributes:
         base_url: where an OpenAI-compatible server, or a proxy, listens; the provider's own if

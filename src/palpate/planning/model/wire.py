@@ -31,7 +31,7 @@ def bounded_client(seconds: float) -> httpx2.AsyncClient:
 
 
 def is_too_large(error: BaseException) -> bool:
-    """Whether a `ReplyTooLarge` is at the bottom of `error`."""
+    """True if a `ReplyTooLarge` is at the bottom of `error`."""
     link: BaseException | None = error
     while link is not None:
         if isinstance(link, ReplyTooLarge):

@@ -1,4 +1,4 @@
-"""What a search is to reach: states in which nothing is left to do but a few steps."""
+"""Goals of a search: states with a known tail of steps."""
 
 from __future__ import annotations
 
@@ -10,8 +10,7 @@ from palpate.vocabulary.state import RESTORED_POSITION, SymbolicState
 
 Goal = Callable[[SymbolicState], bool]
 Tail = Callable[[SymbolicState], "list[Step] | None"]
-"""What is left to do in a state to reach the goal; None when the goal is not in reach from
-there."""
+"""Remaining steps from a state to the goal; None when the goal is not in reach from there."""
 
 
 def at_rest(name: str) -> Goal:
@@ -34,7 +33,7 @@ def placed(name: str, pose_world_object: Pose) -> Goal:
 
 
 def when(done: Goal) -> Tail:
-    """Nothing is left to do once `done` holds."""
+    """Tail without steps, once `done` holds."""
 
     def tail(state: SymbolicState) -> list[Step] | None:
         return [] if done(state) else None

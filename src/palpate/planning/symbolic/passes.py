@@ -22,8 +22,7 @@ Lift = tuple[str, str]
 
 
 def efforts(scene: Scene, parameters: Iterable[Parameter], within: Within) -> Efforts:
-    """How much work each parameter takes at first, as far as something is asked of it and its
-    quantity can foresee that."""
+    """Initial effort of each parameter with a requested width, where its quantity can predict it."""
     found: dict[Parameter, Effort] = {}
     for parameter in parameters:
         width, site = within.of(parameter), site_of(scene, parameter)
@@ -36,8 +35,8 @@ def efforts(scene: Scene, parameters: Iterable[Parameter], within: Within) -> Ef
 
 
 def site_of(scene: Scene, parameter: Parameter, value: Sequence[float] = ()) -> Site | None:
-    """Where an object is lifted, and what is believed of the parameter: its `value`, where there is
-    one. None of what is no object, or of which nothing is believed."""
+    """Workplace of an object with the believed `value` of the parameter. None for other bodies, or
+    without a belief."""
     name = parameter.object
     if name not in scene.objects:
         return None
@@ -70,7 +69,7 @@ def with_effort(
 
 
 def _lift(state: SymbolicState, name: str) -> Lift | None:
-    """How the object was last lifted and held still, by what was recorded."""
+    """Last lift and hold of the object, by the recordings."""
     for _, context in reversed(state.logged):
         if context.holding == name and context.activity == "still" and context.grasp and context.at:
             return context.grasp, context.at

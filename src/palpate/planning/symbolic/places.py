@@ -87,7 +87,7 @@ def approach(scene: Scene, name: str) -> tuple[str, str]:
 
 
 def exists(scene: Scene, expression: str) -> bool:
-    """Whether the scene knows a pose of that expression."""
+    """True if the scene knows a pose of that expression."""
     try:
         scene.symbols.resolve(expression)
     except InputError:
@@ -137,6 +137,6 @@ def _towards_centre(scene: Scene, name: str, axis: str) -> float:
 
 
 def _times(scene: Scene, axis: str, spot: str, way: float) -> int:
-    """How often an offset makes a way of so many m, at least."""
+    """Least multiple of an offset for a path of so many m."""
     length = float(np.linalg.norm(scene.symbols.offset(axis, spot)))
     return max(1, math.ceil(way / max(length, 1e-3)))

@@ -134,7 +134,7 @@ def assemble(
 
 
 def _refused(tree: Node, words: Vocabulary, scene: Scene) -> Iterator[Finding]:
-    """What speaks against poses that a run finds out."""
+    """Findings on poses that a run estimates."""
     case = Case(Plan((), tree, ""), Form.of(tree, words), words, scene)
     if found_out(case):
         yield from somewhere(case, Walk.over(tree, case.form, words, scene))
@@ -158,7 +158,7 @@ def _assembled(
 
 
 def _with_needs(scene: Scene, wanted: Sequence[Parameter]) -> list[Parameter]:
-    """Those that are wanted, and what they rest on."""
+    """Requested parameters with those that they depend on."""
     found = list(wanted)
     for parameter in wanted:
         body = scene.bodies.get(parameter.object)
@@ -168,7 +168,7 @@ def _with_needs(scene: Scene, wanted: Sequence[Parameter]) -> list[Parameter]:
 
 
 def _asked(request: str | None, scene: Scene) -> Grounded:
-    """What the request asks for; without one, all that the scene misses."""
+    """Parameters of the request; without one, all that the scene misses."""
     if request is None:
         return Grounded(scene.missing)
     return ground(request, scene)
@@ -177,7 +177,7 @@ def _asked(request: str | None, scene: Scene) -> Grounded:
 def _known_apart(
     parameters: Iterable[Parameter], scene: Scene, remeasure: bool
 ) -> tuple[list[Parameter], list[Parameter]]:
-    """Those that the scene states, and those that are to be measured."""
+    """Split into parameters that the scene states, and those to be measured."""
     known: list[Parameter] = []
     wanted: list[Parameter] = []
     for parameter in parameters:
@@ -191,7 +191,8 @@ def _known_apart(
 def _measure(
     chainer: Backchainer, name: str, parameters: list[Parameter], efforts: Efforts
 ) -> tuple[list[Parameter], list[str]]:
-    """As many of one thing's parameters as can be had, and why not the others."""
+    """Measure as many parameters of a body as possible; return them, and the reasons against the
+    others."""
     reason = _obstacle(chainer.scene, name)
     if reason:
         return [], [f"{_spoken(parameters)} cannot be measured: {reason}."]
@@ -230,7 +231,7 @@ def _effort(parameters: Iterable[Parameter], efforts: Efforts) -> Effort | None:
 def _possible_apart(
     chainer: Backchainer, name: str, parameters: Iterable[Parameter]
 ) -> tuple[list[Parameter], list[Parameter]]:
-    """Those that could be measured with nothing else to do, and those that could not."""
+    """Split into parameters that can be measured on their own, and the others."""
     possible: list[Parameter] = []
     impossible: list[Parameter] = []
     for parameter in parameters:
@@ -244,7 +245,7 @@ def _possible_apart(
 
 
 def _obstacle(scene: Scene, name: str) -> str:
-    """Why a thing cannot be worked on at all, empty when nothing speaks against it."""
+    """Reason why a body cannot be worked on at all; empty if there is none."""
     if name == GRIPPER:
         return ""
     unfit = does_not_fit(scene, name)
@@ -277,8 +278,7 @@ def _known_note(parameter: Parameter, scene: Scene) -> str:
 
 
 def _guessed(made: Assembled, scene: Scene) -> list[str]:
-    """One sentence for each surface of unknown height that the plan leaves unmeasured under what it
-    measures."""
+    """Notes on surfaces of unknown height that the plan leaves unmeasured below measured objects."""
     sentences: list[str] = []
     for name, body in scene.surfaces.items():
         if not is_open(scene, name) or Parameter(name, "height") in made.measured:
@@ -298,7 +298,7 @@ def _identifiable(parameters: Iterable[Parameter]) -> list[Parameter]:
 
 
 def _unidentifiable(parameters: Iterable[Parameter]) -> list[str]:
-    """One sentence for each parameter that the vocabulary cannot measure at all."""
+    """Notes on parameters that the vocabulary cannot measure at all."""
     sentences: list[str] = []
     for parameter in parameters:
         quantity = catalogue()[parameter.quantity]
@@ -316,7 +316,8 @@ def _spoken(parameters: Sequence[Parameter]) -> str:
 
 
 def _explained(made: Assembled) -> list[str]:
-    """What is measured and how, one sentence a quantity, and what is carried out of the way."""
+    """Explanation: measured parameters and methods, a sentence per quantity, and objects carried
+    out of the way."""
     if made.tree is None:
         return []
     sentences = [f"To be measured: {', '.join(str(wanted) for wanted in made.measured)}."]
@@ -333,7 +334,7 @@ def _explained(made: Assembled) -> list[str]:
 
 
 def _acquired(id: str, names: Sequence[str]) -> str:
-    """How a quantity of the named objects is measured."""
+    """Method for a quantity of the named objects."""
     quantity = catalogue()[id]
     how = acquisition(quantity)
     if quantity.derived:

@@ -73,7 +73,7 @@ def _yields(parameter: Parameter, steps: Iterable[Step], state: SymbolicState) -
 
 
 def _may_concern(parameter: Parameter, step: Step, state: SymbolicState) -> bool:
-    """Whether what a step records may be evidence for a derived parameter: a quick look before the
+    """True if what a step records may be evidence for a derived parameter: a quick look before the
     step is tried."""
     catalogue = state.scene.catalogue
     if not catalogue[parameter.quantity].derived:

@@ -52,7 +52,7 @@ MAX_DETOURS = 20
 """Ways that one search finds and sees refused before it gives up."""
 
 Kind = tuple[bool, frozenset[str]]
-"""Whether things are slid to the other side first, and the quantities that are measured."""
+"""Key of a solved task: slides to the other side first, and the measured quantities."""
 
 
 @dataclass(eq=False)
@@ -85,7 +85,7 @@ class Backchainer:
     _began: tuple[int, SymbolicState] = field(init=False)
     """The steps before the last way that was searched, and the state then."""
     _hindrance: str = field(default="", init=False)
-    """What the last way that was found would have run into."""
+    """Obstacle on the last path that was found."""
 
     def __post_init__(self) -> None:
         self.state = SymbolicState(self.scene)
@@ -93,7 +93,7 @@ class Backchainer:
 
     @classmethod
     def at_home(cls, scene: Scene, words: Vocabulary) -> Backchainer:
-        """One that has begun."""
+        """Search that starts at home."""
         chainer = cls(scene, words)
         chainer.go_home()
         return chainer
@@ -133,8 +133,8 @@ class Backchainer:
             )
 
     def measure_anew(self, name: str, parameters: Sequence[Parameter]) -> None:
-        """As `measure`, as if nothing had been recorded yet, things being slid to the other side
-        than last time; nothing where there is no way."""
+        """Measure again as `measure`, independent of earlier recordings, with slides to the other
+        side than last time; nothing where there is no path."""
         state = self.state
         self.mirrored = not self.mirrored
         self.state = replace(state, logged=(), converted=frozenset())
@@ -180,7 +180,7 @@ class Backchainer:
             )
 
     def _acquire(self, parameter: Parameter) -> None:
-        """One more piece of evidence, with as few places to go to as will do."""
+        """Acquire one more piece of evidence, with as few places as possible."""
         self._hindrance = blocked = ""
         for expressions in places(self.scene, parameter, self.state):
             if self._recorded(parameter, expressions):
@@ -191,13 +191,13 @@ class Backchainer:
         raise PlanRejected(f"no sequence of primitives measures {parameter}{why}")
 
     def _recorded(self, parameter: Parameter, expressions: Sequence[str]) -> bool:
-        """One more piece of evidence, at some of these places, if there is a way."""
+        """Acquire one more piece of evidence at some of these places, if there is a path."""
         operators = self._operators(parameter.object, expressions)
         around = self._around(parameter.object, expressions)
         return self._reach(operators, yielding(parameter, operators, self.words, around))
 
     def _weighs(self, parameters: Iterable[Parameter]) -> bool:
-        """Whether a weight is to be felt where its torque is least, and nothing beside it."""
+        """True if a weight is to be felt where its torque is least, and nothing beside it."""
         return self.finds_out and {"mass", "com"} == {wanted.quantity for wanted in parameters}
 
     def _balances(self, parameter: Parameter) -> bool:
@@ -231,9 +231,9 @@ class Backchainer:
         return True
 
     def _add_extra(self, parameters: Iterable[Parameter], extras: Iterable[Primitive]) -> bool:
-        """Whether one of some operators, done here with what is held, yields something that is worth having besides; it
-        is done with the empty hand, too, where that came here: the joints' friction is then left alike on
-        the way down and up, with the object and without."""
+        """True if one of some operators, done here with what is held, yields something that is
+        worth having besides; it is done with the empty hand, too, where that came here: the joints'
+        friction is then left alike on the way down and up, with the object and without."""
         for operator, steps in self._yielding(self.state, parameters, extras):
             if self._take(steps):
                 self._add_before(parameters, operator)
@@ -266,26 +266,26 @@ class Backchainer:
                     yield operator, steps
 
     def _extras(self, name: str, parameters: Iterable[Parameter]) -> Sequence[Primitive]:
-        """What yields only what is worth having besides of some of the parameters."""
+        """Primitives that yield only optional evidence of some of the parameters."""
         if not (self.extras and any(self._would_tell_more(one) for one in parameters)):
             return []
         return self._grounded(self._around(name, []), extra=True)
 
     def _hangs_level(self, name: str) -> bool:
-        """Whether an object is held, as it is believed, where it balances: the less it turns in the fingers, the
-        longer it is held."""
+        """True if an object is held, as it is believed, where it balances: the less it turns in the
+        fingers, the longer it is held."""
         held = self.state.pose_tcp_object
         if self.state.holding != name or held is None:
             return False
         return abs(held.apply(solids(self.scene).centre_of_mass(name))[0]) < NEARER
 
     def _would_tell_more(self, parameter: Parameter) -> bool:
-        """Whether there is evidence of it that is worth having wherever it can be had."""
+        """True if there is evidence of it that is worth having wherever it can be had."""
         evidence = self.scene.catalogue[parameter.quantity].evidence
         return any(one.optional and not one.place for one in evidence)
 
     def _enrich(self, parameter: Parameter) -> None:
-        """What more there is to record of it, where there is room for that."""
+        """Record optional evidence of it, where there is room."""
         quantity = self.scene.catalogue[parameter.quantity]
         for evidence in quantity.evidence:
             place = f"{parameter.object}_{evidence.place}"
@@ -294,7 +294,7 @@ class Backchainer:
                     self._acquire(parameter)
 
     def _mute(self, parameter: Parameter) -> str:
-        """Which primitives would have to say with which arguments they are to be tried."""
+        """Names of primitives without `groundings`."""
         around = self._around(parameter.object, [])
         names: list[str] = []
         for cls in self.words.converters(parameter.quantity):
@@ -304,7 +304,7 @@ class Backchainer:
         return f"; {' and '.join(names)} would need `groundings`" if names else ""
 
     def _as_before(self, name: str, parameters: Sequence[Parameter]) -> bool:
-        """Whether what was found for another object also measures these quantities of this one;
+        """True if what was found for another object also measures these quantities of this one;
         then it is done."""
         other, steps = self._found.get(self._kind(parameters), ("", []))
         if not steps:
@@ -374,7 +374,7 @@ class Backchainer:
         return Surroundings(self.state, subject, tuple(poses))
 
     def _operators(self, subject: str, expressions: Iterable[str]) -> list[Primitive]:
-        """What can move, with arguments that matter here."""
+        """Grounded motion and gripper primitives."""
         return self._grounded(self._around(subject, expressions), extra=False)
 
     def _grounded(self, around: Surroundings, extra: bool) -> list[Primitive]:

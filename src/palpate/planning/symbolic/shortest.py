@@ -20,7 +20,7 @@ from palpate.vocabulary.violation import PRECONDITION, Violation
 MAX_STATES = 5000
 """States that one search looks at before it gives up."""
 FEW_STATES = 60
-"""That it looks at again, to say why."""
+"""States that the search for a reason looks at."""
 MOVE_OR_CLEAR = "make room: move it, or what stands beside it"
 MOVE_OR_TURN = "move it nearer to the middle of the arm's reach, or turn it"
 ADVICE: Mapping[str, str] = {
@@ -109,7 +109,7 @@ def _is_refused(state: SymbolicState, steps: Iterable[Step], refused: set[Refusa
 
 
 def _key(state: SymbolicState) -> tuple[object, ...]:
-    """What tells two states apart: poses to a tenth of a millimetre."""
+    """Key of a state: poses to a tenth of a millimetre."""
     moved: list[object] = []
     for name, pose in sorted(state.moved.items()):
         moved.append((name, *np.round(pose.position, 4).tolist()))

@@ -1,4 +1,4 @@
-"""One step of a plan in the making: what it does, and whether this planner would take it."""
+"""Step of a plan under construction: its effect, and this planner's preference."""
 
 from __future__ import annotations
 
@@ -42,31 +42,31 @@ class Step:
 
     @property
     def moving(self) -> list[Primitive]:
-        """What claims the arm or the gripper."""
+        """Primitives that claim the arm or the gripper."""
         return [primitive for primitive in self.primitives if primitive.claims]
 
     @property
     def sensing(self) -> list[Primitive]:
-        """What only senses or converts."""
+        """Primitives that only sense or convert."""
         return [primitive for primitive in self.primitives if not primitive.claims]
 
     @property
     def senses(self) -> bool:
-        """Whether nothing moves."""
+        """True if nothing moves."""
         return not self.moving
 
     @property
     def leads_to_sensing(self) -> bool:
-        """Whether sensing after it belongs to it: it senses itself, or touches what is sensed."""
+        """True if sensing after it belongs to it: it senses itself, or touches what is sensed."""
         return self.senses or self.touches or bool(self.sensing)
 
     @property
     def label(self) -> str:
-        """As people read it."""
+        """Label for people."""
         return " beside ".join(primitive.label for primitive in self.primitives)
 
     def harm(self, state: SymbolicState) -> Violation | None:
-        """What speaks against its motions by the exact judgement of the check, if anything."""
+        """First violation of its motions by the exact judgement of the check, if any."""
         for primitive in self.moving:
             for violation in primitive.violations(state):
                 return violation
@@ -108,7 +108,7 @@ def _after(primitive: Primitive, state: SymbolicState) -> SymbolicState:
 def _would_take(
     primitive: Primitive, before: SymbolicState, after: SymbolicState, recorded: bool
 ) -> bool:
-    """Whether this planner takes an action: it is more careful than the check has to be, and does
+    """True if this planner takes an action: it is more careful than the check has to be, and does
     nothing that leads nowhere."""
     if before.pose_world_tcp is None:
         return after.at == HOME_CONFIG
@@ -126,11 +126,11 @@ def _would_take(
         return False
     if _slides(before, after) and not _slides_well(before, after, recorded):
         return False
-    return next(motion.qualms(before, after), None) is None
+    return next(motion.conservative_violations(before, after), None) is None
 
 
 def _straddles(state: SymbolicState) -> bool:
-    """Whether an object stands between the open fingers."""
+    """True if an object stands between the open fingers."""
     return not state.holding and straddled(state, state.pose_world_tcp) is not None
 
 
@@ -170,12 +170,12 @@ def _slides_well(before: SymbolicState, after: SymbolicState, recorded: bool) ->
 
 
 def is_away(state: SymbolicState, name: str) -> bool:
-    """Whether an object is not where the scene has it."""
+    """True if an object is not where the scene has it."""
     return name in state.not_restored()
 
 
 def is_clear(state: SymbolicState) -> bool:
-    """Whether the hand is open and empty, and stands free of everything."""
+    """True if the hand is open and empty, and stands free of everything."""
     idle = state.gripper == "open" and not state.holding and not state.contact
     return idle and not _straddles(state)
 

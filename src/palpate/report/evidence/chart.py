@@ -63,7 +63,7 @@ class Note:
 
 @dataclass(frozen=True, slots=True)
 class Chart:
-    """What is drawn, and in words what it shows; `legend` maps kinds to words."""
+    """Chart with its caption; `legend` maps kinds to words."""
 
     title: str
     said: str

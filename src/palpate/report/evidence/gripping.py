@@ -1,4 +1,4 @@
-"""How wide, and where: the fingers as they closed."""
+"""Charts of size and position: opening and place of the fingers as they closed."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from palpate.trace.samples import Samples, Trace
 BEFORE = 0.4
 """s before the fingers began to close that are shown."""
 Closing = tuple[Recording, Samples]
-"""What was recorded while it was held, and all from shortly before the fingers closed on."""
+"""Recording of a hold, with the samples from shortly before the fingers closed."""
 
 
 def gripped_charts(measured: Measured, trace: Trace) -> tuple[Chart, ...]:
@@ -24,7 +24,7 @@ def gripped_charts(measured: Measured, trace: Trace) -> tuple[Chart, ...]:
 
 
 def centred_charts(measured: Measured, trace: Trace) -> tuple[Chart, ...]:
-    """Where the hand was along the direction in which it closed."""
+    """Chart of the hand's position along the closing direction."""
     return tuple(_place(*one, measured) for one in _closings(measured, trace))
 
 

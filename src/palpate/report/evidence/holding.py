@@ -1,4 +1,4 @@
-"""Where it balances: the moment of the held object over its weight, grasp by grasp."""
+"""Charts of a centre of mass: moment over weight, grasp by grasp."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ MOMENTS = ("M_x", "M_y")
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Pull:
-    """What a rest with the object says: when (s), how far from the TCP its weight pulls along world x
-    and y (m), where the TCP was when the fingers closed (m), and the weight (N)."""
+    """Rest with the object: time (s), lever of its weight from the TCP along world x and y (m),
+    place of the TCP when the fingers closed (m), and the weight (N)."""
 
     time: float
     lever: Array
@@ -48,7 +48,7 @@ def _mean(segment: Segment, trace: Trace) -> Array:
 
 
 def _levers(rests: list[Segment], trace: Trace) -> Iterator[Pull]:
-    """What each loaded rest says. The hand bears a load at r with the moment r x (0, 0, F)."""
+    """Levers of each loaded rest. The hand bears a load at r with the moment r x (0, 0, F)."""
     samples = trace.samples
     for segment in rests:
         empty = [one for one in rests if not one.loaded]

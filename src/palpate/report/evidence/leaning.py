@@ -1,4 +1,4 @@
-"""How it leans: the heights of the touches over the way uphill."""
+"""Chart of a tilt: heights of the touches over the uphill direction."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from palpate.trace.samples import Trace
 
 
 def leaned_charts(measured: Measured, trace: Trace) -> tuple[Chart, ...]:
-    """One chart, seen from the side: along the direction in which it rises most."""
+    """Chart seen from the side, along the steepest direction."""
     touches = touches_of(trace, measured.estimate.evidence)
     slope = measured.estimate.values
     steep = float(np.linalg.norm(slope))

@@ -1,4 +1,4 @@
-"""How stiff: the force over how deep both fingertips pressed into it."""
+"""Chart of a stiffness: force over depth of both fingertips."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How rough: the force along a drag over the force that pressed, for all drags."""
+"""Charts of a friction: tangential over normal force, for all drags."""
 
 from __future__ import annotations
 

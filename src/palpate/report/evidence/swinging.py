@@ -1,4 +1,4 @@
-"""How hard to turn: what the load adds to each joint's torque, swing by swing, against one rigid body."""
+"""Charts of an inertia: torque of the load in each joint, swing by swing, against one rigid body."""
 
 from __future__ import annotations
 
@@ -51,8 +51,8 @@ def _told(measured: Measured, trace: Trace) -> Iterator[Told]:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Points:
-    """One a swing and joint: (n,) mN·m that one rigid body makes, that was felt, and its standard
-    deviation; whether it was swung fast."""
+    """Points, one per swing and joint: (n,) mN·m predicted by one rigid body, observed, and
+    standard deviation; fast swing or not."""
 
     made: Array
     observed: Array

@@ -1,4 +1,5 @@
-"""Where it balances along gravity: how far the pull of a tilted load wanders from the fingers."""
+"""Charts of a centre of mass along gravity: displacement of the weight's line of action with the
+tilt."""
 
 from __future__ import annotations
 
@@ -22,7 +23,7 @@ LEVEL = np.radians(1.0)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Pull:
-    """What one bit of a tilt says.
+    """Part of a tilt.
 
     Attributes:
         turning: not at rest.
@@ -36,7 +37,7 @@ class Pull:
 
 
 def balanced_charts(measured: Measured, trace: Trace) -> tuple[Chart, ...]:
-    """Those of level holds, and one a direction in which the object was tilted."""
+    """Charts of level holds, and one per direction of tilt."""
     level = held_charts(measured, trace)
     tilts: dict[float, list[Pull]] = {}
     for recording, found in tilted_holds(trace, measured.estimate.parameter.object):

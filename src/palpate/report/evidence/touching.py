@@ -1,4 +1,4 @@
-"""How high: the force over the height of the fingertips, as the hand went down onto it."""
+"""Chart of a height: force over height of the fingertips in the descent."""
 
 from __future__ import annotations
 

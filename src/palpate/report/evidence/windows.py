@@ -34,7 +34,7 @@ class Evidence:
 
 
 class _Signal(NamedTuple):
-    """What a recording shows at a glance."""
+    """Signal of a recording for the overview."""
 
     name: str
     unit: str
@@ -73,7 +73,7 @@ def _situation(context: Context) -> str:
 
 
 def evidence(recording: Recording, trace: Trace) -> Evidence:
-    """One measured window."""
+    """Evidence of one measured window."""
     signal = _signal(recording, trace)
     return Evidence(
         _in_words(recording.context),

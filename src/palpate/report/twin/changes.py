@@ -1,4 +1,4 @@
-"""What can be seen of the way from the scene as given to the twin."""
+"""Visible changes from the scene as given to the twin."""
 
 from __future__ import annotations
 
@@ -20,7 +20,8 @@ MARK = (13, 148, 136)
 
 @dataclass(frozen=True, slots=True)
 class Change:
-    """How much of the picture changed, 0 to 1, and the second picture with that marked (PNG)."""
+    """Share of the picture that changed, 0 to 1, and the second picture with the change marked
+    (PNG)."""
 
     share: float
     marked: bytes | None

@@ -59,7 +59,7 @@ def _apart(kind: str, text: str, other: str) -> DiffLine:
 
 
 def _shared(text: str, other: str) -> int:
-    """How many characters both begin with."""
+    """Length of the common prefix."""
     for i, (mine, theirs) in enumerate(zip(text, other, strict=False)):
         if mine != theirs:
             return i

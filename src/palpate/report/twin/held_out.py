@@ -34,7 +34,7 @@ class Point:
 
 @dataclass(frozen=True, slots=True)
 class Panel:
-    """One signal: `low` to `high` in `unit` from bottom to top, from `start` to `end` in s; lines as
+    """Signal: `low` to `high` in `unit` from bottom to top, from `start` to `end` in s; lines as
     SVG points."""
 
     name: str
@@ -60,7 +60,7 @@ class Prediction:
 
 
 def predictions(held: HeldOut | None) -> list[Prediction]:
-    """One a motion."""
+    """Panels of predictions, one per motion."""
     found: list[Prediction] = []
     for motion in held.motions if held is not None else ():
         title = motion.motion[:1].upper() + motion.motion[1:]

@@ -1,4 +1,4 @@
-"""What every cycle said before a fault, kept for whoever wants to know how it came."""
+"""Recorder of the last control cycles before a fault, for diagnosis."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What `palpate doctor --robot` looks at: each line with its remedy. Nothing moves but, where somebody
+"""Checks of `palpate doctor --robot`: each line with its remedy. Nothing moves but, where somebody
 allows it, an arm that holds still under control for some seconds."""
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ LISTENED = 5.0
 
 
 class Line(NamedTuple):
-    """Whether a thing is well, what it is, and what is so, or what to do about it."""
+    """Result of one check: passed, name of the check, and its value or the remedy."""
 
     good: bool
     what: str
@@ -49,7 +49,7 @@ class Line(NamedTuple):
 def examine(
     address: Address, arm: RobotDescription, pose_world_base: Pose, may_hold: Callable[[], bool]
 ) -> Iterator[Line]:
-    """One line after the other; the first that others depend on ends it."""
+    """Yield the checks' lines in order; a failed check that later ones depend on ends them."""
     began = time.perf_counter()
     greeting = greet(address)
     took = time.perf_counter() - began
@@ -127,7 +127,7 @@ def _arm(session: Session, arm: RobotDescription, pose_world_base: Pose) -> Iter
 
 
 def _room(q: Any, arm: RobotDescription) -> Line:
-    """How far the joints are from their end stops."""
+    """Check the joints' distance from their end stops."""
     limits = arm.limits
     room = np.minimum(q - limits.q_min, limits.q_max - q)
     i = int(room.argmin())
@@ -138,7 +138,7 @@ def _room(q: Any, arm: RobotDescription) -> Line:
 
 
 def _end_effector(state: Any, arm: RobotDescription) -> Line:
-    """What Desk says hangs on the flange, against what is known of it."""
+    """Compare the end effector set in Desk with the known one."""
     mass, centre = float(state.m_ee), np.array(state.F_x_Cee)
     told = f"{mass:.3f} kg at {_millimetres(centre)} mm from the flange"
     known = arm.end_effector
@@ -184,7 +184,7 @@ def _tcp(state: Any, arm: RobotDescription, pose_world_base: Pose) -> Line:
 
 
 def _tip(arm: RobotDescription) -> Line:
-    """How well the height of the fingertips is known."""
+    """Report the uncertainty of the fingertips' height."""
     std = arm.real().nominal.tip_offset_std
     detail = f"their height is known to ± {2e3 * std:.1f} mm"
     if arm.config is None or arm.config.tip_offset is None:
@@ -193,7 +193,7 @@ def _tip(arm: RobotDescription) -> Line:
 
 
 def _weight(session: Session, state: Any, arm: RobotDescription, pose_world_base: Pose) -> Line:
-    """What a resting arm feels beyond its own model."""
+    """Check the joint torques of a resting arm against its gravity model."""
     down = np.array([0.0, 0.0, -(arm.gravity or STANDARD_GRAVITY)])
     into_base = pose_world_base.rotation.T @ down
     weight = session.model.gravity(state.q, state.m_total, state.F_x_Ctotal, into_base)

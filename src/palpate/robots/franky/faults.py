@@ -1,4 +1,4 @@
-"""What franky raises, and the modes of a control box, in words that say what to do."""
+"""Messages for franky's exceptions and the modes of a control box, each with a remedy."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def errors_of(state: Any) -> list[str]:
 
 
 def of_mode(state: Any) -> str | None:
-    """Why an arm in this mode does not move; None where it does."""
+    """Return the reason that an arm in this mode cannot move; None if it can."""
     mode = mode_of(state)
     if mode in READY:
         return None
@@ -47,7 +47,7 @@ def of_mode(state: Any) -> str | None:
 
 
 def of_error(error: BaseException, mode: str | None = None) -> str:
-    """What went wrong with a motion."""
+    """Word the error of a motion."""
     text = " ".join(str(error).split())
     kind = type(error).__name__
     lowered = text.lower()
@@ -66,6 +66,6 @@ def of_error(error: BaseException, mode: str | None = None) -> str:
 
 
 def is_network(error: BaseException) -> bool:
-    """Whether the connection is lost; franky says so in several ways."""
+    """Test for a lost connection, which franky reports in several ways."""
     text = str(error).lower()
     return "net exception" in text or "udp" in text or type(error).__name__ == "NetworkException"

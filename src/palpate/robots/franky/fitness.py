@@ -1,4 +1,4 @@
-"""What an arm must be before it is commanded."""
+"""Checks of an arm before it is commanded."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ MATCH, TURNED = 0.002, np.radians(0.5)
 
 
 def require_free(hand: Hand) -> None:
-    """That nothing is in the hand.
+    """Require an empty hand.
 
     Raises:
         Unavailable: it holds something.
@@ -32,7 +32,7 @@ def require_free(hand: Hand) -> None:
 
 
 def require_end_effector(state: Any, nominal: NominalArm, pose_world_base: Pose) -> float:
-    """That the control box means the same TCP; m that is between the two.
+    """Require the control box's TCP to agree with the description's; return their distance, m.
 
     Raises:
         InputError: it does not.

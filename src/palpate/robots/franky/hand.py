@@ -24,7 +24,7 @@ MISSED = 3
 
 @dataclass(frozen=True, slots=True)
 class Fingers:
-    """What the hand says: m between the fingers, whether it holds something, and when that was heard
+    """State of the hand: m between the fingers, whether it holds something, and when that was heard
     (`time.perf_counter`)."""
 
     width: float
@@ -33,7 +33,7 @@ class Fingers:
 
 
 class Hand:
-    """One command at a time, and the latest state; nothing here blocks but the constructor.
+    """Hand that runs one command at a time and keeps the latest state; only the constructor blocks.
 
     A grasp that is under way is never stopped: the hand would let go of what it holds.
 
@@ -66,7 +66,7 @@ class Hand:
 
     @property
     def lost(self) -> str | None:
-        """Why the hand does not answer any more, None while it does."""
+        """Reason that the hand stopped answering, None while it answers."""
         return self._lost
 
     @property

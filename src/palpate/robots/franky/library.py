@@ -45,7 +45,7 @@ class Call(Generic[T]):
         threading.Thread(target=self._run, name=name, daemon=True).start()
 
     def result(self, seconds: float) -> T:
-        """What it returned.
+        """Its return value.
 
         Raises:
             Late: nothing within `seconds`. Whatever the call raised.

@@ -1,4 +1,4 @@
-"""What is heard of the arm, cycle by cycle: its time, its samples, and why it does not go on."""
+"""Data received from the arm each cycle: its time, its samples, and the reason of a stop."""
 
 from __future__ import annotations
 
@@ -160,7 +160,7 @@ class Link:
         return max(self._readout.stamp, self._drive.last)
 
     def _take(self) -> None:
-        """What the cycles since the last advance said."""
+        """Take over the cycles since the last advance."""
         self._follow_width()
         rows = self._drive.take()
         if rows:

@@ -1,4 +1,4 @@
-"""Whether a control box answers, and speaks our language: said before anything is planned."""
+"""Check of a control box before planning: it answers, in a supported protocol."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ _ANSWER = struct.Struct("<IIIBH")
 
 @dataclass(frozen=True, slots=True)
 class Greeting:
-    """What a control box answered: the version that it speaks, None where it said nothing that we
+    """Answer of a control box: its protocol version, None where it said nothing that we
     understand; why it cannot be used, None where it can."""
 
     version: int | None
@@ -84,7 +84,7 @@ def _line(address: Address) -> socket.socket:
 
 
 def _greeted(line: socket.socket) -> bytes:
-    """What is answered to a greeting."""
+    """Return the answer to a greeting."""
     line.sendall(_GREETING.pack(0, 0, _GREETING.size, SPOKEN, line.getsockname()[1]))
     return line.recv(_ANSWER.size, socket.MSG_WAITALL)
 
@@ -101,7 +101,7 @@ WHEEL = (
 
 
 def require_answer(address: Address) -> None:
-    """That the control box answers, and that the driver is installed.
+    """Require that the control box answers and the driver is installed.
 
     Raises:
         Unavailable: it does not; the message says what to do.

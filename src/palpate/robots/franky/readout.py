@@ -1,4 +1,4 @@
-"""What the arm's sensors say: franky's states at 1 kHz to logged samples."""
+"""Sensor readout of the arm: from franky's states at 1 kHz to logged samples."""
 
 from __future__ import annotations
 

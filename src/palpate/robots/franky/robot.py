@@ -82,7 +82,7 @@ class FrankyRobot(Commanded):
 
     @property
     def state(self) -> RobotState:
-        """As of the last `advance`."""
+        """State as of the last `advance`."""
         if self._cached is None:
             readout, link = self._readout, self._link
             self._cached = RobotState(

@@ -145,7 +145,7 @@ def stopped_in(error: Exception) -> str | None:
 
 
 def connecting(error: Exception) -> str:
-    """Why a connection was not made."""
+    """Word the error of a connection that was not made."""
     kind, text = type(error).__name__, " ".join(str(error).split())
     if kind == "RealtimeException":
         return (

@@ -86,7 +86,7 @@ class Value(Figure):
 
 
 class Repeated(Figure):
-    """One standard deviation of what differs from time to time."""
+    """Standard deviation of a repeatability."""
 
     value: Deviation
 
@@ -137,7 +137,7 @@ class Gravity(Figure):
 
 
 class EndEffector(Section):
-    """What the last joint carries without a load, the fingers included: `mass` in kg, `centre` in m
+    """End effector without a load, the fingers included: `mass` in kg, `centre` in m
     in the axes of the hand's body, from its origin, with the fingers half open."""
 
     mass: Size
@@ -155,7 +155,7 @@ class Camera(Section):
 
 
 class Simulated(Section):
-    """Which arm of the embedded world it is: another `noise` or `seed` is another arm. `visits`: how
+    """Identity of the arm in the embedded world: another `noise` or `seed` is another arm. `visits`: how
     often it was calibrated; the next time what is drawn once a run is drawn anew."""
 
     noise: Annotated[str, Field(min_length=1, max_length=1000)]
@@ -211,7 +211,7 @@ class RobotConfig(Section):
 
 
 def read_config(path: Path) -> RobotConfig:
-    """What a robot.yaml says; the same object as long as the file does not change.
+    """Read a robot.yaml; return the same object as long as the file does not change.
 
     Raises:
         InputError: unreadable, or not of this form; the message names file and key.
@@ -256,7 +256,7 @@ def write_config(path: Path, config: RobotConfig) -> None:
 
 
 def _plain(section: BaseModel) -> dict[str, Any]:
-    """What is said in it, without arrays, which YAML does not know."""
+    """Convert a section to plain values, arrays to lists, for YAML."""
     said: dict[str, Any] = {}
     for name in type(section).model_fields:
         value = getattr(section, name)

@@ -1,4 +1,4 @@
-"""What the owner of an arm is told of its accuracy: all that estimation may rely on.
+"""Accuracy of an arm as its datasheet states it: all that estimation may rely on.
 
 An arm's description states it. A noise model's `datasheet` section states it of the arm in its
 world, whatever that world is like.

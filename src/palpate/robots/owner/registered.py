@@ -41,14 +41,14 @@ def own_arm(
 
 @cache
 def _real(arm: RobotDescription) -> RobotDescription:
-    """One and the same for an arm, as what is computed of it is kept."""
+    """Return the real arm; cached, because results computed for it are cached by identity."""
     return arm.real()
 
 
 def require_same(
     config: RobotConfig | None, simulated: tuple[str, int] | None, where: str = "the robot_config="
 ) -> None:
-    """That what is said in a robot.yaml was measured of the arm that is to move: the embedded one's
+    """Require that a robot.yaml was measured on the arm that is to move: the embedded one's
     noise model and seed, None for a real one.
 
     Raises:

@@ -1,4 +1,4 @@
-"""What is wrong with a robot's signals."""
+"""Fault of a robot's signals."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class Fault:
-    """Why signals cannot be believed.
+    """Reason to distrust the signals.
 
     Attributes:
         name: what people call it.

@@ -70,7 +70,7 @@ class Constancy:
             self._take(t[rows], values[rows], q[rows], target[rows])
 
     def stands(self, t: float) -> bool:
-        """Whether any column has been the same for so long that it may be frozen."""
+        """Test if any column has been constant for so long that it may be frozen."""
         return t - float(self._since.min()) >= FROZEN
 
     def since(self, name: str) -> Array:

@@ -1,4 +1,4 @@
-"""What no arm of this description can do: each rule sees one state, or one sample and the one
+"""Plausibility rules from the arm's description: each rule sees one state, or one sample and the one
 before."""
 
 from __future__ import annotations

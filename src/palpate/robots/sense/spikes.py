@@ -78,7 +78,7 @@ class Spikes:
         self._twisted = max(_norm(contact[3:]), left * self._twisted)
 
     def _apart(self, state: RobotState, other: RobotState) -> float:
-        """How far apart two states' forces are, in units of what is believed at once."""
+        """Distance of two states' forces, in units of the change accepted without confirmation."""
         scale = self._scale.copy()
         scale[:3] = max(FORCE, self._pressed)
         scale[3:6] = max(TORQUE, self._twisted)

@@ -1,4 +1,4 @@
-"""One watcher of all that a robot says: the first thing that makes no sense, from then on."""
+"""Watcher of all of a robot's signals: keeps the first fault that it finds."""
 
 from __future__ import annotations
 
@@ -103,7 +103,7 @@ class Watch:
         return frozen(self._states, state.t)
 
     def _stands(self, samples: Samples) -> Fault | None:
-        """As `_frozen`, in the samples."""
+        """Find frozen signals in the samples, as `_frozen` does in states."""
         values = np.concatenate([samples.wrench, samples.tau_ext, samples.q], axis=1)
         self._logged.follow(samples.t, values, samples.q, samples.target_world_tcp)
         return frozen(self._logged, float(samples.t[-1]))
@@ -128,7 +128,7 @@ class Watch:
         return Fault("speeds against encoders", what, t - lasted)
 
     def _empty(self, state: RobotState) -> Fault | None:
-        """What an empty hand feels at rest at home, in free air."""
+        """Check the wrench of an empty hand at rest at home, in free air."""
         if not self._at_home(state):
             self._felt.clear()
             self._rested = state.t

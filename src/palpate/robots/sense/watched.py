@@ -32,7 +32,7 @@ class Watched:
 
     @property
     def fault(self) -> Fault | None:
-        """What is wrong with the signals; None while nothing is."""
+        """Fault of the signals; None while they are sound."""
         return self._watch.fault
 
     @property

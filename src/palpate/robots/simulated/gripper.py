@@ -131,7 +131,7 @@ class Gripper:
         return LAG * (self.force / self._damping + speed)
 
     def _commanded(self, t: float) -> float:
-        """As `setpoints`, at one time, which is asked for every tick."""
+        """Return the set-point at one time; same as `setpoints`, but called every tick."""
         if self._there(t):
             return self._goal
         way = self._speed * (t - self._since)

@@ -33,8 +33,8 @@ _ANYTHING = Reflex(math.inf, math.inf)
 
 
 def _faded(cycles: int) -> tuple[Array, Array]:
-    """What the observer keeps of its wrench (cycles, 1), and of each input (cycles, cycles), after each
-    of some cycles."""
+    """Weights of the observer's filter after each of some cycles: of its wrench (cycles, 1), and of
+    each input (cycles, cycles)."""
     age = np.arange(cycles)[:, None] - np.arange(cycles)
     return _KEEP ** np.arange(1.0, cycles + 1)[:, None], np.tril(_KEEP ** np.maximum(age, 0))
 
@@ -43,7 +43,7 @@ _WRENCH_KEPT, _INPUT_KEPT = _faded(LONGEST_RUN * BLOCK)
 
 
 class Reaction(NamedTuple):
-    """What the arm does when it stops itself: it gives way.
+    """Reaction of the arm to its own collision stop: it yields.
 
     Attributes:
         gains: of the drives, which then take torques.

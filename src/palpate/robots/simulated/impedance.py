@@ -54,7 +54,7 @@ def add_actuators(world: mujoco.MjSpec, arm: RobotDescription) -> None:
 
 
 class Inertia(NamedTuple):
-    """What the springs move at one configuration: at the TCP (6, 6), world axes, and at the joints
+    """Inertia that the springs act on in one configuration: at the TCP (6, 6), world axes, and at the joints
     (7, 7)."""
 
     tcp: Array
@@ -71,7 +71,7 @@ class Inertia(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Gains:
-    """Which springs act now, and their critical damping 2 sqrt(k m) with the inertia that each
+    """Stiffness of the active springs, and their critical damping 2 sqrt(k m) with the inertia that each
     moves.
 
     Attributes:
@@ -110,11 +110,11 @@ class Gains:
         return cls(False, np.zeros(7), np.zeros(7), inertia, np.diag(inertia))
 
     def joint_damping(self, jacobian: Array) -> Array:
-        """What all dampers come to at the joints, (7, 7)."""
+        """Sum of all dampers at the joints, (7, 7)."""
         return self._at_joints(self.damping, jacobian)
 
     def joint_stiffness(self, jacobian: Array) -> Array:
-        """What all springs come to at the joints, (7, 7)."""
+        """Sum of all springs at the joints, (7, 7)."""
         return self._at_joints(self.stiffness, jacobian)
 
     def _at_joints(self, each: Array, jacobian: Array) -> Array:
@@ -123,8 +123,7 @@ class Gains:
         return jacobian.T @ (each[:, None] * jacobian)
 
     def lead(self, rate: Array, acceleration: Array) -> Array:
-        """How far (n, 6 or 7) the springs' set-points must lead a motion so that it follows without
-        lag.
+        """Lead (n, 6 or 7) of the springs' set-points for a motion without lag.
 
         Args:
             rate, acceleration: (n, 6 or 7) of the motion, in the springs' axes.
@@ -140,7 +139,7 @@ class Gains:
 
 
 class Actuators:
-    """Where the controller's actuators are in a model, and the setting of their gains.
+    """Indices of the controller's actuators in a model, and the setting of their gains.
 
     Attributes:
         position, orientation, drives: indices into `ctrl`.

@@ -1,4 +1,4 @@
-"""What the arm's sensors say: recorded joint signals to logged samples, through the nominal
+"""Simulated sensors of the arm: from recorded joint signals to logged samples, through the nominal
 model."""
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ _KEPT = math.exp(-PERIOD / OBSERVER_TIME)
 
 
 class _Way(NamedTuple):
-    """How the arm went through n log periods.
+    """Motion of the arm over n log periods.
 
     Attributes:
         mean: (n, 21) joint angles, rad, the TCP's pose, and N m that hold the nominal arm up.
@@ -47,7 +47,7 @@ class _Way(NamedTuple):
 
 
 class _Felt(NamedTuple):
-    """What was measured on it.
+    """Torques and wrenches measured along a motion.
 
     Attributes:
         torque, tau_ext: (n, 7) N m.
@@ -152,7 +152,7 @@ class Readout:
         return self._arriving(samples, felt)
 
     def _follow(self, steps: Steps) -> _Way:
-        """Where the arm went, as its encoders have it but for their noise."""
+        """Compute the arm's motion as its encoders report it, without their noise."""
         gained = self._gained(steps.dq)
         q = self._reported(steps)
         here = self._nominal.kinematics(q, steps.dq, gained / PERIOD)
@@ -166,7 +166,7 @@ class Readout:
         return _Way(mean, dq, gained, here.jacobian, here.inertia_torque)
 
     def _feel(self, steps: Steps, way: _Way, gains: Gains) -> _Felt:
-        """What its torque sensors say on it."""
+        """Simulate the torque sensors along a motion."""
         true = self._link_torque(steps, way.gained, gains)
         motion = Motion(way.mean[:, :7], way.dq, self.jacobian, way.mean[:, 7:10])
         torque, arrived, shown = self._sensors.measure(true, motion)
@@ -183,7 +183,7 @@ class Readout:
         return _Felt(torque, tau_ext, wrench, contact, arrived)
 
     def _arriving(self, samples: Samples, felt: _Felt) -> Samples:
-        """Those of the samples that arrive; the newest of them is what is known of the arm."""
+        """Return the samples that arrive; the newest sets the reported state of the arm."""
         torque, contact, arrived = felt.torque, felt.contact, felt.arrived
         if arrived is None or arrived[-1]:
             self.told = (self.q, self.pose_world_tcp)

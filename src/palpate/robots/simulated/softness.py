@@ -48,12 +48,12 @@ def _says(geom: mujoco.MjsGeom) -> bool:
 
 
 def _meet(one: mujoco.MjsGeom, other: mujoco.MjsGeom) -> bool:
-    """Whether MuJoCo lets them collide: a pair would, whatever their bits."""
+    """Test if the collision bits let the two collide: an explicit pair would ignore them."""
     return bool(one.contype & other.conaffinity or other.contype & one.conaffinity)
 
 
 def _pair(world: mujoco.MjSpec, pad: mujoco.MjsGeom, geom: mujoco.MjsGeom) -> None:
-    """What MuJoCo would make of the two, but for the softness."""
+    """Add the contact pair that MuJoCo would make itself, except for the softness."""
     slide, turn, roll = np.asarray(pad.friction, dtype=float)
     pair = world.add_pair(
         world.find_default(PREFIX + "main"), geomname1=pad.name, geomname2=geom.name

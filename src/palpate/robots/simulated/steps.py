@@ -1,4 +1,4 @@
-"""What a run of control cycles leaves behind: in each cycle, and in each block of them."""
+"""Records of consecutive control cycles: a row a cycle, and a row a block of them."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from palpate.robots.simulated.timing import BLOCK
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Steps:
-    """What some blocks of steps did to the robot.
+    """Record of the robot over some blocks of steps.
 
     Attributes:
         q, dq: (n, 7) at the end of each block.
@@ -46,7 +46,7 @@ class Cycles:
         self.qpos, self.qvel = np.empty((n // BLOCK, nq)), np.empty((n // BLOCK, nv))
 
     def felt(self, first: int, last: int) -> tuple[Array, Array]:
-        """What `Guard.feels` looks at, of the cycles from `first` to `last`."""
+        """Return the inputs of `Guard.feels`, of the cycles from `first` to `last`."""
         rows = slice(first, last)
         return self.torque[rows] - self.weight[rows], self.dq[rows]
 

@@ -27,7 +27,7 @@ OWN, FIXED = 1, 2
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Stiction:
-    """One object's two coefficients, and where they go.
+    """Static and dynamic coefficient of an object, and where they apply.
 
     Attributes:
         geoms: the object's geom ids.
@@ -70,7 +70,7 @@ class Stiction:
 
 
 def declared(model: mujoco.MjModel) -> tuple[Stiction, ...]:
-    """What the model's `<custom>` declares.
+    """Read the declarations in the model's `<custom>`.
 
     Raises:
         InputError: it names no object of the world.

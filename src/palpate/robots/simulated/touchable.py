@@ -1,4 +1,4 @@
-"""What the robot can touch: all of the scene that can touch anything.
+"""Shapes that the robot can touch: all of the scene that can collide at all.
 
 MuJoCo lets two shapes collide where a bit of one's `contype` is in the other's `conaffinity`. Which
 bits a scene uses is its own affair; a hand would pass through what has none of the robot's.
@@ -38,7 +38,7 @@ def let_touch(world: mujoco.MjSpec) -> None:
 
 
 def is_robots(geom: mujoco.MjsGeom) -> bool:
-    """Whether a shape of the world belongs to the robot in it."""
+    """Test if a shape of the world belongs to the robot in it."""
     return geom.parent.name.startswith(PREFIX)
 
 

@@ -42,7 +42,7 @@ NEEDED = (
     _OFF.mjDSBL_SPRING,
     _OFF.mjDSBL_DAMPER,
 )
-"""What MuJoCo can leave out and a robot cannot."""
+"""MuJoCo features that a robot needs."""
 
 
 class World:
@@ -187,7 +187,7 @@ class World:
             )
 
     def _substeps(self) -> None:
-        """One control cycle, under the eyes of whoever watches."""
+        """Step one control cycle, calling `watch` after each physics step."""
         if self.watch is None:
             mujoco.mj_step(self.model, self._data, nstep=SUBSTEPS)
             return
@@ -225,7 +225,7 @@ class World:
         return self._at(self.qpos if qpos is None else qpos)
 
     def true_pose(self, body: str) -> Pose:
-        """Where a body really is now, in the world.
+        """Return the true pose of a body now, in the world.
 
         Raises:
             InputError: there is no such body.
@@ -237,7 +237,7 @@ class World:
         return Pose(frame.xpos.copy(), frame.xquat.copy())
 
     def true_tcp(self) -> Pose:
-        """Where the TCP really is now, in the world."""
+        """Return the true pose of the TCP now, in the world."""
         data = self._seen
         data.qpos[:] = self._data.qpos
         mujoco.mj_kinematics(self.model, data)
@@ -298,8 +298,8 @@ def _compile(
 
 
 def _solve_well(world: mujoco.MjSpec, robot: mujoco.MjSpec) -> None:
-    """How precisely contacts are solved is no physics: a scene that was tuned for speed is solved as
-    well as the arm needs it."""
+    """Set the solver as accurately as the arm needs it: the accuracy of contacts is no physics of
+    the scene."""
     option, least = world.option, robot.option
     for name in ("iterations", "ls_iterations", "ccd_iterations"):
         setattr(option, name, max(getattr(option, name), getattr(least, name)))

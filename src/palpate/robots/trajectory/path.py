@@ -39,7 +39,7 @@ class Path:
 
     @property
     def end(self) -> float:
-        """When it comes to rest, s."""
+        """Time at which it comes to rest, s."""
         return float(self.knots[-1])
 
     def sample(self, t: Array) -> Array:

@@ -22,7 +22,7 @@ class PosePath:
 
     @property
     def end(self) -> float:
-        """When it comes to rest, s."""
+        """Time at which it comes to rest, s."""
         return self.path.end
 
     def pose(self, t: float) -> Pose:

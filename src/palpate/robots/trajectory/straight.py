@@ -38,7 +38,7 @@ def stretches(speeds: Sequence[float] | Array) -> list[Stretch]:
 
 
 def slowed(one: Sequence[Stretch], other: Sequence[Stretch]) -> list[Stretch]:
-    """What both of two divisions of a way allow; where the second has none, the first."""
+    """Return the lower of two speed profiles along a path; the first, where the second is empty."""
     both: list[Stretch] = []
     for end in sorted({part.end for part in (*one, *other)}):
         speeds: list[float] = []
@@ -81,7 +81,7 @@ class _Piece(NamedTuple):
 
 
 def _pieces(stretches: Sequence[Stretch], acceleration: float) -> Iterator[_Piece]:
-    """One after the other, in order, from rest to rest."""
+    """Yield the pieces in order, from rest to rest."""
     start = 0.0
     bounds = _at_bounds(stretches, acceleration)
     for stretch, (before, after) in zip(stretches, pairwise(bounds), strict=True):
@@ -101,8 +101,8 @@ def _pieces(stretches: Sequence[Stretch], acceleration: float) -> Iterator[_Piec
 
 
 def _at_bounds(stretches: Sequence[Stretch], acceleration: float) -> list[float]:
-    """How fast the motion may be where each stretch begins, and at the end, so that it can speed
-    up to that, and slow down to the next."""
+    """Compute the largest speed at the start of each stretch and at the end that the acceleration
+    limit can reach, and brake from in time."""
     speeds = [0.0]
     for one, other in pairwise(stretches):
         speeds.append(min(one.speed, other.speed))

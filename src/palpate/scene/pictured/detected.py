@@ -45,8 +45,8 @@ a workplace. `accuracy` in poses.yaml overrules it."""
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SceneBuilder:
-    """Where the camera is and what else `poses.yaml` says: enough to build scenes of what a model
-    saw."""
+    """Camera and other content of `poses.yaml`, sufficient to build scenes from a model's
+    detections."""
 
     poses: Poses
     arm: RobotDescription = field(default_factory=load_description)
@@ -87,7 +87,7 @@ class SceneBuilder:
     def detected(
         self, objects: Sequence[SceneObject], images: Sequence[Path] = ()
     ) -> DetectedScene:
-        """What a model saw in the first of `images`, sharpened by it where it is there.
+        """Detections of a model in the first of `images`, refined by the image if it is available.
 
         Raises:
             InputError: the image cannot be read.
@@ -99,7 +99,7 @@ class SceneBuilder:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DetectedScene:
-    """What a model saw, and the template that makes a scene of it."""
+    """Detections of a model, and the template that makes a scene of them."""
 
     template: SceneBuilder
     objects: tuple[SceneObject, ...]
@@ -145,7 +145,7 @@ class DetectedScene:
         return replace(scene, bodies=seen, refit=refit)
 
     def _level(self, plane: SceneObject) -> float:
-        """What is believed of a plane's top, m."""
+        """Believed height of a plane's top, m."""
         known = self.template.poses
         if plane.name in known.objects:
             return known.objects[plane.name].pos[2]

@@ -179,7 +179,7 @@ def projected(camera: Camera, points: Array) -> Array:
 def _start(
     camera: Camera, thing: SceneObject, box: Array, level: float, placed: PoseEntry | None
 ) -> Array:
-    """Where the fit begins: x, y and half extents, m."""
+    """Start of the fit: x, y and half extents, m."""
     middle, foot = (box[0] + box[2]) / 2, box[3]
     if thing.shape == "plane":
         foot = (box[1] + box[3]) / 2

@@ -1,4 +1,4 @@
-"""What a model saw in a picture, and the shapes that were made of it."""
+"""Detections of a model in a picture, and their shapes."""
 
 from __future__ import annotations
 

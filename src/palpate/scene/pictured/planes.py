@@ -1,4 +1,4 @@
-"""What things stand on in a picture."""
+"""Support planes in a picture."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def planes_and_things(
 
 
 def is_mount(shape: Fitted) -> bool:
-    """Whether it stands where the arm does: its foot, its pedestal, part of the arm itself."""
+    """True if it stands where the arm does: its foot, its pedestal, part of the arm itself."""
     return float(np.hypot(shape.x, shape.y)) < FOOT
 
 
@@ -51,7 +51,7 @@ def support_of(thing: SceneObject, planes: Sequence[SceneObject]) -> SceneObject
 
 
 def _covers(plane: SceneObject, x: float, y: float) -> bool:
-    """Whether a point of the image is in the plane's box."""
+    """True if a point of the image is in the plane's box."""
     left, top, right, bottom = plane.bbox
     return left <= x <= right and top <= y <= bottom
 

@@ -1,4 +1,4 @@
-"""Where in the picture a thing really ends: a model boxes roughly, the pixels are exact.
+"""Refinement of detected boxes: a model's boxes are rough, the pixels are exact.
 
 What a thing stands on has a colour; shadows make it darker, not another colour. What is in the
 picture of another colour, in one piece, of about the box's size and near to it, is the thing. Where
@@ -40,7 +40,7 @@ Box = tuple[float, float, float, float]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Piece:
-    """What is of another colour than the table, in one piece: `box` (left, top, right, bottom) and
+    """Connected region of another colour than the table: `box` (left, top, right, bottom) and
     `outline` (n, 2), in pixels."""
 
     box: Box
@@ -91,7 +91,7 @@ def _pieces(pixels: Pixels, planes: Sequence[SceneObject]) -> list[Piece]:
 
 
 def _other_colour(view: Pixels) -> Mask:
-    """Where pixels are of another colour, or brighter or darker than light and shadow make it."""
+    """Mask of pixels of another colour, or brighter or darker than light and shadow explain."""
     light = view.astype(float).sum(axis=2) + 3.0
     shares = (view[..., :2] + 1.0) / light[..., None]
     middle = np.median(shares.reshape(-1, 2), axis=0)
@@ -103,7 +103,7 @@ def _other_colour(view: Pixels) -> Mask:
 
 
 def _touches(rows: slice, columns: slice, shape: tuple[int, ...]) -> bool:
-    """Whether a piece reaches the edge of what is looked at: it may go on beyond."""
+    """True if a piece reaches the edge of what is looked at: it may go on beyond."""
     return not (
         rows.start > 0 and columns.start > 0 and rows.stop < shape[0] and columns.stop < shape[1]
     )

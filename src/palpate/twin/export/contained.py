@@ -20,7 +20,7 @@ SCENE = "scene.xml"
 """The name of the scene among its files."""
 ASSETS = "assets"
 FOLDERS = ("meshdir", "texturedir", "assetdir", "strippath")
-"""What `<compiler>` says of where files lie."""
+"""Attributes of `<compiler>` that name folders."""
 
 
 def write_contained(document: Document, folder: Path) -> None:
@@ -93,7 +93,7 @@ def _flat(document: Document) -> Document:
 
 
 def _places(tags: list[spans.Tag]) -> Iterator[tuple[spans.Tag, str]]:
-    """What the compiler is told of folders."""
+    """Folders for the compiler."""
     for tag in tags:
         if tag.name == "compiler":
             for attribute in FOLDERS:

@@ -38,7 +38,7 @@ COMBINED = "how the friction of two things is combined is up to each simulator o
 
 @dataclass(frozen=True, slots=True)
 class Export:
-    """What was made of a twin.
+    """Export of a twin.
 
     Attributes:
         format: which.
@@ -102,7 +102,7 @@ def export_twin(
 
 
 def _holds(chosen: Format, description: Description, parameter: Parameter) -> bool:
-    """Whether a format has a place for it. In MJCF, `<custom>` has one for everything."""
+    """True if a format has a place for it. In MJCF, `<custom>` has one for everything."""
     if chosen == "mjcf":
         return True
     if chosen == "urdf" and parameter.quantity == "friction":
@@ -148,8 +148,8 @@ def _compiled(scene: Path) -> mujoco.MjModel:
 def _known_in_both(
     twin: mujoco.MjModel, packed: mujoco.MjModel
 ) -> tuple[dict[str, Facts], dict[str, Facts]]:
-    """What the twin, which is without robots, and the whole scene say; without the bodies that have
-    no names, where these cannot be told apart."""
+    """Facts of the twin, which is without robots, and of the whole scene; without unnamed bodies
+    where these are ambiguous."""
     known = facts_of(twin)
     if twin.nbody != packed.nbody:
         for body in range(twin.nbody):

@@ -1,5 +1,5 @@
-"""What a model says of its bodies, whatever its format: read from a twin and from what was made of
-it, and compared."""
+"""Facts about a model's bodies, independent of its format: read from a twin and from its export,
+and compared."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def facts_of(model: mujoco.MjModel, colliding: bool = False) -> dict[str, Facts]
 
 
 def unnamed(body: int) -> str:
-    """What a body without a name is called."""
+    """Name of a body without a name."""
     return f"body_{body}"
 
 
@@ -85,7 +85,7 @@ def _facts(model: mujoco.MjModel, data: mujoco.MjData, body: int, colliding: boo
 
 
 def touches(model: mujoco.MjModel, geom: int) -> bool:
-    """Whether a geom collides with anything."""
+    """True if a geom collides with anything."""
     return bool(model.geom_contype[geom] or model.geom_conaffinity[geom])
 
 
@@ -120,19 +120,19 @@ def around(frame: Array, points: Array) -> Array:
 
 
 def round_box(frame: Array, radius: float, half: float = 0.0) -> Array:
-    """As `around`, of a ball, or of a capsule of that half length along z."""
+    """Box as `around`, of a ball, or of a capsule of that half length along z."""
     reach = half * np.abs(frame[:3, 2]) + radius * np.linalg.norm(frame[:3, :3], axis=1)
     return np.array([frame[:3, 3] - reach, frame[:3, 3] + reach])
 
 
 def cylinder_box(frame: Array, radius: float, half: float) -> Array:
-    """As `around`, of a cylinder along z."""
+    """Box as `around`, of a cylinder along z."""
     reach = half * np.abs(frame[:3, 2]) + radius * np.linalg.norm(frame[:3, :2], axis=1)
     return np.array([frame[:3, 3] - reach, frame[:3, 3] + reach])
 
 
 def plane_box(frame: Array) -> Array:
-    """As `around`, of a plane, which has no end: of the box that stands in for it."""
+    """Box as `around`, of a plane, which is infinite: of the box that replaces it."""
     return around(frame, _CORNERS * GROUND - [0.0, 0.0, GROUND[2]])
 
 
@@ -152,7 +152,7 @@ def differences(
 
 
 def _pairs(one: Facts, other: Facts, friction: bool) -> Iterator[tuple[str, Array, Array]]:
-    """What two descriptions of a body say of the same thing."""
+    """Pairs of corresponding facts of a body."""
     yield "pose", one.pose, other.pose
     if one.mass > 0.0:
         yield "mass", np.array([one.mass]), np.array([other.mass])

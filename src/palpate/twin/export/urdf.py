@@ -39,7 +39,7 @@ Inset = tuple[Pose, str, dict[str, str]]
 
 @dataclass(slots=True)
 class Written:
-    """What has been written.
+    """Written URDF.
 
     Attributes:
         parts: by link, into how many shapes each geom that collides was made.
@@ -79,7 +79,7 @@ def urdf_to_look_at(model: mujoco.MjModel) -> str:
 
 
 def body_name(model: mujoco.MjModel, body: int) -> str:
-    """What a body, and so its link and its frame, is called."""
+    """Name of a body, its link and its frame."""
     return model.body(body).name or unnamed(body)
 
 
@@ -99,7 +99,7 @@ def _simple_insets(model: mujoco.MjModel, geom: int) -> Iterator[Inset]:
 
 
 def read_urdf(path: Path, written: Written) -> dict[str, Facts]:
-    """What MuJoCo reads in the file again; the parts of a geom are one again.
+    """Read the file back by MuJoCo; the parts of a geom are joined again.
 
     Raises:
         ValueError: MuJoCo does not accept it.
@@ -275,7 +275,7 @@ def _mesh_file(mesh: int) -> str:
 
 
 def _write_meshes(model: mujoco.MjModel, folder: Path) -> None:
-    """Those of MuJoCo's geoms, in their frames."""
+    """Write the meshes of MuJoCo's geoms, in their frames."""
     if model.nmesh:
         (folder / MESHES).mkdir()
     for mesh in range(model.nmesh):

@@ -53,7 +53,7 @@ def write_usd(spec: mujoco.MjSpec, mjcf: Path, folder: Path) -> Path:
 
 
 def read_usd(path: Path) -> dict[str, Facts]:
-    """What a stage says of rigid bodies and of what collides in the world."""
+    """Facts about a stage's rigid bodies and colliders."""
     stage = _module("pxr.Usd").Stage.Open(str(path))
     shapes: dict[str, list[Shape]] = {WORLD: []}
     bodies: dict[str, Any] = {}
@@ -70,12 +70,12 @@ def read_usd(path: Path) -> dict[str, Facts]:
 
 
 def _name(prim: Any) -> str:
-    """What MuJoCo calls it: USD's own names have fewer characters."""
+    """MuJoCo's name of a prim: USD's own names have fewer characters."""
     return str(prim.GetDisplayName() or prim.GetName())
 
 
 def _is_guide(prim: Any) -> bool:
-    """Whether it is a site: there to be seen in editors alone."""
+    """True if it is a site: there to be seen in editors alone."""
     return str(_module("pxr.UsdGeom").Gprim(prim).GetPurposeAttr().Get()) == "guide"
 
 
@@ -151,7 +151,7 @@ def _module(name: str) -> Any:
 
 
 def left_behind(spec: mujoco.MjSpec) -> Iterator[str]:
-    """What the converter has no place for, by kind."""
+    """Elements that the converter cannot represent, by kind."""
     kinds = {
         "cameras": spec.cameras,
         "lights": spec.lights,

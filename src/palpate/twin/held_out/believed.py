@@ -1,4 +1,4 @@
-"""What is believed of an object, as the wrench that it puts on the hand."""
+"""Believed wrench of an object on the hand."""
 
 from __future__ import annotations
 
@@ -32,8 +32,8 @@ class Known:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Hanging:
-    """Where the load hangs from the TCP, seen from above: (2,) m, its covariance (2, 2), and what
-    gains did to it (2, m)."""
+    """Horizontal lever of the load from the TCP: (2,) m, its covariance (2, 2), and the effect of
+    gains on it (2, m)."""
 
     offset: Array
     covariance: Array
@@ -43,7 +43,7 @@ class Hanging:
 def known(
     estimate: Estimate | None, stated: tuple[float, ...] | None, signals: int
 ) -> Known | None:
-    """What was fitted without the motion, else what the scene states."""
+    """Value fitted without the motion, else the one that the scene states."""
     if estimate is None and stated is not None:
         return Known(np.array(stated), np.zeros(len(stated)), np.zeros((len(stated), signals)))
     if estimate is None or not estimate.identified:

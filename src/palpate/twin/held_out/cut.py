@@ -1,4 +1,4 @@
-"""What is held out of a trace: the last lift of an object, or the way back down."""
+"""Held-out part of a trace: the last lift of an object, or the way back down."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ IN_THE_AIR = ("still", "swinging")
 
 @dataclass(frozen=True, slots=True)
 class Cut:
-    """What is held out, and the recording whose path it goes along."""
+    """Held-out rows, and the recording along whose path they go."""
 
     words: str
     start: float

@@ -1,4 +1,4 @@
-"""What a motion that was held out says of what was believed."""
+"""Judgement of the estimates by a held-out motion."""
 
 from __future__ import annotations
 
@@ -67,13 +67,13 @@ class Motion:
 
     @property
     def agrees(self) -> bool:
-        """Whether the object weighs and hangs as predicted. What is left in the torques besides may be
-        the arm's own."""
+        """True if the object weighs and hangs as predicted. What is left in the torques besides may
+        be the arm's own."""
         return all(test.passed for test in self.tests if test.name in JUDGED)
 
     @property
     def disagreement(self) -> str:
-        """What was not as predicted, in words; what is left in the torques among it."""
+        """Deviation from the prediction, in words, with the residual torque."""
         return " ".join(test.finding for test in self.tests if not test.passed)
 
 
@@ -86,5 +86,5 @@ class HeldOut:
 
     @property
     def agrees(self) -> bool:
-        """Whether all were as predicted."""
+        """True if all were as predicted."""
         return all(motion.agrees for motion in self.motions)

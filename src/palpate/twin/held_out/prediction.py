@@ -1,5 +1,5 @@
-"""What joints would feel of an object in a motion, by what is believed of the object, against what
-they felt.
+"""Prediction of the joint torques by an object in a motion, from its estimates, against the
+measured ones.
 
 Loaded rests and passes y, of which the motion consists, are predicted from those of the empty hand
 along the same path, y_0, and the load's wrench w = (F, M_x, M_y):
@@ -35,7 +35,7 @@ Mask = NDArray[np.bool_]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Wrench:
-    """What a load is believed to put on the hand.
+    """Believed wrench of a load on the hand.
 
     Attributes:
         value: (3,) F in N, M_x and M_y about the TCP in N m, world axes.
@@ -145,8 +145,8 @@ def _bias(rows: Rows, wrench: Wrench, hand: Hand, signals: int) -> Array:
 
 
 def _conditional(bias: Array, told: Mask, other: Mask) -> tuple[Array, Array]:
-    """What the rows `other` say of those `told`: (t, o) by which their values are carried over, and the
-    covariance (t, t) that is left; Bishop, equations 2.81 and 2.82."""
+    """Conditional of the rows `told` on the rows `other`: gain (t, o), and remaining covariance (t,
+    t); Bishop, equations 2.81 and 2.82."""
     solved: Array = np.linalg.solve(bias[np.ix_(other, other)], bias[np.ix_(other, told)]).astype(
         np.float64
     )

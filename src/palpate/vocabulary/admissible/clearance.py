@@ -1,4 +1,4 @@
-"""What the hand, or an object in it, would sweep through on a straight motion, by belief.
+"""Believed clearance of a straight motion: the volume swept by the hand, or by an object in it.
 
 Objects and the hand's parts are boxes; a motion is sampled and every sample tested against the
 boxes nearby.
@@ -38,7 +38,7 @@ class Boxes:
     halves: Array
 
     def overlap(self, others: Boxes, margin: float) -> NDArray[np.bool_]:
-        """Which of `others` (m,) any of these comes nearer to than `margin`.
+        """Mask over `others` (m,): boxes nearer than `margin` to any of these.
 
         Separating axes theorem on the 15 candidate axes of each pair.
         """
@@ -80,7 +80,7 @@ class Motion:
 
     @property
     def vertical(self) -> bool:
-        """Whether it goes straight up or down."""
+        """True if it goes straight up or down."""
         return float(np.linalg.norm((self.end.position - self.start.position)[:2])) < STEEP
 
     def hits(self, ignoring: Collection[str] = (), margin: float = 0.0) -> list[str]:

@@ -1,5 +1,5 @@
-"""What the whole arm, its fingers and what they hold would run into on a motion, and what to write
-instead.
+"""Collisions of the whole arm, its fingers and the held object on a motion, with the motion to
+write instead.
 
 Shapes are real, margins small: poses are believed to a few millimetres. What is entered must pass
 between the open fingers; what is held may rest on what carries it; nothing else is touched but by a
@@ -22,7 +22,7 @@ from palpate.vocabulary.admissible.clearance import STEEP, straddled
 from palpate.vocabulary.admissible.footing import SETTLES, footing
 from palpate.vocabulary.admissible.guessed import higher, is_unmeasured, supposed, touched
 from palpate.vocabulary.admissible.solids import SIDES, solids
-from palpate.vocabulary.admissible.sweep.crowd import (
+from palpate.vocabulary.admissible.sweep.collision_geometry import (
     HIGHER,
     LINK,
     LOAD,
@@ -72,8 +72,7 @@ class Passing:
 
 
 def collisions(before: SymbolicState, after: SymbolicState) -> tuple[Violation, ...]:
-    """What the arm would run into on its way from one state to the other, worst first; the start is
-    known."""
+    """Collisions of the arm between two states, worst first; the start is known."""
     goal = (after.at, after.contact, after.activity)
     came = (before.contact, before.at if before.contact or touched(before) else None)
     key = ("collisions", *before.arrangement, *came, touched(before), *after.arrangement, *goal)
@@ -81,8 +80,8 @@ def collisions(before: SymbolicState, after: SymbolicState) -> tuple[Violation, 
 
 
 def finger_collisions(state: SymbolicState, end: float, around: str | None) -> list[Violation]:
-    """What the fingers would run into while they go to `end` m between them; `around` is the object
-    that they open from or close on."""
+    """Collisions of the fingers on their way to an opening of `end` m; `around` is the object that
+    they open from or close on."""
     key = ("fingers", *state.arrangement, end, around, state.at)
     return list(
         solids(state.scene).remembered(key, lambda: tuple(_finger_hits(state, end, around)))
@@ -145,7 +144,7 @@ def _passing(before: SymbolicState, after: SymbolicState) -> Passing:
 
 
 def _goes_back(before: SymbolicState, after: SymbolicState) -> bool:
-    """Whether a straight way leads from a touch straight up, no higher than where the probe began."""
+    """True if a straight way leads from a touch straight up, no higher than where the probe began."""
     touch, end = before.pose_world_tcp, after.pose_world_tcp
     if before.contact is None or after.is_bent or touch is None or end is None:
         return False
@@ -176,7 +175,7 @@ def _way(before: SymbolicState, after: SymbolicState, width: float) -> Way | Non
 
 
 def _widths(state: SymbolicState) -> tuple[float, ...]:
-    """How far the fingers may be open: either way where nobody knows."""
+    """Possible openings of the fingers: both extremes where the opening is unknown."""
     if state.gripper == "unknown" and state.holding is None:
         return 0.0, state.scene.arm.hand.opening
     return (opening(state),)
@@ -267,7 +266,7 @@ def _detour(before: SymbolicState, after: SymbolicState) -> str:
 
 
 def _entering(before: SymbolicState, name: str) -> str:
-    """How an object comes between the fingers, in words."""
+    """Description of an object that enters between the fingers."""
     if before.gripper != "open":
         return "the fingers are not open; OpenGripper first"
     if name in before.scene.symbols.ungraspable:
@@ -281,7 +280,7 @@ def _entering(before: SymbolicState, name: str) -> str:
 
 
 def carry_away(name: str) -> str:
-    """What to do about an object in the way, in words."""
+    """Advice about an object in the way."""
     return f"carry it to '{name}_temporary' first, and back to '{name}_pose' later"
 
 

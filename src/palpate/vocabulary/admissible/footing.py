@@ -1,4 +1,4 @@
-"""What carries an object, and how much of it: outlines seen from above.
+"""Support of an object: its carriers and their shares, by outlines seen from above.
 
 An object stands where its lower face is over tops at its height. The hull of what of the face is
 carried is its support polygon; it stays where its centre of mass is over that.
@@ -29,8 +29,8 @@ SUNK = 0.02
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Top:
-    """What something looks like from above near its top: whose it is, (k, 2) corners of its
-    outline counterclockwise, and its height, world z, m."""
+    """Top view of a body near its top: owner, (k, 2) corners of its outline counterclockwise, and
+    height, world z, m."""
 
     owner: str
     outline: Array
@@ -55,7 +55,7 @@ class Footing:
 
     @cached_property
     def carriers(self) -> tuple[Top, ...]:
-        """Those at its height."""
+        """Tops at its height."""
         return tuple(top for top in self.tops if abs(top.height - self.bottom) <= SETTLES)
 
     @cached_property

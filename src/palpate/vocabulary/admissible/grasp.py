@@ -1,4 +1,4 @@
-"""What the hand can take."""
+"""Graspable objects: width, mass and moment."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ square)."""
 
 
 def ungraspable(state: SymbolicState, body: Body) -> list[Violation]:
-    """What speaks against closing the fingers on an object where the hand is: that it does not fit,
-    is known to be too heavy or would twist, or something else is between the fingers."""
+    """Violations of closing the fingers on an object at the hand's pose: it does not fit, is known
+    to be too heavy, would twist, or something else is between the fingers."""
     pose = state.pose_world_tcp
     held = None if pose is None else state.grip_of(body, pose)
     if pose is None or held is None:
@@ -47,8 +47,8 @@ def _beside(body: Body, held: Grip) -> list[Violation]:
 
 
 def _twisting(state: SymbolicState, body: Body, pose_world_tcp: Pose) -> list[Violation]:
-    """What speaks against holding an object there: that its weight would turn it about the pads,
-    as far as mass and centre of mass are known or believed."""
+    """Violation of holding an object there: its weight would turn it about the pads, as far as mass
+    and centre of mass are known or believed."""
     scene, shapes = state.scene, solids(state.scene)
     centre = state.pose_of(body.name).apply(shapes.centre_of_mass(body.name))
     beside = float((centre - pose_world_tcp.position) @ pose_world_tcp.rotation[:, 0])
@@ -105,7 +105,7 @@ def torsion(scene: Scene, shapes: Solids) -> float:
 
 
 def _misfit(state: SymbolicState, body: Body) -> list[Violation]:
-    """That an object does not fit the hand, or is known to be too heavy for the arm."""
+    """Violation: an object does not fit the hand, or is known to be too heavy for the arm."""
     found: list[Violation] = []
     unfit, heavy = does_not_fit(state.scene, body.name), too_heavy(state.scene, body)
     if unfit:
@@ -120,13 +120,13 @@ def _left_out(body: Body) -> str:
 
 
 def does_not_fit(scene: Scene, name: str) -> str:
-    """Why the hand cannot take the object, empty when it can."""
+    """Reason why the hand cannot take the object; empty if it can."""
     reason = scene.symbols.ungraspable.get(name)
     return f"'{name}' cannot be grasped: {reason}" if reason else ""
 
 
 def too_heavy(scene: Scene, body: Body) -> str:
-    """That a known mass exceeds the payload, empty when it does not."""
+    """Message for a known mass beyond the payload; empty below it."""
     mass, payload = body.known.get("mass", (0.0,))[0], scene.arm.limits.payload
     if mass <= payload:
         return ""

@@ -1,4 +1,4 @@
-"""What is between the pads, and how wide it is there."""
+"""Contact of the pads with an object between them, and its width there."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ APPROACHES = 40
 
 @dataclass(frozen=True, slots=True)
 class Grip:
-    """How the pads would have an object.
+    """Contact of the pads with an object.
 
     Attributes:
         width: m between the pads once they are closed on it.
@@ -32,8 +32,8 @@ class Grip:
 
 
 def grip(shapes: Solids, name: str, pose_tcp_object: Pose) -> Grip | None:
-    """How the pads would have an object that is at a pose in the tool frame; None where it is not
-    between them: where they would close beside it, above it, or have hardly an edge of it."""
+    """Contact of the pads with an object at a pose in the tool frame; None where it is not between
+    them: the pads would close beside it, above it, or on hardly more than an edge."""
     key = ("grip", name, pose_tcp_object.digits)
     return shapes.remembered(key, lambda: _grip(shapes, name, pose_tcp_object))
 
@@ -50,7 +50,7 @@ def _grip(shapes: Solids, name: str, pose_tcp_object: Pose) -> Grip | None:
 
 
 def _closed(shapes: Solids, name: str, pose_tcp_object: Pose) -> Grip | None:
-    """What the pads meet of it when each closes from where it is open."""
+    """Contact points of the pads as each closes from its open position."""
     travels: dict[str, float] = {}
     for side in SIDES:
         travel = _until_met(shapes, side, shapes.objects[name], pose_tcp_object)

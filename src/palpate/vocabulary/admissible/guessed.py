@@ -19,7 +19,7 @@ from palpate.vocabulary.state import SymbolicState
 
 
 def is_unmeasured(state: SymbolicState, surface: str) -> bool:
-    """Whether the height of a surface is open, and no run has measured it."""
+    """True if the height of a surface is open, and no run has measured it."""
     scene = state.scene
     seen_anew = scene.refit is not None and Parameter(surface, "height") in state.converted
     return is_open(scene, surface) and surface not in scene.rises and not seen_anew

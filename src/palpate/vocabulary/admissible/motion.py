@@ -31,7 +31,7 @@ HELD_UPRIGHT = np.radians(10.0)
 
 @dataclass(frozen=True, slots=True)
 class Passage:
-    """What a motion of the arm passes on its way.
+    """Obstacles beside a motion of the arm.
 
     Attributes:
         origin, goal: pose expressions, or joint configurations, that it begins and ends at.
@@ -66,8 +66,8 @@ class Passage:
 def violations(
     before: SymbolicState, after: SymbolicState, *, may_tilt: bool = False
 ) -> Iterator[Violation]:
-    """What speaks against the arm's going from one state to the other, cheapest to find first, by
-    the real shapes of everything.
+    """Violations of the arm's motion from one state to the other, the cheapest test first, by the
+    real shapes of everything.
 
     `may_tilt`: what is held may be laid over on purpose.
     """
@@ -85,9 +85,9 @@ def violations(
         yield from collisions(before, after)
 
 
-def qualms(before: SymbolicState, after: SymbolicState) -> Iterator[Violation]:
-    """What speaks against it for a planner that takes no risk, found quickly: by boxes, and near
-    anything straight up or down."""
+def conservative_violations(before: SymbolicState, after: SymbolicState) -> Iterator[Violation]:
+    """Conservative violations for a planner that takes no risk: a quick test by boxes, and straight
+    vertical motion near anything."""
     if before.pose_world_tcp is None or after.pose_world_tcp is None:
         yield unknown_start()
         return
@@ -98,14 +98,14 @@ def qualms(before: SymbolicState, after: SymbolicState) -> Iterator[Violation]:
 
 
 def unknown_start() -> Violation:
-    """That nobody knows where the arm is."""
+    """Violation: the pose of the arm is unknown."""
     return Violation(
         "unknown-start", "where the hand is now is not known; MoveJoints to 'home_config' first"
     )
 
 
 def _same_place(before: SymbolicState, after: SymbolicState) -> bool:
-    """Whether nothing moves."""
+    """True if nothing moves."""
     start, end = before.pose_world_tcp, after.pose_world_tcp
     if start is None or end is None:
         return start is end
@@ -137,7 +137,7 @@ def _sideways(passage: Passage, strict: bool) -> Iterator[Violation]:
 
 
 def _goes_across(motion: Motion) -> bool:
-    """Whether a straight way leads from one finger towards the other. Along what was between them
+    """True if a straight way leads from one finger towards the other. Along what was between them
     they may leave, as the paper's hammer is left on the way to its next grasp: they were on either
     side of it already."""
     closing = motion.start.rotation[:, 1]
@@ -145,8 +145,7 @@ def _goes_across(motion: Motion) -> bool:
 
 
 def _carried(before: SymbolicState, after: SymbolicState, may_tilt: bool) -> Iterator[Violation]:
-    """What speaks against moving what is held: that it is laid over, or that something stands on
-    it."""
+    """Violation of moving the held object: it is laid over, or something stands on it."""
     held = before.holding
     if held is None:
         return

@@ -1,4 +1,4 @@
-"""Where a guarded motion meets something, and whether that may be touched."""
+"""Contact of a guarded motion, and its admissibility."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from palpate.geometry.pose import Array, Pose, digits
 from palpate.vocabulary.admissible.footing import footing
 from palpate.vocabulary.admissible.solids import SIDES, solids
 from palpate.vocabulary.admissible.support import TIPPING
-from palpate.vocabulary.admissible.sweep.crowd import hand_sweep, opening
+from palpate.vocabulary.admissible.sweep.collision_geometry import hand_sweep, opening
 from palpate.vocabulary.admissible.sweep.sweep import FINEST, Hit
 from palpate.vocabulary.admissible.sweep.way import of_hand
 from palpate.vocabulary.state import SymbolicState
@@ -34,7 +34,7 @@ class Touch:
 
 
 def starts(state: SymbolicState) -> str:
-    """Where probes of surfaces may begin, in words: above the one below, if there is one."""
+    """Advice on the start of a probe: above the surface below, if there is one."""
     below = None if state.pose_world_tcp is None else state.surface_below(state.pose_world_tcp)
     names = [below.name] if below is not None and below.role == "surface" else state.scene.surfaces
     places = [f"'{name}_approach'" for name in names]
@@ -44,8 +44,8 @@ def starts(state: SymbolicState) -> str:
 
 
 def touch(state: SymbolicState, direction: Array, travel: float) -> Touch | None:
-    """What the hand meets first within `travel` m along a direction (3,), by belief; None where it
-    meets nothing, or where the hand is is not known."""
+    """First believed contact of the hand within `travel` m along a direction (3,); None without
+    contact, or from an unknown pose."""
     if state.pose_world_tcp is None:
         return None
     start, key = state.pose_world_tcp, ("touch", *state.arrangement, digits(direction), travel)
@@ -63,7 +63,7 @@ def _touch(state: SymbolicState, start: Pose, direction: Array, travel: float) -
 
 
 def untouchable(state: SymbolicState, direction: Array, travel: float) -> Iterator[Violation]:
-    """What speaks against a guarded motion: that it meets nothing, or what must not be met so."""
+    """Violation of a guarded motion: no contact, or contact that is not admissible."""
     first = touch(state, direction, travel)
     if first is None:
         yield Violation(

@@ -1,4 +1,4 @@
-"""How fast the arm goes where: the motion profile of a straight way.
+"""Motion profile of a straight path: speed limits by place.
 
 Impulse decides what a collision does: m (1 + e) v, with the arm's effective mass m in the direction
 of motion. So the arm goes at free speed only where nothing can be, and slowly, feeling its way,
@@ -30,7 +30,7 @@ from palpate.robots.trajectory.straight import Stretch
 from palpate.scene.scene import Scene
 from palpate.vocabulary.admissible.clearance import STEEP
 from palpate.vocabulary.admissible.support import clear_of_support
-from palpate.vocabulary.admissible.sweep.crowd import near_spans
+from palpate.vocabulary.admissible.sweep.collision_geometry import near_spans
 from palpate.vocabulary.state import SymbolicState
 
 POSE_ERROR = 0.020
@@ -78,7 +78,7 @@ def spans(state: SymbolicState, start: Pose, end: Pose) -> Iterator[Span]:
 
 
 def stretches(parts: Sequence[Span], scene: Scene) -> list[Stretch]:
-    """How fast each part of a way may be gone."""
+    """Stretches of a path with their speed limits."""
     lengths = [part.start.distance_to(part.end) for part in parts]
     whole = max(sum(lengths), 1e-9)
     return [
@@ -112,14 +112,14 @@ def between(start: Pose, end: Pose, share: float) -> Pose:
 
 
 def leaves(start: Pose, end: Pose) -> bool:
-    """Whether a way goes straight up: what is near its start it leaves, and goes where the hand
+    """True if a way goes straight up: what is near its start it leaves, and goes where the hand
     came from."""
     way = end.position - start.position
     return float(np.linalg.norm(way[:2])) < STEEP and float(way[2]) > 0.0
 
 
 def _near(state: SymbolicState, start: Pose, end: Pose) -> Cells:
-    """Which cells of the way are near something."""
+    """Mask of the path's cells that are near something."""
     near = np.zeros(max(1, int(np.ceil(start.distance_to(end) / CELL))), dtype=np.bool_)
     for hand in _with_and_without(state, start, end):
         for first, last in near_spans(hand, start, end, POSE_ERROR):
@@ -147,7 +147,7 @@ def _smooth(near: Cells) -> None:
 
 
 def _edges(near: Cells) -> list[int]:
-    """Where stretches begin, and the end."""
+    """Starts of the stretches, and the end."""
     return [0, *(np.flatnonzero(np.diff(near)) + 1).tolist(), len(near)]
 
 

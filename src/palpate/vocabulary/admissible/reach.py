@@ -1,4 +1,4 @@
-"""Where the arm can go."""
+"""Reach of the arm."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ SHARES = (0.75, 0.5, 0.25, 0.1)
 
 
 def out_of_reach(state: SymbolicState, pose_world_tcp: Pose, name: str) -> list[Violation]:
-    """What speaks against the pose called `name`: that the arm does not reach it, or nothing."""
+    """Violation for the pose called `name` beyond the arm's reach, or None."""
     if _reaches(state, pose_world_tcp):
         return []
     return [
@@ -26,7 +26,7 @@ def out_of_reach(state: SymbolicState, pose_world_tcp: Pose, name: str) -> list[
 
 
 def _instead(state: SymbolicState, name: str) -> str:
-    """What to write for a pose expression that is out of reach: the same with smaller offsets."""
+    """Advice for a pose expression out of reach: the same with smaller offsets."""
     symbols = state.scene.symbols
     expression = symbols.parse(name)
     for share in SHARES:
@@ -38,13 +38,13 @@ def _instead(state: SymbolicState, name: str) -> str:
 
 
 def too_far(pose_world_tcp: Pose, name: str) -> str:
-    """That the arm does not reach the pose called `name`, in words."""
+    """Message for the pose called `name` beyond the arm's reach."""
     x, y, z = pose_world_tcp.position
     return f"'{name}' at ({x:.3f}, {y:.3f}, {z:.3f}) m is out of the arm's reach"
 
 
 def beyond_joint_limits(state: SymbolicState, joints: Array) -> list[Violation]:
-    """What speaks against seven joint angles, rad: that the arm cannot have them, or nothing."""
+    """Violation for seven joint angles, rad, beyond the joint limits, or None."""
     if within_joint_limits(state.scene.arm, joints):
         return []
     shown = [round(angle, 3) for angle in joints.tolist()]

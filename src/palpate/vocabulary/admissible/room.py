@@ -1,4 +1,4 @@
-"""Whether the arm has room in a scene at all: at `home_config`, where every plan begins."""
+"""Room for the arm in a scene: no overlap at `home_config`, where every plan begins."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ from collections.abc import Iterator
 from palpate.errors import InputError
 from palpate.scene.scene import Scene
 from palpate.vocabulary.admissible.solids import solids
-from palpate.vocabulary.admissible.sweep.crowd import LINK, arm_sweep
+from palpate.vocabulary.admissible.sweep.collision_geometry import LINK, arm_sweep
 from palpate.vocabulary.admissible.sweep.sweep import Hit
 from palpate.vocabulary.admissible.sweep.way import of_joints
 from palpate.vocabulary.state import HOME_CONFIG, SymbolicState
 
 
 def require_room(scene: Scene) -> None:
-    """That nothing stands where the arm is at home: no plan helps against that.
+    """Require that nothing overlaps the arm at home: no plan helps against that.
 
     Raises:
         InputError: something overlaps a link, the hand or a closed finger there.
@@ -31,7 +31,7 @@ def require_room(scene: Scene) -> None:
 
 
 def _overlaps(scene: Scene) -> Iterator[Hit]:
-    """What the arm at home is inside of. Its base may stand in what carries it."""
+    """Bodies that overlap the arm at home. Its base may overlap its support."""
     home = scene.symbols.joints(HOME_CONFIG)
     still = of_joints(solids(scene), home, home, width=0.0)
     for hit in arm_sweep(SymbolicState(scene), still).within(0.0).overlaps():

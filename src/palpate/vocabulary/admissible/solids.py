@@ -71,7 +71,7 @@ class Solids:
     _data: mujoco.MjData
     _bent: dict[bytes, Array | None] = field(default_factory=dict[bytes, "Array | None"])
     _known: dict[object, object] = field(default_factory=dict[object, object])
-    """What has been worked out of it, by what was asked."""
+    """Cached results by key."""
 
     @cached_property
     def arm(self) -> NominalArm:
@@ -105,7 +105,7 @@ class Solids:
 
     @cached_property
     def standing(self) -> Frames:
-        """Where the fixed shapes are, at the one moment that is as good as any."""
+        """Poses of the fixed shapes at a single moment."""
         return Cluster.of(self.fixed).at(np.zeros((1, 3)), np.eye(3)[None])
 
     def raised(self, scene: Scene) -> Solids:
@@ -117,7 +117,7 @@ class Solids:
         return replace(self, scene=scene, fixed=tuple(fixed), _known={})
 
     def pads(self, side: str) -> tuple[Shape, ...]:
-        """What of a finger grasps: the shapes whose friction overrules others', else all."""
+        """Pads of a finger: the shapes whose friction overrules others', else all."""
         finger = self.fingers[side]
         rubber = [shape for shape in finger if self.model.geom_priority[shape.geom] > 0]
         return tuple(rubber) or finger
@@ -146,7 +146,7 @@ class Solids:
         return inverse_kinematics(self.scene.arm, pose_world_tcp, self.scene.pose_world_base)
 
     def remembered(self, key: object, found: Callable[[], T]) -> T:
-        """What was found for a key before, else what is found now."""
+        """Cached result of a key, computed if absent."""
         if len(self._known) > REMEMBERED:
             self._known.clear()
         if key not in self._known:
@@ -269,7 +269,7 @@ class _Reader:
         return found
 
     def fixed(self) -> tuple[Shape, ...]:
-        """What neither an object nor the arm moves, in the world."""
+        """Shapes that neither an object nor the arm moves, in the world."""
         moved = {self.model.body(PREFIX + self.scene.arm.links[1]).id}
         moved |= {self.model.body(name).id for name in self.scene.objects}
         geoms: list[int] = []
@@ -279,7 +279,7 @@ class _Reader:
         return tuple(self._in(ORIGIN, geoms))
 
     def owners(self) -> dict[int, str]:
-        """Who a shape belongs to, as people call it."""
+        """Name of a shape's owner for people."""
         return {geom: self._owner(geom) for geom in range(self.model.ngeom)}
 
     def hand(self) -> tuple[Shape, ...]:

@@ -1,4 +1,4 @@
-"""What an object stands on: whether it hangs free, is dragged, or would fall or tip."""
+"""Support of an object: hanging free, dragged, falling or tipping."""
 
 from __future__ import annotations
 
@@ -33,13 +33,12 @@ MIN_SLIDE = 0.03
 
 
 def clear_of_support(state: SymbolicState, name: str, pose_world_object: Pose) -> bool:
-    """Whether object `name` at that pose hangs free of whatever is below it."""
+    """True if object `name` at that pose hangs free of whatever is below it."""
     return footing(state, name, pose_world_object).gap > LIFTED
 
 
 def stable(state: SymbolicState, name: str, pose_world_object: Pose) -> str | None:
-    """Why an object that is let go of at a pose (world) would not stay there, in words; None where
-    it does.
+    """Reason why an object released at a pose (world) would not stay there; None if it would.
 
     It stays where it stood before, on what carried it then. Elsewhere it must be upright, and its
     centre of mass over the support polygon with `TIPPING` to spare: a stated one, or the middle
@@ -84,7 +83,7 @@ def riders(state: SymbolicState, name: str) -> list[str]:
 
 
 def _is_as_found(state: SymbolicState, name: str, pose: Pose) -> bool:
-    """Whether an object stands where the scene has it, on what carried it there."""
+    """True if an object stands where the scene has it, on what carried it there."""
     found = state.scene.body(name).pose_world
     if pose.distance_to(found) > AS_FOUND or pose.angle_to(found) > UPRIGHT:
         return False
@@ -109,13 +108,13 @@ def _unsupported(there: Footing) -> str:
 
 
 def _lies_inside(there: Footing) -> bool:
-    """Whether all that is seen of it from above is over what carries it."""
+    """True if all that is seen of it from above is over what carries it."""
     tops = [top.outline for top in there.carriers]
     return all(max(depth(top, corner) for top in tops) >= EDGE for corner in there.outline)
 
 
 def _is_balanced(state: SymbolicState, name: str, pose: Pose, there: Footing) -> bool:
-    """Whether its centre of mass is over its support polygon; of an unknown one nobody can say."""
+    """True if its centre of mass is over its support polygon; of an unknown one nobody can say."""
     centre = _centre_of_mass(state, name, pose)
     if centre is None:
         return False
@@ -124,8 +123,7 @@ def _is_balanced(state: SymbolicState, name: str, pose: Pose, there: Footing) ->
 
 
 def _centre_of_mass(state: SymbolicState, name: str, pose: Pose) -> tuple[Array, float] | None:
-    """Where it is, seen from above (2,), and m by which it may be elsewhere; None where it is
-    unknown."""
+    """Centre of mass seen from above (2,), and its uncertainty, m; None where it is unknown."""
     body = state.scene.body(name)
     if "com" in body.known:
         return pose.apply(body.known["com"])[:2], 0.0
@@ -137,7 +135,7 @@ def _centre_of_mass(state: SymbolicState, name: str, pose: Pose) -> tuple[Array,
 
 
 def _unstable_carrier(state: SymbolicState, name: str, pose: Pose, there: Footing) -> str | None:
-    """Why one of the objects that carry it would not stay with it on top; None where all do."""
+    """Reason why a carrier of the object would not stay with it on top; None if all would."""
     for owner in _owners(there):
         if owner not in state.scene.objects:
             continue
@@ -150,14 +148,14 @@ def _unstable_carrier(state: SymbolicState, name: str, pose: Pose, there: Footin
 
 
 def slides(before: SymbolicState, after: SymbolicState) -> bool:
-    """Whether a motion from one state to the other drags the held object along its support."""
+    """True if a motion from one state to the other drags the held object along its support."""
     stands = before.holding is not None and not before.lifted and not after.lifted
     return stands and _travel(before, after) > LIFTED and _descent(before, after) <= SUNK
 
 
 def dragged_off(before: SymbolicState, after: SymbolicState) -> str | None:
-    """Why a held object that stands on its support would no longer stand at the end of a motion
-    that does not lift it, in words; None where it would, or is lifted."""
+    """Reason why a held object on its support would no longer stand at the end of a motion that
+    does not lift it; None if it would, or is lifted."""
     held = before.holding
     if held is None or before.lifted or _travel(before, after) <= LIFTED:
         return None
@@ -171,7 +169,7 @@ def dragged_off(before: SymbolicState, after: SymbolicState) -> str | None:
 
 
 def would_fall(state: SymbolicState) -> list[Violation]:
-    """What speaks against opening the fingers: that what they hold would not stay, or nothing."""
+    """Violation of opening the fingers: the held object would not stay."""
     if not state.holding:
         return []
     if not state.lifted:
@@ -203,8 +201,7 @@ def above(state: SymbolicState, expression: str | None) -> str:
 
 
 def would_be_dragged(state: SymbolicState) -> list[Violation]:
-    """What speaks against a joint motion, which is no straight line: a held object on its support,
-    or nothing."""
+    """Violation of a joint motion, which is no straight line, with a held object on its support."""
     if not state.holding or state.lifted:
         return []
     return [

@@ -1,4 +1,4 @@
-"""Where a motion ends: what is believed there, and whether the arm is there."""
+"""End of a motion: believed state, and arrival of the arm."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def at_rest(state: SymbolicState, at: str | None, target: Pose) -> SymbolicState
 
 
 def arrived(blackboard: Blackboard, target: Pose, goal: str) -> str:
-    """How far from its target the arm stands, in words; `goal` is what the plan calls that.
+    """Distance of the arm from its target, in words; `goal` is the plan's name of it.
 
     Raises:
         LeafFailure: too far.
@@ -57,6 +57,6 @@ def arrived(blackboard: Blackboard, target: Pose, goal: str) -> str:
 
 
 def _sagged(blackboard: Blackboard, target: Pose) -> Pose:
-    """Where soft springs let what hangs on the hand pull it."""
+    """Sag of the soft springs under the load."""
     sag = blackboard.load.weight / blackboard.scene.arm.stiffness.translation
     return target.translated((0.0, 0.0, -sag)) if blackboard.state.holding else target

@@ -1,4 +1,4 @@
-"""Where an object balances, found out while a plan runs."""
+"""Balance point of an object, estimated while a plan runs."""
 
 from __future__ import annotations
 

@@ -71,7 +71,7 @@ def reflex_on(of: Reflexes, span: Span, holding: str | None, sets_down: bool) ->
 
 
 def _passed(blackboard: Blackboard, span: Span, left: float) -> bool:
-    """Whether a motion has left a span behind, or has ended."""
+    """True if a motion has left a span behind, or has ended."""
     state = blackboard.robot.state
     length = span.start.distance_to(span.end)
     gone = state.target_world_tcp.distance_to(span.start)

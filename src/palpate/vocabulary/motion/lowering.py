@@ -13,7 +13,7 @@ from palpate.vocabulary.touch import Feeling, feel, guarded, settle
 DOWN = np.array([0.0, 0.0, -1.0])
 """World axes."""
 LOWERINGS = 3
-"""How often an object that its support does not bear yet is lowered further."""
+"""Largest number of times that an object without full support is lowered further."""
 WAVERS = 0.4
 """N by which what is felt at rest changes from one moment to the next."""
 PRESSES = 1.0
@@ -44,8 +44,8 @@ def _press(blackboard: Blackboard, goal: str) -> Steps:
 
 
 def _bears(load: Load, wrench: Array) -> bool:
-    """Whether, at what is felt, a support bears the whole load; a light one is pressed on it, as its
-    weight alone would not be felt."""
+    """True if a support bears the whole load by the measured force; a light load is pressed on it,
+    as its weight alone would not be measurable."""
     if not load.borne(wrench) < 0.0:
         return False
     return load.hanging is None or load.relieved(wrench) > UNFELT + PRESSES

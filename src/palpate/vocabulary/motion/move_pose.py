@@ -117,7 +117,7 @@ class MovePose(Primitive):
             bind(blackboard, name)
 
     def slides(self, state: SymbolicState) -> bool:
-        """Whether this would drag the held object along its support."""
+        """True if this would drag the held object along its support."""
         if state.holding is None or state.lifted:
             return False
         return slides(state, self.effects(state))

@@ -1,4 +1,4 @@
-"""How a held object is dragged along its support: how hard it is pressed, and how fast it goes."""
+"""Sliding of a held object along its support: normal force and speed."""
 
 from __future__ import annotations
 

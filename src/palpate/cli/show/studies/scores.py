@@ -46,7 +46,7 @@ def show_seed_runs(runs: Mapping[str, Sequence[SeedRun]], title: str, as_json: b
 
 
 def _summary_table(runs: Sequence[SeedRun]) -> Table:
-    """Where there is little room, names are broken, never figures."""
+    """Table of the summaries; in a narrow terminal names are broken, never figures."""
     rows = [_summary_cells(row) for row in summarise(runs)]
     table = figure_table(*SUMMARY)
     table.padding = (0, 1, 0, 0)
@@ -90,7 +90,7 @@ def _figure(value: float | None, form: str) -> str:
 
 
 def _endings_text(runs: Sequence[SeedRun]) -> str:
-    """How the runs ended, and what they took."""
+    """Ends of the runs, and their effort."""
     ended = ", ".join(f"{count} {status}" for status, count in _statuses(runs).items())
     return f"{ended}; {runs[0].actions} actions, {_robot_seconds(runs):.1f} s"
 

@@ -1,1 +1,1 @@
-"""What is said to a model and by it: rounds of feedback, a second reader, the record."""
+"""Dialogue with a model: rounds of feedback, a critic, the record."""

@@ -20,7 +20,7 @@ MAX_CONVERSATION = 20 * MAX_BYTES
 
 @dataclass(frozen=True, slots=True)
 class Answer:
-    """What came back for one message.
+    """Answer to one message.
 
     Attributes:
         text: the model's words.
@@ -45,7 +45,7 @@ class Answer:
 
 @dataclass(frozen=True, slots=True)
 class Round:
-    """One message to the model, its answer, and what came of it.
+    """Message to the model, its answer, and the outcome.
 
     Attributes:
         findings: what the check found wrong with it.
@@ -64,7 +64,7 @@ class Round:
 
 @dataclass(frozen=True, slots=True)
 class Critique:
-    """What a second model said of a plan that passed the check.
+    """Remarks of a critic on a plan that passed the check.
 
     Attributes:
         planner: as asked for.
@@ -154,7 +154,7 @@ class Conversation:
         }
 
     def _criticism(self, critique: Critique) -> dict[str, Any]:
-        """What `plan.json` says of a critic."""
+        """Entry of a critic in `plan.json`."""
         reported = "" if critique.answer is None else critique.answer.model
         return {
             "asked": critique.planner,
@@ -165,7 +165,7 @@ class Conversation:
         }
 
     def _heeded(self) -> bool:
-        """Whether the plan changed after an objection."""
+        """True if the plan changed after an objection."""
         objected = False
         for one in self.rounds:
             if objected and one.changed:
@@ -174,7 +174,7 @@ class Conversation:
         return False
 
     def dump(self) -> str:
-        """As JSON text; `load` reads it back."""
+        """Serialise as JSON text; `load` reads it back."""
         return json_text(asdict(self), indent=2) + "\n"
 
     @classmethod
@@ -206,7 +206,7 @@ def read_conversation(path: Path) -> Conversation:
 
 
 def load(path: Path) -> Conversation:
-    """As `read_conversation`, to be replayed.
+    """Load a conversation as `read_conversation`, to be replayed.
 
     Raises:
         InputError: not a conversation, or nothing was answered in it.

@@ -27,7 +27,7 @@ LONGEST_OBJECTION = 1000
 
 @dataclass(slots=True)
 class Critic:
-    """Who is asked, with what the planner was shown; one call is one question."""
+    """Critic: a second model with the planner's prompt; one call is one question."""
 
     endpoint: Endpoint
     budget: Budget
@@ -58,7 +58,7 @@ class Critic:
         return cls(endpoint, settings.budget, message, pictures, conversation)
 
     def __call__(self, plan: Plan) -> str | None:
-        """What it objects to; None for nothing. The conversation keeps what it said."""
+        """Ask the critic; return its objection, or None. The conversation keeps its answer."""
         asked = self.endpoint.name
         folder = resources.files("palpate.planning.model.prompt")
         system = folder.joinpath("critic.md").read_text(encoding="utf-8")
@@ -77,7 +77,7 @@ class Critic:
         return objection or None
 
     def _left(self) -> Budget:
-        """What the dialogue has not used up of its budget."""
+        """Rest of the dialogue's budget."""
         spent = sum(round.answer.seconds for round in self.conversation.rounds)
         return replace(
             self.budget,
@@ -87,7 +87,7 @@ class Critic:
 
 
 def read_objection(text: str) -> str:
-    """What a critic's answer objects to; empty for nothing, or where it is not in the form asked for."""
+    """Parse the objection of a critic's answer; empty for none, or in another form."""
     said = ""
     for found in json_objects(text):
         objection = found.get("objection")

@@ -15,7 +15,7 @@ from palpate.planning.model.dialogue.conversation import Answer, Conversation, R
 from palpate.planning.plan import Plan
 
 FEEDBACK_ROUNDS = 3
-"""How often findings go back to the model."""
+"""Number of times that findings go back to the model."""
 MAX_FINDINGS = 20
 MAX_FINDING = 500
 """Findings in one message, and characters of each."""
@@ -31,7 +31,7 @@ Judge = Callable[[str], tuple[Plan | None, Sequence[str]]]
 """Reads an answer: the plan in it, if any, and what is wrong with it."""
 
 Object = Callable[[Plan], str | None]
-"""What a second reader objects to in a plan that passed the check; None for nothing."""
+"""Objection of a critic to a plan that passed the check; None for none."""
 
 MayGoOn = Callable[[Conversation], str | None]
 """Asked before another round: the reason why there is no budget left, or None."""
@@ -100,7 +100,7 @@ def _reconsidered(
 def _asked(
     conversation: Conversation, message: str, ask: Ask, judge: Judge, before: Plan | None
 ) -> tuple[Plan | None, Sequence[str]]:
-    """One round: the plan that came, if any, and what is wrong with it."""
+    """Do one round: return the plan, if any, and its findings."""
     answer = ask(message)
     plan, findings = judge(answer.text)
     kept = tuple(finding[:MAX_FINDING] for finding in findings)
@@ -111,7 +111,7 @@ def _asked(
 
 
 def differences(before: Plan, after: Plan) -> tuple[str, ...]:
-    """How one plan differs from another, a line each, at most `MAX_CHANGES`."""
+    """Differences between two plans, a line each, at most `MAX_CHANGES`."""
     texts: list[list[str]] = []
     for plan in (before, after):
         promised = [str(parameter) for parameter in plan.parameters]
@@ -126,7 +126,7 @@ def differences(before: Plan, after: Plan) -> tuple[str, ...]:
 
 
 def _is_change(line: str) -> bool:
-    """Whether a line of a unified diff is one that came or went."""
+    """True if a line of a unified diff is one that came or went."""
     return line[:1] in ("-", "+") and line not in ("--- ", "+++ ")
 
 

@@ -36,7 +36,8 @@ if TYPE_CHECKING:
     from palpate.vocabulary.registry import Vocabulary
 
 Style = Literal["full", "lean"]
-"""What the system prompt tells: how things are measured, too, or only what there is and what is safe."""
+"""Style of the system prompt: with measuring procedures (full), or only the scene and the safety
+rules (lean)."""
 SYSTEM_MODULES = {
     "role": "role.md",
     "actions": "actions.md",
@@ -51,7 +52,7 @@ SYSTEM_MODULES = {
 STYLES: tuple[Style, ...] = get_args(Style)
 
 MODULES = (*SYSTEM_MODULES, "image", "text", "all")
-"""What `--without` takes: a module of the system prompt, an input, or all of the system prompt."""
+"""Names for `--without`: a module of the system prompt, an input, or the whole system prompt."""
 
 _COMMENT = re.compile(r"\s*<!--.*?-->", re.DOTALL)
 
@@ -61,7 +62,7 @@ LARGEST_DESCRIPTION = 200_000
 
 @dataclass(frozen=True, slots=True)
 class Prompt:
-    """What is sent: the system prompt, the user's message, and the image files that go with it."""
+    """Prompt: the system prompt, the user's message, and the image files."""
 
     system: str
     user: str
@@ -189,7 +190,7 @@ def _filled(file: str, vocabulary: Vocabulary, style: Style) -> str:
 
 
 def _declared(vocabulary: Vocabulary, style: Style) -> dict[str, str]:
-    """What the primitives, composites, quantities and rules say of themselves, by mark."""
+    """Generated descriptions of primitives, composites, quantities and rules, by mark."""
     general: list[str] = []
     conversion: list[str] = []
     for primitive in vocabulary.primitives.values():
@@ -211,7 +212,7 @@ def _declared(vocabulary: Vocabulary, style: Style) -> dict[str, str]:
 
 
 def _rules(about: str, style: Style) -> str:
-    """What the check asks, a rule a line, each by the name that findings call it."""
+    """Rules of the check, one per line, by the names that findings use."""
     lines: list[str] = []
     for rule in CATALOGUE.values():
         if rule.about == about and not (rule.recipe and style == "lean"):
@@ -220,7 +221,8 @@ def _rules(about: str, style: Style) -> str:
 
 
 def _purposes() -> str:
-    """Which quantities it takes to simulate what, as requests are read without a model."""
+    """Quantities that each purpose of a simulation needs, as for requests that are read without a
+    model."""
     verbs: dict[tuple[str, ...], list[str]] = {}
     for verb, quantities in english().purposes.items():
         verbs.setdefault(quantities, []).append(verb)
@@ -256,7 +258,7 @@ def _quantity_named(quantity: Quantity) -> str:
 
 
 def _quantity_head(quantity: Quantity) -> str:
-    """What it is and of what."""
+    """Name, unit and subject of a quantity."""
     unit = "" if quantity.unit == "1" else f" {quantity.unit}"
     kind = "" if quantity.identifiable else ", not measurable"
     subject = _SUBJECTS.get(quantity.subject, f"a {quantity.subject}")
@@ -352,7 +354,7 @@ def _at(pose: Pose) -> str:
 
 
 def _later(name: str, subject: str) -> str:
-    """What a pose is for that is worked out when it is used."""
+    """Purpose of a pose that is computed when it is used."""
     if name.endswith("_top"):
         return f"above the top of {subject}"
     if name.endswith("_across"):

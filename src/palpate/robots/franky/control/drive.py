@@ -34,7 +34,7 @@ CLIPS = (np.full(3, 0.1), np.full(3, 0.5))
 
 
 class Row(NamedTuple):
-    """One cycle: franky's state, and where the equilibrium was."""
+    """Record of one cycle: franky's state and the equilibrium."""
 
     state: Any
     target: Array
@@ -74,12 +74,12 @@ class Drive:
 
     @property
     def begun(self) -> bool:
-        """Whether a control loop was started, and has not been seen to end."""
+        """True if a control loop was started and has not been seen to end."""
         return self._begun
 
     @property
     def course(self) -> Course | None:
-        """What is followed; None before the first one, and after the arm stopped itself."""
+        """Current course; None before the first one, and after the arm stopped itself."""
         return self._course
 
     @property
@@ -89,7 +89,7 @@ class Drive:
 
     @property
     def moving(self) -> bool:
-        """Whether the course has not come to its end yet."""
+        """True until the course has ended."""
         course = self._course
         return course is not None and course.row(self._clock) < course.last
 

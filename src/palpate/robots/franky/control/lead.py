@@ -84,16 +84,16 @@ class Lead:
         return course
 
     def begin(self) -> tuple[Motion, Array]:
-        """Where a Cartesian motion would begin now."""
+        """Return the start of a Cartesian motion now."""
         return self._pose_motion(self._drive.course, self._drive.clock)
 
     def inertia(self) -> Inertia:
-        """What the springs move."""
+        """Inertia that the springs act on."""
         q = self._readout.q
         return Inertia.of(self._nominal.mass_matrix(q), self._readout.jacobian)
 
     def _joint_motion(self, before: Course | None, clock: float) -> Motion:
-        """Where a joint motion begins: on the present one, or where the joints' springs pull as the
+        """Return the start of a joint motion: on the present one, or where the joints' springs pull as the
         TCP's do now."""
         if before is not None and isinstance(before.path, Path):
             return before.path.at(clock)
@@ -103,7 +103,7 @@ class Lead:
         return Motion(leading, rate, np.zeros(7))
 
     def _pose_motion(self, before: Course | None, clock: float) -> tuple[Motion, Array]:
-        """Where a Cartesian motion begins: on the present one, or where the TCP's springs pull as
+        """Return the start of a Cartesian motion: on the present one, or where the TCP's springs pull as
         the joints' do now."""
         if before is not None and isinstance(before.path, PosePath):
             return before.path.motion(clock), before.path.pose(clock).quaternion

@@ -150,8 +150,8 @@ class Gaps:
 
 @cache
 def _low_pass(count: int, keep: float) -> tuple[Array, Array]:
-    """What each of `count` inputs does to each output (count, count), and what is left of the
-    state before (count,)."""
+    """Response of each output to each of `count` inputs (count, count), and to the state before
+    (count,)."""
     ages = np.subtract.outer(np.arange(count), np.arange(count))
     response = np.where(ages >= 0, (1.0 - keep) * keep ** np.maximum(ages, 0), 0.0)
     return response, keep ** np.arange(1.0, count + 1)

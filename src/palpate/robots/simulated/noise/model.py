@@ -79,13 +79,13 @@ class Ripple(Section):
 
 
 class EncoderRipple(Ripple):
-    """As `Ripple`, rad."""
+    """Ripple of the encoders, as `Ripple`, rad."""
 
     cycles: Level = 64.0
 
 
 class Torque(Section):
-    """What the joint torque sensors say of the true link-side torque; N m."""
+    """Errors of the joint torque sensors against the true link-side torque; N m."""
 
     white: Levels = NONE
     flicker: Flicker = Flicker()
@@ -150,7 +150,7 @@ class Model(Section):
 
 
 class PoseErrors(Section):
-    """What the encoders say: m, rad."""
+    """Errors of the encoders: m, rad."""
 
     repeatability: Vector = nothing(AXES)
     resettling: Positive = 2e-2
@@ -175,7 +175,7 @@ class Dropped(Section):
 
 
 class Acquisition(Section):
-    """What happens to samples on the way, whatever they say."""
+    """Errors of the data acquisition, independent of the samples' values."""
 
     outliers: Outliers = Outliers()
     dropped: Dropped = Dropped()
@@ -192,13 +192,13 @@ class Vibration(Section):
 
 
 class Environment(Section):
-    """What is around the arm."""
+    """Disturbances from the arm's surroundings."""
 
     vibration: Vibration = Vibration()
 
 
 class NoiseModel(Section):
-    """How a real arm differs from its nominal model, and what its owner is told of it.
+    """Deviations of a real arm from its nominal model, and the accuracy stated to its owner.
 
     Attributes:
         name: what report and result call it.

@@ -48,7 +48,7 @@ class NoiseModels:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """What `--noise` takes besides a file."""
+        """Names that `--noise` takes in place of a file."""
         return (*OWN, *self.brought)
 
     def load(self, name_or_path: str, arm: RobotDescription | None = None) -> NoiseModel:
@@ -71,8 +71,8 @@ class NoiseModels:
         self.load(name_or_path)
 
     def title(self, name_or_path: str) -> str:
-        """What report and result call a model: its own name, or that of its file where this is
-        gone."""
+        """Return a model's title in report and result: its name, or its file's if that cannot be
+        read."""
         try:
             return self.load(name_or_path).name
         except InputError:
@@ -80,7 +80,7 @@ class NoiseModels:
 
 
 def means_file(name_or_path: str) -> bool:
-    """Whether a file is meant, be it there or not: what has a folder or an ending is no name."""
+    """Test if the text is a file's path, by its folder or ending; the file need not exist."""
     path = Path(name_or_path)
     return path.suffix in (".yaml", ".yml") or len(path.parts) > 1
 
@@ -93,7 +93,7 @@ def _validated(content: Content, where: str) -> NoiseModel:
 
 
 def _own(name: str, arm: RobotDescription) -> Content:
-    """What palpate's own file says of an FR3, in proportion to what the arm's description states."""
+    """palpate's own noise model of an FR3, scaled by what the arm's description states."""
     path = Path(__file__).with_name(f"{name}.yaml")
     content = _merged({}, _read(path, path.stat().st_mtime_ns))
     below = content.pop("extends", None)
@@ -103,7 +103,7 @@ def _own(name: str, arm: RobotDescription) -> Content:
 
 
 def _file(path: Path, arm: RobotDescription, chain: tuple[Path, ...] = ()) -> Content:
-    """What a file says, completed by the model that it extends."""
+    """Read a file, completed with the model that it extends."""
     if path.resolve() in chain or len(chain) >= MOST_BASES:
         raise InputError(f"{path}: extends itself, or more than {MOST_BASES} others one by one")
     content = _merged({"name": path.stem}, _content(path))

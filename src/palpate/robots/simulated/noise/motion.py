@@ -1,4 +1,4 @@
-"""What an arm did in a run of log periods, as its sensors live through it."""
+"""Motion of an arm over consecutive log periods, as input of the sensor models."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
-"""What every rest of the arm leaves anew: a torque that sticks in the joints, and where the TCP
-really came to stand."""
+"""Errors drawn at every rest of the arm: a torque that sticks in the joints, and the TCP's
+true resting position."""
 
 from __future__ import annotations
 

@@ -69,7 +69,7 @@ class Sensors:
         self._zero = shown + self._wander.now - nominal - self._wander.left
 
     def measure(self, torque: Array, motion: Motion) -> Measured:
-        """What is measured of the true mean torques (n, 7) behind the gears, N m."""
+        """Simulate the measurement of the true mean torques (n, 7) behind the gears, N m."""
         torque = torque.copy()
         if self._shaking is not None:
             self._shaking.add(torque)

@@ -20,7 +20,7 @@ SHARE = 0.3
 
 
 class Truth:
-    """One robot's own deviations from the nominal model, and how they go into a world.
+    """Deviations of an individual robot from the nominal model, applied to a world.
 
     Attributes:
         askew: whether the TCP may be elsewhere than the encoders say, or another weight be held up
@@ -33,7 +33,7 @@ class Truth:
         self.askew = any(drawn.any for drawn in (*geometry, model.link_length, model.gravity))
 
     def base(self, pose_world_base: Pose) -> Pose:
-        """Where the base really stands."""
+        """True pose of the base."""
         model, streams = self._model, self._streams
         away = model.base_position.draw(streams("model.base_position"))
         tilt = model.base_tilt.draw(streams("model.base_tilt"))

@@ -1,4 +1,4 @@
-"""What stands behind the keys of a noise model: levels, and sizes that values are drawn from.
+"""Values of the keys of a noise model: levels, and sizes that values are drawn from.
 
 A scalar stands for all seven joints, or for all axes. A drawn size may be written
 `{fixed: value}`: then it is that very value for every seed.
@@ -38,11 +38,11 @@ class Drawn:
 
     @property
     def any(self) -> bool:
-        """Whether it is ever anything but zero."""
+        """Test if it can be non-zero."""
         return bool(np.any(self.size if self.fixed is None else self.fixed))
 
     def draw(self, random: np.random.Generator) -> Array:
-        """One value, in the shape of its size."""
+        """Draw a value, in the shape of its size."""
         if self.fixed is not None:
             return self.fixed.copy()
         if self.law == "uniform":
@@ -55,7 +55,7 @@ class Drawn:
         return self.size * drawn
 
     def number(self, random: np.random.Generator) -> float:
-        """One value that is a single number."""
+        """Draw a scalar value."""
         return float(self.draw(random)[()])
 
 
@@ -64,7 +64,7 @@ LAST_BYTE = 255
 
 
 class Streams:
-    """One stream of random numbers for each key of a noise model, by its name (`torque.white`): a
+    """Separate stream of random numbers for each key of a noise model, by its name (`torque.white`): a
     change of one reshuffles no other."""
 
     def __init__(self, seed: int, visit: int = 0) -> None:
@@ -157,7 +157,7 @@ def _drawn(shape: Shape, law: Law) -> Callable[[Any], Drawn]:
 
 
 def nothing(shape: Shape = (), law: Law = "normal") -> Drawn:
-    """What is always zero."""
+    """Level that is always zero."""
     return Drawn(law, np.zeros(shape))
 
 
@@ -167,7 +167,7 @@ NONE = np.zeros(JOINTS)
 """A level of no joint."""
 
 Levels = Annotated[np.ndarray, PlainValidator(_sizes(Seven))]
-"""One level a joint."""
+"""Levels, one per joint."""
 Ranges = Annotated[np.ndarray, PlainValidator(_sizes(Seven, infinite=True))]
 
 Number = Annotated[Drawn, PlainValidator(_drawn((), "normal"))]

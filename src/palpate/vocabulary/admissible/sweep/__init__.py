@@ -1,4 +1,4 @@
-"""What a motion of the arm, the hand and what it holds comes near, and where.
+"""Exact sweep: minimum distances of the arm, the hand and the held object on a motion.
 
 The way is looked at in moments. Between two of them no shape travels farther than its middle plus
 its radius times the turn; so where two shapes are farther apart at both than what they travel, they

@@ -44,7 +44,7 @@ class Cluster:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Frames:
-    """Where shapes are at each of n moments: positions (n, k, 3) and rotations (n, k, 3, 3)."""
+    """Poses of shapes at n moments: positions (n, k, 3) and rotations (n, k, 3, 3)."""
 
     positions: Array
     rotations: Array
@@ -64,6 +64,6 @@ class Frames:
         )
 
     def at(self, moment: int) -> Frames:
-        """That moment alone."""
+        """Poses at a single moment."""
         one = slice(moment, moment + 1)
         return Frames(self.positions[one], self.rotations[one])

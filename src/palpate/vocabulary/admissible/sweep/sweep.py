@@ -19,7 +19,7 @@ FINEST = 0.002
 SLACK = 0.001
 """m that what is near at the start may come nearer: joints and lines are followed to that."""
 CURVED = 1.02
-"""What a shape travels between two moments, over its chord: no joint turns by more than 0.1 rad."""
+"""Arc length of a shape between two moments over its chord: no joint turns by more than 0.1 rad."""
 Pairs = NDArray[np.intp]
 
 
@@ -56,7 +56,7 @@ class Hit:
 
     @property
     def place(self) -> str:
-        """Where, in words."""
+        """Place of the contact, in words."""
         x, y, z = self.where
         return f"({x:.3f}, {y:.3f}, {z:.3f}) m"
 
@@ -226,7 +226,7 @@ class Sweep:
     def _search(
         self, low: Moment, high: Moment, pairs: list[int], margins: Array
     ) -> Iterator[tuple[int, Moment]]:
-        """Which of the pairs come too near between two moments, and when."""
+        """Pairs that come too near between two moments, with the time."""
         travels = self._travel(
             np.concatenate([low.frames.positions, high.frames.positions]),
             np.concatenate([low.frames.rotations, high.frames.rotations]),

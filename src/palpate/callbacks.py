@@ -1,4 +1,4 @@
-"""Who hears of a run while it grows, and who is asked: one value that is handed from stage to stage."""
+"""Callbacks of a run: progress and confirmation, passed on from stage to stage."""
 
 from __future__ import annotations
 
@@ -36,15 +36,15 @@ def unheard(_: Run) -> None:
 
 
 @dataclass(frozen=True, slots=True)
-class Audience:
-    """Whom a run tells how far it is, and whom it asks before it goes on; by default nobody.
+class RunCallbacks:
+    """Callbacks of a run: progress and confirmation. By default nothing is shown or asked.
 
     Attributes:
-        observer: watches every tick of the execution.
-        progress: told which stage begins.
-        may_move: shown the run before a real robot moves; whether it may.
-        may_resume: told what stopped a real robot; whether it may go on.
-        measured: shown the run as soon as its values are final.
+        observer: called at every tick of the execution.
+        progress: called with the name of the stage that begins.
+        may_move: called with the run before a real robot moves; True lets it move.
+        may_resume: called with the reason why a real robot stopped; True lets it go on.
+        measured: called with the run as soon as its values are final.
     """
 
     observer: Observer | None = None
@@ -53,13 +53,13 @@ class Audience:
     may_resume: Resume = nobody
     measured: Measured = unheard
 
-    def unfailing(self) -> Audience:
-        """The same, but who is only told may fail, e.g. on a terminal that is gone: no stage does."""
+    def unfailing(self) -> RunCallbacks:
+        """The same, with failures of `progress` and `measured` ignored, e.g. on a closed terminal."""
         return replace(self, progress=_unfailing(self.progress), measured=_unfailing(self.measured))
 
 
-SILENT = Audience()
-"""Nobody hears of the run, and nobody is asked."""
+SILENT = RunCallbacks()
+"""Callbacks that show and ask nothing."""
 
 
 def _unfailing(tell: Callable[[T], None]) -> Callable[[T], None]:

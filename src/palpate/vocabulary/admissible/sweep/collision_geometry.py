@@ -1,4 +1,4 @@
-"""What moves with the hand, what bends with the arm, and what stands beside their way."""
+"""Collision geometry of a sweep: moving with the hand, moving with the arm's links, and static."""
 
 from __future__ import annotations
 
@@ -31,13 +31,13 @@ SPACING = 0.01
 
 def hand_sweep(state: SymbolicState, way: Way) -> Sweep:
     """The hand, its fingers and the load along a way, among everything that is not held."""
-    return _Crowd.of(state).sweep(way)
+    return CollisionGeometry.of(state).sweep(way)
 
 
 def arm_sweep(state: SymbolicState, way: Way, higher: Mapping[str, float] = NOTHING) -> Sweep:
     """The whole arm with hand and load along a way that says how it is bent, among everything that
     is not held and its own links; some objects may be `higher` by so many m."""
-    return _Crowd.of(state, higher).sweep(way, with_links=True)
+    return CollisionGeometry.of(state, higher).sweep(way, with_links=True)
 
 
 def near_spans(
@@ -64,8 +64,8 @@ def opening(state: SymbolicState) -> float:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Crowd:
-    """What moves with the hand, what bends with the arm, and what stands."""
+class CollisionGeometry:
+    """Collision geometry: moving with the hand, moving with the arm's links, and static."""
 
     solids: Solids
     carried: tuple[tuple[Part, Shape], ...]
@@ -74,7 +74,7 @@ class _Crowd:
     there: Frames
 
     @classmethod
-    def of(cls, state: SymbolicState, higher: Mapping[str, float] = NOTHING) -> _Crowd:
+    def of(cls, state: SymbolicState, higher: Mapping[str, float] = NOTHING) -> CollisionGeometry:
         """Everything, as it is in a state."""
         shapes = solids(state.scene)
         links = [(Part(g, LINK, shapes.owners[g]), joint) for g, joint in shapes.links.items()]
@@ -137,7 +137,7 @@ class _Crowd:
 def _standing(
     shapes: Solids, state: SymbolicState, higher: Mapping[str, float]
 ) -> tuple[tuple[Part, ...], Frames]:
-    """What is not held, and where it is."""
+    """Static geometry with its poses."""
     standing = [Part(shape.geom, "", shapes.owners[shape.geom]) for shape in shapes.fixed]
     there = [shapes.standing]
     for name in state.scene.objects:
