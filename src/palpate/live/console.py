@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from typing import Any
 
 from rich.console import Console, ConsoleOptions, RenderableType
 from rich.segment import Segment
@@ -19,6 +20,11 @@ class SafeConsole(Console):
     Rich's own commands are segments of a kind of their own and stay; every piece of text passes
     here on its way to the terminal, be it in a table, a tree or a line.
     """
+
+    def print(self, *objects: Any, soft_wrap: bool | None = None, **options: Any) -> None:
+        """See `rich.console.Console.print`; `soft_wrap` holds where nobody reads lines at a width."""
+        # On a terminal lines break between words; in a file or a pipe each stays one line.
+        super().print(*objects, soft_wrap=soft_wrap and not self.is_terminal, **options)
 
     def render(
         self, renderable: RenderableType, options: ConsoleOptions | None = None

@@ -174,7 +174,9 @@ def show_ended(run: Run, as_json: bool, values_shown: bool = False) -> int:
     if run.interrupted is not None:
         say(f"{run.interrupted}{kept}: `palpate report` finishes it")
     elif run.status == "aborted" and run.execution is not None:
-        say(f"stopped: {run.execution.stopped_by}{kept}")
+        # The table above has the reason already.
+        why = f": {run.execution.stopped_by}" if as_json else ""
+        say(f"stopped{why}{kept}")
     return EXIT[run.status]
 
 

@@ -187,8 +187,9 @@ class Backchainer:
                 return
             operators = self._operators(parameter.object, expressions)
             blocked = blocked or obstacle(self.state, operators)
-        why = self._mute(parameter) or self._hindrance or blocked
-        raise PlanRejected(f"no sequence of primitives measures {parameter}{why}")
+        if found := (self._hindrance or blocked).removeprefix(": "):
+            raise PlanRejected(found)
+        raise PlanRejected(f"no sequence of primitives measures {parameter}{self._mute(parameter)}")
 
     def _recorded(self, parameter: Parameter, expressions: Sequence[str]) -> bool:
         """Acquire one more piece of evidence at some of these places, if there is a path."""
