@@ -59,10 +59,13 @@ def table(caption: str, headings: Sequence[str], rows: Iterable[Sequence[str]]) 
 
 def text_table(headings: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     """Lines of a table in columns, two spaces apart."""
-    lines = [headings, *rows]
-    widths = [max(len(cell) for cell in column) for column in zip(*lines, strict=True)]
-    padded = ["  ".join(c.ljust(w) for c, w in zip(line, widths, strict=True)) for line in lines]
-    return "\n".join(line.rstrip() for line in padded)
+    table = [headings, *rows]
+    widths = [max(map(len, column)) for column in zip(*table, strict=True)]
+    lines: list[str] = []
+    for row in table:
+        cells = (cell.ljust(width) for cell, width in zip(row, widths, strict=True))
+        lines.append("  ".join(cells).rstrip())
+    return "\n".join(lines)
 
 
 def _row(tag: str, cells: Sequence[str]) -> str:

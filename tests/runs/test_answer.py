@@ -14,6 +14,9 @@ SHELF = """<mujoco><worldbody>
   <geom name="shelf" type="box" size=".3 .4 .1" pos=".5 0 .1"/>
   <body name="novel" pos=".5 .15 .23"><freejoint/><geom type="box" size=".03 .03 .03"/></body>
   <body name="glass" pos=".5 -.15 .25"><freejoint/><geom type="cylinder" size=".03 .05"/></body>
+  <body name="red_can" pos=".6 .2 .23"><freejoint/><geom type="box" size=".03 .03 .03"/></body>
+  <body name="green_can" pos=".6 -.2 .23"><freejoint/><geom type="box" size=".03 .03 .03"/></body>
+  <body name="block" pos=".6 0 .23"><freejoint/><geom type="box" size=".03 .03 .03" mass=".4"/></body>
   <body name="brick" pos=".4 0 .23"><freejoint/><geom type="box" size=".03 .03 .03" mass=".5"/></body>
 </worldbody></mujoco>"""
 
@@ -59,3 +62,26 @@ def test_what_is_too_close_or_not_identified_stays_open() -> None:
 
 def test_a_request_that_compares_nothing_has_no_answer() -> None:
     assert answer(run_with("the masses", novel=0.166, glass=0.151)) is None
+
+
+@pytest.mark.parametrize(
+    ("request_", "said"),
+    [
+        ("Is the red can heavier than the green can?", "no: green_can"),
+        ("Is the green can heavier than the red can?", "yes: green_can"),
+        ("Is it heavier than the red can?", "green_can: green_can"),
+        ("I need the mass of the heavier can", "green_can: green_can"),
+    ],
+)
+def test_yes_and_no_are_said_of_questions_that_name_both_sides(request_: str, said: str) -> None:
+    found = answer(run_with(request_, red_can=0.2, green_can=0.3))
+    assert found is not None
+    assert found.startswith(said)
+
+
+def test_values_that_the_scene_states_are_compared_with_measured_ones_alone() -> None:
+    request = "Is the brick heavier than the block, and how heavy is the novel?"
+    assert str(answer(run_with(request, novel=0.1))).startswith(
+        "brick: brick 0.5 against block 0.4"
+    )
+    assert answer(run_with("Is the brick heavier than the block?")) is None

@@ -88,7 +88,7 @@ class Session:
 
 def _in_the_way(findings: Sequence[Finding]) -> str:
     """Word the first finding as an error, without its advice for authors of plans."""
-    what = findings[0].message.partition(";")[0]
+    what = findings[0].violation.finding
     often = (
         "" if len(findings) == 1 else f" ({len(findings)} motions of the calibration are refused)"
     )

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Any
 
 from rich.console import Console, ConsoleOptions, RenderableType
 from rich.segment import Segment
@@ -21,10 +20,10 @@ class SafeConsole(Console):
     here on its way to the terminal, be it in a table, a tree or a line.
     """
 
-    def print(self, *objects: Any, soft_wrap: bool | None = None, **options: Any) -> None:
-        """See `rich.console.Console.print`; `soft_wrap` holds where nobody reads lines at a width."""
-        # On a terminal lines break between words; in a file or a pipe each stays one line.
-        super().print(*objects, soft_wrap=soft_wrap and not self.is_terminal, **options)
+    def prose(self, *markup: str) -> None:
+        """Print a sentence: on a terminal its lines break between words, elsewhere it is one line. What
+        is copied (a command, a path, an address) is printed with `soft_wrap` instead."""
+        self.print(*markup, soft_wrap=not self.is_terminal)
 
     def render(
         self, renderable: RenderableType, options: ConsoleOptions | None = None

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from palpate.mjcf.body import BodyDescription
 from palpate.mjcf.inertial.stated import mass_of
+from palpate.mjcf.shapes import RESTING
 
 NEGLIGIBLE = 0.01
 """Of an object's weight: about what a mass is measured to."""
@@ -22,9 +23,6 @@ CANCELLING = 0.05
 
 LIFTING = 0.1
 """m/s at which things are carried."""
-
-RESTING = 0.005
-"""m between an object's lowest point and the top of the surface that it stands on, at most."""
 
 FRICTIONAL = 3
 """The least `condim` of a contact with friction."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -20,6 +20,8 @@ LESS: Collection[str] = (
     *("thinnest", "softer", "softest", "springier", "slipperier", "slipperiest"),
 )
 """Comparing words that ask for the smaller value."""
+ASKING = ("is", "are", "does", "do", "was", "were", "will", "would")
+"""First words of a question that is answered by yes or no."""
 CERTAIN = 1e-6
 """Probabilities below this are not told apart."""
 UNCERTAIN = 0.05
@@ -41,14 +43,16 @@ class _Compared:
 
 
 def answer(run: Run) -> str | None:
-    """The answer to a comparing question, by the identified estimates; None where the request, in
-    English, compares nothing. Values that the scene states are taken as exact."""
-    asked = re.findall(r"[a-z]+", (run.settings.request or "").lower())
+    """The answer to a comparing request in English, by the identified estimates; None where it
+    compares nothing that was measured. Values that the scene states are taken as exact."""
+    asked = _words(run.settings.request or "")
     word = next((word for word in asked if word in english().compared), None)
-    if word is None or not run.estimates:
+    if word is None:
         return None
     quantity = english().compared[word]
     estimates = [each for each in run.estimates if each.parameter.quantity == quantity]
+    if not estimates:
+        return None
     if unknown := [each.parameter.object for each in estimates if not each.identified]:
         return f"open: the {quantity} of {' and '.join(unknown)} is not identified"
     compared = [_Compared(e.parameter.object, float(e), e) for e in estimates if len(e.values) == 1]
@@ -56,45 +60,72 @@ def answer(run: Run) -> str | None:
     if len(compared) < 2:
         return None
     compared.sort(key=lambda each: each.value, reverse=word not in LESS)
+    return _worded(compared, asked, estimates[0].unit)
+
+
+def _worded(compared: Sequence[_Compared], asked: Sequence[str], unit: str) -> str:
+    """The answer by the first two of the objects in order."""
     first, second = compared[:2]
-    unit = estimates[0].unit
     figures = f"{first.name} {first} against {second.name} {second}" + (f" {unit}" * (unit != "1"))
     chance = _chance(first, second)
     if chance > UNCERTAIN:
         return f"open: {figures}, too close to tell (p {chance:.2g})"
     certain = f"{figures} (p {chance:.1g})" if chance > CERTAIN else f"{figures} (p < {CERTAIN:g})"
-    if word in english().superlatives or len(compared) > 2:
+    subject = _subject(compared, asked)
+    if subject is None:
         return f"{first.name}: {certain}"
-    return f"{'yes' if _subject(asked, compared) == first.name else 'no'}: {certain}"
+    return f"{'yes' if subject == first.name else 'no'}: {certain}"
 
 
-def _stated(run: Run, quantity: str, asked: list[str]) -> list[_Compared]:
-    """Objects of the request whose value the scene states."""
+def _stated(run: Run, quantity: str, asked: Sequence[str]) -> list[_Compared]:
+    """Objects named in the request whose value the scene states."""
     measured = {estimate.parameter.object for estimate in run.estimates}
     found: list[_Compared] = []
     for name, body in run.scene.bodies.items():
         known = body.known.get(quantity)
-        if known is not None and name not in measured and _place(name, asked) < len(asked):
+        if known is not None and name not in measured and _place(name, asked) is not None:
             found.append(_Compared(name, known[0], None))
     return found
 
 
-def _subject(asked: list[str], compared: list[_Compared]) -> str:
-    """The object that the request names first: that of "is the novel heavier than the glass?"."""
-    return min((each.name for each in compared), key=lambda name: _place(name, asked))
+def _subject(compared: Sequence[_Compared], asked: Sequence[str]) -> str | None:
+    """The object before "than" in a question about two; None in other requests, or where a name does
+    not stand there in full, so that the sides are not certain."""
+    places = {each.name: _place(each.name, asked) for each in compared}
+    than = asked.index("than") if "than" in asked and asked[0] in ASKING else None
+    if than is None or len(compared) > 2:
+        return None
+    before = [name for name, place in places.items() if place is not None and place < than]
+    after = [name for name, place in places.items() if place is not None and place > than]
+    return before[0] if len(before) == len(after) == 1 else None
 
 
-def _place(name: str, asked: list[str]) -> int:
-    """Index of the last word of an object's name among the words of the request."""
-    last = re.findall(r"[a-z]+", name.lower())[-1:]
-    return asked.index(last[0]) if last and last[0] in asked else len(asked)
+def _place(name: str, asked: Sequence[str]) -> int | None:
+    """Index of an object's name among the words of the request; None where it is not there in full."""
+    parts = _words(name)
+    for i in range(len(asked) - len(parts) + 1):
+        if parts and list(asked[i : i + len(parts)]) == parts:
+            return i
+    return None
+
+
+def _words(text: str) -> list[str]:
+    return re.findall(r"[a-z0-9]+", text.lower())
 
 
 def _chance(first: _Compared, second: _Compared) -> float:
     """Probability that the order is the opposite; what both estimates share does not count."""
-    if first.estimate is not None and second.estimate is not None:
-        sources = [Source("", "this arm", one) for one in (first.estimate, second.estimate)]
-        std = float(difference(*sources)[1][0])
-    else:
-        std = max(float(one.estimate.stds[0]) for one in (first, second) if one.estimate)
-    return 0.5 * math.erfc(abs(first.value - second.value) / (std * math.sqrt(2.0)))
+    apart = abs(first.value - second.value)
+    std = _std(first, second)
+    if std == 0.0:
+        return 0.0 if apart > 0.0 else 0.5
+    return 0.5 * math.erfc(apart / (std * math.sqrt(2.0)))
+
+
+def _std(first: _Compared, second: _Compared) -> float:
+    """Standard deviation of the difference."""
+    estimates = [each.estimate for each in (first, second) if each.estimate is not None]
+    if len(estimates) == 2:
+        sources = [Source("", "this arm", estimate) for estimate in estimates]
+        return float(difference(*sources)[1][0])
+    return max((float(estimate.stds[0]) for estimate in estimates), default=0.0)

@@ -202,7 +202,7 @@ class Run:
             return f"its plan did not pass the check ({self.findings[0].message})"
         if self.execution is not None and self.execution.stopped_by:
             return f"it was stopped ({self.execution.stopped_by})"
-        return f"it is {self.status}, or was made anew from its estimates"
+        return f"its status is {self.status}; estimates that are made again bring no twin"
 
     @cached_property
     def trace_if_any(self) -> Trace | None:

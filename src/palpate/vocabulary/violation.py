@@ -20,5 +20,10 @@ class Violation:
     rule: str
     message: str
 
+    @property
+    def finding(self) -> str:
+        """The message without its advice, which is for the author of a plan."""
+        return self.message.partition(";")[0]
+
     def __str__(self) -> str:
         return self.message

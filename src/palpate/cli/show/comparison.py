@@ -47,7 +47,7 @@ def show_comparison(comparison: Comparison, as_json: bool) -> None:
             "[dim]Differences are from the first run; what runs share is not in their std.[/]"
         )
     for remark in comparison.remarks:
-        out.print(f"[yellow]note[/] {escape(remark)}", soft_wrap=True)
+        out.prose(f"[yellow]note[/] {escape(remark)}")
 
 
 def _all(comparison: Comparison) -> list[Row]:

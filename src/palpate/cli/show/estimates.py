@@ -46,14 +46,14 @@ def show_objection(estimate: Estimate) -> None:
     name = escape(str(estimate.parameter))
     if estimate.contradiction:
         said = escape(estimate.contradiction)
-        out.print(f"[bold red]contradicted[/] {name}: {said}", soft_wrap=True)
+        out.prose(f"[bold red]contradicted[/] {name}: {said}")
     elif not estimate.has_value:
         said = escape(estimate.method)
-        out.print(f"[bold red]not identified[/] {name}: {said}", soft_wrap=True)
+        out.prose(f"[bold red]not identified[/] {name}: {said}")
     elif estimate.identified and estimate.unseen:
         axes = axes_of(len(estimate.values))
         parts = " and ".join(axes[place] for place in estimate.unseen)
-        out.print(f"[yellow]prior-dominated[/] {name} {parts}: {UNSEEN}", soft_wrap=True)
+        out.prose(f"[yellow]prior-dominated[/] {name} {parts}: {UNSEEN}")
 
 
 def estimate_rows(estimate: Estimate) -> list[list[str]]:

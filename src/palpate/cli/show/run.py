@@ -133,10 +133,9 @@ def _confirmed(question: str) -> bool:
 def warn_of_invented(settings: Settings) -> None:
     """Say first of all where what will be measured is made up."""
     if settings.world is None and settings.robot is None and settings.scene is not None:
-        err.print(
+        err.prose(
             "[bold yellow]simulated[/] without --robot or --world: what the scene does not know is drawn at "
             f"random (--seed {settings.seed}), and then measured. No value below is one of a real thing.",
-            soft_wrap=True,
         )
 
 
@@ -212,9 +211,8 @@ def _show_rejection(run: Run) -> None:
 def _explain_live(run: Run) -> None:
     """Explain the difference between live values and the table."""
     if run.trace_if_any is not None and run.trace_if_any.conversions:
-        out.print(
+        out.prose(
             "[dim]Final values use the whole recording; live values used the part recorded so far.[/]",
-            soft_wrap=True,
         )
 
 
@@ -222,13 +220,11 @@ def _show_measured(run: Run) -> None:
     if run.estimates:
         show_estimates(run.estimates, run.truth)
     elif not run.plan.parameters:
-        out.print(
-            "[bold]nothing was to be estimated[/]:", escape(run.plan.explanation), soft_wrap=True
-        )
+        out.prose("[bold]nothing was to be estimated[/]:", escape(run.plan.explanation))
     else:
         out.print("[bold red]no estimates[/]: the run ended before any was made")
     if answered := answer(run):
-        out.print(f"[bold]answer[/] {escape(answered)}", soft_wrap=True)
+        out.prose(f"[bold]answer[/] {escape(answered)}")
     for estimate in run.estimates:
         _show_precision(run, estimate)
     _show_held_out(run)
@@ -241,10 +237,9 @@ def _show_held_out(run: Run) -> None:
     agreeing = [motion for motion in run.held_out.motions if motion.agrees]
     if len(agreeing) > MANY_MOTIONS:
         worst = max(motion.rms for motion in agreeing)
-        out.print(
+        out.prose(
             f"[green]validation agrees[/] {len(agreeing)} motions, after what they show was measured: predicted to "
             f"{significant(1e3 * worst, 2)} mN·m or better",
-            soft_wrap=True,
         )
     for motion in run.held_out.motions:
         if motion.agrees and len(agreeing) > MANY_MOTIONS:
@@ -254,9 +249,9 @@ def _show_held_out(run: Run) -> None:
             said += f". {motion.disagreement}"
         if not motion.agrees:
             heading = "[bold red]validation disagrees[/]"
-        out.print(f"{heading} {escape(said)}", soft_wrap=True)
+        out.prose(f"{heading} {escape(said)}")
     for note in run.held_out.notes:
-        out.print(f"[dim]not validated[/] {escape(note)}", soft_wrap=True)
+        out.prose(f"[dim]not validated[/] {escape(note)}")
 
 
 def _prediction(motion: Motion) -> str:
@@ -273,24 +268,24 @@ def _show_precision(run: Run, estimate: Estimate) -> None:
     if precision is not None:
         colour = "yellow" if precision.outcome == "rounds used up" else "green"
         name, said = escape(str(estimate.parameter)), escape(precision.in_words(estimate.unit))
-        out.print(f"[{colour}]{precision.outcome}[/] {name}: {said}", soft_wrap=True)
+        out.prose(f"[{colour}]{precision.outcome}[/] {name}: {said}")
 
 
 def _show_setbacks(run: Run) -> None:
     assert run.execution is not None
     for setback in run.execution.setbacks:
-        out.print(f"[yellow]went on after[/] {escape(setback)}", soft_wrap=True)
+        out.prose(f"[yellow]went on after[/] {escape(setback)}")
     if run.execution.stopped_by:
-        out.print(f"[bold red]stopped[/] {escape(run.execution.stopped_by)}", soft_wrap=True)
+        out.prose(f"[bold red]stopped[/] {escape(run.execution.stopped_by)}")
 
 
 def _show_world(run: Run) -> None:
     """Values that nothing real stands behind look no different: it is said."""
     if run.simulated and run.world is not None:
         where = escape(run.world.removeprefix("simulated").strip())
-        out.print(f"[bold yellow]simulated[/] {where}", soft_wrap=True)
+        out.prose(f"[bold yellow]simulated[/] {where}")
     if run.drawn:
-        out.print("[bold yellow]made up[/] no value above is one of a real thing", soft_wrap=True)
+        out.prose("[bold yellow]made up[/] no value above is one of a real thing")
 
 
 def _show_files(run: Run) -> None:
@@ -301,4 +296,4 @@ def _show_files(run: Run) -> None:
         out.print(f"[dim]report[/]      {run.folder / 'report.html'}", soft_wrap=True)
     possible, remedy = pictures()
     if not possible:
-        out.print(f"[dim]no pictures[/] {escape(remedy)}", soft_wrap=True)
+        out.prose(f"[dim]no pictures[/] {escape(remedy)}")

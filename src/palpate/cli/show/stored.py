@@ -32,9 +32,9 @@ def show_fusion(fusion: Fusion, as_json: bool) -> None:
     for estimate in fusion.estimates:
         show_objection(estimate)
     for line in fusion.left_out:
-        out.print(f"[yellow]left out[/] {escape(line)}", soft_wrap=True)
+        out.prose(f"[yellow]left out[/] {escape(line)}")
     for note in fusion.twin.notes:
-        out.print(f"[dim]note[/] {escape(note)}", soft_wrap=True)
+        out.prose(f"[dim]note[/] {escape(note)}")
     if fusion.folder is not None:
         out.print(f"[dim]twin[/] {fusion.folder / 'twin.xml'}", soft_wrap=True)
 
@@ -58,5 +58,5 @@ def show_export(run: Run, export: Export, as_json: bool) -> None:
     else:
         out.print("no value was measured: nothing of this run had to be written")
     for note in export.notes:
-        out.print(f"[dim]note[/] {escape(note)}", soft_wrap=True)
+        out.prose(f"[dim]note[/] {escape(note)}")
     out.print(f"[dim]{export.format}[/] {export.file}", soft_wrap=True)

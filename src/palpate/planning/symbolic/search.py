@@ -85,7 +85,7 @@ class Backchainer:
     _began: tuple[int, SymbolicState] = field(init=False)
     """The steps before the last way that was searched, and the state then."""
     _hindrance: str = field(default="", init=False)
-    """Obstacle on the last path that was found."""
+    """Reason against the last path that was found."""
 
     def __post_init__(self) -> None:
         self.state = SymbolicState(self.scene)
@@ -181,15 +181,19 @@ class Backchainer:
 
     def _acquire(self, parameter: Parameter) -> None:
         """Acquire one more piece of evidence, with as few places as possible."""
-        self._hindrance = blocked = ""
+        self._hindrance = ""
+        tried: list[Sequence[str]] = []
         for expressions in places(self.scene, parameter, self.state):
             if self._recorded(parameter, expressions):
                 return
-            operators = self._operators(parameter.object, expressions)
-            blocked = blocked or obstacle(self.state, operators)
-        if found := (self._hindrance or blocked).removeprefix(": "):
-            raise PlanRejected(found)
-        raise PlanRejected(f"no sequence of primitives measures {parameter}{self._mute(parameter)}")
+            tried.append(expressions)
+        mute = self._mute(parameter)
+        if not mute:
+            operators = (self._operators(parameter.object, expressions) for expressions in tried)
+            reasons = (obstacle(self.state, each) for each in operators)
+            if found := self._hindrance or next(filter(None, reasons), ""):
+                raise PlanRejected(found)
+        raise PlanRejected(f"no sequence of primitives measures {parameter}{mute}")
 
     def _recorded(self, parameter: Parameter, expressions: Sequence[str]) -> bool:
         """Acquire one more piece of evidence at some of these places, if there is a path."""
@@ -410,5 +414,6 @@ class Backchainer:
             refused.add(refusal[0])
             self._hindrance = hindrance = reason(refusal[1])
         if failure:
-            raise PlanRejected(failure + (hindrance or obstacle(self.state, operators)))
+            why = hindrance or obstacle(self.state, operators)
+            raise PlanRejected(f"{failure}: {why}" if why else failure)
         return False

@@ -93,11 +93,9 @@ def obstacle(state: SymbolicState, operators: Sequence[Primitive]) -> str:
 
 
 def reason(violation: Violation) -> str:
-    """A violation as a reason for the user: its finding, and advice that changes the scene. The advice
-    in its message is for the author of a plan."""
-    finding = violation.message.partition(";")[0]
+    """A violation as a reason for the user: its finding, with advice that changes the scene."""
     advice = ADVICE.get(violation.rule)
-    return f": {finding}; {advice}" if advice else f": {finding}"
+    return f"{violation.finding}; {advice}" if advice else violation.finding
 
 
 def _is_refused(state: SymbolicState, steps: Iterable[Step], refused: set[Refusal]) -> bool:

@@ -21,7 +21,7 @@ FILE = "rows.jsonl"
 FILES = ("scene", "poses", "world", "robot_config")
 """Settings that name a file: what is in it counts, not where it lies."""
 PLACES = "drawn by their accuracy"
-"""How objects are placed. Rows without this entry are of worlds with all objects exactly at their
+"""Placement of objects. Rows without this entry are of worlds with all objects exactly at their
 stated poses."""
 APART = ("seed", "palpate", "images")
 """Keys of `request.json` that do not describe the run."""
