@@ -29,7 +29,7 @@ from palpate.robots.owner.config import (
     write_config,
 )
 from palpate.robots.owner.registered import require_same
-from palpate.settings import Settings, noise_told
+from palpate.settings import Settings, noise_source
 
 if TYPE_CHECKING:
     from palpate.robots.description import RobotDescription
@@ -155,7 +155,7 @@ def _require_sense(
         )
     simulated = None
     if settings.robot is None:
-        simulated = (noise_told(settings.noise), settings.seed)
+        simulated = (noise_source(settings.noise), settings.seed)
     arm = settings.described_arm()
     require_same(arm.config, simulated)
     require_same(there, simulated, f"'{out}'")
@@ -171,7 +171,7 @@ def _merged(under: RobotConfig, session: Session) -> RobotConfig:
     simulated = None
     if settings.robot is None:
         simulated = Simulated(
-            noise=noise_told(settings.noise), seed=settings.seed, visits=session.visits
+            noise=noise_source(settings.noise), seed=settings.seed, visits=session.visits
         )
     return under.model_copy(update={"arm": session.arm.name, "simulated": simulated, **new})
 
