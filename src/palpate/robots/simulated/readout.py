@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 from palpate.geometry.pose import Array, Pose
 from palpate.robots.nominal import NominalArm, wrenches
 from palpate.robots.simulated.impedance import Gains
+from palpate.robots.simulated.noise.disturbances import Motion
 from palpate.robots.simulated.noise.encoders import Encoders
-from palpate.robots.simulated.noise.motion import Motion
+from palpate.robots.simulated.noise.line import Stamps
 from palpate.robots.simulated.noise.sensors import Sensors
-from palpate.robots.simulated.noise.stamps import Stamps
 from palpate.robots.simulated.steps import Steps
 from palpate.robots.simulated.timing import DAMPING_DELAY, PERIOD, SPRING_DELAY
 from palpate.trace.samples import Samples

@@ -33,9 +33,9 @@ from palpate.robots.simulated.gripper import Gripper
 from palpate.robots.simulated.guard import Guard, Reaction
 from palpate.robots.simulated.impedance import Gains, Inertia
 from palpate.robots.simulated.noise.encoders import Encoders
+from palpate.robots.simulated.noise.line import Stamps
 from palpate.robots.simulated.noise.models import noise_models
 from palpate.robots.simulated.noise.sensors import Sensors
-from palpate.robots.simulated.noise.stamps import Stamps
 from palpate.robots.simulated.noise.true_arm import Truth
 from palpate.robots.simulated.noise.values import Streams
 from palpate.robots.simulated.readout import Readout
