@@ -1,4 +1,4 @@
-"""Every rest is new: a torque that sticks, and where the TCP came to stand."""
+"""Disturbances of the link-side torque: joint friction, sticking and position errors at rest."""
 
 from __future__ import annotations
 
@@ -7,8 +7,69 @@ import pytest
 from noises import JACOBIAN, model, moving
 
 from palpate.robots.nominal import wrench
-from palpate.robots.simulated.noise.rests import Rests
+from palpate.robots.simulated.noise.disturbances import JointFriction, Rests
 from palpate.robots.simulated.noise.values import Streams
+
+PERIOD = 0.005
+
+
+def friction(seed: int = 0, **figures: object) -> JointFriction:
+    return JointFriction(model(friction=figures).friction, PERIOD, Streams(seed))
+
+
+def felt(found: JointFriction, rate: float, count: int = 400, torque: float = 0.0) -> np.ndarray:
+    out = np.full((count, 7), torque)
+    found.add(out, moving(count, rate))
+    return out - torque
+
+
+def test_friction_opposes_motion_and_turns_round_within_the_presliding_distance() -> None:
+    found = friction(coulomb=0.1, presliding=2e-3)
+    forth, back = felt(found, 0.1), felt(found, -0.1)
+    assert forth[-1] == pytest.approx(np.full(7, 0.1), rel=1e-6)
+    assert back[-1] == pytest.approx(np.full(7, -0.1), rel=1e-6)
+    slid = 0.1 * PERIOD * np.arange(1, 401)
+    assert back[:, 0] == pytest.approx(-0.1 + 0.2 * np.exp(-slid / 2e-3), abs=1e-6)
+    held = felt(found, 0.0)
+    assert held == pytest.approx(np.tile(back[-1], (400, 1))), "it stays where motion stopped"
+
+
+def test_breaking_away_takes_more_than_sliding() -> None:
+    level = [float(felt(friction(coulomb=0.2, static=1.5, stribeck_speed=0.01), rate)[-1, 0])
+             for rate in (0.002, 0.01, 0.2)]  # fmt: skip
+    assert level[0] == pytest.approx(0.2 * (1 + 0.5 * np.exp(-0.04)), rel=0.2)
+    assert level[1] == pytest.approx(0.2 * (1 + 0.5 * np.exp(-1)), rel=1e-3)
+    assert level[2] == pytest.approx(0.2, rel=1e-6)
+
+
+def test_viscous_friction_grows_with_speed() -> None:
+    assert felt(friction(viscous=0.5), 0.3)[-1] == pytest.approx(np.full(7, 0.15))
+
+
+def test_friction_grows_with_the_load() -> None:
+    assert felt(friction(load=0.01), 0.5, torque=-30.0)[-1] == pytest.approx(np.full(7, 0.3))
+
+
+def test_robots_differ_by_the_spread() -> None:
+    levels = [felt(friction(seed, coulomb=1.0, spread=0.2), 0.5)[-1] for seed in range(100)]
+    assert np.std(levels) == pytest.approx(0.2, rel=0.1)
+
+
+def test_friction_varies_around_a_turn() -> None:
+    out = felt(friction(coulomb=1.0, position=0.1), 0.5, count=int(2 * np.pi / 0.5 / PERIOD))
+    assert out[20:, 0].std() == pytest.approx(0.1, rel=0.03)
+
+
+def test_compensated_friction_flips_sign_with_the_motion() -> None:
+    found = friction(coulomb=0.3, compensated=1.0)
+    assert felt(found, 0.2)[-1] == pytest.approx(np.zeros(7), abs=1e-9)
+    assert felt(found, -0.2, count=1)[0] == pytest.approx(np.full(7, 0.6), rel=0.5)
+
+
+def test_friction_starts_anywhere_within_its_level() -> None:
+    starts = [friction(seed, coulomb=0.1).torque for seed in range(100)]
+    assert np.abs(starts).max() <= 0.1
+    assert np.std(starts) == pytest.approx(0.1 / np.sqrt(3), rel=0.1)
 
 
 def rests(**sections: object) -> Rests:
@@ -41,20 +102,20 @@ def test_each_rest_is_a_new_force_of_the_stated_size() -> None:
     assert abs(np.corrcoef(forces[:-1, 0], forces[1:, 0])[0, 1]) < 0.15
 
 
-def test_a_torque_of_each_joint_adds_to_it() -> None:
+def test_a_torque_of_each_joint_adds_to_the_sticking_force() -> None:
     assert series(rests(sticking={"torque": 0.1})).std(0) == pytest.approx(
         np.full(7, 0.1), rel=0.12
     )
 
 
-def test_it_builds_up_in_the_time_of_settling() -> None:
+def test_sticking_builds_up_in_the_time_of_settling() -> None:
     found = rests(sticking={"force": {"fixed": [0, 0, 1.0]}, "settling": 0.1})
     after(found, 20, 0.3)
     built = np.array([wrench(JACOBIAN, torque)[2] for torque in after(found, 100)])
     assert built[19] == pytest.approx(1 - np.exp(-1), abs=0.03)
 
 
-def test_motion_shakes_it_off_within_the_release() -> None:
+def test_motion_releases_sticking_within_the_release() -> None:
     found = rests(sticking={"force": 0.15, "release": 1.5e-3})
     rest = after(found, 400)[-1]
     step = 0.02 * 0.005 * np.sqrt(7)
@@ -62,14 +123,14 @@ def test_motion_shakes_it_off_within_the_release() -> None:
     assert left[-1] == pytest.approx(rest * np.exp(-40 * step / 1.5e-3), rel=1e-6)
 
 
-def test_without_a_release_it_persists_in_motion_and_is_new_at_the_next_rest() -> None:
+def test_without_a_release_sticking_persists_in_motion_and_is_new_at_the_next_rest() -> None:
     found = rests(sticking={"force": 0.15, "release": float("inf")})
     first = after(found, 400)[-1]
     assert after(found, 200, 0.3)[-1] == pytest.approx(first)
     assert after(found, 400)[-1] != pytest.approx(first)
 
 
-def test_it_creeps_away_while_the_arm_rests() -> None:
+def test_sticking_relaxes_while_the_arm_rests() -> None:
     found = rests(sticking={"force": 0.15, "relaxation": 2.0})
     early = after(found, 200)[-1]
     assert after(found, 400)[-1] == pytest.approx(early * np.exp(-1.0), rel=0.1)

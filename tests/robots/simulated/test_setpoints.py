@@ -36,7 +36,7 @@ def rest(arm: MujocoRobot, way: tuple[float, float, float], seconds: float = 2.5
 
 
 @pytest.mark.parametrize("text", [ASKEW, SOFT])
-def test_the_reported_arm_gets_where_it_is_led(tmp_path: Path, text: str) -> None:
+def test_the_reported_arm_reaches_its_target(tmp_path: Path, text: str) -> None:
     arm = robot(tmp_path, text)
     rest(arm, (0.05, 0.05, -0.05))
     state = arm.state
@@ -58,7 +58,7 @@ def test_nothing_jerks_when_a_motion_begins(tmp_path: Path) -> None:
     assert peaks[1] < peaks[0] + 1.0
 
 
-def test_joints_that_give_way_sag_unseen(tmp_path: Path) -> None:
+def test_compliant_joints_sag_behind_the_encoders(tmp_path: Path) -> None:
     arm = robot(tmp_path, SOFT)
     sag = arm.world.true_tcp().position - arm.state.pose_world_tcp.position
     torque = arm.world.true_gravity_torque()
@@ -66,7 +66,7 @@ def test_joints_that_give_way_sag_unseen(tmp_path: Path) -> None:
     assert sag[2] < -1e-3
 
 
-def test_pads_that_give_way_let_the_arm_on_in_proportion_to_the_force(tmp_path: Path) -> None:
+def test_compliant_pads_let_the_arm_on_in_proportion_to_the_force(tmp_path: Path) -> None:
     soft = 2e-4
     here = robot(tmp_path, "extends: none").state.pose_world_tcp.position
     top = here[2] - ARM.tip - 0.002
@@ -87,7 +87,7 @@ def test_pads_that_give_way_let_the_arm_on_in_proportion_to_the_force(tmp_path: 
     assert z0 + soft * f0 - ARM.tip == pytest.approx(top, abs=5e-5), "carried back, the surface"
 
 
-def test_what_does_not_arrive_is_not_told(tmp_path: Path) -> None:
+def test_lost_samples_do_not_update_the_state(tmp_path: Path) -> None:
     arm = robot(tmp_path, "acquisition: {dropped: {rate: 5, length: 0.04}}")
     arm.move_joints(ARM.home + 0.2)
     ages: list[float] = []
@@ -102,7 +102,7 @@ def test_what_does_not_arrive_is_not_told(tmp_path: Path) -> None:
     assert np.isfinite(samples.wrench).all()
 
 
-def test_a_fast_clock_is_the_robots_own(tmp_path: Path) -> None:
+def test_a_fast_clock_sets_the_robots_time(tmp_path: Path) -> None:
     arm = robot(tmp_path, "acquisition: {clock: {fixed: 0.01}}")
     for _ in range(50):
         arm.advance(0.02)
@@ -111,7 +111,7 @@ def test_a_fast_clock_is_the_robots_own(tmp_path: Path) -> None:
     assert arm.drain().t[-1] == pytest.approx(arm.state.stamp)
 
 
-def test_fingers_tell_their_opening_with_their_own_offset(tmp_path: Path) -> None:
+def test_the_reported_opening_has_its_own_offset(tmp_path: Path) -> None:
     arm = robot(tmp_path, "model: {finger_width: {fixed: 1e-3}}")
     arm.advance(0.3)
     true = sum(float(arm.world.data().joint(f"robot/{name}").qpos[0]) for name in ARM.hand.fingers)

@@ -1,4 +1,4 @@
-"""`franky://HOST`, and whether anybody answers there, said before anything is planned."""
+"""`franky://HOST`, and a control box that answers there, checked before planning."""
 
 from __future__ import annotations
 
@@ -12,8 +12,7 @@ from contextlib import contextmanager
 import pytest
 
 import palpate as pp
-from palpate.robots.franky.address import Address, read_address
-from palpate.robots.franky.preflight import ROBOT_PORT, greet
+from palpate.robots.franky.control_box import ROBOT_PORT, Address, greet, read_address
 from tests.fci.served import own_address
 
 DESK = """<mujoco><worldbody>
