@@ -31,7 +31,7 @@ from palpate.scene.pictured.detected import DetectedScene, SceneBuilder
 from palpate.scene.poses import MAX_BYTES as MAX_POSES
 from palpate.scene.poses import Poses, parse_poses, read_poses
 from palpate.settings import Settings
-from palpate.vocabulary.admissible.room import require_room
+from palpate.vocabulary.admissible.reach import require_room
 from palpate.vocabulary.composites import COMPOSITES
 from palpate.vocabulary.registry import vocabulary
 
