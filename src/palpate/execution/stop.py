@@ -19,7 +19,7 @@ from palpate.vocabulary.admissible.profile import GUARDED_SPEED, POSE_ERROR
 from palpate.vocabulary.admissible.support import footing, stable
 from palpate.vocabulary.base import Blackboard, LeafFailure, Primitive, Resource, Steps
 from palpate.vocabulary.gripper import finish_fingers
-from palpate.vocabulary.motion.lowering import DOWN
+from palpate.vocabulary.guarding import DOWN
 from palpate.vocabulary.state import SymbolicState
 from palpate.vocabulary.touch import Feeling, finish, guarded, settle
 

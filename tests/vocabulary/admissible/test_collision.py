@@ -13,7 +13,7 @@ from palpate.planning.plan import Node
 from palpate.vocabulary.admissible.collision import collisions
 from palpate.vocabulary.admissible.profile import spans
 from palpate.vocabulary.admissible.support import footing
-from palpate.vocabulary.motion.move_pose import MovePose
+from palpate.vocabulary.motion import MovePose
 from palpate.vocabulary.state import SymbolicState
 
 SCENE = bench(BOTTLE, height="?")
