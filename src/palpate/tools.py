@@ -29,9 +29,8 @@ from palpate.scene.pictured.detected import DetectedScene, SceneBuilder
 from palpate.scene.poses import MAX_BYTES as MAX_POSES
 from palpate.scene.poses import Poses, parse_poses, read_poses
 from palpate.settings import Settings
-from palpate.vocabulary.admissible.room import require_room
-from palpate.vocabulary.composites import COMPOSITES
-from palpate.vocabulary.registry import vocabulary
+from palpate.vocabulary.admissible.reach import require_room
+from palpate.vocabulary.registry import COMPOSITES, vocabulary
 
 if TYPE_CHECKING:
     from palpate.planning.check.finding import Finding
@@ -212,7 +211,7 @@ def units() -> dict[str, str]:
 
 def plan_schema() -> dict[str, Any]:
     """The JSON schema of a plan."""
-    from palpate.vocabulary.schema import plan_schema as schema
+    from palpate.vocabulary.registry import plan_schema as schema
 
     return schema(vocabulary())
 

@@ -13,8 +13,7 @@ from jsonschema import Draft202012Validator
 from palpate.errors import InputError
 from palpate.planning.check.check import check
 from palpate.planning.plan import parse_plan
-from palpate.vocabulary.registry import vocabulary
-from palpate.vocabulary.schema import leaf_schema, plan_schema
+from palpate.vocabulary.registry import leaf_schema, plan_schema, vocabulary
 
 SCHEMA = plan_schema(vocabulary())
 

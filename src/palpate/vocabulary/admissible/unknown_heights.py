@@ -1,7 +1,8 @@
-"""Surfaces of unknown height: what of the cell may be higher or lower than believed.
+"""Surfaces of unknown height: how much higher or lower they and the objects on them may be.
 
-Before a surface is touched, what stands on it may be higher than believed. Once a plan has touched it,
-its poses go by the measured height, which nobody knows on paper: the plan must hold for all of them.
+Before a surface is touched, the objects on it may be higher than believed. Once a plan has touched
+it, its poses follow the measured height, which is unknown when the plan is checked: the plan must
+hold for all heights.
 """
 
 from __future__ import annotations
@@ -21,12 +22,12 @@ from palpate.vocabulary.state import SymbolicState
 def is_unmeasured(state: SymbolicState, surface: str) -> bool:
     """True if the height of a surface is open, and no run has measured it."""
     scene = state.scene
-    seen_anew = scene.refit is not None and Parameter(surface, "height") in state.converted
-    return is_open(scene, surface) and surface not in scene.rises and not seen_anew
+    refitted = scene.refit is not None and Parameter(surface, "height") in state.converted
+    return is_open(scene, surface) and surface not in scene.rises and not refitted
 
 
 def touched(state: SymbolicState) -> tuple[str, ...]:
-    """Unmeasured surfaces that the plan has touched so far: at run time they are measured by then."""
+    """Unmeasured surfaces that the plan has touched so far: measured by then at run time."""
     if state.scene.refit is not None:
         return ()
     met = {context.support for _, context in state.logged} | {state.contact}
@@ -36,38 +37,41 @@ def touched(state: SymbolicState) -> tuple[str, ...]:
 
 
 def higher(before: SymbolicState, after: SymbolicState) -> dict[str, float]:
-    """m by which objects may be higher than believed on the way to where a surface of unknown height is
-    to be probed: those on surfaces that have not been touched. A probe ends on its surface however high
-    that is, and what stands on it is as near as believed then."""
+    """m by which objects on untouched surfaces may be higher than believed, on the way to where a
+    surface of unknown height is probed.
+
+    Later they are as near as believed: a probe ends on its surface, however high that is.
+    """
     scene = before.scene
     if after.is_bent or after.at is None:
         return {}
-    unknown = [name for name in scene.surfaces if is_unmeasured(before, name)]
-    known = touched(before)
     try:
         goal = scene.symbols.subject(after.at)
-    except InputError:  # a primitive of another package says in its own words where it is
+    except InputError:  # a third party's primitive may give another description of its place
         return {}
-    if goal not in set(unknown).difference(known):
+    known = touched(before)
+    unknown = {name for name in scene.surfaces if is_unmeasured(before, name)}.difference(known)
+    if goal not in unknown:
         return {}
     found: dict[str, float] = {}
-    for surface in set(unknown).difference(known, (after.contact,)):
+    for surface in unknown - {after.contact}:
         top = scene.body(surface).top_z() + GUESS
         rises = risen(scene, surface, top, before.pose_of)
         found |= {name: GUESS for name in rises if name in scene.objects}
     return found
 
 
-def supposed(
+def with_heights_changed(
     before: SymbolicState, after: SymbolicState
 ) -> Iterator[tuple[SymbolicState, SymbolicState, str]]:
-    """The same two states with the touched surfaces as much higher and lower as they may be, and that in
-    words; none where the hand stays over one surface, and everything near moves with it."""
+    """Both states with the touched surfaces higher and lower by `GUESS`, in all combinations, and
+    the combination in words."""
     surfaces = touched(before)
     for count in range(len(surfaces) + 1 if surfaces else 0):
         for lower in combinations(surfaces, count):
             rises = {name: -GUESS if name in lower else GUESS for name in surfaces}
             start, end = _shift(before, rises), _shift(after, rises)
+            # Over a single surface, hand and objects rise together: nothing changes.
             if len(surfaces) == 1 and start == end != 0.0:
                 continue
             words = " and ".join(
@@ -77,7 +81,7 @@ def supposed(
 
 
 def _shift(state: SymbolicState, rises: Mapping[str, float]) -> float:
-    """m by which the place where the hand is rises."""
+    """m by which the present pose of the hand rises with the surfaces."""
     try:
         there = _raised(state.scene, rises).symbols.resolve(state.at or "", state.bound)
         return round(float((there.position - state.resolve(state.at or "").position)[2]), 6)
@@ -86,20 +90,18 @@ def _shift(state: SymbolicState, rises: Mapping[str, float]) -> float:
 
 
 def _shifted(state: SymbolicState, rises: Mapping[str, float], shift: float) -> SymbolicState:
+    """The state with surfaces and their objects higher, and the hand by `shift` m."""
     scene, pose = _raised(state.scene, rises), state.pose_world_tcp
-    return replace(
-        state,
-        scene=scene,
-        pose_world_tcp=None if pose is None else pose.translated((0.0, 0.0, shift)),
-        moved={
-            name: there.translated((0.0, 0.0, scene.rises.get(name, 0.0)))
-            for name, there in state.moved.items()
-        },
-    )
+    moved = {
+        name: there.translated((0.0, 0.0, scene.rises.get(name, 0.0)))
+        for name, there in state.moved.items()
+    }
+    pose = None if pose is None else pose.translated((0.0, 0.0, shift))
+    return replace(state, scene=scene, pose_world_tcp=pose, moved=moved)
 
 
 def _raised(scene: Scene, rises: Mapping[str, float]) -> Scene:
-    """The scene with surfaces higher by so many m, made once."""
+    """The scene with surfaces higher by so many m."""
 
     def make() -> Scene:
         made = scene
@@ -107,4 +109,5 @@ def _raised(scene: Scene, rises: Mapping[str, float]) -> Scene:
             made = raised(made, name, made.body(name).top_z() + rise)
         return made
 
-    return solids(scene).remembered(("supposed", *sorted(rises.items())), make)
+    # One scene each, as the collision models are cached by scene.
+    return solids(scene).cached(("raised", *sorted(rises.items())), make)

@@ -7,7 +7,7 @@ import pytest
 from palpate.errors import InputError
 from palpate.scene.load import parse_scene
 from palpate.scene.scene import Scene
-from palpate.vocabulary.admissible.room import require_room
+from palpate.vocabulary.admissible.reach import require_room
 
 
 def among(*bodies: str) -> Scene:
