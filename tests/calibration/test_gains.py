@@ -1,4 +1,4 @@
-"""Gains from the arm's own weight, on torques that are made up."""
+"""Gains from the arm's own weight, on synthetic torques."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from palpate.calibration import own_weight
+from palpate.calibration.gains import own_weight_tree, weighed_itself
 from palpate.errors import InputError
 from palpate.estimation.gains import gain_root
 from palpate.geometry.pose import Array, Pose
@@ -23,12 +23,12 @@ FRICTION = 0.5 * ARM.sensors.friction
 
 
 def trace(gains: Array, heavier: float = 0.0, seed: int = 0, count: int = 30) -> Trace:
-    """Of an arm at rest all around whose sensors are off by `gains` (7,), whose links weigh 1 +
-    `heavier` times what they should, and whose joints rub."""
+    """Trace of an arm at rest in many configurations, with sensor gains `gains` (7,), links 1 + `heavier`
+    times as heavy as nominal, and friction."""
     random, nominal = np.random.default_rng(seed), NominalArm(ARM, Pose.of([0, 0, 0]), DOWN)
     asked = [
         dict(node.args)["joints"]
-        for node in own_weight.tree(ARM).children
+        for node in own_weight_tree(ARM).children
         if isinstance(dict(node.args).get("joints"), list)
     ]
     q = np.array([ARM.home, *asked[:count]])
@@ -58,11 +58,11 @@ def trace(gains: Array, heavier: float = 0.0, seed: int = 0, count: int = 30) ->
     return Trace(samples, (), tuple(recordings), (), ARM.nominal)
 
 
-def test_gains_are_found_as_far_as_their_deviation_says() -> None:
+def test_gains_are_estimated_within_their_standard_deviations() -> None:
     random, errors = np.random.default_rng(1), list[Array]()
     for seed in range(8):
         gains = ARM.nominal.torque_gain * random.uniform(-1.0, 1.0, 7)
-        found = own_weight.weighed_itself(trace(gains, seed=seed), ARM)
+        found = weighed_itself(trace(gains, seed=seed), ARM)
         stds = np.sqrt(found.covariance.diagonal())
         errors.append((found.mean - gains)[1:6] / stds[1:6])
     assert np.sqrt(np.mean(np.square(errors))) < 1.3
@@ -70,28 +70,28 @@ def test_gains_are_found_as_far_as_their_deviation_says() -> None:
 
 
 def test_a_shoulder_is_known_better_than_before_and_an_upright_axis_is_not() -> None:
-    found = own_weight.weighed_itself(trace(np.zeros(7)), ARM)
+    found = weighed_itself(trace(np.zeros(7)), ARM)
     before = np.sqrt((gain_root(ARM.nominal, 7) ** 2).sum(axis=1))
     stds = np.sqrt(found.covariance.diagonal())
     assert stds[1] < 0.5 * before[1]
     assert stds[0] == pytest.approx(before[0], rel=1e-3)
 
 
-def test_heavier_links_are_no_gain_beyond_what_the_description_leaves_open() -> None:
-    """All links 0.5 % too heavy look like gains of 0.5 %: the deviation says that they might be."""
-    found = own_weight.weighed_itself(trace(np.zeros(7), heavier=0.005), ARM)
+def test_heavier_links_do_not_pass_for_gains_beyond_the_link_accuracy() -> None:
+    """Links 0.5 % too heavy look like gains of 0.5 %, and the standard deviation covers that."""
+    found = weighed_itself(trace(np.zeros(7), heavier=0.005), ARM)
     assert np.abs(found.mean / np.sqrt(found.covariance.diagonal())).max() < 3.0
 
 
-def test_what_is_known_of_the_gains_is_contradicted() -> None:
-    """Sensors that are said to be known to 0.1 % and are 5 % off: a weight was not what was said."""
+def test_gains_outside_their_stated_accuracy_are_contradicted() -> None:
+    """Sensors stated to be accurate to 0.1 % that are 5 % off."""
     made = trace(np.array([0, 0.05, 0, 0.05, 0, 0, 0]))
     known = tuple(map(tuple, (1e-6 * np.eye(7)).tolist()))
     sure = replace(made, hand=replace(made.hand, gain_covariance=known))
     with pytest.raises(InputError, match=r"own weight contradicts.*calibrated wrongly"):
-        own_weight.weighed_itself(sure, ARM)
+        weighed_itself(sure, ARM)
 
 
 def test_too_few_rests_are_refused() -> None:
     with pytest.raises(InputError, match="rested in 5 configurations"):
-        own_weight.weighed_itself(trace(np.zeros(7), count=5), ARM)
+        weighed_itself(trace(np.zeros(7), count=5), ARM)
