@@ -15,7 +15,7 @@ from palpate.robots.franky.address import SCHEME, Address, read_address
 from palpate.robots.franky.preflight import clear, require_answer
 
 if TYPE_CHECKING:
-    from palpate.pictures.footage import Footage
+    from palpate.pictures.film import Footage
     from palpate.robots.description import RobotDescription
     from palpate.robots.franky.robot import FrankyRobot
     from palpate.scene.poses import CameraEntry
