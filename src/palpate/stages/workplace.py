@@ -18,7 +18,7 @@ from palpate.scene.scene import Scene
 from palpate.settings import Settings, noise_source
 
 if TYPE_CHECKING:
-    from palpate.pictures.footage import Footage
+    from palpate.pictures.film import Footage
 
 log = logging.getLogger(__name__)
 
