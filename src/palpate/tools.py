@@ -36,7 +36,7 @@ from palpate.vocabulary.composites import COMPOSITES
 from palpate.vocabulary.registry import vocabulary
 
 if TYPE_CHECKING:
-    from palpate.planning.check.finding import Finding
+    from palpate.planning.check.case import Finding
     from palpate.planning.plan import Node
 
 __all__ = [

@@ -13,9 +13,8 @@ from pathlib import Path
 
 from palpate.errors import InputError, PlanRejected
 from palpate.parameter import Parameter
-from palpate.planning.check.case import Case, Form
-from palpate.planning.check.finding import Finding
-from palpate.planning.check.regions import found_out, somewhere
+from palpate.planning.check.case import Case, Finding, Form
+from palpate.planning.check.regions import estimated_poses, unpassable_regions
 from palpate.planning.check.walk import Walk
 from palpate.planning.nodes import leaves
 from palpate.planning.plan import Node, Plan
@@ -136,8 +135,8 @@ def assemble(
 def _refused(tree: Node, words: Vocabulary, scene: Scene) -> Iterator[Finding]:
     """Findings on poses that a run estimates."""
     case = Case(Plan((), tree, ""), Form.of(tree, words), words, scene)
-    if found_out(case):
-        yield from somewhere(case, Walk.over(tree, case.form, words, scene))
+    if estimated_poses(case):
+        yield from unpassable_regions(case, Walk.over(tree, case.form, words, scene))
 
 
 def _assembled(

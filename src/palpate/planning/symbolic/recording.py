@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 
 from palpate.parameter import Parameter
-from palpate.planning.check.measured import amount
+from palpate.planning.check.walk import evidence_amount
 from palpate.planning.symbolic.goals import Tail
 from palpate.planning.symbolic.steps import Step
 from palpate.vocabulary.base import Primitive, Surroundings
@@ -61,7 +61,7 @@ def _grounded(classes: Iterable[type[Primitive]], around: Surroundings) -> Itera
 
 
 def _yields(parameter: Parameter, steps: Iterable[Step], state: SymbolicState) -> bool:
-    before = amount(parameter, state)
+    before = evidence_amount(parameter, state)
     for step in steps:
         if not _may_concern(parameter, step, state):
             return False
@@ -69,7 +69,7 @@ def _yields(parameter: Parameter, steps: Iterable[Step], state: SymbolicState) -
         if after is None:
             return False
         state = after
-    return amount(parameter, state) > before
+    return evidence_amount(parameter, state) > before
 
 
 def _may_concern(parameter: Parameter, step: Step, state: SymbolicState) -> bool:

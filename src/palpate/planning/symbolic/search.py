@@ -16,7 +16,7 @@ from dataclasses import dataclass, field, replace
 from palpate.errors import PlanRejected
 from palpate.geometry.pose import Pose
 from palpate.parameter import Parameter
-from palpate.planning.check.measured import amount, enough, measured
+from palpate.planning.check.walk import evidence_amount, measured, useful_evidence
 from palpate.planning.plan import Node
 from palpate.planning.symbolic.goals import Goal, Tail, at_rest, placed, when
 from palpate.planning.symbolic.passes import with_effort
@@ -216,7 +216,7 @@ class Backchainer:
         """More evidence than it takes, where one step from here yields it."""
         for axis in SIDEWAYS:
             for corner in corners(self.scene, parameter.object, axis, self.state, self._sides):
-                if amount(parameter, self.state) >= enough(parameter, self.state):
+                if evidence_amount(parameter, self.state) >= useful_evidence(parameter, self.state):
                     return
                 self._record_at(corner, parameter)
 
