@@ -5,11 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from palpate.planning.model.dialogue.conversation import Conversation
-from palpate.planning.model.dialogue.rounds import FEEDBACK_ROUNDS
+from palpate.planning.model.conversation import Conversation
 
 if TYPE_CHECKING:
     from palpate.planning.model.prompt.compose import Style
+
+FEEDBACK_ROUNDS = 3
+"""Number of times that findings go back to the model."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -18,8 +20,8 @@ class Budget:
 
     Attributes:
         seconds: wall time of the whole dialogue.
-        attempt_seconds: of one request; None for all that is left. A model on one's own computer may
-            think for minutes.
+        attempt_seconds: of one request; None for all that is left. A model on a local computer may take
+            minutes.
         tokens: input and output together.
         dollars: by list prices, where the model has one.
     """
@@ -31,8 +33,8 @@ class Budget:
 
     def patience(self, left: float) -> float:
         """Seconds that one request may take when `left` are left of all."""
-        patience = left if self.attempt_seconds is None else min(left, self.attempt_seconds)
-        return max(0.1, patience)
+        limit = left if self.attempt_seconds is None else self.attempt_seconds
+        return max(0.1, min(left, limit))
 
     def exhausted(self, conversation: Conversation) -> str | None:
         """Reason why no further message may be sent, or None."""
@@ -48,15 +50,14 @@ class ModelSettings:
     """Settings of a model as planner.
 
     Attributes:
-        base_url: where an OpenAI-compatible server, or a proxy, listens; the provider's own if
-            None.
+        base_url: address of an OpenAI-compatible server or a proxy; None for the provider's own.
         native: ask for the provider's structured output, in the flat form, instead of JSON in
             prose.
         without: prompt modules and inputs to leave out (ablation).
-        prompt: which system prompt: `full` tells how things are measured, `lean` only what there is.
-        comments: whether comments in the scene's file are sent. Studies leave them out, as what
-            somebody wrote beside a body ("was never weighed") gives the answer away.
-        rounds: how often findings are fed back.
+        prompt: system prompt, `full` with methods of measurement or `lean` without.
+        comments: comments in the scene's file are sent. Studies leave them out, as a comment beside a
+            body ("was never weighed") gives the answer away.
+        rounds: number of times that findings go back to the model.
         critic: `PROVIDER:MODEL` of a second model that may object to the plan once.
     """
 
