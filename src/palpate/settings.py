@@ -85,6 +85,16 @@ class Settings:
     planner: Annotated[
         str, Option("symbolic | exhaustive | replay:FILE | PROVIDER:MODEL", "NAME", "Planner")
     ] = "symbolic"
+    measure: Annotated[
+        Names,
+        Option(
+            "Parameter to measure, e.g. bottle.mass; bottle.* for all that is missing of it, missing for "
+            "everything; comma lists, may be repeated.",
+            "OBJECT.QUANTITY",
+            "Scene",
+            ("-m", "--measure"),
+        ),
+    ] = ()
     remeasure: Annotated[
         bool,
         Option("Measure requested quantities even if the scene states them.", None, "Planner"),

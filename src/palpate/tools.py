@@ -16,6 +16,7 @@ from palpate.errors import InputError, Unavailable
 from palpate.files.plain_yaml import yaml_text
 from palpate.files.read import read_text
 from palpate.planning.check.check import check
+from palpate.planning.measure import in_words, named_parameters
 from palpate.planning.model.prompt.compose import Prompt, compose
 from palpate.planning.model.provider import PROVIDERS
 from palpate.planning.recorded import load_proposal, plan_file
@@ -169,10 +170,15 @@ def prompt(settings: Settings) -> Prompt:
             settings.described_arm(),
         )
         symbols = SceneBuilder(poses, arm).symbols
+    request = settings.request or ""
+    if settings.measure:
+        if scene is None:
+            raise InputError("measure= names parameters of a scene: give scene=D.xml")
+        request = f"{request} {in_words(named_parameters(settings.measure, scene))}".lstrip()
     told = settings.model_settings
     return compose(
         vocabulary(),
-        settings.request or "",
+        request,
         scene,
         settings.images,
         symbols,

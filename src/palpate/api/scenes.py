@@ -37,6 +37,7 @@ class Scene(InnerScene):
         request: str | None = None,
         planner: str | Planner = "symbolic",
         *,
+        measure: str | Sequence[str] = (),
         images: Sequence[str | Path] = (),
         remeasure: bool = False,
         within: Widths | None = None,
@@ -46,6 +47,9 @@ class Scene(InnerScene):
 
         Args:
             request: what you want to simulate, in your words; None asks for all that is missing.
+            measure: parameters by name, `"bottle.mass"`, `"bottle.*"` or `"missing"`, instead of a
+                request; no language is involved. With a request, which must not ask for others, it
+                decides.
             planner: `symbolic`, `exhaustive`, `replay:FILE`, `PROVIDER:MODEL`, or a planner.
             images: pictures of the workspace, for a model.
             remeasure: measure what is asked even if the scene states it.
@@ -62,6 +66,7 @@ class Scene(InnerScene):
         asked = self.given.having(
             request=request,
             planner=planner_name(planner),
+            measure=measure,
             images=images,
             remeasure=remeasure,
             within=within,

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar, Protocol, runtime_checkable
 
 from palpate.errors import InputError
+from palpate.parameter import Parameter
 from palpate.planning.plan import Plan
 from palpate.quantities.precision.within import Within
 
@@ -73,12 +74,15 @@ class PlannerSettings:
         model_settings: how a model is asked; None for the defaults.
         builder: makes a scene of what a model saw, where there is none.
         within: how narrow intervals are to be.
+        measure: the parameters that the plan must measure, no more and no fewer; None: the planner
+            decides by the request.
     """
 
     remeasure: bool = False
     model_settings: ModelSettings | None = None
     builder: SceneBuilder | None = None
     within: Within = field(default_factory=Within)
+    measure: tuple[Parameter, ...] | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -85,7 +85,7 @@ def _plain(cls: type[Planner], argument: str, settings: PlannerSettings) -> Plan
 def _symbolic(argument: str, settings: PlannerSettings) -> Planner:
     from palpate.planning.symbolic.planner import SymbolicPlanner
 
-    return SymbolicPlanner(settings.remeasure, settings.within)
+    return SymbolicPlanner(settings.remeasure, settings.within, settings.measure)
 
 
 def _exhaustive(argument: str, settings: PlannerSettings) -> Planner:
@@ -106,4 +106,4 @@ def _model(provider: str, argument: str, settings: PlannerSettings) -> Planner:
 
     spec = f"{provider}:{argument}" if argument else provider
     model_settings = settings.model_settings or ModelSettings()
-    return VlmPlanner(spec, model_settings, settings.remeasure, settings.builder)
+    return VlmPlanner(spec, model_settings, settings.remeasure, settings.builder, settings.measure)

@@ -33,6 +33,8 @@ def running(settings: Settings, start: Path | None = None) -> list[str]:
         command += ["--scene", _path(settings.scene, start)]
     if settings.request is not None:
         command += ["-r", settings.request]
+    if settings.measure:
+        command += ["-m", ",".join(settings.measure)]
     return command + list(_options(settings, (*SCENE, *MOTION, *PLANNING), start))
 
 

@@ -20,7 +20,7 @@ from palpate.cli.options import (
 )
 from palpate.settings import settings_of
 
-ASKED = ("request", "scene", "images", *SCENE)
+ASKED = ("request", "measure", "scene", "images", *SCENE)
 
 
 def plan(

@@ -56,7 +56,9 @@ def demo(
 def run(
     scene: SceneArgument = None,
     *,
-    given: Annotated[Given, settings("request", "scene", "images", *SCENE, *PLANNER, *MOTION)],
+    given: Annotated[
+        Given, settings("request", "measure", "scene", "images", *SCENE, *PLANNER, *MOTION)
+    ],
     watch: WatchOptions,
     as_json: AsJson = False,
     yes: Yes = False,

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
 from palpate.errors import InputError
+from palpate.parameter import Parameter
 from palpate.planning.model import flat
 from palpate.planning.model.answer import Proposal, read_answer
 from palpate.planning.model.conversation import Conversation
@@ -39,6 +40,7 @@ class VlmPlanner:
         model_settings: address, form, feedback and budget.
         remeasure: the request is measured even where the scene states it.
         builder: makes a scene of the detected objects, for a request without a scene.
+        measure: the parameters of the plan; None: the model decides by the request.
         conversation: the latest dialogue, also when `plan` raised.
         seen: the detected scene, when there was no scene.
         images: the pictures, which refine the detected scene.
@@ -50,6 +52,7 @@ class VlmPlanner:
     model_settings: ModelSettings = field(default_factory=ModelSettings)
     remeasure: bool = False
     builder: SceneBuilder | None = None
+    measure: tuple[Parameter, ...] | None = None
     conversation: Conversation | None = field(default=None, init=False)
     seen: DetectedScene | None = field(default=None, init=False)
     images: tuple[Path, ...] = field(default=(), init=False)
@@ -143,15 +146,15 @@ class VlmPlanner:
         if plan.tree is not None:
             if scene is None:
                 scene = self._detect(proposal.scene)
-            if request is None and reads_request:
-                wanted = requested(None, scene, self.remeasure)
+            if self.measure is not None or (request is None and reads_request):
+                wanted = requested(None, scene, self.remeasure, self.measure)
         found = check(plan, scene, remeasure=self.remeasure, requested=wanted)
         if found:
             return [f"{finding.path}, {finding.rule}: {finding.message}" for finding in found]
         # A rejection is questioned once, where the grammar reads from the request what can be measured.
         if plan.tree is not None or self._challenged or scene is None or not reads_request:
             return []
-        wanted = requested(request or None, scene, self.remeasure)
+        wanted = requested(request or None, scene, self.remeasure, self.measure)
         if not wanted:
             return []
         self._challenged = True

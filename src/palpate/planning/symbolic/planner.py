@@ -55,10 +55,12 @@ class SymbolicPlanner:
     Attributes:
         remeasure: the request is measured even where the scene states it.
         within: requested widths of intervals.
+        measure: the parameters to measure; None: those that the request asks for.
     """
 
     remeasure: bool = False
     within: Within = field(default_factory=Within)
+    measure: tuple[Parameter, ...] | None = None
     name: str = "symbolic"
 
     def plan(self, request: str | None, scene: Scene | None, images: Sequence[Path] = ()) -> Plan:
@@ -72,7 +74,7 @@ class SymbolicPlanner:
         """
         if scene is None:
             raise needs_scene(self.name)
-        asked = asked_parameters(request, scene)
+        asked = asked_parameters(request, scene, self.measure)
         known, wanted = split_known(asked.asked, scene, self.remeasure)
         cannot = list(asked.cannot)
         for parameter in wanted:
@@ -129,7 +131,10 @@ class ExhaustivePlanner:
 
 
 def requested(
-    request: str | None, scene: Scene, remeasure: bool = False
+    request: str | None,
+    scene: Scene,
+    remeasure: bool = False,
+    measure: tuple[Parameter, ...] | None = None,
 ) -> tuple[Parameter, ...] | None:
     """The parameters that a plan for the request in this scene must measure, no more and no fewer.
 
@@ -137,7 +142,7 @@ def requested(
     measured.
     """
     try:
-        asked = asked_parameters(request, scene)
+        asked = asked_parameters(request, scene, measure)
     except (InputError, PlanRejected):
         return None
     _, unknown = split_known(asked.asked, scene, remeasure)
@@ -248,8 +253,13 @@ def unusable(scene: Scene, name: str) -> str:
     return too_heavy(scene, scene.bodies[name])
 
 
-def asked_parameters(request: str | None, scene: Scene) -> Grounded:
-    """Parameters of the request; without one, all that the scene misses."""
+def asked_parameters(
+    request: str | None, scene: Scene, measure: tuple[Parameter, ...] | None = None
+) -> Grounded:
+    """Parameters that are named exactly, else those of the request; without one, all that the scene
+    misses."""
+    if measure is not None:
+        return Grounded(measure)
     return Grounded(scene.missing) if request is None else ground(request, scene)
 
 
