@@ -1,4 +1,4 @@
-"""Commands that run a plan: from a scenario, from a sentence, from a plan that exists already."""
+"""Commands that execute: a scenario, a request, an existing plan."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ from typing import Annotated
 
 import typer
 
-from palpate.cli.commands.asking import resuming, unless
 from palpate.cli.options import (
     MODEL,
     MOTION,
@@ -28,7 +27,7 @@ OF_DEMO = ("noise", "seed", "arm", "cautious", "robot_config", "within", "out", 
 
 
 def _scenario_names(begun: str) -> list[str]:
-    """Names of bundled scenarios that begin so, for a shell to complete."""
+    """Complete the name of a bundled scenario for a shell."""
     from palpate.scenarios.catalogue import scenarios
 
     return [name for name in scenarios() if name.startswith(begun)]
@@ -76,14 +75,14 @@ def execute(
     as_json: AsJson = False,
     yes: Yes = False,
 ) -> None:
-    """Execute a plan that exists already."""
+    """Execute an existing plan."""
     from palpate.tools import replayed
 
     carry_out(settings_of(**given, planner=replayed(plan)), as_json, watch, yes)
 
 
 def carry_out(asked: Settings, as_json: bool, watch: WatchOptions, yes: bool = False) -> None:
-    """Run with a live view on stderr, print the result, leave with its exit status."""
+    """Run with a live view on stderr, print the result, exit with its status."""
     from palpate.api import run_settings
     from palpate.callbacks import RunCallbacks
     from palpate.cli.show.run import (
@@ -94,7 +93,9 @@ def carry_out(asked: Settings, as_json: bool, watch: WatchOptions, yes: bool = F
         live_view,
         pace,
         play_again,
+        resuming,
         show_ended,
+        unless,
         warn_of_invented,
     )
 

@@ -1,4 +1,4 @@
-"""Plans, what the check says of them, and what a model would be sent."""
+"""Plans, findings of the check, and prompts on the terminal."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from rich.console import Console
 
 from palpate.cli.console import escape, out, print_json
-from palpate.cli.show.next_step import show_next
+from palpate.cli.show.layout import show_next
 from palpate.display import visible
 from palpate.redaction import redact
 from palpate.runs.reproduce import executing, running
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 def show_plan(plan: CheckedPlan, as_json: bool, file: Path | None) -> None:
-    """A plan: parameters, tree in the paper's notation, explanation, findings; also to a file."""
+    """Print a plan: parameters, tree in the paper's notation, explanation, findings; also to a file."""
     from palpate.runs.result import plan_text
 
     text = plan_text(plan.made)
@@ -45,7 +45,7 @@ def show_plan(plan: CheckedPlan, as_json: bool, file: Path | None) -> None:
 
 
 def print_plan(plan: Plan, console: Console) -> None:
-    """Parameters, tree, explanation and notes."""
+    """Print parameters, tree, explanation and notes of a plan."""
     from palpate.tools import paper_notation
 
     names = ", ".join(str(parameter) for parameter in plan.parameters)
@@ -57,7 +57,7 @@ def print_plan(plan: Plan, console: Console) -> None:
 
 
 def show_notes(plan: Plan, console: Console) -> None:
-    """Remarks of the planner."""
+    """Print the remarks of the planner."""
     for note in plan.notes:
         console.print(f"[dim]note[/] {escape(note)}")
 
@@ -79,12 +79,12 @@ def _print_findings(findings: Iterable[Finding]) -> None:
 
 
 def _findings_json(findings: Iterable[Finding]) -> list[dict[str, str]]:
-    """The contract's form of findings."""
+    """Findings as JSON."""
     return [{"path": f.path, "rule": f.rule, "message": f.message} for f in findings]
 
 
 def show_prompt(settings: Settings, as_json: bool) -> None:
-    """System prompt, user message and images, as they would be sent."""
+    """Print system prompt, user message and images as a model would receive them."""
     from palpate.tools import prompt as compose
 
     prompt = compose(settings)
