@@ -26,7 +26,7 @@ def main() -> None:
     # Matrices are small: BLAS threads of parallel processes block each other, ten times slower.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     gc.set_threshold(LITTER)
-    with interrupts(ending_signals()) as signals, signals.noted():
+    with interrupts(ending_signals()) as signals, signals.deferred():
         try:
             _without_broken_opengl()
             from palpate.cli.app import app

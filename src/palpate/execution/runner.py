@@ -141,7 +141,7 @@ def run(
     blackboard = Blackboard(watched, SymbolicState(scene), Recorder(watched))
     root = build(plan.tree, words or vocabulary(), blackboard)
     began = time.perf_counter()
-    with interrupts() as signals, signals.noted():
+    with interrupts() as signals, signals.deferred():
         loop = _Loop(blackboard, watched, root, tick_period, observer, keep, signals)
         asked = _either(loop.interrupted, stop_requested)
         try:

@@ -77,7 +77,7 @@ class Keeper:
         Raises:
             PalpateError: nothing could be executed; nothing has moved, and the folder is removed.
         """
-        with self._signals.noted():
+        with self._signals.deferred():
             try:
                 for grown in step(run):
                     run = self.kept(grown)
@@ -102,7 +102,7 @@ class Keeper:
 
     def kept(self, run: Run) -> Run:
         """Add the shortfalls to the run and write result.json."""
-        with self._signals.noted():
+        with self._signals.deferred():
             run = self._with_shortfalls(run)
             if run.begun is not None:
                 run = replace(run, total_seconds=time.perf_counter() - run.begun)

@@ -101,7 +101,7 @@ def carry_out(asked: Settings, as_json: bool, watch: WatchOptions, yes: bool = F
 
     with (
         interrupts() as signals,
-        signals.noted(),
+        signals.deferred(),
         live_page(watch.live) as page,
         groot(watch) as publisher,
     ):

@@ -23,7 +23,7 @@ def report(
     from palpate.api import finish
     from palpate.cli.show.run import live_view, show_ended
 
-    with interrupts() as signals, signals.noted():
+    with interrupts() as signals, signals.deferred():
         with live_view() as (_, say):
             done = finish(folder, say, film)
         raise typer.Exit(show_ended(done, as_json))
@@ -89,7 +89,7 @@ def open_report(
     if not live:
         show_report(folder)
         return
-    with interrupts() as signals, signals.noted(), live_page(live) as page:
+    with interrupts() as signals, signals.deferred(), live_page(live) as page:
         assert page is not None
         play_again(page, pp.open(folder), signals)
 
