@@ -5,7 +5,7 @@ or is one that means nothing of it, "please". What is left over is named in a re
 sentence that may be derived in two ways which ask for different things.
 
 First the words: those of other languages become English ones where they stand (`languages`),
-misspelt ones those that they come near (`spelling`). Then what each word may be (`lattice`), a noun
+misspelt ones those that they come near (`tokens`). Then what each word may be (`lattice`), a noun
 of this scene, a quantity, a relation; all derivations of each sentence by `words/grammar.txt`
 (`grammar`, `chart`); what each means (`meaning`); which things of the scene that is (`things`,
 `whereabouts`); and, sentence after sentence, what is wanted and what is not (`reading`).

@@ -48,9 +48,7 @@ class _Cover:
     skipped: tuple[int, ...] = ()
 
 
-def propose(
-    sentences: Sequence[Sequence[str]], scene: Scene, lattice: Lattice
-) -> Proposal | None:
+def propose(sentences: Sequence[Sequence[str]], scene: Scene, lattice: Lattice) -> Proposal | None:
     """Propose what some sentences of a request ask for; None if no island names a parameter."""
     resolver, things = Resolver(scene), Things(scene, lattice.nouns)
     reading = Reading(resolver, things)

@@ -10,14 +10,14 @@ from collections.abc import Iterator, Sequence
 from functools import cache
 from typing import cast
 
-from palpate.planning.request import lexicon, spelling
+from palpate.planning.request import lexicon
 from palpate.planning.request.lexicon import COLOURS
 from palpate.planning.request.nouns import Nouns
 from palpate.planning.request.sentence.chart import Meanings
 from palpate.planning.request.sentence.grammar import grammar
 from palpate.planning.request.sentence.meaning import Quantity
 from palpate.planning.request.sentence.remarks import remarks
-from palpate.planning.request.tokens import forms, singulars
+from palpate.planning.request.tokens import forms, nearest_spelling, singulars
 from palpate.planning.request.wording import Phrase, english, longest
 from palpate.quantities.catalogue import catalogue
 from palpate.scene.scene import Scene
@@ -72,7 +72,7 @@ class Lattice:
         known = {word for word in known if word.isalpha()}
         found: dict[str, str] = {}
         for token in self.unknown(tokens):
-            meant = spelling.meant(token, known)
+            meant = nearest_spelling(token, known)
             if meant is not None and token not in english().things:
                 found[token] = meant
         return found
