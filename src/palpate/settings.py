@@ -31,10 +31,11 @@ else:
 
     OnFailure = str
     Within = Annotated[Any, BeforeValidator(_widths)]
-    Names = Annotated[
-        tuple[str, ...],
-        BeforeValidator(lambda given: (given,) if isinstance(given, str) else given),
-    ]
+
+    def _names(given: Any) -> tuple[str, ...]:
+        return (given,) if isinstance(given, str) else tuple(str(name) for name in given)
+
+    Names = Annotated[tuple[str, ...], BeforeValidator(_names)]
 
 Arm = Annotated[str, BeforeValidator(str)]
 """Name of an arm, or folder of its description, which may be a path."""

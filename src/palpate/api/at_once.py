@@ -14,6 +14,7 @@ from palpate.api.plans import Plan, plan_of
 from palpate.api.runs import Run, run_of
 from palpate.api.scenes import Scene, load
 from palpate.callbacks import SILENT, Confirm, Progress, RunCallbacks, quiet
+from palpate.parameter import Parameter
 from palpate.planning.planner import Planner
 from palpate.settings import Settings
 
@@ -34,7 +35,7 @@ class Options(TypedDict, total=False):
     robot_config: str | Path | None
     root: str | Path | None
     robot_body: str | Sequence[str]
-    measure: str | Sequence[str]
+    measure: str | Sequence[str | Parameter]
     images: Sequence[str | Path]
     remeasure: bool
     within: Widths | None

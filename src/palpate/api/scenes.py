@@ -9,6 +9,7 @@ from pathlib import Path
 from palpate.api.given import Widths, contents_of, is_text, planner_name
 from palpate.api.plans import Plan, plan_of
 from palpate.display import table
+from palpate.parameter import Parameter
 from palpate.planning.model.settings import ModelSettings
 from palpate.planning.planner import Planner
 from palpate.robots.owner.registered import own_arm
@@ -37,7 +38,7 @@ class Scene(InnerScene):
         request: str | None = None,
         planner: str | Planner = "symbolic",
         *,
-        measure: str | Sequence[str] = (),
+        measure: str | Sequence[str | Parameter] = (),
         images: Sequence[str | Path] = (),
         remeasure: bool = False,
         within: Widths | None = None,
@@ -57,7 +58,8 @@ class Scene(InnerScene):
             model_settings: how a model is asked, where the planner is one.
 
         Returns:
-            A plan. One without a tree is a rejection, and its explanation says why.
+            A plan. One without a tree is a rejection, and its explanation says why; what such a
+            request may mean is its `proposal`: `scene.plan(measure=plan.proposal)` accepts it.
 
         Raises:
             InputError: a request or a planner that cannot be used.

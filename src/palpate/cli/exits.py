@@ -24,8 +24,8 @@ ERRORS: dict[type[PalpateError], int] = {
     Unavailable: 5,
 }
 
-_FLAGS = {option.field.name: option.flags[0] for option in declared(Settings)}
-_ARGUMENT = re.compile(rf"\b({'|'.join(_FLAGS)})=(?=[\s\w,:.]|$)")
+_FLAGS = {option.field.name: option.flags[-1] for option in declared(Settings)}
+_ARGUMENT = re.compile(rf"\b({'|'.join(_FLAGS)})=(?=[\s\w,:.*]|$)")
 
 
 def exit_status(error: PalpateError) -> int:
@@ -38,7 +38,7 @@ def in_flags(message: str) -> str:
     """Rewrite the library's `scene=D.xml` as `--scene D.xml`, and `scene=` alone as `--scene`."""
 
     def flag(found: re.Match[str]) -> str:
-        value_follows = message[found.end() : found.end() + 1].isalnum()
+        value_follows = message[found.end() : found.end() + 1] not in " ,:."
         return _FLAGS[found.group(1)] + " " * value_follows
 
     return _ARGUMENT.sub(flag, message)

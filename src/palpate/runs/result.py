@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 from palpate import __version__
 from palpate.estimation.estimate import Estimate
-from palpate.planning.plan import dump_plan
+from palpate.planning.plan import dump_plan, proposal_json
 from palpate.runs.answer import answer
 from palpate.runs.held_out import held_out_json
 
@@ -36,6 +36,7 @@ def result_json(run: Run, folder: Path | None) -> dict[str, Any]:
         "truth": _truth(run),
         "request": run.settings.request,
         "answer": answer(run),
+        **proposal_json(run.plan),
         "parameters": [_parameter_json(run, estimate) for estimate in run.estimates],
         "plan": _plan_json(run),
         "rehearsal": asdict(run.rehearsal) if run.rehearsal else None,

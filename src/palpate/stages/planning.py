@@ -92,7 +92,10 @@ def plan(settings: Settings, scene: Scene | None, planner: Planner | None = None
         try:
             answer = planner.plan(request, scene, images)
         except PlanRejected as rejection:
-            answer = Plan((), None, str(rejection), settings.planner)
+            found, unused = rejection.proposal, rejection.not_used
+            answer = Plan(
+                (), None, str(rejection), settings.planner, proposal=found, not_used=unused
+            )
     seen, conversation = None, None
     if isinstance(planner, Observant):
         seen, conversation = planner.seen, planner.conversation

@@ -84,10 +84,11 @@ def execute(
 def carry_out(asked: Settings, as_json: bool, watch: WatchOptions, yes: bool = False) -> None:
     """Run with a live view on stderr, print the result, exit with its status."""
     from palpate.api import run_settings
-    from palpate.callbacks import RunCallbacks
+    from palpate.callbacks import RunCallbacks, unconfirmed
     from palpate.cli.show.run import (
         ValuesFirst,
         confirm_plan,
+        confirm_proposal,
         groot,
         live_page,
         live_view,
@@ -107,9 +108,12 @@ def carry_out(asked: Settings, as_json: bool, watch: WatchOptions, yes: bool = F
     ):
         warn_of_invented(asked)
         may_move = unless(yes, page.confirm if page else confirm_plan)
+        proposal = unconfirmed if as_json else confirm_proposal
         with live_view(page, publisher, pace(watch, asked)) as (observer, say):
             values = ValuesFirst(as_json)
-            callbacks = RunCallbacks(observer, say, may_move, resuming(say), values)
+            callbacks = RunCallbacks(
+                observer, say, may_move, proposal, may_resume=resuming(say), measured=values
+            )
             done = run_settings(asked, callbacks)
         status = show_ended(done, as_json, values.shown)
         if page and not signals.count:

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from palpate.api import Plan as CheckedPlan
     from palpate.planning.check.check import Finding
     from palpate.planning.plan import Plan
+    from palpate.runs.run import Run
     from palpate.settings import Settings
 
 
@@ -35,6 +36,7 @@ def show_plan(plan: CheckedPlan, as_json: bool, file: Path | None) -> None:
         return
     print_plan(plan, out)
     _print_findings(plan.findings)
+    show_proposal(plan.made)
     if not plan.made.ready:
         return
     settings = plan.made.settings
@@ -54,6 +56,23 @@ def print_plan(plan: Plan, console: Console) -> None:
         console.print(*paper_notation(plan.tree), sep="\n", markup=False, soft_wrap=True)
     console.print(f"\n{plan.explanation}", markup=False)
     show_notes(plan, console)
+
+
+def understood(plan: Plan) -> str:
+    """Word a proposal: "I understand: mass of red_can. Not used: 'for my paper'."."""
+    labels = [f"{one.quantity} of {one.object}" for one in plan.proposal]
+    said = f"I understand: {', '.join(labels)}."
+    if plan.not_used:
+        said += f" Not used: {', '.join(repr(words) for words in plan.not_used)}."
+    return said
+
+
+def show_proposal(run: Run) -> None:
+    """Print the proposal of a rejected plan, if there is one, and the command that accepts it."""
+    if run.plan.proposal:
+        out.prose(f"\n{escape(understood(run.plan))}")
+        accepted = run.settings.having(request=None, measure=run.plan.proposal)
+        show_next("measure that", running(accepted))
 
 
 def show_notes(plan: Plan, console: Console) -> None:

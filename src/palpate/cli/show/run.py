@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from palpate.cli.console import err, escape, out, print_json, printing, say
 from palpate.cli.exits import EXIT
 from palpate.cli.show.estimates import show_estimates
-from palpate.cli.show.plan import print_plan, show_notes
+from palpate.cli.show.plan import print_plan, show_notes, show_proposal, understood
 from palpate.display import visible
 from palpate.errors import Unavailable
 from palpate.live.console import SafeConsole
@@ -111,6 +111,14 @@ def confirm_plan(run: Run) -> bool:
     return _confirmed(question)
 
 
+def confirm_proposal(run: Run) -> bool:
+    """Show what a request may mean and ask whether to measure that; without a terminal it is not."""
+    if not sys.stdin.isatty():
+        return False
+    err.prose(escape(understood(run.plan)))
+    return _confirmed("Measure that?", default=True)
+
+
 def confirm_resuming(why: str) -> bool:
     """Ask whether a stopped robot may go on; without a terminal it may not."""
     if not sys.stdin.isatty():
@@ -138,12 +146,12 @@ def resuming(progress: Progress) -> Callable[[str], bool]:
     return may_resume
 
 
-def _confirmed(question: str) -> bool:
+def _confirmed(question: str, default: bool = False) -> bool:
     """Ask at the terminal; no answer is a no."""
     import typer
 
     try:
-        return typer.confirm(question, err=True)
+        return typer.confirm(question, default, err=True)
     except typer.Abort:
         err.print()
         return False
@@ -223,6 +231,7 @@ def _show_values(run: Run) -> None:
 
 def _show_rejection(run: Run) -> None:
     out.print("[bold yellow]no plan[/]", escape(run.plan.explanation))
+    show_proposal(run)
     for finding in run.findings:
         out.print(f"  [yellow]{finding.rule}[/] {escape(finding.path)}: {escape(finding.message)}")
 

@@ -41,10 +41,14 @@ class Proposal:
 
 @dataclass(frozen=True, slots=True)
 class _Cover:
-    """Islands over the rest of a sentence, and the places of the words between them."""
+    """Islands over the rest of a sentence, and the places of the words between them.
+
+    Attributes:
+        acts: meanings of the islands, each with the words of its island.
+    """
 
     cost: int
-    acts: tuple[Act, ...] = ()
+    acts: tuple[tuple[Act, str], ...] = ()
     skipped: tuple[int, ...] = ()
 
 
@@ -58,14 +62,14 @@ def propose(sentences: Sequence[Sequence[str]], scene: Scene, lattice: Lattice) 
     for sentence in sentences:
         cover = _cover(sentence, lattice, ("<clauses>", "<qnp>", "<event2>")[: 2 + simulates])
         not_used += _runs(sentence, cover.skipped)
-        for act in cover.acts:
+        for act, words in cover.acts:
             if _is_bare(act):
                 bare.append(cast("Say", act))
                 continue
             try:
                 reading.take(act)
             except (InputError, PlanRejected):
-                not_used.append(" ".join(sentence))
+                not_used.append(words)
     # A quantity alone is that of a thing named beside it, never of everything.
     for act in bare:
         if things.spoken:
@@ -98,8 +102,10 @@ def _cover(sentence: Sequence[str], lattice: Lattice, islands: Sequence[str]) ->
                 acts = _acts(next(iter(found.meanings)))
                 if _is_denied(sentence, at):
                     acts = tuple(_denied(act) for act in acts)
+                words = " ".join(sentence[at:end])
+                meant = tuple((act, words) for act in acts)
                 cost = rest.cost + found.cost + ISLAND
-                choices.append(_Cover(cost, (*acts, *rest.acts), rest.skipped))
+                choices.append(_Cover(cost, (*meant, *rest.acts), rest.skipped))
         best.insert(0, min(choices, key=lambda cover: cover.cost))
     return best[0]
 

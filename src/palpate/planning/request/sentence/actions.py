@@ -156,6 +156,18 @@ def _pair(*parts: Part) -> Pair:
     return Pair(tuple(dict.fromkeys(quantities)), things[0] if things else None)
 
 
+def _unfelt_of(words: Words, thing: Thing) -> Pair:
+    """A property that nothing measures, of a thing."""
+    return Pair((Quantity(" ".join(words), words[-1], measurable=False),), thing)
+
+
+def _listed(*parts: Part | Pair) -> tuple[Pair, ...]:
+    """Quantities of one thing, and the pairs that are listed behind it."""
+    behind = tuple(part for part in parts if isinstance(part, Pair))
+    first = [part for part in parts if not isinstance(part, Pair)]
+    return (_pair(*first), *behind)
+
+
 def _every(*quantities: Quantity) -> Pair:
     return Pair(quantities, every=True)
 
@@ -266,6 +278,10 @@ def _nothing(*_: Hashable) -> tuple[()]:
     return ()
 
 
+def _marks_of(place: Marks) -> tuple[Thing, ...]:
+    return place.marks
+
+
 def _mention(thing: Thing, place: Marks | None = None) -> Mention:
     return Mention(thing if place is None else placed(thing, place))
 
@@ -304,6 +320,8 @@ ACTIONS: Mapping[str, Callable[..., Hashable]] = {
     **OF_THINGS,
     "class_mention": _class_mention,
     "pair": _pair,
+    "unfelt_of": _unfelt_of,
+    "listed": _listed,
     "every": _every,
     "that": _that,
     "how_large": _how_large,
@@ -321,6 +339,7 @@ ACTIONS: Mapping[str, Callable[..., Hashable]] = {
     "simulated": _simulated,
     "simulated_of": _simulated_of,
     "nothing": _nothing,
+    "marks_of": _marks_of,
     "mention": _mention,
     "alone": _alone,
     "aside": Aside,
