@@ -9,8 +9,7 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from palpate.geometry.inertia import rotation
-from palpate.geometry.pose import Array, Pose
+from palpate.geometry.pose import Array, Pose, rotation
 
 
 @dataclass(frozen=True, slots=True, eq=False)

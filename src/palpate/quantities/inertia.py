@@ -15,8 +15,7 @@ from palpate.estimation.estimate import Estimate, Part, not_identified
 from palpate.estimation.holds import Held, grasped, held, pose_in_hand
 from palpate.estimation.rigid import MASS, about_centre, linear, moved, of_box, pseudo_inertia
 from palpate.estimation.swung import contrast, swings
-from palpate.geometry.inertia import components
-from palpate.geometry.pose import Array, Pose
+from palpate.geometry.pose import Array, Pose, components
 from palpate.mjcf.body import Body, BodyDescription
 from palpate.mjcf.edits import Slot
 from palpate.mjcf.inertial.stated import com_of, inertia_for, inertia_is_open, mass_of

@@ -1,4 +1,5 @@
-"""A folder with a new scene; nothing that is there is overwritten."""
+"""A folder with a new scene: MJCF and poses.yaml with a comment wherever a person has to decide. No
+file is overwritten."""
 
 from __future__ import annotations
 
@@ -7,15 +8,70 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from palpate.errors import InputError
-from palpate.scaffold.text import poses_text, scene_text
-from palpate.scaffold.things import identifier, things_named
+from palpate.scaffold.things import Thing, identifier, things_named
 
 SCENE, POSES = "scene.xml", "poses.yaml"
 
 
+_HEAD = """\
+<!-- A scene for palpate. Lengths in m, masses in kg; x points away from the arm's foot, y to its left, z up.
+     What you know, write down. What you do not know, leave out or write as "?": that is what is measured. -->
+<mujoco model="{model}">
+  <asset>
+    <texture name="sky" type="skybox" builtin="gradient" rgb1=".86 .91 .96" rgb2=".55 .66 .78" width="64" height="384"/>
+  </asset>
+
+  <worldbody>
+    <light pos="0.4 -0.6 1.9" dir="0 0.2 -1" diffuse=".8 .8 .8"/>
+    <camera name="workspace" pos="1.35 -1.05 0.95" xyaxes="0.65 0.76 0 -0.38 0.33 0.86" fovy="42"/>
+
+    <!-- Where the arm's foot is. Everything below is measured from here. -->
+    <site name="robot_base" pos="0 0 0"/>
+
+    <!-- The middle of a slab of 1.2 x 1.2 x 0.04 m, whose top is level with the arm's foot. If you do not know how
+         high your {surface} is, write pos="0.35 0 ?". -->
+    <body name="{surface}" pos="0.35 0 -0.02">
+      <geom type="box" size=".60 .60 .02" rgba=".88 .80 .66 1"/>
+    </body>
+"""
+
+_THING = """
+    <!-- {about} -->
+    <body name="{name}" pos="{x:g} {y:g} {z:.4g}">
+      <freejoint/>
+      <geom type="{shape}" size="{size}" rgba="{colour} 1"/>
+    </body>
+"""
+
+_SIZES = {
+    "box": "half its extents along x, y and z",
+    "cylinder": "its radius and half its height",
+    "sphere": "its radius",
+}
+
+_POSES = """\
+# Where things are, where the MJCF does not say it well enough. Every entry is optional: remove the '#'
+# of what you need. Lengths in m, angles in rad, z up. `palpate teach scene.xml` fills this in with you.
+
+# objects:                      # poses of the objects' frames in the world; they overrule the MJCF
+#   {first}: {{pos: [0.42, 0.0, 0.05], yaw: 0.3}}
+
+# accuracy: 0.002               # how well these are known (1 sigma)
+
+# places:                       # poses of the point between the fingertips, which point down
+#   shelf_approach: {{pos: [0.4, 0.3, 0.3]}}
+
+# grasps:                       # where the hand takes an object, in the object's own frame
+#   {first}: {{pos: [0.0, 0.0, 0.01], yaw: 1.57}}
+
+# offsets:                      # how far a plan goes: up before and after a grasp, aside for a second one
+#   z_offset: 0.12
+"""
+
+
 @dataclass(frozen=True, slots=True)
 class Scaffold:
-    """A new scene's files, and what is in it."""
+    """Files of a new scene, and the names of its objects."""
 
     scene: Path
     poses: Path
@@ -26,26 +82,25 @@ def new_scene(folder: Path, names: Sequence[str], surface: str = "table") -> Sca
     """Write a scene of the named things on a surface.
 
     Raises:
-        InputError: a name that cannot be one, a file that is there already, or a folder that cannot be
-            written.
+        InputError: not a name, a file that exists, or a folder that cannot be written.
     """
     surface = identifier(surface)
     things = things_named(names)
     if surface in {thing.name for thing in things}:
         raise InputError(f"'{surface}' is the surface's name: give the object another one")
-    texts = {
-        SCENE: scene_text(_model(folder), surface, things),
-        POSES: poses_text(things),
-    }
+    letters = [letter for letter in folder.absolute().name if letter.isalnum() or letter in " _-"]
+    model = "".join(letters) or "scene"
+    first = things[0].name if things else "mug"
+    texts = {SCENE: scene_text(model, surface, things), POSES: _POSES.format(first=first)}
     written(folder, texts)
     return Scaffold(folder / SCENE, folder / POSES, tuple(thing.name for thing in things))
 
 
 def written(folder: Path, texts: Mapping[str, str]) -> None:
-    """Write all files, or none where one of them is there already.
+    """Write all files, or none where one of them exists.
 
     Raises:
-        InputError: one is there, or the folder cannot be written.
+        InputError: one exists, or the folder cannot be written.
     """
     for name in texts:
         if (folder / name).exists():
@@ -59,7 +114,21 @@ def written(folder: Path, texts: Mapping[str, str]) -> None:
         raise InputError(f"cannot write into '{folder}': {error.strerror}") from error
 
 
-def _model(folder: Path) -> str:
-    """The scene's name, from its folder's."""
-    letters = [letter for letter in folder.absolute().name if letter.isalnum() or letter in " _-"]
-    return "".join(letters) or "scene"
+def scene_text(model: str, surface: str, things: Sequence[Thing]) -> str:
+    """MJCF of a surface and the objects on it, all masses missing."""
+    text = _HEAD.format(model=model, surface=surface)
+    for thing in things:
+        guess = "A box, for want of a better guess"
+        if thing.kind:
+            guess = f"A {thing.kind} of common size"
+        text += _THING.format(
+            about=f"{guess}: size is {_SIZES[thing.shape]}. Neither mass nor friction: missing.",
+            name=thing.name,
+            x=thing.x,
+            y=thing.y,
+            z=thing.height / 2,
+            shape=thing.shape,
+            size=thing.size,
+            colour=thing.colour,
+        )
+    return text + "  </worldbody>\n</mujoco>\n"

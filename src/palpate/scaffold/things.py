@@ -1,4 +1,4 @@
-"""Things by their names: what shape and size a thing of that name may have, and where it may stand."""
+"""Objects of a new scene: shape and usual size by name, and a place in front of the arm."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ MAX_THINGS = 15
 MAX_NAME = 60
 
 UNKNOWN = {"box": [60, 60, 80]}
-"""mm: what a thing of no known kind is drawn as."""
+"""mm: shape and size of an object of unknown kind."""
 
 _COLOURS = {
     "red": ".80 .18 .16",
@@ -44,7 +44,7 @@ class Thing:
 
     Attributes:
         name: as in the MJCF.
-        kind: what it is taken for, or "" where its name says nothing.
+        kind: key of `kinds()`, or "" for an unknown name.
         shape: `box`, `cylinder` or `sphere`.
         extents: m, of a box along x, y and z, of a cylinder across and upright, of a ball across.
         x, y: where it stands, m.
@@ -61,7 +61,7 @@ class Thing:
 
     @property
     def height(self) -> float:
-        """m: how far it reaches above what it stands on."""
+        """m: upright extent."""
         return self.extents[-1]
 
     @property
@@ -72,17 +72,17 @@ class Thing:
 
 @cache
 def kinds() -> dict[str, dict[str, list[float]]]:
-    """The kinds that are known: `{"mug": {"cylinder": [74, 95]}}`, in mm."""
+    """Shape and size by kind: `{"mug": {"cylinder": [74, 95]}}`, in mm."""
     text = files("palpate.scaffold").joinpath("kinds.yaml").read_text(encoding="utf-8")
     found: Any = plain_yaml(text, "kinds.yaml")
     return found
 
 
 def things_named(names: Sequence[str]) -> tuple[Thing, ...]:
-    """A thing for each name, in rows in front of the arm.
+    """Place an object for each name, in rows in front of the arm.
 
     Raises:
-        InputError: more than can be placed, two of one name, or no name at all.
+        InputError: too many, a name twice, or not a name.
     """
     if len(names) > MAX_THINGS:
         raise InputError(
@@ -92,33 +92,30 @@ def things_named(names: Sequence[str]) -> tuple[Thing, ...]:
     places = [(x, y) for x in _ROWS for y in _COLUMNS]
     found: dict[str, Thing] = {}
     for name, place in zip(names, places, strict=False):
-        thing = _thing(name, place, colour=_PALETTE[len(found) % len(_PALETTE)])
-        if thing.name in found:
-            raise InputError(f"two objects are called '{thing.name}': give each a name of its own")
-        found[thing.name] = thing
+        name = identifier(name)
+        if name in found:
+            raise InputError(f"two objects are called '{name}': give each a name of its own")
+        words = name.lower().split("_")
+        # The last word is the noun: a `box_cutter` is a cutter.
+        kind = next((word for word in reversed(words) if word in kinds()), "")
+        [(shape, millimetres)] = kinds().get(kind, UNKNOWN).items()
+        extents = tuple(value / 1000 for value in millimetres)
+        usual = _PALETTE[len(found) % len(_PALETTE)]
+        colour = next((word for word in words if word in _COLOURS and word != kind), usual)
+        found[name] = Thing(name, kind, shape, extents, *place, colour=_COLOURS[colour])
     return tuple(found.values())
 
 
-def _thing(said: str, place: tuple[float, float], colour: str) -> Thing:
-    name = identifier(said)
-    words = name.lower().split("_")
-    kind = next((word for word in reversed(words) if word in kinds()), "")
-    [(shape, millimetres)] = kinds().get(kind, UNKNOWN).items()
-    colour = next((word for word in words if word in _COLOURS and word != kind), colour)
-    extents = tuple(value / 1000 for value in millimetres)
-    return Thing(name, kind, shape, extents, *place, colour=_COLOURS[colour])
-
-
-def identifier(said: str) -> str:
-    """A name as MJCF and plans have it: letters, digits and underscores.
+def identifier(text: str) -> str:
+    """Turn a text into a name for MJCF and plans: letters, digits and underscores.
 
     Raises:
-        InputError: nothing is left of it, or it is too long.
+        InputError: no letter first, or too long.
     """
-    name = re.sub(r"\W+", "_", said.strip()).strip("_")
+    name = re.sub(r"\W+", "_", text.strip()).strip("_")
     if not name or not name[0].isalpha() or len(name) > MAX_NAME:
         raise InputError(
-            f"'{said[:MAX_NAME]}' cannot be an object's name: it needs a letter first, then letters, digits or "
+            f"'{text[:MAX_NAME]}' cannot be an object's name: it needs a letter first, then letters, digits or "
             f"'_', at most {MAX_NAME} of them, for example 'red_mug'"
         )
     return name

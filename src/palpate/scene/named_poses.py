@@ -22,9 +22,8 @@ from functools import partial
 import numpy as np
 
 from palpate.errors import unknown_name
-from palpate.geometry.line import Line
 from palpate.geometry.outline import Convex, Obstacle, above, rectangle, rim
-from palpate.geometry.pose import Array, Pose
+from palpate.geometry.pose import Array, Line, Pose
 from palpate.mjcf.body import Body
 from palpate.mjcf.shapes import RESTING
 from palpate.robots.description import RobotDescription

@@ -26,8 +26,7 @@ from functools import cached_property, partial
 import numpy as np
 
 from palpate.errors import InputError, unknown_name
-from palpate.geometry.line import Line
-from palpate.geometry.pose import Array, Pose
+from palpate.geometry.pose import Array, Line, Pose
 from palpate.scene.poses import Poses
 
 MAX_EXPRESSION = 200

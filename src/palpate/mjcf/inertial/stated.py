@@ -6,8 +6,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from palpate.geometry.inertia import components
-from palpate.geometry.pose import Array
+from palpate.geometry.pose import Array, components
 from palpate.mjcf.body import BodyDescription
 from palpate.mjcf.document import UNKNOWN, Element, compiler_settings, has_unknown, tokens
 from palpate.mjcf.roles.elements import inertial_of

@@ -8,8 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from palpate.errors import InputError
-from palpate.geometry.inertia import components, rotation, tensor_of
-from palpate.geometry.pose import Array
+from palpate.geometry.pose import Array, components, rotation, tensor_of
 from palpate.mjcf.body import BodyDescription
 from palpate.mjcf.document import UNKNOWN, Element, tokens
 from palpate.mjcf.edits import Change, Edit, Insert, number, unknown_only

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 
-from palpate.geometry.line import Line
+from palpate.geometry.pose import Line
 from palpate.planning.check import end
 from palpate.planning.check.case import Case
 from palpate.planning.check.finding import Finding

@@ -12,8 +12,7 @@ from functools import cached_property
 
 import numpy as np
 
-from palpate.geometry.outline import rim, slab
-from palpate.geometry.polygon import clipped, hull
+from palpate.geometry.outline import clipped, hull, rim, slab
 from palpate.geometry.pose import Array, Pose
 from palpate.vocabulary.admissible.solids import ORIGIN, Solids, solids
 from palpate.vocabulary.admissible.sweep.frames import Shape

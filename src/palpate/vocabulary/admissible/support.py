@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from palpate.errors import InputError
-from palpate.geometry.polygon import depth
+from palpate.geometry.outline import depth
 from palpate.geometry.pose import Array, Pose
 from palpate.vocabulary.admissible.footing import SUNK, Footing, footing
 from palpate.vocabulary.admissible.solids import solids

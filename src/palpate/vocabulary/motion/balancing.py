@@ -7,8 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from palpate.estimation.estimate import Estimate
-from palpate.geometry.line import Line
-from palpate.geometry.pose import Array
+from palpate.geometry.pose import Array, Line
 from palpate.parameter import Parameter
 from palpate.quantities.com import CentreOfMass
 from palpate.quantities.estimators import estimate_all
