@@ -10,8 +10,7 @@ import pytest
 
 from palpate.errors import InputError
 from palpate.mjcf.document import MAX_BYTES, MAX_DEPTH, with_tokens
-from palpate.mjcf.reading import parse_document, read_document
-from palpate.mjcf.root import is_too_wide
+from palpate.mjcf.reading import is_too_wide, parse_document, read_document
 from palpate.parameter import Parameter
 from palpate.scene.load import load_scene, scene_from_text
 from palpate.scene.remarks import remarks

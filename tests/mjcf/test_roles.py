@@ -9,7 +9,7 @@ import pytest
 
 from palpate.errors import InputError
 from palpate.mjcf.reading import parse_document
-from palpate.mjcf.roles.sorting import find_roles
+from palpate.mjcf.roles import find_roles
 from palpate.parameter import Parameter
 from palpate.scene.load import parse_scene
 from palpate.scene.remarks import remarks

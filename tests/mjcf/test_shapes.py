@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from palpate.mjcf.hulls import geom_volume, hull_edges, hull_points
 from palpate.mjcf.reading import parse_document
-from palpate.mjcf.roles.sorting import find_roles
+from palpate.mjcf.roles import find_roles
 from palpate.mjcf.shapes import Shapes, compile_shapes
 
 KINDS = {"box": 3, "cylinder": 2, "capsule": 2, "sphere": 1, "ellipsoid": 3}

@@ -19,8 +19,16 @@ from typing import BinaryIO
 
 from palpate.errors import InputError
 from palpate.files.read import opened
-from palpate.mjcf.attached import ATTACH, brought
-from palpate.mjcf.document import MAX_ASSET_BYTES, Document, Element, elements, label, tokens
+from palpate.mjcf.document import (
+    ATTACH,
+    MAX_ASSET_BYTES,
+    Document,
+    Element,
+    brought,
+    elements,
+    label,
+    tokens,
+)
 
 ELEMENTS, REPLICATED, POINTS = "elements", "replicated elements", "points of flexible things"
 CELLS, PIXELS, MESHES = "cells of height fields", "pixels of textures", "bytes of meshes"

@@ -1,4 +1,4 @@
-"""MJCF's defaults classes, and what MuJoCo takes for an attribute that nobody states."""
+"""MJCF's defaults classes, and MuJoCo's values of attributes that are not stated."""
 
 from __future__ import annotations
 
@@ -15,21 +15,19 @@ INHERITED: Mapping[str, tuple[str, ...] | None] = {
     "density": None,
     "friction": MUJOCO_FRICTION,
 }
-"""Attributes of geoms that a defaults class may leave open: the numbers that take the place of a
-`?` once every element has its own, or None where the attribute is left out then."""
-
+"""Attributes of geoms that a defaults class may leave open. Once every element has its own value, the
+`?` is replaced by these numbers, or the attribute is removed (None)."""
 
 STAND_INS: Mapping[str, tuple[str, ...]] = {
     "mass": ("1",),
     "density": ("1000",),
     "friction": MUJOCO_FRICTION,
 }
-"""Placeholders for a `?` in defaults while models are compiled; without them a class above would
-apply."""
+"""Numbers in place of a `?` while models are compiled; without them an outer class would apply."""
 
 
 def standing_in(element: Element) -> Iterator[Edit]:
-    """The changes after which MuJoCo sees no `?` in an element's inherited attributes."""
+    """Yield changes that replace each `?` in an element's inherited attributes by a stand-in."""
     for attribute, usual in STAND_INS.items():
         parts = tokens(element.get(attribute))
         unknown = {i: usual[min(i, 2)] for i, part in enumerate(parts) if part == UNKNOWN}
@@ -38,7 +36,7 @@ def standing_in(element: Element) -> Iterator[Edit]:
 
 
 def answered_elsewhere(element: Element) -> Iterator[Edit]:
-    """Replacement of a `?` in an element's inherited attributes that have lost their meaning."""
+    """Yield changes that replace each `?` whose value the elements now state themselves."""
     for attribute, usual in INHERITED.items():
         parts = tokens(element.get(attribute))
         unknown = [i for i, part in enumerate(parts) if part == UNKNOWN]
@@ -49,15 +47,14 @@ def answered_elsewhere(element: Element) -> Iterator[Edit]:
 
 
 class Defaults:
-    """The `<default>` classes of a document and of the models that it attaches, each of which has its
-    own: what an element's attribute is when the element leaves it out."""
+    """The `<default>` classes of a document and of each model that it attaches."""
 
     def __init__(self, root: Element, *attached: Element) -> None:
         self._models = {model: _Classes(model) for model in (root, *attached)}
         self._only = None if attached else self._models[root]
 
     def attribute(self, element: Element, name: str) -> str | None:
-        """The attribute as MuJoCo would see it, or None when nothing states it."""
+        """The attribute with defaults applied, or None if nothing states it."""
         own = element.get(name)
         if own is not None:
             return own
@@ -76,8 +73,12 @@ class _Classes:
         self._root_class = "" if first is None else first.get("class") or "main"
 
     def inherited(self, element: Element, name: str) -> str | None:
-        """Attributes of an element's classes, the innermost first."""
-        for default in reversed(self._classes.get(self._class_of(element), [])):
+        """Attribute from an element's classes, the innermost first."""
+        # Its own class, else the `childclass` of the nearest ancestor, else the top class.
+        called = element.get("class")
+        outer = element.iterancestors("body", "frame", "worldbody")
+        called = called or next((c for above in outer if (c := above.get("childclass"))), None)
+        for default in reversed(self._classes.get(called or self._root_class, [])):
             for entry in default.iterfind(str(element.tag)):
                 inherited = entry.get(name)
                 if inherited is not None:
@@ -90,12 +91,3 @@ class _Classes:
         self._classes.setdefault(name, []).extend(chain)
         for child in default.iterfind("default"):
             self._collect(child, chain)
-
-    def _class_of(self, element: Element) -> str:
-        if element.get("class"):
-            return element.get("class") or ""
-        for above in element.iterancestors("body", "frame", "worldbody"):
-            inherited = above.get("childclass")
-            if inherited:
-                return inherited
-        return self._root_class

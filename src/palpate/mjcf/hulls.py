@@ -1,5 +1,5 @@
-"""Points whose convex hull is a geom, the edges between them, and volumes: corners of a box, two rings of
-a cylinder, rings between the poles of a ball, and of a mesh the vertices that stand out."""
+"""Points whose convex hull is a geom, the edges between them, and volumes: corners of a box, two rings
+of a cylinder, rings between the poles of a ball, extreme vertices of a mesh."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 from palpate.geometry.pose import Array
 
 INFINITE_PLANE = 10.0
-"""m: half extent given to a plane without one."""
+"""m: half extent of an infinite plane."""
 
 _CIRCLE = 48
-"""Corners of a circle; a multiple of four, so that boxes around round things are exact."""
+"""Corners of a circle; a multiple of four, so that boxes around round shapes are exact."""
 
 _LATITUDES, _LONGITUDES = 11, 24
 """Rings of a ball between its poles, and points on each; odd and a multiple of four for the same
@@ -24,12 +24,15 @@ reason."""
 
 
 def hull_points(model: mujoco.MjModel, geom: int) -> Array:
-    """(k, 3) points in the geom's frame whose convex hull is the geom (round ones as fine
-    polygons)."""
+    """(k, 3) points in the geom's frame whose convex hull is the geom, m; circles as polygons."""
     kind = int(model.geom_type[geom])
     size = np.array(model.geom_size[geom])
     if kind in (mujoco.mjtGeom.mjGEOM_MESH, mujoco.mjtGeom.mjGEOM_SDF):
-        return _extremes(mesh_vertices(model, int(model.geom_dataid[geom])))
+        points = mesh_vertices(model, int(model.geom_dataid[geom]))
+        if len(points) <= len(_directions()):
+            return points
+        # The extreme vertices in many directions have nearly the same hull as all of them.
+        return points[np.unique(np.argmax(_directions() @ points.T, axis=1))]
     if kind == mujoco.mjtGeom.mjGEOM_HFIELD:
         x, y, top, below = model.hfield_size[model.geom_dataid[geom]]
         top *= max(elevations(model, int(model.geom_dataid[geom])), default=0.0)
@@ -40,7 +43,7 @@ def hull_points(model: mujoco.MjModel, geom: int) -> Array:
 
 
 def elevations(model: mujoco.MjModel, hfield: int) -> Array:
-    """(n,) of a height field, as shares of its height."""
+    """(n,) elevations of a height field, relative to its height."""
     first = int(model.hfield_adr[hfield])
     count = int(model.hfield_nrow[hfield] * model.hfield_ncol[hfield])
     return np.asarray(model.hfield_data[first : first + count], dtype=float)
@@ -48,8 +51,8 @@ def elevations(model: mujoco.MjModel, hfield: int) -> Array:
 
 @cache
 def hull_edges(kind: int, count: int) -> NDArray[np.intp]:
-    """(m, 2) pairs of the `count` points that `hull_points` gives for a kind of geom, the hull's
-    edges among them."""
+    """(m, 2) index pairs of the `count` points of `hull_points` for a kind of geom, which include all
+    edges of the hull."""
     if kind == mujoco.mjtGeom.mjGEOM_CYLINDER:
         return _ring_edges(2, _CIRCLE)
     if kind in (mujoco.mjtGeom.mjGEOM_SPHERE, mujoco.mjtGeom.mjGEOM_ELLIPSOID):
@@ -62,14 +65,14 @@ def hull_edges(kind: int, count: int) -> NDArray[np.intp]:
 
 
 def _ring_edges(rings: int, corners: int) -> NDArray[np.intp]:
-    """Edges along and between `rings` polygons whose points follow one another."""
+    """(m, 2) edges along and between `rings` polygons of consecutive points."""
     index = np.arange(rings * corners).reshape(rings, corners)
     along = np.column_stack([index.ravel(), np.roll(index, -1, axis=1).ravel()])
     return np.concatenate([along, np.column_stack([index[:-1].ravel(), index[1:].ravel()])])
 
 
 def _ball_edges() -> NDArray[np.intp]:
-    """Edges of the points of `_directions`: rings from south to north, then the two poles."""
+    """(m, 2) edges of the points of `_directions`: rings from south to north, then the poles."""
     north = _LATITUDES * _LONGITUDES
     south = north + 1
     lowest, highest = np.arange(_LONGITUDES), np.arange(north - _LONGITUDES, north)
@@ -87,7 +90,9 @@ def geom_volume(model: mujoco.MjModel, geom: int) -> float:
     r, h, z = model.geom_size[geom].tolist()
     kind = int(model.geom_type[geom])
     if kind == mujoco.mjtGeom.mjGEOM_MESH:
-        return _mesh_volume(model, int(model.geom_dataid[geom]))
+        # Divergence theorem: signed tetrahedra a · (b × c) / 6 from the origin to each triangle.
+        a, b, c = np.moveaxis(mesh_corners(model, int(model.geom_dataid[geom])), 1, 0)
+        return abs(float(np.einsum("ij,ij->", a, np.cross(b, c)))) / 6
     return {
         int(mujoco.mjtGeom.mjGEOM_BOX): 8 * r * h * z,
         int(mujoco.mjtGeom.mjGEOM_SPHERE): 4 / 3 * np.pi * r**3,
@@ -98,21 +103,15 @@ def geom_volume(model: mujoco.MjModel, geom: int) -> float:
 
 
 def mesh_vertices(model: mujoco.MjModel, mesh: int) -> Array:
-    """(n, 3) m, in the frame of the geoms that have it."""
+    """(n, 3) vertices of a mesh, m, in the frame of its geoms."""
     first, count = int(model.mesh_vertadr[mesh]), int(model.mesh_vertnum[mesh])
     return np.asarray(model.mesh_vert[first : first + count], dtype=float)
 
 
 def mesh_corners(model: mujoco.MjModel, mesh: int) -> Array:
-    """(m, 3, 3) m, the corners of its triangles, as `mesh_vertices`."""
+    """(m, 3, 3) corners of the triangles of a mesh, as `mesh_vertices`."""
     first, count = int(model.mesh_faceadr[mesh]), int(model.mesh_facenum[mesh])
     return mesh_vertices(model, mesh)[model.mesh_face[first : first + count]]
-
-
-def _mesh_volume(model: mujoco.MjModel, mesh: int) -> float:
-    """m³ within the triangles: signed tetrahedra from the origin to each of them."""
-    a, b, c = np.moveaxis(mesh_corners(model, mesh), 1, 0)
-    return abs(float(np.einsum("ij,ij->", a, np.cross(b, c)))) / 6
 
 
 def _corners(half: Array) -> Array:
@@ -124,13 +123,9 @@ def _plane(size: Array) -> Array:
     return _corners(np.where(size > 0, size, INFINITE_PLANE) * np.array([1, 1, 0]))
 
 
-def _circle() -> Array:
-    angle = np.arange(_CIRCLE) * 2 * np.pi / _CIRCLE
-    return np.column_stack([np.cos(angle), np.sin(angle)])
-
-
 def _cylinder(size: Array) -> Array:
-    ring = _circle() * size[0]
+    angle = np.arange(_CIRCLE) * 2 * np.pi / _CIRCLE
+    ring = np.column_stack([np.cos(angle), np.sin(angle)]) * size[0]
     bottom = np.column_stack([ring, np.full(_CIRCLE, -size[1])])
     top = np.column_stack([ring, np.full(_CIRCLE, size[1])])
     return np.concatenate([bottom, top])
@@ -156,14 +151,6 @@ def _capsule(size: Array) -> Array:
     ball = _directions() * size[0]
     up = np.array([0, 0, size[1]])
     return np.concatenate([ball + up, ball - up])
-
-
-def _extremes(points: Array) -> Array:
-    """The points farthest out in each of many directions: a small set with nearly the same convex
-    hull."""
-    if len(points) <= len(_directions()):
-        return points
-    return points[np.unique(np.argmax(_directions() @ points.T, axis=1))]
 
 
 _OUTLINES: dict[int, Callable[[Array], Array]] = {

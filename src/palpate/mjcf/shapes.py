@@ -1,6 +1,6 @@
-"""The compiled geometry of a scene: convex outlines of geoms, boxes of bodies, volumes.
+"""Compiled geometry of a scene: convex hulls of geoms, boxes of bodies, volumes, poses.
 
-Every geom is handed on as a cloud of points whose convex hull it is (`mjcf.hulls`).
+A geom is represented by points whose convex hull it is (`mjcf.hulls`).
 """
 
 from __future__ import annotations
@@ -18,17 +18,19 @@ from palpate.mjcf.compile import BASE_SITE, ModelTree, compile_model, compile_sp
 from palpate.mjcf.document import Document, Element, elements
 from palpate.mjcf.edits import Edit, Insert
 from palpate.mjcf.hulls import geom_volume, hull_edges, hull_points
-from palpate.mjcf.roles.roles import Roles
+from palpate.mjcf.roles import Roles
 
 USUAL_DENSITY = 1000.0
-"""kg/m³, of a geom that states none, by MuJoCo."""
+"""kg/m³, MuJoCo's density of a geom that states none."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Shapes:
-    """Geometry of a compiled scene at rest.
+    """Geometry of a compiled scene in its initial configuration.
 
-    `geom_ids` refers to elements of the document. `tree` is what was compiled.
+    Attributes:
+        geom_ids: id in the model of each geom of the document.
+        tree: the compiled elements.
     """
 
     model: mujoco.MjModel
@@ -52,7 +54,7 @@ class Shapes:
         return self.geom_points(self.geom_ids[geom])
 
     def geom_points(self, geom: int) -> Array:
-        """Points of a geom, as `points`, by its id in the model."""
+        """Points of a geom, as `points`, by id in the model."""
         rotation = self.data.geom_xmat[geom].reshape(3, 3)
         return hull_points(self.model, geom) @ rotation.T + self.data.geom_xpos[geom]
 
@@ -63,33 +65,42 @@ class Shapes:
         return Convex(points, hull_edges(kind, len(points)))
 
     def cloud(self, geoms: Iterable[Element]) -> Array:
-        """(k, 3) points of several geoms in the world."""
+        """(k, 3) points of several geoms in the world, m."""
         return np.concatenate([self.points(geom) for geom in geoms])
 
     def volume(self, geom: Element) -> float:
-        """m³ of a geom; of a mesh as triangulated."""
+        """Volume of a geom, m³; of a mesh as triangulated."""
         return geom_volume(self.model, self.geom_ids[geom])
 
     def mass_per_density(self, geom: Element) -> float:
-        """m³ (m² of a shell) by which MuJoCo multiplies a geom's density, m: of meshes that are not
-        closed, or count as their hulls, another number than their volume."""
+        """Derivative of a geom's mass by its density, m³ (m² of a shell). It differs from the volume
+        for meshes that are not closed, or weigh as their hulls."""
         i = self.geom_ids[geom]
         has_shells = any(part.get("shellinertia") == "true" for part in elements(self.tree.root))
         if int(self.model.geom_type[i]) not in _TRIANGULATED and not has_shells:
             return self.volume(geom)
         if geom not in self._per_density:
+            # MuJoCo's mass of the body at two densities gives the derivative.
             body, twin = int(self.model.geom_bodyid[i]), self.tree.twin_of[geom]
-            self._per_density[geom] = _mass_per_density(self.tree, twin, body)
+            stated, masses = dict(twin.attrib), list[float]()
+            for density in (USUAL_DENSITY, 2 * USUAL_DENSITY):
+                twin.attrib.pop("mass", None)
+                twin.set("density", repr(density))
+                masses.append(float(compile_model(compile_spec(self.tree)).body_mass[body]))
+            twin.attrib.clear()
+            twin.attrib.update(stated)
+            lighter, heavier = masses
+            self._per_density[geom] = (heavier - lighter) / USUAL_DENSITY
         return self._per_density[geom] or self.volume(geom)
 
     def solid_geoms(self) -> list[int]:
-        """Ids of all geoms that can touch something, planes left out."""
+        """Ids of all geoms that can touch something, except planes."""
         masks = self.model.geom_contype | self.model.geom_conaffinity
         solid = (masks != 0) & (self.model.geom_type != mujoco.mjtGeom.mjGEOM_PLANE)
         return np.flatnonzero(solid).tolist()
 
     def up(self, geom: Element) -> float:
-        """World z component of the geom's z axis."""
+        """World z of the geom's z axis."""
         return float(self.data.geom_xmat[self.geom_ids[geom]][8])
 
     def base(self) -> Pose:
@@ -111,7 +122,13 @@ def compile_shapes(document: Document, roles: Roles, edits: Sequence[Edit | Inse
     model = compile_model(compile_spec(tree))
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
-    _require_finite(model, data)
+    numbers = (
+        *(data.xpos, data.xquat, data.geom_xpos, data.geom_xmat, data.site_xpos),
+        *(model.geom_size, model.geom_friction, model.opt.gravity),
+        *(model.body_mass, model.body_inertia, model.body_ipos),
+    )
+    if not all(np.isfinite(array).all() for array in numbers):
+        raise InputError("the scene has a number that is not finite (nan or inf)")
     ids: dict[Element, int] = {}
     for geom, name in names.items():
         i = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_GEOM, name)
@@ -123,43 +140,12 @@ def compile_shapes(document: Document, roles: Roles, edits: Sequence[Edit | Inse
 _TRIANGULATED = (int(mujoco.mjtGeom.mjGEOM_MESH), int(mujoco.mjtGeom.mjGEOM_SDF))
 
 
-def _mass_per_density(tree: ModelTree, geom: Element, body: int) -> float:
-    """Derivative of a body's mass by the density of one of its geoms, from MuJoCo."""
-    stated, masses = dict(geom.attrib), list[float]()
-    for density in (USUAL_DENSITY, 2 * USUAL_DENSITY):
-        geom.attrib.pop("mass", None)
-        geom.set("density", repr(density))
-        masses.append(float(compile_model(compile_spec(tree)).body_mass[body]))
-    geom.attrib.clear()
-    geom.attrib.update(stated)
-    lighter, heavier = masses
-    return (heavier - lighter) / USUAL_DENSITY
-
-
-def _require_finite(model: mujoco.MjModel, data: mujoco.MjData) -> None:
-    numbers = (
-        data.xpos,
-        data.xquat,
-        data.geom_xpos,
-        data.geom_xmat,
-        data.site_xpos,
-        model.geom_size,
-        model.geom_friction,
-        model.body_mass,
-        model.body_inertia,
-        model.body_ipos,
-        model.opt.gravity,
-    )
-    if not all(np.isfinite(array).all() for array in numbers):
-        raise InputError("the scene has a number that is not finite (nan or inf)")
-
-
 _NO_GEOMS = ("default", "tendon")
-"""Parents below which `<geom>` is a default, or a tendon's wrapping geom."""
+"""Ancestors of a `<geom>` that is a default, or a tendon's wrapping geom."""
 
 
 def _name_geoms(tree: ModelTree, roles: Roles) -> dict[Element, str]:
-    """Names by which the compiled geoms are found again; what has none is given one."""
+    """Compiled names of the geoms of the document; a geom without a name gets one in the tree."""
     names: dict[Element, str] = {}
     for i, (original, twin) in enumerate(tree.twin_of.items()):
         if original.tag == "geom" and next(original.iterancestors(*_NO_GEOMS), None) is None:
@@ -178,11 +164,11 @@ def _pose(position: Array, matrix: Array) -> Pose:
 
 
 RESTING = 0.02
-"""m: an object whose bottom is this close to a top stands on it."""
+"""m: an object stands on a top that is this close to its bottom."""
 
 
 def box_around(pose: Pose, cloud: Array) -> tuple[Array, Array]:
-    """Centre and size of the box around world points, in the frame `pose`."""
+    """Centre and size (3,) of the box around world points (k, 3), in the frame `pose`, m."""
     local = (cloud - pose.position) @ pose.rotation
     low, high = local.min(axis=0), local.max(axis=0)
     return (low + high) / 2, high - low

@@ -19,10 +19,8 @@ from palpate.estimation.view import FitView
 from palpate.geometry.pose import Array, Pose, components
 from palpate.mjcf.body import Body, BodyDescription
 from palpate.mjcf.edits import Slot
-from palpate.mjcf.inertial.stated import com_of, inertia_for, inertia_is_open, mass_of
-from palpate.mjcf.inertial.written import Statement
-from palpate.mjcf.roles.elements import Elements
-from palpate.mjcf.whole import whole
+from palpate.mjcf.elements import Elements
+from palpate.mjcf.inertial import Statement, com_of, inertia_for, inertia_is_open, mass_of, whole
 from palpate.parameter import Parameter
 from palpate.quantities.contacts import tied_to
 from palpate.quantities.evidence import Evidence

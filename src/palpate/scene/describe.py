@@ -15,9 +15,8 @@ from palpate.mjcf.bounds import require_bounded
 from palpate.mjcf.defaults import INHERITED
 from palpate.mjcf.document import UNKNOWN, Document, Element, elements, has_unknown, label, tokens
 from palpate.mjcf.edits import Edit, Slot
-from palpate.mjcf.roles.elements import Elements
-from palpate.mjcf.roles.roles import Roles
-from palpate.mjcf.roles.sorting import find_roles
+from palpate.mjcf.elements import Elements
+from palpate.mjcf.roles import Roles, find_roles
 from palpate.mjcf.shapes import RESTING, Shapes, compile_shapes
 from palpate.quantities.catalogue import Catalogue
 from palpate.scene.places import APPROACH

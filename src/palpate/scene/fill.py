@@ -12,7 +12,7 @@ from collections.abc import Iterator, Mapping
 from palpate.errors import InputError
 from palpate.mjcf.body import BodyDescription
 from palpate.mjcf.edits import Change
-from palpate.mjcf.inertial.written import Statement, written
+from palpate.mjcf.inertial import Statement, written
 from palpate.parameter import Parameter
 from palpate.quantities.catalogue import Catalogue
 from palpate.quantities.quantity import Prior, Values

@@ -10,8 +10,7 @@ import numpy as np
 
 from palpate.mjcf.compile import BASE_SITE, removed_with_robots
 from palpate.mjcf.document import Element
-from palpate.mjcf.roles.elements import Elements
-from palpate.mjcf.roles.robots import copy_mark
+from palpate.mjcf.elements import Elements, copy_mark
 from palpate.scene.places import reachable
 from palpate.scene.scene import Scene
 

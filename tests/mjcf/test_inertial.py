@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from palpate.mjcf.whole import whole
+from palpate.mjcf.inertial import whole
 
 CLUB = """<mujoco><worldbody>
 <body name="club" pos="1 2 3" euler="20 0 40"><freejoint/>
