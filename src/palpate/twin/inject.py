@@ -1,6 +1,6 @@
 """Estimates into the user's own MJCF text: a minimal change that leaves every other byte alone.
 
-What is written where, each quantity says (`palpate.scene.fill`); every estimate is also recorded in
+What is written where, each quantity says (`palpate.scene.resolve`); every estimate is also recorded in
 `<custom>` (`palpate.twin.records`).
 """
 
@@ -21,9 +21,9 @@ from palpate.parameter import Parameter
 from palpate.quantities.catalogue import Catalogue, catalogue
 from palpate.quantities.quantity import Quantity, Values
 from palpate.scene.describe import Description, describe
-from palpate.scene.fill import changes
 from palpate.scene.poses import Poses
 from palpate.scene.raised import at_heights
+from palpate.scene.resolve import changes
 from palpate.scene.scene import Scene
 from palpate.twin.one_text import in_one
 from palpate.twin.reading import misread
