@@ -29,10 +29,14 @@ def load_scene(
     root: Path | None = None,
     robot_body: Sequence[str] = (),
 ) -> Scene:
-    """Read an MJCF file, and optionally `poses.yaml`; `arm` is what touches it, None the default;
-    `quantities` are all that are installed unless given; `root` is the folder outside of which no
-    file is read (default: `mjcf.reading.read_document`); `robot_body` names the bodies that the
-    scene's own robots begin with (default: `mjcf.roles.robots`), or `none`.
+    """Read an MJCF file, and optionally `poses.yaml`.
+
+    Args:
+        arm: arm of the plans; None for the default.
+        quantities: all installed ones unless given.
+        root: folder outside of which no file is read; by default the nearest common folder of the
+            scene and its files.
+        robot_body: root bodies of the scene's own robots, or `none`; by default they are found.
 
     Raises:
         InputError: malformed XML, entities, missing or escaping files, names that do not match.
