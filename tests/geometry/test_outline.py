@@ -34,7 +34,7 @@ def pyramid(half: float, height: float) -> Convex:
 
 @given(st.floats(0.02, 0.1), st.floats(0.05, 0.3), st.floats(0.05, 0.9))
 @settings(max_examples=50, deadline=None)
-def test_a_slice_of_a_pyramid(half: float, height: float, share: float) -> None:
+def test_a_slice_of_a_pyramid_is_a_square(half: float, height: float, share: float) -> None:
     outline = slab(pyramid(half, height), share * height, height)
     assert width(outline, unit(0)) == pytest.approx(2 * half * (1 - share))
 
@@ -43,7 +43,7 @@ def test_a_slice_beside_the_shape_is_empty() -> None:
     assert len(slab(pyramid(0.1, 0.1), 0.2, 0.3)) == 0
 
 
-def test_the_profile_of_a_disc() -> None:
+def test_the_profile_of_a_disc_is_its_circle() -> None:
     angle = np.arange(360) * np.pi / 180
     disc = 0.05 * np.column_stack([np.cos(angle), np.sin(angle)])
     stations = np.array([-0.06, -0.03, 0.0, 0.03])
@@ -89,7 +89,7 @@ def test_a_hull_is_made_of_corners_alone() -> None:
     assert depth(found, np.array([0.5, 0.5])) > 0  # counterclockwise
 
 
-def test_what_has_no_area_has_no_inside() -> None:
+def test_a_polygon_without_area_has_no_inside() -> None:
     line = np.array([[1.0, 1], [0, 0], [2, 2], [0.5, 0.5]])
     assert hull(line).tolist() == [[0, 0], [2, 2]]
     assert hull(line[:1]).tolist() == [[1, 1]]

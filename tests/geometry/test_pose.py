@@ -107,11 +107,11 @@ def test_top_down_points_down_and_closes_along_its_yaw(
 
 
 @given(poses())
-def test_its_vector_is_position_then_quaternion(pose: Pose) -> None:
+def test_the_vector_of_a_pose_is_position_then_quaternion(pose: Pose) -> None:
     assert same(Pose(pose.vector[:3], pose.vector[3:]), pose)
 
 
-def test_turning_by_a_right_angle() -> None:
+def test_a_right_angle_turns_x_to_y() -> None:
     quarter = Pose.of((1, 0, 0), (np.sqrt(0.5), 0, 0, np.sqrt(0.5)))
     assert quarter.apply((1, 0, 0)) == pytest.approx([1, 1, 0])
     assert quarter.angle_to(IDENTITY) == pytest.approx(np.pi / 2)
@@ -120,7 +120,7 @@ def test_turning_by_a_right_angle() -> None:
 @pytest.mark.parametrize(
     "quaternion", [(0, 0, 0, 0), (np.nan, 0, 0, 1), (np.inf, 0, 0, 0), (1e-12, 0, 0, 0)]
 )
-def test_what_is_no_rotation_is_refused(quaternion: tuple[float, ...]) -> None:
+def test_a_quaternion_of_zeros_or_nan_is_refused(quaternion: tuple[float, ...]) -> None:
     with pytest.raises(ValueError, match="not a rotation quaternion"):
         Pose.of((0, 0, 0), quaternion)
 
@@ -135,7 +135,7 @@ LINE = Line.through(
 )
 
 
-def test_what_is_believed_is_the_place_nearest_to_a_point():
+def test_a_line_believes_the_place_nearest_to_a_point():
     assert LINE.believed == pytest.approx(0.02)
     assert LINE.at(LINE.believed).position == pytest.approx([0.5, 0.02, 0.1])
 

@@ -78,14 +78,14 @@ BOMBS = [
 
 
 @pytest.mark.parametrize(("text", "message"), BOMBS)
-def test_a_line_that_becomes_a_million_things(text: str, message: str) -> None:
+def test_an_element_that_expands_to_a_million_is_refused(text: str, message: str) -> None:
     started = computed()
     with pytest.raises(InputError, match=message):
         parse_scene(text)
     assert computed() - started < 2
 
 
-def test_what_keeps_to_the_bounds_is_built() -> None:
+def test_a_scene_within_the_bounds_is_built() -> None:
     assert "table" in parse_scene(scene(replicated("7"))).bodies
     assert "table" in parse_scene(scene(replicated("200"))).bodies
 
@@ -152,7 +152,7 @@ def test_each_copy_of_an_attached_model_counts(tmp_path: Path) -> None:
         parse_scene(scene(copies, head), tmp_path)
 
 
-def test_models_that_attach_themselves_or_one_another_without_end(tmp_path: Path) -> None:
+def test_attached_models_without_end_are_refused(tmp_path: Path) -> None:
     def model(name: str) -> str:
         return f'<asset><model name="{name}" file="{name}.xml"/></asset>'
 
@@ -193,7 +193,7 @@ def png(width: int, height: int, packed: bytes) -> bytes:
     return bounds.PNG + chunk(b"IHDR", header) + chunk(b"IDAT", packed) + chunk(b"IEND", b"")
 
 
-def test_pictures_that_unpack_to_more_than_they_seem(
+def test_pictures_that_unpack_to_too_many_bytes_are_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     head = '<asset><texture name="t" type="2d" file="t.png"/></asset>'

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import mujoco
@@ -46,14 +46,14 @@ class ModelTree:
         attached: root elements of attached models, by path.
         twin_of: copy of each element.
         folder: start of relative file names.
-        mesh_bytes: size of all meshes, robots' among them.
+        mesh_bytes: size of its meshes.
     """
 
     root: Element
     attached: dict[Path, Element]
     twin_of: dict[Element, Element]
     folder: Path | None
-    mesh_bytes: float
+    mesh_bytes: float = 0.0
 
     @classmethod
     def of(cls, document: Document) -> ModelTree:
@@ -63,7 +63,7 @@ class ModelTree:
         for path, model in document.attached().items():
             attached[path], twins = copy_root(model)
             twin_of |= twins
-        return cls(root, attached, twin_of, document.folder, mesh_bytes(document))
+        return cls(root, attached, twin_of, document.folder)
 
 
 def model_tree(document: Document, roles: Roles, edits: Iterable[Edit | Insert]) -> ModelTree:
@@ -79,7 +79,12 @@ def model_tree(document: Document, roles: Roles, edits: Iterable[Edit | Insert])
         for keyframe in root.findall("keyframe"):
             root.remove(keyframe)
     _remove_robots(tree, document, roles)
-    return tree
+    roots = {tree.root, *tree.attached.values()}
+
+    def is_kept(mesh: Element) -> bool:
+        return tree.twin_of[mesh].getroottree().getroot() in roots
+
+    return replace(tree, mesh_bytes=mesh_bytes(document, is_kept))
 
 
 def removed_with_robots(document: Document, roles: Roles) -> dict[str, int]:
@@ -110,7 +115,7 @@ def compile_spec(tree: ModelTree) -> mujoco.MjSpec:
     if tree.folder is not None:
         spec.modelfiledir = str(tree.folder)
     if tree.mesh_bytes > LARGE_MESHES:
-        # The hull of a hostile mesh takes minutes; bounding it changes no mesh of a usual size.
+        # The hull of a hostile mesh takes minutes, so each hull gets at most so many points.
         for mesh in spec.meshes:
             if not 0 <= mesh.maxhullvert <= HULL_POINTS:
                 mesh.maxhullvert = HULL_POINTS

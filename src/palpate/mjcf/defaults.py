@@ -50,44 +50,34 @@ class Defaults:
     """The `<default>` classes of a document and of each model that it attaches."""
 
     def __init__(self, root: Element, *attached: Element) -> None:
-        self._models = {model: _Classes(model) for model in (root, *attached)}
-        self._only = None if attached else self._models[root]
+        # For each class of a model its `<default>` elements, the outermost first.
+        self._models: dict[Element, dict[str, list[Element]]] = {}
+        for model in (root, *attached):
+            classes = self._models[model] = {}
+            pending = [(top, [top]) for top in model.iterfind("default")]
+            while pending:
+                default, chain = pending.pop(0)
+                classes.setdefault(default.get("class") or "main", []).extend(chain)
+                inner = [(child, [*chain, child]) for child in default.iterfind("default")]
+                pending = [*inner, *pending]
+        self._only = None if attached else root
 
     def attribute(self, element: Element, name: str) -> str | None:
         """The attribute with defaults applied, or None if nothing states it."""
         own = element.get(name)
         if own is not None:
             return own
-        classes = self._only or self._models[element.getroottree().getroot()]
-        return classes.inherited(element, name)
-
-
-class _Classes:
-    """Default classes of one model."""
-
-    def __init__(self, root: Element) -> None:
-        self._classes: dict[str, list[Element]] = {"": []}
-        for top in root.iterfind("default"):
-            self._collect(top, ())
-        first = root.find("default")
-        self._root_class = "" if first is None else first.get("class") or "main"
-
-    def inherited(self, element: Element, name: str) -> str | None:
-        """Attribute from an element's classes, the innermost first."""
         # Its own class, else the `childclass` of the nearest ancestor, else the top class.
-        called = element.get("class")
         outer = element.iterancestors("body", "frame", "worldbody")
+        called = element.get("class")
         called = called or next((c for above in outer if (c := above.get("childclass"))), None)
-        for default in reversed(self._classes.get(called or self._root_class, [])):
+        root = element.getroottree().getroot() if self._only is None else self._only
+        if called is None:
+            top = root.find("default")
+            called = "" if top is None else top.get("class") or "main"
+        for default in reversed(self._models[root].get(called, [])):
             for entry in default.iterfind(str(element.tag)):
                 inherited = entry.get(name)
                 if inherited is not None:
                     return inherited
         return None
-
-    def _collect(self, default: Element, above: tuple[Element, ...]) -> None:
-        chain = (*above, default)
-        name = default.get("class") or "main"
-        self._classes.setdefault(name, []).extend(chain)
-        for child in default.iterfind("default"):
-            self._collect(child, chain)

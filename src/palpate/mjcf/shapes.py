@@ -99,10 +99,6 @@ class Shapes:
         solid = (masks != 0) & (self.model.geom_type != mujoco.mjtGeom.mjGEOM_PLANE)
         return np.flatnonzero(solid).tolist()
 
-    def up(self, geom: Element) -> float:
-        """World z of the geom's z axis."""
-        return float(self.data.geom_xmat[self.geom_ids[geom]][8])
-
     def base(self) -> Pose:
         """Pose of the site `robot_base`, else the origin."""
         site = mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_SITE, BASE_SITE)
