@@ -18,7 +18,7 @@ from palpate.mjcf.shapes import Shapes, box_around
 
 @dataclass(frozen=True, eq=False)
 class BodyDescription:
-    """An object or a surface as its file describes it, of which quantities are read.
+    """An object or a surface as its file describes it, from which quantities are read.
 
     Attributes:
         elements: its elements in the file.
@@ -77,6 +77,7 @@ class BodyDescription:
         def footprint(geom: Element) -> tuple[float, float]:
             cloud = self.shapes.points(geom)
             x, y, _ = cloud.max(axis=0) - cloud.min(axis=0)
+            # Rounded, so that equal footprints compare equal despite their float error.
             return round(float(x * y), 6), float(cloud[:, 2].max())
 
         return max(self.elements.geoms, key=footprint)
@@ -120,7 +121,7 @@ class BodyDescription:
         return [body for body in self.others.values() if body.role == "surface"]
 
     def surfaces_below(self) -> list[BodyDescription]:
-        """Surfaces of any height below or above the middle of an object."""
+        """Surfaces whose box in x-y contains the middle of an object, at any height."""
         middle = (self.cloud.max(axis=0) + self.cloud.min(axis=0)) / 2
         return [surface for surface in self.surfaces() if surface.reaches_over(middle)]
 
@@ -192,7 +193,7 @@ class Body:
         """True if the vertical line through a point meets its box."""
         pose = pose_world or self.pose_world
         at_x, at_y, _ = pose.position.tolist()
-        if not self.is_near(x - at_x, y - at_y):
+        if not self.is_near(x - at_x, y - at_y):  # most bodies are far away
             return False
         # Slab method: the vertical line is within all three pairs of the box's faces.
         down = pose.rotation[2]
@@ -207,5 +208,7 @@ class Body:
         return math.hypot(x, y) <= self.reach + margin
 
     def _vertical(self, pose: Pose) -> tuple[float, float]:
+        """World z of the middle of its box, and half its extent along z, m."""
+        # Row z of the rotation: |R_z| · size is the vertical extent of a turned box.
         up = pose.rotation[2]
         return float(pose.position[2] + up @ self.centre), float(np.abs(up) @ self.size / 2)

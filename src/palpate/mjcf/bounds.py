@@ -99,6 +99,7 @@ def require_bounded(document: Document, where: str = "the scene") -> None:
             _require_sizes(element, where)
     files = _file_amounts(document)
     total: defaultdict[str, float] = defaultdict(float)
+    # Counted while walking, and refused at the first excess: a bomb is never walked to its end.
     for element, times in _copies(document):
         for what, amount in (*_amounts(element), *files.get(element, ())):
             total[what] += times * amount
@@ -234,7 +235,7 @@ def _packed(file: BinaryIO) -> Iterator[tuple[bytes, bytes]]:
     file.seek(len(PNG))
     while len(head := file.read(8)) == 8:
         length, kind = struct.unpack(">I4s", head)
-        if kind not in _PACKED:
+        if kind not in _PACKED:  # skip the chunk and its checksum
             file.seek(length + 4, 1)
             continue
         while length > 0 and (content := file.read(min(length, 1 << 16))):

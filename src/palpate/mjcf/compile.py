@@ -90,6 +90,7 @@ def model_tree(document: Document, roles: Roles, edits: Iterable[Edit | Insert])
 def removed_with_robots(document: Document, roles: Roles) -> dict[str, int]:
     """Number of elements removed together with the robots, by tag."""
     tree = ModelTree.of(document)
+    # Difference of the counts before and after, without the robots' own elements and assets.
     before = Counter(str(part.tag) for part in elements(tree.root))
     for robot in roles.robots:
         before -= Counter(str(part.tag) for part in elements(tree.twin_of[robot]))
@@ -169,10 +170,11 @@ def _remove_robots(tree: ModelTree, document: Document, roles: Roles) -> None:
     for keyframe in root.findall("keyframe"):
         root.remove(keyframe)
     _remove_watching(root, removed)
+    # What refers to the robot may itself be referred to: an actuator of a tendon over its joints.
     while removed:
         removed = _remove_referring(root, removed)
     _remove_unused_assets(root)
-    # Plugins of the robot's actuators and sensors.
+    # Instances of plugins of the robot's actuators and sensors.
     used = _references(root, "instance")
     for instance in list(root.iterfind("extension/plugin/instance")):
         plugin = instance.getparent()
@@ -200,6 +202,7 @@ def _attached_place(attach: Element, document: Document) -> dict[str, str]:
     body = None if part is None else next(part.content.iter("body"), None)
     if part is None or body is None:
         return {}
+    # The frames and bodies around it, as frames of an otherwise empty model.
     above = [outer for outer in body.iterancestors() if part.content in outer.iterancestors()]
     inner = etree.Element("mujoco")
     inner.append(etree.Element("compiler", compiler_settings(part.model.root)))

@@ -124,7 +124,7 @@ class Document:
     def attached(self) -> dict[Path, Document]:
         """All models that it attaches, directly or through others, by path."""
         found: dict[Path, Document] = {}
-        pending = list(self.models.values())
+        pending = list(self.models.values())  # breadth first, each model once
         while pending:
             model = pending.pop(0)
             assert model.path is not None
@@ -174,7 +174,8 @@ def parse_xml(text: str, where: str) -> Element:
 
 
 def _refuse_dtd_and_depth(data: bytes, where: str) -> None:
-    """Scan a text with expat, which expands no entity before its handler refuses it."""
+    """Scan a text with expat for a DTD, and for too many levels."""
+    # Expat calls the handlers before it expands any entity; lxml would parse the DTD first.
     parser = expat.ParserCreate("utf-8")
     depth = 0
 
@@ -251,7 +252,7 @@ def with_tokens(value: str, changes: Mapping[int, str]) -> str:
     Raises:
         InputError: it has fewer parts.
     """
-    parts = re.split(r"(\S+)", value)
+    parts = re.split(r"(\S+)", value)  # white space and numbers in turn: number i is part 2 i + 1
     if 2 * max(changes, default=-1) + 1 >= len(parts):
         raise InputError(
             f"'{value[:60]}' has too few numbers: {max(changes) + 1} or more are needed"
@@ -315,6 +316,7 @@ def brought(attach: Element, model: Document, through: tuple[Element, ...]) -> B
     source = model if called is None else model.models.get(called)
     if source is None:
         return None
+    # Without a body or a frame, `<attach>` brings the whole world of another model.
     content = source.root.find("worldbody") if called else None
     for tag in ("body", "frame"):
         name = attach.get(tag)

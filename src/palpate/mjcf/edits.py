@@ -113,5 +113,5 @@ def number(value: float, std: float | None = None) -> str:
     significant digits."""
     if std is None or not 0 < std < float("inf"):
         return f"{value:.7g}"
-    digits = max(0, -int(f"{std:e}".split("e")[1]) + 1)
+    digits = max(0, -int(f"{std:e}".split("e")[1]) + 1)  # one more than the first digit of std
     return f"{value:.{min(digits, 12)}f}"

@@ -118,9 +118,15 @@ class _Reader:
     """Assets found beside the included file that names them, relative to `folder`, by name."""
 
     def document(self, text: str, where: str) -> Document:
-        root = self.parsed(text, where)
-        _require_model(root, where)
-        self._number(root, self.path)
+        root = self.parsed(text, where, self.path)
+        if root.tag == "mujocoinclude":
+            raise InputError(
+                f"{where} is a part that other scenes include (<mujocoinclude>); give a scene that does"
+            )
+        if (other := CONVERTED.get(str(root.tag))) is not None:
+            raise InputError(f"{where} is not MJCF but {other}")
+        if root.tag != "mujoco":
+            raise InputError(f"{where} is not MJCF: its root is <{root.tag}>, not <mujoco>")
         includes = self._expand_includes(root, where)
         found = list(includes.values())
         self._check_assets(root, where, found)
@@ -148,19 +154,18 @@ class _Reader:
         """Path of an attached model."""
         return self.within[-1] if self.within else None
 
-    def _number(self, root: Element, file: Path | None) -> None:
-        for number, element in enumerate(elements(root)):
-            self.index[element] = Place(file, number)
-
-    def parsed(self, text: str, where: str) -> Element:
-        """Parse one more text."""
+    def parsed(self, text: str, where: str, file: Path | None) -> Element:
+        """Parse one more text, and index its elements; `file` as in `Place`."""
         self.bytes += len(text)
         if self.bytes > MAX_ALL_BYTES:
             raise InputError(
                 f"{where}: the scene and what it includes are larger than "
                 f"{MAX_ALL_BYTES // 1_000_000} MB together, too large for an MJCF scene"
             )
-        return parse_xml(text, where)
+        root = parse_xml(text, where)
+        for number, element in enumerate(elements(root)):
+            self.index[element] = Place(file, number)
+        return root
 
     def _expand_includes(self, root: Element, where: str) -> dict[str, Path]:
         """Expand each `<include>` in place; return the files by their names in it."""
@@ -175,9 +180,9 @@ class _Reader:
                 raise InputError(f"{where} includes more than {MAX_INCLUDES} files")
             text = self.given[path] if path in self.given else read_text(path)
             self.texts[path] = text
-            included = self.parsed(text, str(path))
-            self._number(included, path)
+            included = self.parsed(text, str(path), path)
             self.named.append(Named(include, "file", name, name, path, self.path))
+            # Includes in the included file are relative to its own folder.
             self.origins |= dict.fromkeys(elements(included), path.parent)
             _replace(include, included, where)
         return found
@@ -216,6 +221,7 @@ class _Reader:
     def _file(self, name: str, element: Element, where: str, bare: str = "") -> Path:
         """Path of the file that an element names: from the scene's folder, else from that of the
         included file that has the element, there by its `bare` name without `<compiler>`'s folders."""
+        # MuJoCo looks first in the scene's folder, then in that of the included file.
         origin = self.origins.get(element)
         if origin is not None and not _exists(self.folder, name):
             beside = bare or name
@@ -251,6 +257,7 @@ class _Reader:
         """Read a model that the scene attaches, with its own folder and the models that it attaches."""
         if path in self.within:
             raise InputError(f"{where} attaches {path.name}, of which it is a part")
+        # Models that attach one another double at each level: count every copy, read each file once.
         document, inside = self.attached.get(path, (None, 0))
         self.models += 1 + inside
         if self.models > MAX_INCLUDES:
@@ -271,8 +278,7 @@ class _Reader:
             attached=self.attached,
         )
         document = inner.document(text, str(path))
-        self.bytes, self.asset_bytes = inner.bytes, inner.asset_bytes
-        self.models = inner.models
+        self.bytes, self.asset_bytes, self.models = inner.bytes, inner.asset_bytes, inner.models
         self.index |= inner.index
         self.texts |= {**inner.texts, path: text}
         self.named += inner.named
@@ -318,18 +324,6 @@ def _exists(folder: Path | None, name: str) -> bool:
         return folder is not None and (folder / name).exists()
     except (OSError, ValueError):
         return False
-
-
-def _require_model(root: Element, where: str) -> None:
-    """Require a whole MJCF model."""
-    if root.tag == "mujocoinclude":
-        raise InputError(
-            f"{where} is a part that other scenes include (<mujocoinclude>); give a scene that does"
-        )
-    if (other := CONVERTED.get(str(root.tag))) is not None:
-        raise InputError(f"{where} is not MJCF but {other}")
-    if root.tag != "mujoco":
-        raise InputError(f"{where} is not MJCF: its root is <{root.tag}>, not <mujoco>")
 
 
 HOMES = ("/home", "/Users")

@@ -167,16 +167,17 @@ def _sort_body(body: Element, found: Roles, model: _Model) -> None:
     if model.robots.begin_with(body):
         found.robots.append(body)
     elif is_free(body, found.defaults):
+        # A value can be written only where one element is one part of the scene.
         if _has_copies(body, found, model):
             found.replicated.append(body)
         else:
             _add_object(body, found, model)
-    elif not has_joint(body):
+    elif not has_joint(body):  # fixed in the world: it may carry objects
         if body.get("name") and body.get("mocap") != "true":
             _add_surface(body, own_geoms(body), found, model)
         _walk(body, found, model, world=not body.get("name"))
     else:
-        found.ignored.append(body)
+        found.ignored.append(body)  # drawers and doors
 
 
 def _add_object(body: Element, found: Roles, model: _Model) -> None:

@@ -58,6 +58,7 @@ class Change:
 
 def scan(text: str) -> list[Tag]:
     """Positions of every element in the order of its start tag; the text must be well-formed."""
+    # Expat counts bytes, so positions are in bytes, not characters.
     data, tags, unclosed = text.encode("utf-8"), list[Tag](), list[Tag]()
     parser = expat.ParserCreate("utf-8")
 
@@ -76,7 +77,7 @@ def scan(text: str) -> list[Tag]:
     def ended(_: str) -> None:
         tag = unclosed.pop()
         at = parser.CurrentByteIndex
-        if data[tag.end - 2 : tag.end] == b"/>":
+        if data[tag.end - 2 : tag.end] == b"/>":  # an empty tag ends where it starts
             tag.close, tag.last = tag.start, tag.end
         else:
             tag.close, tag.last = at, data.index(b">", at) + 1
@@ -163,6 +164,7 @@ def inline_includes(
         texts: texts in place of some of the files.
         renamed: new names for files that their content names.
     """
+    # Included files may include others, so until none is left.
     while tags := [tag for tag in scan(text) if tag.name == "include"]:
         data = text.encode("utf-8")
         parts: list[Change] = []

@@ -82,6 +82,7 @@ def load_image(path: Path, max_side: int = MAX_SIDE) -> NDArray[np.uint8]:
     from PIL import Image  # most scenes have no picture
 
     content = read_bytes(path, MAX_BYTES, "a picture of the workspace")
+    # A small file may unpack to a large picture: Pillow warns of it before it unpacks.
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error", Image.DecompressionBombWarning)

@@ -94,6 +94,7 @@ def describe(
             if name not in valid:
                 raise unknown_name(kind, name, valid)
     placed = tuple(_placements(poses, roles))
+    # With a stand-in for each `?` the scene compiles before anything is known.
     edits: list[Edit] = []
     for slot in slots:
         edits += slot.placeholder()
@@ -191,6 +192,7 @@ def _placements(poses: Poses, roles: Roles) -> Iterator[Edit]:
                 f"{label(element)} is not placed by its own pos in the worldbody, so poses cannot "
                 "move it"
             )
+        # An orientation in another form would contradict the quat.
         pose = entry.body_pose()
         position = _numbered(pose.position)
         if has_unknown(element, "pos", 2):
@@ -216,6 +218,7 @@ def let_down(bodies: Mapping[str, BodyDescription], shapes: Shapes) -> Iterator[
     data = mujoco.MjData(shapes.model)
     steps = min(int(SECONDS / shapes.model.opt.timestep), MOST_STEPS)
     mujoco.mj_step(shapes.model, data, steps)
+    # All fall together, so that stacks settle as a whole.
     for body in hanging:
         before, fallen = shapes.body_pose(body.name), data.body(body.name)
         after = Pose.of(fallen.xpos, fallen.xquat)
@@ -239,7 +242,7 @@ def _hangs(body: BodyDescription) -> bool:
         return False
     below = body.surfaces_below()
     if any(surface.top_is_open for surface in below):
-        return False
+        return False  # its height will be measured, and the object moves with it
     gaps = [body.bottom_z - surface.top_z for surface in below]
     foot = body.footing()
     for other in body.objects():

@@ -88,6 +88,7 @@ class Geometry:
         objects: dict[str, list[Convex]] = {}
         carriers: dict[str, int] = {}
         movable: set[int] = set()
+        # Objects are obstacles under their own names; all other geoms are fixed.
         for name, body in resolved.description.bodies.items():
             if body.role == "surface":
                 carriers[name] = shapes.geom_ids[body.carrier]
@@ -177,6 +178,7 @@ def derive_symbols(
 def _poses(geometry: Geometry, grasps: Mapping[str, Grasp], entries: Poses) -> dict[str, Pose]:
     """Derived grasps and approaches, overruled by poses.yaml."""
     poses = {f"{name}_pose": grasp.pose for name, grasp in grasps.items()}
+    # Grasps of poses.yaml are in the object's frame, places in the world.
     for name, entry in entries.grasps.items():
         poses[f"{name}_pose"] = geometry.bodies[name].pose_world @ entry.tool_pose()
     for name in geometry.tops:
@@ -217,6 +219,7 @@ def _lines(
     lines: dict[str, Line] = {}
     for name in geometry.objects:
         pose, body = poses[f"{name}_pose"], geometry.bodies[name]
+        # The balance point may be anywhere within two x_offsets of the grasp, along the tool's x.
         half = in_world(pose, 2.0 * offsets[name]["x_offset"] * [1.0, 1.0, 0.0])
         if f"{name}_balance" in poses or np.linalg.norm(half) < geometry.arm.hand.pad:
             continue
@@ -268,6 +271,7 @@ def free_place(geometry: Geometry, name: str, poses: Mapping[str, Pose]) -> Pose
     x, y = geometry.arm.hand.half_extents
     hand = rectangle(pose_world_tcp.position[:2], pose_world_tcp.rotation[:2, 0], x, y / 2)
     shape = rim(np.concatenate([cloud[:, :2], hand])) - here
+    # The box around the object, on which it comes to stand.
     footing = np.array([cloud.min(axis=0)[:2], cloud.max(axis=0)[:2]]) - here
     stacked = float(cloud[:, 2].min() - geometry.tops[support][:, 2].max())
     drop = stacked if stacked > RESTING else 0.0
@@ -325,6 +329,7 @@ def _grasp(geometry: Geometry, name: str) -> Grasp:
 def _own_offsets(geometry: Geometry, name: str, grasp: Grasp, pose: Pose) -> dict[str, Array]:
     """Offsets (3,), m: along x half of the grasp's slack beyond the pads, along y a quarter of the
     width, along z a lift clear of neighbours."""
+    # At least 5 mm, also where the grasp has no slack.
     x = max((grasp.slack - geometry.arm.hand.pad) / 2, 0.005)
     y = max(grasp.width / 4, 0.005)
     lift, bottom = USUAL_LIFT, float(geometry.clouds[name][:, 2].min())

@@ -35,6 +35,7 @@ TOUCHING = 0.012
 def reachable(reach: Reach, spots: Array, z: float, base: Pose) -> NDArray[np.bool_]:
     """(n,) True where the TCP, tool down, reaches `spots` (n, 2) at height `z`; a quick estimate."""
     local = (np.column_stack([spots, np.full(len(spots), z)]) - base.position) @ base.rotation
+    # Distance and azimuth from the base's axis: the arm reaches ahead, and 100° to either side.
     flat = np.hypot(local[:, 0], local[:, 1])
     azimuth = np.abs(np.arctan2(local[:, 1], local[:, 0]))
     # Distance from the shoulder to the wrist's centre, which is above the TCP.
@@ -77,6 +78,7 @@ def _grid(footing: Array, top: Array, near: Array) -> Array:
     """(n, 2) spots of a grid through `near` at which `footing` is within the box around `top`."""
     low = np.maximum(top.min(axis=0)[:2] - footing.min(axis=0), near - SEARCH)
     high = np.minimum(top.max(axis=0)[:2] - footing.max(axis=0), near + SEARCH)
+    # Multiples of STEP from `near`, so that `near` is itself a candidate.
     first, last = np.ceil((low - near) / STEP), np.floor((high - near) / STEP)
     x = np.arange(float(first[0]), float(last[0]) + 1) * STEP
     y = np.arange(float(first[1]), float(last[1]) + 1) * STEP

@@ -122,8 +122,7 @@ def read_poses(path: Path) -> Poses:
     Raises:
         InputError: unreadable, too large, not YAML, or not of this form.
     """
-    text = read_text(path, MAX_BYTES, "poses")
-    return parse_poses(text, str(path))
+    return parse_poses(read_text(path, MAX_BYTES, "poses"), str(path))
 
 
 def seen_by(poses: Poses, arm: RobotDescription, pose_world_base: Pose) -> Poses:
@@ -132,15 +131,9 @@ def seen_by(poses: Poses, arm: RobotDescription, pose_world_base: Pose) -> Poses
     if poses.camera is not None or camera is None:
         return poses
     stands = arm.stands(pose_world_base) @ Pose.of(camera.pos, camera.quat)
-    entry = CameraEntry.model_validate(
-        {
-            "pos": tuple(stands.position.tolist()),
-            "quat": tuple(stands.quaternion.tolist()),
-            "fovy": camera.fovy,
-            "size": camera.size,
-        }
-    )
-    return poses.model_copy(update={"camera": entry})
+    pos, quat = tuple(stands.position.tolist()), tuple(stands.quaternion.tolist())
+    entry = {"pos": pos, "quat": quat, "fovy": camera.fovy, "size": camera.size}
+    return poses.model_copy(update={"camera": CameraEntry.model_validate(entry)})
 
 
 def parse_poses(text: str, where: str = "poses") -> Poses:
@@ -176,6 +169,7 @@ _SINGLE = ("camera", "accuracy")
 def _complaint(invalid: ValidationError) -> str:
     """Message with the error, its keys, and the expected form."""
     errors = invalid.errors()
+    # An unknown key is the likelier mistake where several types of an entry were tried.
     unknown = [error for error in errors if error["type"] == "extra_forbidden"]
     first = (unknown or errors)[0]
     # Where an entry may have one of several types, some steps name a type and no key.

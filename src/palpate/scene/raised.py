@@ -22,7 +22,7 @@ GUESS = 0.055
 """m: largest error of the height of a surface of unknown height: the documented 50 mm, and 5 mm for
 poses and for the touch."""
 INSIDE = 0.001
-"""m above the bottom of an object, from which on a body within its height stands on or in it."""
+"""m: a body within an object's height that begins this far above its bottom stands on or in it."""
 BELOW = 0.05
 """m: largest depth of a named pose below the top of its surface."""
 
@@ -102,7 +102,7 @@ def raised(scene: Scene, surface: str, top: float) -> Scene:
             known=known,
         )
     symbols = scene.symbols.raised(rises, dict(_places(scene, rises)))
-    whole = dict(scene.rises)
+    whole = dict(scene.rises)  # a surface may be measured more than once
     for name, rise in rises.items():
         whole[name] = whole.get(name, 0.0) + rise
     return replace(
@@ -119,6 +119,7 @@ def risen(scene: Scene, surface: str, top: float, pose_of: PoseOf) -> dict[str, 
     of `pose_of`. The bottom of an object directly on it moves to `top`; an object stacked on another
     keeps its place on it."""
     found = {surface: top - scene.bodies[surface].top_z(pose_of(surface))}
+    # From the lowest bottom upwards: a support is raised before what stands on it.
     for other in sorted(scene.bodies.values(), key=lambda body: body.bottom_z(pose_of(body.name))):
         base = _support(scene, other, pose_of)
         if other.name in found or base is None or base.name not in found:
@@ -168,6 +169,7 @@ def _places(scene: Scene, rises: Mapping[str, float]) -> Iterator[tuple[str, flo
     for name, pose in scene.symbols.poses.items():
         if name in scene.symbols.subjects and not name.endswith(TEMPORARY):
             continue
+        # A pose above a surface, or at most `BELOW` under its top, belongs to the highest such one.
         x, y, z = pose.position.tolist()
         below = [
             body

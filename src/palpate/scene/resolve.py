@@ -101,6 +101,7 @@ class ResolvedScene:
                 ):
                     carried.append(body.name)
             found[surface.name] = replace(surface, carries=tuple(carried))
+        # What rests on a surface but is not stable there tips until it is.
         for surface in [body for body in found.values() if body.carries]:
             for name in surface.carries:
                 body = found[name]
@@ -156,6 +157,7 @@ def resolve(document: Document, poses: Poses, catalogue: Catalogue) -> ResolvedS
     if not all(isinstance(change, Edit) and change.attribute in SHAPELESS for change in stated):
         edits = [*description.placed, *stated]
         resolved = replace(resolved, shapes=compile_shapes(document, description.roles, edits))
+    # The believed values must show in the compiled geometry.
     for parameter, prior in priors.items():
         body = replace(description.bodies[parameter.object], shapes=resolved.shapes)
         catalogue[parameter.quantity].confirm(body, prior.mean)
@@ -166,7 +168,7 @@ def beliefs(bodies: Bodies, catalogue: Catalogue) -> dict[Parameter, Prior]:
     """Priors of everything missing: of surfaces first, then of the objects on them."""
     found: dict[Parameter, Prior] = {}
     means: dict[Parameter, tuple[float, ...]] = {}
-    for role in ("surface", "object"):
+    for role in ("surface", "object"):  # the prior of an object's z depends on its surface
         for body in bodies.values():
             for quantity in catalogue.of(role) if body.role == role else ():
                 if quantity.status(body) == "missing":
@@ -199,6 +201,7 @@ def changes(
         depends_on, _ = _stated(body, catalogue, known, {})
         yield from written(body, statements, depends_on)
         yield from others
+    # Values that follow from these: the resting height of an object on a surface of measured height.
     believed = {**known, **values}
     for body in bodies.values():
         for quantity in catalogue.of(body.role):

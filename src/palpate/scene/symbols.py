@@ -117,11 +117,8 @@ class Symbols:
         Raises:
             InputError: not of the grammar, or unknown names; the message lists the valid ones.
         """
-        if expression not in self._read:
-            self._read[expression] = self._parse(expression)
-        return self._read[expression]
-
-    def _parse(self, expression: str) -> PoseExpression:
+        if expression in self._read:
+            return self._read[expression]
         if len(expression) > MAX_EXPRESSION:
             raise InputError(
                 f"pose expression of {len(expression)} characters; at most {MAX_EXPRESSION}"
@@ -146,10 +143,9 @@ class Symbols:
             terms[offset] = terms.get(offset, 0.0) + (factor if match[1] == "+" else -factor)
             position = match.end()
         # Terms that cancel are removed: `a + z_offset - z_offset` is `a`.
-        left = [
-            (coefficient, o) for o, coefficient in sorted(terms.items()) if abs(coefficient) > 1e-12
-        ]
-        return PoseExpression(name, tuple(left))
+        left = [(factor, o) for o, factor in sorted(terms.items()) if abs(factor) > 1e-12]
+        self._read[expression] = PoseExpression(name, tuple(left))
+        return self._read[expression]
 
     def found_out(self, expression: str) -> str | None:
         """Name of the pose in an expression if its position is measured in a run; else, or if the
@@ -194,7 +190,7 @@ class Symbols:
                 raise InputError(f"'{name}': {error}") from None
         if name not in self.later:
             raise unknown_name("pose", name, self.names)
-        found = self._later(name)
+        found = self._later(name)  # a search for a free spot takes time, so it is done on demand
         if found is None:
             raise InputError(
                 f"there is no free place within reach for '{name}'; give one in poses.yaml"
@@ -224,17 +220,18 @@ class Symbols:
             return np.array([0.0, 0.0, places.get(name, of_subject)])
 
         def found_later(name: str) -> Pose | None:
+            # Computed in the scene as given, then raised.
             pose = self._later(name)
             return None if pose is None else pose.translated(up(name))
 
+        lines: dict[str, Line] = {}
+        for name, line in self.lines.items():
+            lines[name] = replace(line, pose=line.pose.translated(up(name)))
         return replace(
             self,
             poses={name: pose.translated(up(name)) for name, pose in self.poses.items()},
             later={name: partial(found_later, name) for name in self.later},
-            lines={
-                name: replace(line, pose=line.pose.translated(up(name)))
-                for name, line in self.lines.items()
-            },
+            lines=lines,
         )
 
     def joints(self, name: str) -> Array:
@@ -244,10 +241,11 @@ class Symbols:
             InputError: unknown; the message lists the valid ones.
         """
         if name not in self.configurations:
+            # With a single configuration, any unknown name is a misspelling of it.
             (meant, *others) = self.configurations
             guess = None if others else meant
             raise unknown_name("joint configuration", name, self.configurations, meant=guess)
-        return self.configurations[name].copy()
+        return self.configurations[name].copy()  # callers may change it
 
     def subject(self, expression: str | PoseExpression) -> str | None:
         """Object or surface of an expression's pose."""

@@ -41,6 +41,7 @@ _SHAPES = {
 
 def name_words(name: str) -> set[str]:
     """Words of a name: green and bottle of `greenBottle_2`; and the name itself."""
+    # Words start at capitals; letters of other scripts make words too, digits do not.
     parts = re.findall(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|[^\W\d_a-zA-Z]+", name)
     words = {part.lower() for part in parts}
     return words | {name.lower(), " ".join(part.lower() for part in parts)} - {""}

@@ -143,6 +143,7 @@ class DetectedScene:
                 continue
             fitted.append(shape)
             standing[support].append(shape)
+        # A plane at the arm's foot without objects is the arm's pedestal.
         slabs: list[Fitted] = []
         for plane in planes:
             slab = fit(camera, plane, levels[plane.name])

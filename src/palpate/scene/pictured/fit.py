@@ -69,6 +69,7 @@ def _upright(camera: Camera, thing: SceneObject, level: float, placed: PoseEntry
         return np.concatenate([seen.min(axis=0), seen.max(axis=0)]) - wanted
 
     low = np.array([-np.inf, -np.inf, 0.002, 0.002])[: len(start)][free]
+    # Sizes are at least 2 mm; the start must be inside of the bounds.
     found = least_squares(
         residual, np.maximum(start[free], low * 1.01), bounds=(low, np.inf), x_scale=0.1
     )
@@ -127,6 +128,7 @@ def _outlined(
     from scipy.optimize import least_squares
 
     assert thing.outline is not None
+    # The support function of both: the largest projection on each of the outline's directions.
     ways = directions(len(thing.outline))
     size = np.array([camera.width, camera.height])
     reach = (np.array(thing.outline) * size @ ways.T).max(axis=0)
@@ -176,6 +178,7 @@ def _start(
     camera: Camera, thing: SceneObject, box: Array, level: float, placed: PoseEntry | None
 ) -> Array:
     """Initial x, y and half extents, m."""
+    # An object stands where the lower edge of its box meets the plane; a plane lies at its middle.
     middle, foot = (box[0] + box[2]) / 2, box[3]
     if thing.shape == "plane":
         foot = (box[1] + box[3]) / 2

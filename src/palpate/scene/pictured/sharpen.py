@@ -20,7 +20,7 @@ SPREADS = 5.0
 """Robust standard deviations from the table's colour beyond which a pixel is of another colour: six in
 ten million of a Gaussian."""
 FINEST = 0.012
-"""Least standard deviation of a colour's share: three steps of 8 bits, by JPEG."""
+"""Least standard deviation of a colour's share: three steps of 8 bits, the noise of JPEG."""
 SHADOW, GLARE = 0.35, 1.25
 """Brightness of the table's shadow and of its shine, relative to its own."""
 NEAR = 0.12
