@@ -1,13 +1,13 @@
-"""The two pictures of this scenario: a plain rendering, and one with the appearance of a photo.
+"""The two pictures of the scenario `synthetic_and_real`: a plain rendering, and one with the appearance
+of a photo.
 
-`python -m palpate.scenarios.synthetic_and_real.pictures` renders them again.
+`python -m bench.pictures` renders them again.
 """
 
 from __future__ import annotations
 
 import io
 import re
-from pathlib import Path
 
 import mujoco
 import numpy as np
@@ -15,11 +15,12 @@ from numpy.typing import NDArray
 from PIL import Image, ImageFilter
 
 from palpate.pictures.renderer import Painter, Pixels
+from palpate.scenarios.catalogue import ROOT
 
-WORLD = Path(__file__).with_name("world.xml")
+WORLD = ROOT / "synthetic_and_real" / "world.xml"
 WIDTH, HEIGHT = 800, 600
 FILES = ("rendering/rendering.jpg", "photo.jpg")
-"""Paths relative to this folder."""
+"""Paths relative to the scenario's folder."""
 
 CAMERA = mujoco.MjvCamera()
 """Camera of the photo: on the arm's other side, lower and nearer than the scene's own."""
