@@ -7,8 +7,7 @@ from hypothesis import given, settings
 
 import palpate as pp
 from palpate.errors import InputError
-from palpate.scaffold.folder import new_scene
-from palpate.scaffold.things import MAX_THINGS, kinds
+from palpate.scaffold.folder import MAX_THINGS, kinds, new_scene
 
 
 @pytest.fixture(scope="module")

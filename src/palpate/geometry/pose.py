@@ -119,11 +119,6 @@ def rotations(quaternions: Array) -> Array:
     return np.moveaxis(np.array(rows), -1, 0)
 
 
-def rotation(quaternion: Array) -> Array:
-    """(3, 3) rotation matrix of a quaternion wxyz."""
-    return Pose.of((0, 0, 0), quaternion).rotation
-
-
 def tensor_of(parts: Sequence[float]) -> Array:
     """(3, 3) inertia tensor from xx yy zz xy xz yz, kg m², MJCF's order."""
     xx, yy, zz, xy, xz, yz = parts

@@ -12,7 +12,7 @@ from lxml import etree
 
 from palpate.errors import InputError
 from palpate.mjcf.bounds import HULL_POINTS, LARGE_MESHES, mesh_bytes
-from palpate.mjcf.defaults import standing_in
+from palpate.mjcf.defaults import STAND_INS, unknowns_replaced
 from palpate.mjcf.document import (
     ATTACH,
     Document,
@@ -73,7 +73,7 @@ def model_tree(document: Document, roles: Roles, edits: Iterable[Edit | Insert])
     for root in (tree.root, *tree.attached.values()):
         # A `?` in a defaults class is answered on each element; MuJoCo must not see it.
         for element in elements(root):
-            for edit in standing_in(element):
+            for edit in unknowns_replaced(element, STAND_INS):
                 edit.apply(element)
         _keep_all(root)
         for keyframe in root.findall("keyframe"):

@@ -26,24 +26,18 @@ STAND_INS: Mapping[str, tuple[str, ...]] = {
 """Numbers in place of a `?` while models are compiled; without them an outer class would apply."""
 
 
-def standing_in(element: Element) -> Iterator[Edit]:
-    """Yield changes that replace each `?` in an element's inherited attributes by a stand-in."""
-    for attribute, usual in STAND_INS.items():
-        parts = tokens(element.get(attribute))
-        unknown = {i: usual[min(i, 2)] for i, part in enumerate(parts) if part == UNKNOWN}
-        if unknown:
-            yield Edit(element, attribute, unknown)
-
-
-def answered_elsewhere(element: Element) -> Iterator[Edit]:
-    """Yield changes that replace each `?` whose value the elements now state themselves."""
-    for attribute, usual in INHERITED.items():
+def unknowns_replaced(
+    element: Element, values: Mapping[str, tuple[str, ...] | None]
+) -> Iterator[Edit]:
+    """Yield the changes that replace each `?` in an element's inherited attributes by its number in
+    `values`, or remove the attribute (None)."""
+    for attribute, numbers in values.items():
         parts = tokens(element.get(attribute))
         unknown = [i for i, part in enumerate(parts) if part == UNKNOWN]
-        if unknown and usual is None:
+        if unknown and numbers is None:
             yield Edit(element, attribute, None)
-        elif unknown and usual is not None:
-            yield Edit(element, attribute, {i: usual[min(i, 2)] for i in unknown})
+        elif unknown and numbers is not None:
+            yield Edit(element, attribute, {i: numbers[min(i, 2)] for i in unknown})
 
 
 class Defaults:

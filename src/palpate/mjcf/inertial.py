@@ -15,7 +15,7 @@ import mujoco
 import numpy as np
 
 from palpate.errors import InputError
-from palpate.geometry.pose import Array, Pose, components, rotation, tensor_of
+from palpate.geometry.pose import Array, Pose, components, tensor_of
 from palpate.mjcf.body import BodyDescription
 from palpate.mjcf.document import UNKNOWN, Element, compiler_settings, has_unknown, tokens
 from palpate.mjcf.edits import Change, Edit, Insert, number, unknown_only
@@ -47,7 +47,8 @@ def whole(model: mujoco.MjModel, name: str) -> Whole:
         if body != root:
             poses[body] = poses[parent] @ Pose.of(model.body_pos[body], model.body_quat[body])
             com = poses[body].apply(com)
-        axes = poses[body].rotation @ rotation(model.body_iquat[body])
+        inner = Pose.of((0.0, 0.0, 0.0), model.body_iquat[body])
+        axes = poses[body].rotation @ inner.rotation
         tensor = axes @ np.diag(model.body_inertia[body]) @ axes.T
         parts.append(Whole(float(model.body_mass[body]), com, tensor))
     mass = sum(part.mass for part in parts)
@@ -326,7 +327,7 @@ def _moments(
         yield Edit(inertial, "fullinertia", full, " ".join([UNKNOWN] * 6))
         return
     if is_turned:
-        axes = rotation(np.asarray(body.shapes.model.body(body.name).iquat))
+        axes = Pose.of((0.0, 0.0, 0.0), body.shapes.model.body(body.name).iquat).rotation
         tensor = axes.T @ tensor @ axes
     texts = unknown_only(inertial, "diaginertia", _numbered(np.diag(tensor).tolist()))
     yield Edit(inertial, "diaginertia", texts, "? ? ?")

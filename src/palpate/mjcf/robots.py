@@ -6,7 +6,6 @@ Joints alone are no evidence of a robot: cabinets and ovens have many.
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 from palpate.mjcf.defaults import Defaults
@@ -48,7 +47,7 @@ class Robots:
         named = [name.removeprefix(prefix) for name in self.named if name.startswith(prefix)]
         if self.named and not named:
             named = [NOBODY]
-        return Robots(tuple(named), _driven(root), self.defaults)
+        return Robots(tuple(named), driven(root), self.defaults)
 
     def _is_robot(self, body: Element) -> bool:
         """True if a body with joints is a robot: an actuator drives a part of it, or it ends in a
@@ -65,26 +64,21 @@ class Robots:
         return ends_in_hand and not is_free(body, self.defaults)
 
 
-def find_robots(root: Element, named: Sequence[str], defaults: Defaults) -> Robots:
-    """Find the evidence for robots in a document; `named` as in `Robots`."""
-    return Robots(tuple(named), _driven(root), defaults)
-
-
-def _driven(root: Element) -> frozenset[str]:
+def driven(root: Element) -> frozenset[str]:
     """Names of joints, sites and bodies that an actuator drives, also through tendons."""
 
     def mentioned(element: Element, *attributes: str) -> set[str]:
         return {str(value) for key, value in element.items() if key in attributes}
 
-    driven: set[str] = set()
+    found: set[str] = set()
     tendons: set[str] = set()
     for section in root.iterfind("actuator"):
         for actuator in children(section):
-            driven |= mentioned(actuator, "joint", "jointinparent", "site", "body", "cranksite")
+            found |= mentioned(actuator, "joint", "jointinparent", "site", "body", "cranksite")
             tendons |= mentioned(actuator, "tendon")
     for section in root.iterfind("tendon"):
         for tendon in children(section):
             if tendon.get("name") in tendons:
                 for part in children(tendon):
-                    driven |= mentioned(part, "joint", "site")
-    return frozenset(driven)
+                    found |= mentioned(part, "joint", "site")
+    return frozenset(found)

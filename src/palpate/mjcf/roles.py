@@ -34,7 +34,7 @@ from palpate.mjcf.elements import (
     is_free,
     own_geoms,
 )
-from palpate.mjcf.robots import NOBODY, Robots, find_robots
+from palpate.mjcf.robots import NOBODY, Robots, driven
 
 FLOOR = "floor"
 """Name of a plane without a name."""
@@ -101,7 +101,7 @@ def find_roles(document: Document) -> Roles:
     """
     attached = [model.root for model in document.attached().values()]
     found = Roles(document.root, Defaults(document.root, *attached))
-    robots = find_robots(document.root, document.robots, found.defaults)
+    robots = Robots(document.robots, driven(document.root), found.defaults)
     for world in document.root.iterfind("worldbody"):
         _walk(world, found, _Model(document, robots), world=True)
     _require_named_robots(document, found)

@@ -13,7 +13,7 @@ from pathlib import Path
 from palpate.errors import InputError
 from palpate.estimation.estimate import Estimate, Part, rounded
 from palpate.mjcf.body import BodyDescription
-from palpate.mjcf.defaults import answered_elsewhere
+from palpate.mjcf.defaults import INHERITED, unknowns_replaced
 from palpate.mjcf.document import Element, Texts, elements, has_unknown, tokens
 from palpate.mjcf.edits import Change, Edit, number
 from palpate.mjcf.reading import parse_document
@@ -290,7 +290,7 @@ def _leftovers(
             for slot in quantities[parameter.quantity].slots(body.elements):
                 needed.add(slot.attribute)
     for geom in elements(description.document.root):
-        for leftover in answered_elsewhere(geom):
+        for leftover in unknowns_replaced(geom, INHERITED):
             is_answered = (geom, leftover.attribute) in answered
             if geom.tag == "geom" and leftover.attribute not in needed and not is_answered:
                 yield leftover
