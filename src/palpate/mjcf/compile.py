@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable
+from copy import deepcopy
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -21,7 +22,6 @@ from palpate.mjcf.document import (
     brought,
     children,
     compiler_settings,
-    copy_root,
     elements,
 )
 from palpate.mjcf.edits import Edit, Insert, apply
@@ -58,12 +58,12 @@ class ModelTree:
     @classmethod
     def of(cls, document: Document) -> ModelTree:
         """An unchanged copy."""
-        root, twin_of = copy_root(document)
-        attached: dict[Path, Element] = {}
-        for path, model in document.attached().items():
-            attached[path], twins = copy_root(model)
-            twin_of |= twins
-        return cls(root, attached, twin_of, document.folder)
+        twin_of: dict[Element, Element] = {}
+        attached = document.attached()
+        for model in (document, *attached.values()):
+            twin_of |= zip(elements(model.root), elements(deepcopy(model.root)), strict=True)
+        roots = {path: twin_of[model.root] for path, model in attached.items()}
+        return cls(twin_of[document.root], roots, twin_of, document.folder)
 
 
 def model_tree(document: Document, roles: Roles, edits: Iterable[Edit | Insert]) -> ModelTree:

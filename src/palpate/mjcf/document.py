@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from copy import deepcopy
 from dataclasses import dataclass, field
 from pathlib import Path
 from xml.parsers import expat
@@ -270,12 +269,6 @@ def has_unknown(element: Element | None, attribute: str, *indices: int) -> bool:
     if not indices:
         return any(unknown)
     return any(unknown[i] for i in indices if i < len(unknown))
-
-
-def copy_root(document: Document) -> tuple[Element, dict[Element, Element]]:
-    """A deep copy of the document's root, and the copy of each of its elements."""
-    twin = deepcopy(document.root)
-    return twin, dict(zip(elements(document.root), elements(twin), strict=True))
 
 
 ATTACH = "attach"

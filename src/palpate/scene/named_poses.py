@@ -108,8 +108,8 @@ class Geometry:
         tops = {name: shapes.geom_points(i) for name, i in carriers.items()}
         return cls(objects, clouds, tops, solids, bodies, base, arm)
 
-    def others(self, *names: str) -> list[Obstacle]:
-        """Obstacles except the named objects and surfaces."""
+    def others(self, *names: str | None) -> list[Obstacle]:
+        """Obstacles except the named objects and surfaces; None names nothing."""
         return [obstacle for owner, obstacle in self.solids if owner not in names]
 
     def on(self, surface: str) -> list[Array]:
@@ -238,10 +238,9 @@ def above_top(geometry: Geometry, name: str, pose_world_tcp: Pose) -> Pose:
 
 def grasp_across(geometry: Geometry, name: str, pose_world_tcp: Pose) -> Pose | None:
     """The grasp of an object turned by 90°; None where it does not fit the hand."""
-    support = geometry.support(name)
-    names = (name,) if support is None else (name, support)
+    others = geometry.others(name, geometry.support(name))
     found = turned_grasp(
-        geometry.arm, geometry.objects[name], geometry.others(*names), pose_world_tcp, geometry.base
+        geometry.arm, geometry.objects[name], others, pose_world_tcp, geometry.base
     )
     return None if found.problem else found.pose
 
@@ -316,14 +315,13 @@ def _grasp(geometry: Geometry, name: str) -> Grasp:
     level = int(np.argmax(np.hypot(rotation[0], rotation[1])))
     yaw = float(np.arctan2(rotation[1, level], rotation[0, level]))
     support = geometry.support(name)
-    names = (name,) if support is None else (name, support)
-    found = derive_grasp(
-        geometry.arm, geometry.objects[name], geometry.others(*names), yaw, geometry.base
-    )
-    if not found.problem:
-        return found
-    cleared = geometry.others(*names, *geometry.objects)
-    return derive_grasp(geometry.arm, geometry.objects[name], cleared, yaw, geometry.base)
+    geoms = geometry.objects[name]
+    for cleared in ((name, support), (name, support, *geometry.objects)):
+        others = geometry.others(*cleared)
+        found = derive_grasp(geometry.arm, geoms, others, yaw, geometry.base)
+        if not found.problem:
+            break
+    return found
 
 
 def _own_offsets(geometry: Geometry, name: str, grasp: Grasp, pose: Pose) -> dict[str, Array]:
