@@ -143,6 +143,15 @@ def test_meshes_that_are_large_together_are_refused(tmp_path: Path) -> None:
         parse_scene(mesh_scene("a.stl", "b.stl"), tmp_path)
 
 
+@pytest.mark.parametrize("name", ["cloth.obj", "cloth.stl"])
+def test_points_of_a_flexible_thing_in_a_file_are_counted(name: str, tmp_path: Path) -> None:
+    content = stl(shards(2_000)) if name.endswith("stl") else b"v 0 0 0\n" * 5_000
+    (tmp_path / name).write_bytes(content)
+    cloth = f'<flexcomp name="a" type="mesh" file="{name}"/>'
+    with pytest.raises(InputError, match="more than 4000 points"):
+        parse_scene(scene(cloth), tmp_path)
+
+
 def test_each_copy_of_an_attached_model_counts(tmp_path: Path) -> None:
     part = "<geom size='0.01'/>" * 200
     (tmp_path / "a.xml").write_text(scene(f"<body name='b'>{part}</body>"), encoding="utf-8")

@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 from palpate.errors import InputError
-from palpate.files.read import opened
+from palpate.files.read import opened, read_bytes
 from palpate.mjcf.document import (
     ATTACH,
     MAX_ASSET_BYTES,
@@ -79,8 +79,8 @@ _PACKED = (b"IDAT", b"zTXt", b"iTXt", b"iCCP")
 _DEFLATE_RATIO = 1032
 """A byte of deflated data becomes at most so many (zlib's Technical Details)."""
 _UNITS = {"": 1, "k": 1 << 10, "m": 1 << 20, "g": 1 << 30, "t": 1 << 40, "p": 1 << 50, "e": 1 << 60}
-_POINT_BYTES = 12
-"""Least bytes of a point in a mesh file: three floats."""
+_POINT_BYTES = 16
+"""Bytes of a point in a binary mesh file: 50 for the three of a triangle of an STL."""
 _SDF_BYTES = 1_000_000
 """A mesh made by an SDF plugin takes as long as a file of this size, 0.5 s."""
 _BUILT_IN = "mujoco."
@@ -165,7 +165,7 @@ def _amounts(element: Element) -> Iterator[tuple[str, float]]:
         case "mesh":
             grid = max([0.0, *_numbers(element, "params")]) if element.get("builtin") else 0.0
             is_sdf = element.find("plugin") is not None
-            yield MESHES, 2 * _POINT_BYTES * grid**2 + is_sdf * _SDF_BYTES
+            yield MESHES, 24 * grid**2 + is_sdf * _SDF_BYTES
             yield MESHES, len(element.get("vertex") or "")
         case _:
             pass
@@ -183,10 +183,14 @@ def _file_amounts(document: Document) -> dict[Element, list[tuple[str, float]]]:
             pixels[path] = _picture_pixels(path)
         if pixels[path]:
             amounts.append((PIXELS, pixels[path]))
-        else:
-            amounts.append((MESHES, path.stat().st_size))
-            if named.element.tag == "flexcomp":
-                amounts.append((POINTS, path.stat().st_size / _POINT_BYTES))
+            continue
+        amounts.append((MESHES, path.stat().st_size))
+        if named.element.tag == "flexcomp":
+            points = path.stat().st_size / _POINT_BYTES
+            if path.suffix.lower() == ".obj":
+                content = read_bytes(path, LIMITS[MESHES], "points of a flexible thing")
+                points = len(re.findall(rb"(?m)^[ \t]*v[ \t]", content))
+            amounts.append((POINTS, points))
     return found
 
 

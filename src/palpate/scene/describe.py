@@ -145,7 +145,7 @@ def _refuse_other_unknowns(document: Document, roles: Roles, slots: Iterable[Slo
     robots: set[Element] = set()
     for robot in roles.robots:
         robots.update(elements(robot))
-    # Attached models that are robots are not looked into.
+    # Attached models that are robots are not examined.
     roots = dict.fromkeys([document.root, *(part.model.root for part in roles.brought)])
     for element in (element for root in roots for element in elements(root)):
         if element in robots:
@@ -192,11 +192,11 @@ def _placements(poses: Poses, roles: Roles) -> Iterator[Edit]:
                 f"{label(element)} is not placed by its own pos in the worldbody, so poses cannot "
                 "move it"
             )
-        # An orientation in another form would contradict the quat.
         pose = entry.body_pose()
         position = _numbered(pose.position)
         if has_unknown(element, "pos", 2):
             del position[2]
+        # An orientation in another form would contradict the quat.
         for attribute in sorted(PLACING - {"pos", "quat"}):
             if element.get(attribute) is not None:
                 yield Edit(element, attribute, None)
