@@ -153,11 +153,11 @@ def test_points_of_a_flexible_thing_in_a_file_are_counted(name: str, tmp_path: P
 
 
 def test_each_copy_of_an_attached_model_counts(tmp_path: Path) -> None:
-    part = "<geom size='0.01'/>" * 200
+    part = "<geom size='0.01'/>" * 900
     (tmp_path / "a.xml").write_text(scene(f"<body name='b'>{part}</body>"), encoding="utf-8")
     copies = "".join(f'<attach model="a" body="b" prefix="p{i}"/>' for i in range(60))
     head = '<asset><model name="a" file="a.xml"/></asset>'
-    with pytest.raises(InputError, match="more than 10000 elements"):
+    with pytest.raises(InputError, match="more than 50000 elements with all their copies"):
         parse_scene(scene(copies, head), tmp_path)
 
 

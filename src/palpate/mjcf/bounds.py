@@ -30,18 +30,23 @@ from palpate.mjcf.document import (
     tokens,
 )
 
-ELEMENTS, REPLICATED, POINTS = "elements", "replicated elements", "points of flexible things"
-CELLS, PIXELS, MESHES = "cells of height fields", "pixels of textures", "bytes of meshes"
+ELEMENTS, REPLICATED, COPIES = "elements", "replicated elements", "elements with all their copies"
+(
+    POINTS,
+    CELLS,
+) = "points of flexible things", "cells of height fields"
+PIXELS, MESHES = "pixels of textures", "bytes of meshes"
 
 LIMITS: Mapping[str, int] = {
     ELEMENTS: 10_000,  # a kitchen with its furniture cut into convex pieces has some five thousand
     REPLICATED: 3_000,  # MuJoCo's time for them grows with the square of their number
+    COPIES: 50_000,  # those by `<attach>` are cheap: 2 s
     POINTS: 4_000,
     CELLS: 4_000_000,
     PIXELS: 64_000_000,
     MESHES: 30_000_000,  # each MB takes at most 0.9 s and 60 MB of memory, once hulls are bounded
 }
-"""Largest amounts in a scene, copies by `<replicate>` and `<attach>` counted."""
+"""Largest amounts in a scene."""
 
 LARGE_MESHES = 250_000
 """Bytes of all meshes from which on their hulls are bounded: qhull needs 0.2 s for the worst mesh of
@@ -100,14 +105,15 @@ def require_bounded(document: Document, where: str = "the scene") -> None:
     files = _file_amounts(document)
     total: defaultdict[str, float] = defaultdict(float)
     # Counted while walking, and refused at the first excess: a bomb is never walked to its end.
-    for element, times in _copies(document):
+    for element, own, copies in _copies(document):
+        # Each `<attach>` copies the assets of its model, whatever replicates that `<attach>`.
+        amounts = [(ELEMENTS, own), (REPLICATED, max(own - 1.0, 0.0)), (COPIES, copies)]
         for what, amount in (*_amounts(element), *files.get(element, ())):
-            total[what] += times * amount
+            amounts.append((what, amount * (copies if what == POINTS else 1.0)))
+        for what, amount in amounts:
+            total[what] += amount
             if total[what] > LIMITS[what]:
                 raise _too_many(element, where, what)
-        total[REPLICATED] += times - 1.0
-        if total[REPLICATED] > LIMITS[REPLICATED]:
-            raise _too_many(element, where, REPLICATED)
 
 
 def mesh_bytes(document: Document, is_kept: Callable[[Element], bool]) -> float:
@@ -123,30 +129,30 @@ def mesh_bytes(document: Document, is_kept: Callable[[Element], bool]) -> float:
     return total
 
 
-def _copies(document: Document) -> Iterator[tuple[Element, float]]:
-    """Yield every element with the number of its copies: those of an attached model each time that
-    it is attached, of a model that nothing attaches once."""
+def _copies(document: Document) -> Iterator[tuple[Element, float, float]]:
+    """Yield every element with the number of its copies in its own model (0 after the first visit of
+    the model) and in the scene; a model is visited by each `<attach>`, at least once."""
     seen: set[Document] = set()
     for start in (document, *document.attached().values()):
-        pending = [] if start in seen else [(start.root, start, 1.0)]
+        pending = [] if start in seen else [(start.root, start, 1.0, 1.0)]
+        seen.add(start)
         while pending:
-            element, model, times = pending.pop()
-            yield element, times
-            seen.add(model)
+            element, model, own, copies = pending.pop()
+            yield element, own, copies
             if element.tag == "replicate":
-                times *= max([1.0, *_numbers(element, "count")])
+                count = max([1.0, *_numbers(element, "count")])
+                own, copies = own * count, copies * count
             if element.tag == ATTACH and (part := brought(element, model, ())) is not None:
-                # MuJoCo copies the assets of another model too, so all of it counts.
                 copied = part.content if part.is_own else part.model.root
-                pending.append((copied, part.model, times))
-            pending += [
-                (child, model, times) for child in reversed(element) if isinstance(child.tag, str)
-            ]
+                pending.append((copied, part.model, float(part.model not in seen), copies))
+                seen.add(part.model)
+            for child in reversed(element):
+                if isinstance(child.tag, str):
+                    pending.append((child, model, own, copies))
 
 
 def _amounts(element: Element) -> Iterator[tuple[str, float]]:
     """Amounts that one copy of an element adds to the scene, its files aside."""
-    yield ELEMENTS, 1.0
     match element.tag:
         case "flexcomp":
             # MuJoCo's own count where none is stated; trilinear cells have a point at each corner.
