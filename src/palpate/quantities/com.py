@@ -17,9 +17,8 @@ from palpate.geometry.pose import Array
 from palpate.mjcf.body import Body, BodyDescription
 from palpate.mjcf.document import UNKNOWN, tokens
 from palpate.mjcf.edits import Slot
-from palpate.mjcf.inertial.stated import com_of, lacks
-from palpate.mjcf.inertial.written import Statement
-from palpate.mjcf.roles.elements import Elements
+from palpate.mjcf.elements import Elements
+from palpate.mjcf.inertial import Statement, com_of, lacks
 from palpate.parameter import Parameter
 from palpate.quantities.contacts import tied_to
 from palpate.quantities.evidence import Evidence

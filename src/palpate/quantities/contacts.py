@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.mjcf.body import BodyDescription
-from palpate.mjcf.inertial.stated import mass_of
+from palpate.mjcf.inertial import mass_of
 from palpate.mjcf.shapes import RESTING
 
 NEGLIGIBLE = 0.01

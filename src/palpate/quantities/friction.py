@@ -23,7 +23,7 @@ from palpate.mjcf.body import Body, BodyDescription
 from palpate.mjcf.defaults import MUJOCO_FRICTION
 from palpate.mjcf.document import UNKNOWN, Element, tokens
 from palpate.mjcf.edits import Edit, Slot, number
-from palpate.mjcf.roles.elements import Elements
+from palpate.mjcf.elements import Elements
 from palpate.parameter import Parameter
 from palpate.quantities.contacts import highest_priority, pair_friction, what_decides
 from palpate.quantities.evidence import Evidence

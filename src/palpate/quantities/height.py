@@ -19,7 +19,7 @@ from palpate.geometry.pose import Array
 from palpate.mjcf.body import Body, BodyDescription
 from palpate.mjcf.document import UNKNOWN, Element, has_unknown, label, tokens
 from palpate.mjcf.edits import Edit, Slot, number
-from palpate.mjcf.roles.elements import Elements, half_height_index
+from palpate.mjcf.elements import Elements, half_height_index
 from palpate.mjcf.shapes import RESTING
 from palpate.parameter import Parameter
 from palpate.quantities.evidence import Evidence

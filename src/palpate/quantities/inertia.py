@@ -16,14 +16,11 @@ from palpate.estimation.holds import Held, grasped, held, pose_in_hand
 from palpate.estimation.rigid import MASS, about_centre, linear, moved, of_box, pseudo_inertia
 from palpate.estimation.swung import contrast, swings
 from palpate.estimation.view import FitView
-from palpate.geometry.inertia import components
-from palpate.geometry.pose import Array, Pose
+from palpate.geometry.pose import Array, Pose, components
 from palpate.mjcf.body import Body, BodyDescription
 from palpate.mjcf.edits import Slot
-from palpate.mjcf.inertial.stated import com_of, inertia_for, inertia_is_open, mass_of
-from palpate.mjcf.inertial.written import Statement
-from palpate.mjcf.roles.elements import Elements
-from palpate.mjcf.whole import whole
+from palpate.mjcf.elements import Elements
+from palpate.mjcf.inertial import Statement, com_of, inertia_for, inertia_is_open, mass_of, whole
 from palpate.parameter import Parameter
 from palpate.quantities.contacts import tied_to
 from palpate.quantities.evidence import Evidence

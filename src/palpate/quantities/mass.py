@@ -19,9 +19,8 @@ from palpate.estimation.view import FitView, constant, unit_slopes
 from palpate.mjcf.body import Body, BodyDescription
 from palpate.mjcf.document import Element
 from palpate.mjcf.edits import Slot
-from palpate.mjcf.inertial.stated import mass_beside, mass_is_open, mass_of, unweighed_geoms
-from palpate.mjcf.inertial.written import Statement
-from palpate.mjcf.roles.elements import Elements
+from palpate.mjcf.elements import Elements
+from palpate.mjcf.inertial import Statement, mass_beside, mass_is_open, mass_of, unweighed_geoms
 from palpate.parameter import Parameter
 from palpate.quantities.contacts import tied_to
 from palpate.quantities.evidence import Evidence

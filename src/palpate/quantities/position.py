@@ -16,7 +16,7 @@ from palpate.geometry.pose import Array, Pose
 from palpate.mjcf.body import Body, BodyDescription
 from palpate.mjcf.document import UNKNOWN, has_unknown, label, tokens
 from palpate.mjcf.edits import Edit, Slot, number, unknown_only
-from palpate.mjcf.roles.elements import Elements
+from palpate.mjcf.elements import Elements
 from palpate.parameter import Parameter
 from palpate.quantities.evidence import Evidence
 from palpate.quantities.quantity import Prior, Quantity, Status, Values

@@ -19,8 +19,8 @@ import numpy as np
 from palpate.geometry.pose import Pose
 from palpate.mjcf.body import Body, BodyDescription
 from palpate.mjcf.edits import Change, Edit, Slot
-from palpate.mjcf.inertial.written import Statement
-from palpate.mjcf.roles.elements import Elements
+from palpate.mjcf.elements import Elements
+from palpate.mjcf.inertial import Statement
 from palpate.parameter import Parameter
 from palpate.quantities.evidence import Evidence
 from palpate.quantities.precision.effort import Effort, Site

@@ -15,9 +15,8 @@ import numpy as np
 from pydantic import Field, PlainValidator, ValidationError
 
 from palpate.errors import InputError, unknown_name
-from palpate.files.plain_yaml import plain_yaml
+from palpate.files.plain_yaml import Section, plain_yaml, worded
 from palpate.files.read import read_text
-from palpate.files.worded import Section, worded
 from palpate.geometry.pose import Array
 
 FILE = "description.yaml"

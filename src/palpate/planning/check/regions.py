@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 
-from palpate.geometry.line import Line
+from palpate.geometry.pose import Line
 from palpate.planning.check.case import Case, Finding
 from palpate.planning.check.walk import Reach, Walk
 from palpate.planning.check.walk_rules import not_restored

@@ -14,7 +14,7 @@ from palpate.geometry.pose import Array, Pose
 from palpate.mjcf.body import BodyDescription
 from palpate.mjcf.document import UNKNOWN, Element, label, tokens
 from palpate.mjcf.edits import Edit, number, unknown_only
-from palpate.mjcf.roles.elements import Elements
+from palpate.mjcf.elements import Elements
 
 _RADII: Mapping[str, tuple[tuple[int, ...], ...]] = {
     "box": ((0,), (1,), (2,)),

@@ -20,7 +20,7 @@ from palpate.geometry.pose import Array
 from palpate.mjcf.body import Body, BodyDescription
 from palpate.mjcf.document import has_unknown
 from palpate.mjcf.edits import Edit, Slot
-from palpate.mjcf.roles.elements import Elements
+from palpate.mjcf.elements import Elements
 from palpate.parameter import Parameter
 from palpate.quantities.evidence import Evidence
 from palpate.quantities.position import support_z

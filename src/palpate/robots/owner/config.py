@@ -25,9 +25,8 @@ from pydantic import (
 )
 
 from palpate.errors import InputError
-from palpate.files.plain_yaml import plain_yaml, yaml_text
+from palpate.files.plain_yaml import Section, plain_number, plain_yaml, worded, yaml_text
 from palpate.files.read import read_text
-from palpate.files.worded import Section, plain_number, worded
 from palpate.geometry.pose import Array
 from palpate.robots.sheet import Name, Pair, ReflexSheet, Seven, Stiffness, Vector, Workspace
 

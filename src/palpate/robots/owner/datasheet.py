@@ -12,7 +12,7 @@ from typing import Annotated
 
 from pydantic import BeforeValidator, Field
 
-from palpate.files.worded import Section, plain_number
+from palpate.files.plain_yaml import Section, plain_number
 from palpate.robots.description import RobotDescription
 
 Stated = Annotated[float, BeforeValidator(plain_number), Field(ge=0, allow_inf_nan=False)]

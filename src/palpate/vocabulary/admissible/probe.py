@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from palpate.geometry.polygon import depth
+from palpate.geometry.outline import depth
 from palpate.geometry.pose import Array, Pose, digits
 from palpate.vocabulary.admissible.collision_geometry import hand_sweep, opening
 from palpate.vocabulary.admissible.solids import SIDES, solids

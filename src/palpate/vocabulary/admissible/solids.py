@@ -17,8 +17,8 @@ import numpy as np
 from palpate.geometry.outline import Convex
 from palpate.geometry.pose import Array, Pose
 from palpate.mjcf.compile import compile_model
-from palpate.mjcf.hulls import hull_edges, hull_points
-from palpate.mjcf.whole import whole
+from palpate.mjcf.inertial import whole
+from palpate.mjcf.shapes import hull_edges, hull_points
 from palpate.robots.description import RobotDescription
 from palpate.robots.kinematics import inverse_kinematics
 from palpate.robots.model import PREFIX

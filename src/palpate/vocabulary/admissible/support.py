@@ -15,8 +15,7 @@ from functools import cached_property
 import numpy as np
 
 from palpate.errors import InputError
-from palpate.geometry.outline import rim, slab
-from palpate.geometry.polygon import clipped, depth, hull
+from palpate.geometry.outline import clipped, depth, hull, rim, slab
 from palpate.geometry.pose import Array, Pose
 from palpate.vocabulary.admissible.solids import ORIGIN, Shape, Solids, solids
 from palpate.vocabulary.state import SymbolicState

@@ -13,7 +13,7 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import AfterValidator, Field
 
-from palpate.files.worded import Section
+from palpate.files.plain_yaml import Section
 from palpate.robots.owner.datasheet import Datasheet
 from palpate.robots.simulated.noise.values import (
     AXES,

@@ -18,9 +18,8 @@ from pydantic import ValidationError
 
 from palpate.errors import InputError, unknown_name
 from palpate.extensions import extensions, public
-from palpate.files.plain_yaml import plain_yaml
+from palpate.files.plain_yaml import plain_yaml, worded
 from palpate.files.read import read_text
-from palpate.files.worded import worded
 from palpate.robots.description import RobotDescription
 from palpate.robots.registry import load_description
 from palpate.robots.simulated.noise.model import NoiseModel

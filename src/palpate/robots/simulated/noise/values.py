@@ -13,7 +13,7 @@ from typing import Annotated, Any, Literal, cast
 import numpy as np
 from pydantic import BeforeValidator, Field, PlainValidator
 
-from palpate.files.worded import plain_number
+from palpate.files.plain_yaml import plain_number
 from palpate.geometry.pose import Array
 
 JOINTS = 7

@@ -1,14 +1,13 @@
-"""The two pictures of this scenario, both made by the own renderer: a plain one, and one that is
-like a photo.
+"""The two pictures of the scenario `synthetic_and_real`: a plain rendering, and one with the appearance
+of a photo.
 
-`python -m palpate.scenarios.synthetic_and_real.pictures` makes them again.
+`python -m bench.pictures` renders them again.
 """
 
 from __future__ import annotations
 
 import io
 import re
-from pathlib import Path
 
 import mujoco
 import numpy as np
@@ -16,46 +15,46 @@ from numpy.typing import NDArray
 from PIL import Image, ImageFilter
 
 from palpate.pictures.renderer import Painter, Pixels
+from palpate.scenarios.catalogue import ROOT
 
-WORLD = Path(__file__).with_name("world.xml")
+WORLD = ROOT / "synthetic_and_real" / "world.xml"
 WIDTH, HEIGHT = 800, 600
 FILES = ("rendering/rendering.jpg", "photo.jpg")
-"""Paths relative to this folder."""
+"""Paths relative to the scenario's folder."""
 
 CAMERA = mujoco.MjvCamera()
-"""The photo's: from the arm's other side, lower and nearer than the scene's own camera."""
+"""Camera of the photo: on the arm's other side, lower and nearer than the scene's own."""
 CAMERA.lookat[:] = 0.46, -0.02, 0.05
 CAMERA.distance, CAMERA.azimuth, CAMERA.elevation = 1.05, -128.0, -24.0
 
 LAMPS, LAMP_RADIUS = 6, 0.10
-"""Pictures that are averaged, each with the lamp elsewhere within so many m: a shadow with a soft
-edge."""
+"""Number of averaged pictures, and the largest shift of the lamp in each, m: soft shadows."""
 LIGHTS = """
 <light pos="0.1 0.9 1.3" dir="0.25 -0.65 -0.9" diffuse=".75 .72 .66" specular=".5 .5 .5"/>
 <light pos="1.5 -2 1.5" dir="-0.5 0.75 -0.5" diffuse=".28 .31 .36" castshadow="false"/>"""
-"""A lamp, and a window opposite."""
+"""A lamp, and opposite a window."""
 VIGNETTING = 0.35
 """Loss of light in the corners."""
 DISTORTION = 0.06
-"""Barrel distortion of the lens, of the half diagonal's square."""
+"""Barrel distortion of the lens, relative to the squared half diagonal."""
 WHITE = (1.06, 1.0, 0.86)
 """Colour of the light, not balanced."""
 ELECTRONS, READ_NOISE = 900.0, 4.0
-"""Of the sensor: charge of a white pixel, and standard deviation of its reading."""
+"""Electrons of a white pixel, and standard deviation of the sensor's reading."""
 
 Light = NDArray[np.float64]
 """(height, width, 3), 0 black to 1 white."""
 
 
 def rendering() -> bytes:
-    """The plain picture, JPEG: the scene's own camera, flat colours."""
+    """Render the plain picture, JPEG: the scene's own camera, flat colours."""
     model = mujoco.MjModel.from_xml_string(WORLD.read_text(encoding="utf-8"))
     with Painter(model, WIDTH, HEIGHT) as painter:
-        return _jpeg(painter.paint(_forwarded(model), "workspace"))
+        return _encoded(painter.paint(_forwarded(model), "workspace"))
 
 
 def photo(seed: int = 0) -> bytes:
-    """The picture that is like a photo, JPEG: textures, a lamp and daylight, lens and sensor."""
+    """Render the photo, JPEG: textures, a lamp and daylight, lens and sensor."""
     random = np.random.default_rng(seed)
     model = _textured(random)
     lamp = model.light_pos[0].copy()
@@ -64,11 +63,11 @@ def photo(seed: int = 0) -> bytes:
         for shift in random.uniform(-LAMP_RADIUS, LAMP_RADIUS, (LAMPS, 3)):
             painter.model.light_pos[0] = lamp + shift
             seen += painter.paint(_forwarded(painter.model), CAMERA) / (255.0 * LAMPS)
-    return _jpeg(_sensed(_through_lens(seen), random))
+    return _encoded(_sensed(_through_lens(seen), random))
 
 
 def _textured(random: np.random.Generator) -> mujoco.MjModel:
-    """The world with textures for its materials' colours, and other lights."""
+    """Compile the world with textures in place of its materials' colours, and other lights."""
     skins = {
         "wood": _wood(random),
         "floor": _mottled(random, (0.42, 0.43, 0.45), 0.05),
@@ -79,26 +78,20 @@ def _textured(random: np.random.Generator) -> mujoco.MjModel:
     assets = ""
     files: dict[str, bytes] = {}
     for name, skin in skins.items():
-        assets += _asset(name)
-        files[f"{name}.png"] = _png(skin)
+        # Flat surfaces are dull; the others wrap the texture around them.
+        kind, shine = ("2d", 0.1) if name in ("wood", "floor") else ("cube", 0.6)
+        assets += (
+            f'<texture name="{name}" type="{kind}" file="{name}.png"/>'
+            f'<material name="{name}" texture="{name}" specular="{shine}" shininess="0.5"/>'
+        )
+        files[f"{name}.png"] = _encoded(_bytes(skin), "PNG")
     xml = re.sub(r"<material .*/>", "", WORLD.read_text(encoding="utf-8"))
     xml = re.sub(r"<light .*/>", LIGHTS, xml.replace("</asset>", f"{assets}</asset>"))
     return mujoco.MjModel.from_xml_string(xml, files)
 
 
-def _asset(name: str) -> str:
-    """A texture and the material that wears it; flat things are dull."""
-    kind, shine = "cube", 0.6
-    if name in ("wood", "floor"):
-        kind, shine = "2d", 0.1
-    return (
-        f'<texture name="{name}" type="{kind}" file="{name}.png"/>'
-        f'<material name="{name}" texture="{name}" specular="{shine}" shininess="0.5"/>'
-    )
-
-
 def _wood(random: np.random.Generator) -> Light:
-    """Planks along x, each with its own grain."""
+    """(512, 512, 3) planks along x, each with its own grain."""
     size = 512
     y, x = np.mgrid[0:size, 0:size] / size
     plank = np.floor(8 * y)
@@ -116,7 +109,7 @@ def _wood(random: np.random.Generator) -> Light:
 def _mottled(
     random: np.random.Generator, colour: tuple[float, float, float], depth: float
 ) -> Light:
-    """Colour with stains of several sizes."""
+    """(256, 256, 3) colour with stains of several sizes."""
     size = 256
     stains = np.zeros((size, size))
     for n in (4, 16, 64, 256):
@@ -126,7 +119,7 @@ def _mottled(
 
 
 def _through_lens(seen: Light) -> Light:
-    """Distorted, darker towards the corners, not quite sharp."""
+    """Lens model: distortion, vignetting, blur of 0.7 pixels."""
     y, x = np.mgrid[0:HEIGHT, 0:WIDTH].astype(float)
     u, v = x - WIDTH / 2, y - HEIGHT / 2
     r2 = (u**2 + v**2) / (WIDTH**2 / 4 + HEIGHT**2 / 4)
@@ -139,7 +132,7 @@ def _through_lens(seen: Light) -> Light:
 
 
 def _sensed(light: Light, random: np.random.Generator) -> Pixels:
-    """Sensor model: shot noise, read noise, colour of the light."""
+    """Sensor model: shot noise (Poisson), read noise, colour of the light."""
     charge = random.poisson(ELECTRONS * light) + random.normal(0.0, READ_NOISE, light.shape)
     return _bytes(charge / ELECTRONS * np.array(WHITE))
 
@@ -154,15 +147,9 @@ def _bytes(light: Light) -> Pixels:
     return np.clip(255.0 * light, 0, 255).astype(np.uint8)
 
 
-def _png(light: Light) -> bytes:
+def _encoded(pixels: Pixels, form: str = "JPEG") -> bytes:
     buffer = io.BytesIO()
-    Image.fromarray(_bytes(light)).save(buffer, "PNG")
-    return buffer.getvalue()
-
-
-def _jpeg(pixels: Pixels) -> bytes:
-    buffer = io.BytesIO()
-    Image.fromarray(pixels).save(buffer, "JPEG", quality=85)
+    Image.fromarray(pixels).save(buffer, form, quality=85)
     return buffer.getvalue()
 
 

@@ -27,7 +27,7 @@ def mug(gap: float, turned: str = "") -> str:
 
 
 @pytest.mark.parametrize("gap", [0.002, 0.01, 0.019])
-def test_what_hangs_a_little_too_high_stands(gap: float) -> None:
+def test_an_object_slightly_above_its_support_is_let_down(gap: float) -> None:
     found = scene(mug(gap))
     assert found.bodies["mug"].bottom_z() == pytest.approx(0.22, abs=2e-4)
     assert found.symbols.pose("mug_pose").position[2] < 0.33
@@ -35,18 +35,18 @@ def test_what_hangs_a_little_too_high_stands(gap: float) -> None:
     assert height == pytest.approx(0.27, abs=2e-4)
 
 
-def test_what_its_poses_hang_too_high_stands_and_is_told() -> None:
+def test_an_object_that_poses_put_slightly_too_high_is_let_down_and_remarked() -> None:
     found = scene(mug(1.0), poses="objects: {mug: {pos: [0.5, 0, 0.28]}}")
     assert found.bodies["mug"].bottom_z() == pytest.approx(0.22, abs=2e-4)
     assert any("let down onto it: 'mug'" in line for line in remarks(found))
 
 
-def test_what_hangs_above_another_object_stands_on_it() -> None:
+def test_an_object_slightly_above_another_is_let_down_onto_it() -> None:
     found = scene(mug(0.0), MUG.format(z=0.378, turned="").replace('"mug"', '"upper"'))
     assert found.bodies["upper"].bottom_z() == pytest.approx(0.32, abs=5e-4)
 
 
-def test_what_hangs_far_above_everything_is_said_to() -> None:
+def test_an_object_far_above_everything_is_remarked() -> None:
     with pytest.raises(PlanRejected, match="'mug' hangs in the air; say where it lies"):
         SymbolicPlanner().plan("how heavy is the mug?", scene(mug(0.06)))
 
@@ -65,12 +65,14 @@ def test_the_file_keeps_its_own_number() -> None:
         (mug(0.01), "?", 0.28),
     ],
 )
-def test_what_stands_falls_far_or_over_stays(body: str, height: str, z: float) -> None:
+def test_objects_that_stand_or_would_fall_far_or_over_keep_their_pose(
+    body: str, height: str, z: float
+) -> None:
     found = scene(body, height=height)
     assert found.bodies["mug"].pose_world.position[2] == pytest.approx(z)
 
 
-def test_what_lies_in_a_bowl_falls_onto_its_bottom() -> None:
+def test_an_object_in_a_bowl_falls_onto_its_bottom() -> None:
     walls = "".join(
         f'<geom type="box" pos="{x} {y} .03" size="{a} {b} .03"/>'
         for x, y, a, b in ((0.1, 0, 0.01, 0.1), (-0.1, 0, 0.01, 0.1), (0, 0.1, 0.1, 0.01))

@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from palpate.mjcf.whole import whole
+from palpate.mjcf.inertial import whole
 
 CLUB = """<mujoco><worldbody>
 <body name="club" pos="1 2 3" euler="20 0 40"><freejoint/>
@@ -19,7 +19,7 @@ CLUB = """<mujoco><worldbody>
 
 
 @pytest.mark.parametrize("own", ["", '<geom size=".03" mass=".2"/>'])
-def test_a_whole_is_what_mujoco_moves(own: str) -> None:
+def test_whole_has_the_inertia_of_the_compiled_subtree(own: str) -> None:
     model = mujoco.MjModel.from_xml_string(CLUB.format(own=own))
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)

@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Literal
 
 from palpate.errors import InputError
-from palpate.mjcf.attached import around
 from palpate.mjcf.defaults import Defaults
-from palpate.mjcf.document import Element, compiler_settings, has_unknown, label
-from palpate.mjcf.roles.robots import TRANSPARENT, through_frames
+from palpate.mjcf.document import Element, around, children, compiler_settings, has_unknown, label
 
 Role = Literal["object", "surface"]
 PLACING = frozenset({"pos", "quat", "axisangle", "xyaxes", "zaxis", "euler"})
 """Attributes that place a body, a frame or a site."""
+
+TRANSPARENT = ("frame", "replicate")
+"""Elements that only arrange their content."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -21,14 +23,14 @@ class Elements:
     """The elements of an object or a surface.
 
     Attributes:
-        name: as compiled models know it; of several copies, that of the first, which stands for all.
-        element: its body; of a surface, its geom when that stands in the worldbody.
+        name: its compiled name; of several copies, that of the first, which represents all.
+        element: its body; of a surface, its geom when that is a child of the worldbody.
         geoms: all geoms of its body and what is fixed to it; of a surface, those that may carry.
         colliding: those of them that can touch, else all.
         inertial: its `<inertial>`, if any.
         defaults: what its elements inherit.
-        parts: an object's bodies besides its own, which move with it.
-        through: the `<attach>`s that bring it from a model of its own, the outermost first.
+        parts: an object's bodies beside its own, which move with it.
+        through: the `<attach>` elements that bring it from another model, the outermost first.
     """
 
     name: str
@@ -42,8 +44,7 @@ class Elements:
     through: tuple[Element, ...] = ()
 
     def moved_by(self) -> Element | None:
-        """Parent with a pose of its own, so that the element's pose is not the world's; None if
-        there is none."""
+        """Nearest ancestor with a pose, so that the element's pose is not the world's; or None."""
         for outer in around(self.element, self.through):
             moves = outer.tag == "replicate" or PLACING & set(outer.keys())
             if outer.tag in (*TRANSPARENT, "body") and moves:
@@ -52,7 +53,7 @@ class Elements:
 
 
 def inertial_of(body: Element) -> Element | None:
-    """A body's `<inertial>`, where MuJoCo looks at it."""
+    """A body's `<inertial>`, unless the compiler ignores it (`inertiafromgeom`)."""
     settings = compiler_settings(body.getroottree().getroot())
     if settings.get("inertiafromgeom") == "true":
         return None
@@ -72,13 +73,18 @@ def half_height_index(geom: Element, defaults: Defaults) -> int | None:
 
 
 def own_geoms(body: Element) -> tuple[Element, ...]:
+    """Geoms of a body without those of bodies below it."""
     return tuple(child for child in through_frames(body) if child.tag == "geom")
 
 
 def colliding(geoms: tuple[Element, ...], defaults: Defaults) -> tuple[Element, ...]:
-    """The geoms that can touch something; all of them where none can."""
-    touching = tuple(geom for geom in geoms if _touches(geom, defaults))
-    return touching or geoms
+    """The geoms that can touch something (`contype` or `conaffinity` not 0); all where none can."""
+    touching: list[Element] = []
+    for geom in geoms:
+        masks = [defaults.attribute(geom, name) or "1" for name in ("contype", "conaffinity")]
+        if any(mask.strip() != "0" for mask in masks):
+            touching.append(geom)
+    return tuple(touching) or geoms
 
 
 def carrying(
@@ -93,7 +99,33 @@ def carrying(
     return marked or geoms
 
 
-def _touches(geom: Element, defaults: Defaults) -> bool:
-    contype = defaults.attribute(geom, "contype") or "1"
-    conaffinity = defaults.attribute(geom, "conaffinity") or "1"
-    return contype.strip() != "0" or conaffinity.strip() != "0"
+def is_free(body: Element, defaults: Defaults) -> bool:
+    """True if a body has a free joint."""
+    for child in through_frames(body):
+        is_free = child.tag == "joint" and defaults.attribute(child, "type") == "free"
+        if is_free or child.tag == "freejoint":
+            return True
+    return False
+
+
+def has_joint(body: Element) -> bool:
+    """True if a body has a joint of its own."""
+    return any(child.tag in ("joint", "freejoint") for child in through_frames(body))
+
+
+def through_frames(body: Element) -> Iterator[Element]:
+    """Yield a body's children, with those inside frames."""
+    for child in children(body):
+        if child.tag in TRANSPARENT:
+            yield from through_frames(child)
+        else:
+            yield child
+
+
+def copy_mark(element: Element) -> str:
+    """Suffix of MuJoCo for names in the first copy that `<replicate>` makes of an element: zeros for
+    each digit of the count; suffixes of outer ones come last."""
+    mark = ""
+    for replicate in element.iterancestors("replicate"):
+        mark += (replicate.get("sep") or "") + "0" * len((replicate.get("count") or "").strip())
+    return mark
