@@ -82,7 +82,7 @@ class Settings:
         Raises:
             InputError: nothing asked, or a value out of range; the message names the argument.
         """
-        from palpate.robots.owner.registered import own_arm
+        from palpate.robots.owner.arm import own_arm
         from palpate.robots.simulated.noise.models import noise_models
 
         replayed = self.planner.startswith("replay:")
@@ -119,7 +119,7 @@ class Settings:
         Raises:
             InputError: no such arm or noise model, or its robot.yaml cannot be used.
         """
-        from palpate.robots.owner.registered import own_arm
+        from palpate.robots.owner.arm import own_arm
         from palpate.robots.simulated.noise.models import noise_models
 
         told = None

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from palpate.cells.simulated import SimulatedCell, simulated_cell
-from palpate.robots.owner.calibrated import known, unmeasured
+from palpate.robots.owner.arm import known, unmeasured
 from palpate.robots.simulated.noise.models import noise_models
 from palpate.robots.simulated.noise.true_arm import Truth
 from palpate.robots.simulated.noise.values import Streams

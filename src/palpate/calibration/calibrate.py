@@ -20,6 +20,7 @@ from palpate.calibration.stated import LENGTH, MASS, Known
 from palpate.callbacks import SILENT, RunCallbacks
 from palpate.errors import InputError
 from palpate.estimation.gains import gain_root
+from palpate.robots.owner.arm import require_same
 from palpate.robots.owner.config import (
     JOINTS,
     Gains,
@@ -28,7 +29,6 @@ from palpate.robots.owner.config import (
     read_config,
     write_config,
 )
-from palpate.robots.owner.registered import require_same
 from palpate.settings import Settings, noise_told
 
 if TYPE_CHECKING:

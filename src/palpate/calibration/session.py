@@ -13,7 +13,7 @@ from palpate.cells.simulated import SimulatedCell
 from palpate.errors import ExecutionAborted, InputError
 from palpate.planning.check.check import Finding, check
 from palpate.planning.plan import Plan
-from palpate.robots.owner.calibrated import calibrated
+from palpate.robots.owner.arm import calibrated
 from palpate.robots.owner.config import RobotConfig
 from palpate.runs.run import Run
 from palpate.scene.scene import Scene

@@ -31,8 +31,7 @@ from palpate.robots.nominal import NominalArm
 from palpate.robots.reflex import Reflex
 from palpate.robots.robot import RobotState
 from palpate.robots.simulated.impedance import Inertia
-from palpate.robots.trajectory.path import Motion, Path
-from palpate.robots.trajectory.posed import PosePath
+from palpate.robots.trajectory.path import Motion, Path, PosePath
 from palpate.robots.trajectory.straight import Stretch
 from palpate.trace.samples import Samples
 
@@ -226,9 +225,8 @@ class FrankyRobot(Commanded):
         self._hand.end()
         self._session.close(self._link.lost)
 
-    def _pose_begin(self) -> tuple[Array, Array]:
-        now, origin = self._pose_motion(self._drive.course, self._drive.clock)
-        return now.p[:3], origin
+    def _pose_begin(self) -> tuple[Motion, Array]:
+        return self._pose_motion(self._drive.course, self._drive.clock)
 
     def _pose_motion(self, before: Course | None, clock: float) -> tuple[Motion, Array]:
         """Return the start of a Cartesian motion: the state of the course `before`, or the set-points

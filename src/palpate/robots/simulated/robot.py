@@ -24,7 +24,7 @@ from palpate.robots.commanded import (
 )
 from palpate.robots.description import RobotDescription
 from palpate.robots.nominal import NominalArm
-from palpate.robots.owner.calibrated import known, unmeasured
+from palpate.robots.owner.arm import known, unmeasured
 from palpate.robots.owner.config import RobotConfig
 from palpate.robots.reflex import Reflex
 from palpate.robots.robot import RobotState
@@ -46,8 +46,7 @@ from palpate.robots.simulated.setpoints import (
 )
 from palpate.robots.simulated.timing import BLOCK, DAMPING_DELAY, LONGEST_RUN, PERIOD, TIMESTEP
 from palpate.robots.simulated.world import World
-from palpate.robots.trajectory.path import Motion, Path, still
-from palpate.robots.trajectory.posed import PosePath
+from palpate.robots.trajectory.path import Motion, Path, PosePath, still
 from palpate.robots.trajectory.straight import Stretch
 from palpate.trace.samples import Samples
 
@@ -167,13 +166,13 @@ class MujocoRobot(Commanded):
     def move_pose(self, target: Pose, speed: float, slower: Sequence[Stretch] = ()) -> None:
         """See `Robot`. Slower where the arm's effective mass is large."""
         self._reflex = None
-        t, begin, q = self._world.t, self._pose_motion(), self._readout.q
+        t, begin, q = self._world.t, self._pose_begin(), self._readout.q
         self._follow_pose(*pose_path(self._nominal, self._arm, t, begin, target, speed, slower, q))
 
     def swing(self, about: Array, angle: float, frequency: float, cycles: int) -> None:
         """See `Robot`."""
         self._reflex = None
-        t, begin = self._world.t, self._pose_motion()
+        t, begin = self._world.t, self._pose_begin()
         path = swing_path(t, begin, about, angle, frequency, cycles)
         self._follow_pose(path, still(t, self._readout.q))
 
@@ -197,7 +196,7 @@ class MujocoRobot(Commanded):
         if isinstance(path, Path):
             self._follow_joints(stopped_joints(self._arm, t, path.at(t)))
         else:
-            stopping = stopped_pose(self._arm, t, self._pose_motion())
+            stopping = stopped_pose(self._arm, t, self._pose_begin())
             self._follow_pose(stopping, still(t, self._readout.q))
 
     def set_reflex(self, thresholds: Reflex) -> None:
@@ -256,7 +255,7 @@ class MujocoRobot(Commanded):
         torques: a change to them is free of jerks."""
         return self._readout.q + self._sprung() / self._arm.stiffness.joints
 
-    def _pose_motion(self) -> tuple[Motion, Array]:
+    def _pose_begin(self) -> tuple[Motion, Array]:
         """Return the start of a Cartesian motion: the present one's state, or the set-points at which
         the TCP's springs pull as the joints' do now; and the orientation (4,) that its rotation
         vector is relative to.
@@ -269,10 +268,6 @@ class MujocoRobot(Commanded):
         return ahead_of(
             readout.pose_world_tcp, readout.jacobian, self._sprung(), self._arm.stiffness, twist
         )
-
-    def _pose_begin(self) -> tuple[Array, Array]:
-        now, origin = self._pose_motion()
-        return now.p[:3], origin
 
     def _sprung(self) -> Array:
         """Return the joint torques of the springs now (7,), N m."""

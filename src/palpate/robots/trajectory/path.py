@@ -1,19 +1,23 @@
-"""Quintic polynomials in time, one after another: positions, and their rates."""
+"""Paths in time: piecewise quintic polynomials, poses along them, stops and swings."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import NamedTuple
 
+import mujoco
 import numpy as np
 
-from palpate.geometry.pose import Array
+from palpate.geometry.pose import Array, Pose
 
-SHORTEST = 0.05
-"""s: no stop is quicker."""
+SHORTEST = 0.05  # s: no stop is quicker
 RAMP_ACCELERATION = 1.5
 """Peak acceleration times T over the change of speed of a quintic from one steady speed to
 another."""
+SWING_PEAK = 1.12  # peak acceleration of a swing over that of its sine, as it grows and fades
+SWING_PIECES = 16
+"""Quintics per period of a sine: the error is less than a millionth of its amplitude."""
 _POWERS = np.arange(6)
 
 
@@ -27,15 +31,10 @@ class Motion(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Path:
-    """Positions (n,) as a function of time; before its start and after its end it stands still.
+    """Positions (n,) as a function of time; at rest before its start and after its end."""
 
-    Attributes:
-        knots: (k + 1,) times at which one segment gives way to the next, s.
-        coefficients: (k, 6, n) of the powers of the time since the segment's knot.
-    """
-
-    knots: Array
-    coefficients: Array
+    knots: Array  # (k + 1,) times between the segments, s
+    coefficients: Array  # (k, 6, n) of the powers of the time since the segment's knot
 
     @property
     def end(self) -> float:
@@ -43,7 +42,7 @@ class Path:
         return float(self.knots[-1])
 
     def sample(self, t: Array) -> Array:
-        """Positions (m, n) at times `t` (m,), ascending."""
+        """Compute the positions (m, n) at ascending times `t` (m,)."""
         t = np.minimum(np.maximum(t, self.knots[0]), self.knots[-1])
         edges = [0, *np.searchsorted(t, self.knots[1:-1]).tolist(), len(t)]
         parts = [
@@ -55,29 +54,86 @@ class Path:
         return np.concatenate(parts)
 
     def at(self, t: float) -> Motion:
-        """The state of motion at time `t`."""
+        """Compute the state of motion at time `t`."""
         if t >= self.end:
             rest = np.zeros(self.coefficients.shape[2])
             return Motion(self.sample(np.array([t]))[0], rest, rest)
         i = int(np.searchsorted(self.knots[1:-1], t, side="right"))
         c, s = self.coefficients[i], max(t - self.knots[i], 0.0)
         powers = s**_POWERS
-        velocity, acceleration = (
-            c[1:] * _POWERS[1:, None],
-            c[2:] * (_POWERS[2:] * _POWERS[1:-1])[:, None],
-        )
+        velocity = c[1:] * _POWERS[1:, None]
+        acceleration = c[2:] * (_POWERS[2:] * _POWERS[1:-1])[:, None]
         return Motion(powers @ c, powers[:5] @ velocity, powers[:4] @ acceleration)
 
 
-def still(t: float, p: Array) -> Path:
-    """No motion at all."""
-    coefficients = np.zeros((1, 6, len(p)))
-    coefficients[0, 0] = p
-    return Path(np.array([t, t]), coefficients)
+@dataclass(frozen=True, slots=True, eq=False)
+class PosePath:
+    """A pose as a function of time: position and rotation vector on one `Path`."""
+
+    path: Path
+    origin: Array  # (4,) quaternion, wxyz, that the rotation vector is relative to
+
+    @property
+    def end(self) -> float:
+        """Time at which it comes to rest, s."""
+        return self.path.end
+
+    def pose(self, t: float) -> Pose:
+        """Compute the pose at time `t`."""
+        row = self.path.sample(np.array([t]))
+        return Pose(row[0, :3], turned(self.origin, row[:, 3:])[0])
+
+    def motion(self, t: float) -> Motion:
+        """Compute position and rotation vector (6,), *relative to the present orientation*, and their
+        rates."""
+        now = self.path.at(t)
+        turning = np.zeros(3)
+        if np.any(now.v[3:]):
+            step = 1e-4
+            turning = rotation_vector(self.pose(t).quaternion, self.pose(t + step).quaternion)
+            turning /= step
+        zero = np.zeros(3)
+        return Motion(
+            np.concatenate([now.p[:3], zero]),
+            np.concatenate([now.v[:3], turning]),
+            np.concatenate([now.a[:3], zero]),
+        )
+
+
+def quaternion_matrix(quaternion: Array) -> Array:
+    """Return the matrix (4, 4) of left multiplication by a quaternion (4,), wxyz."""
+    w, x, y, z = quaternion
+    return np.array([[w, -x, -y, -z], [x, w, -z, y], [y, z, w, -x], [z, -y, x, w]])
+
+
+def rotation_vector(start: Array, goal: Array) -> Array:
+    """Compute the shortest turn (3,), rad, in the frame of `start`, from one quaternion to another."""
+    out = np.empty(3)
+    mujoco.mju_subQuat(out, goal, start)
+    return out
+
+
+def turned(origin: Array, rotation_vectors: Array) -> Array:
+    """Turn the quaternion `origin` by each rotation vector (m, 3) in its own frame: (m, 4)."""
+    if not rotation_vectors.any():
+        return np.broadcast_to(origin, (len(rotation_vectors), 4))
+    angle = np.sqrt((rotation_vectors * rotation_vectors).sum(1))
+    half = np.sinc(angle / (2 * np.pi))[:, None] / 2 * rotation_vectors
+    w, (x, y, z) = np.cos(angle / 2), half.T
+    a, b, c, d = origin
+    return np.stack(
+        [
+            a * w - b * x - c * y - d * z,
+            a * x + b * w + c * z - d * y,
+            a * y - b * z + c * w + d * x,
+            a * z + b * y - c * x + d * w,
+        ],
+        axis=1,
+    )
 
 
 def quintic(start: Motion, end: Motion, duration: float) -> Array:
-    """Coefficients (6, n) of the polynomial that meets both states of motion."""
+    """Compute the coefficients (6, n) of the polynomial between two states of motion."""
     d, h = duration, end.p - start.p - start.v * duration - start.a * duration**2 / 2
     dv, da = (end.v - start.v - start.a * d) * d, (end.a - start.a) * d**2
     return np.stack(
@@ -92,10 +148,45 @@ def quintic(start: Motion, end: Motion, duration: float) -> Array:
     )
 
 
+def still(t: float, p: Array) -> Path:
+    """Return a path that stays at `p` (n,)."""
+    coefficients = np.zeros((1, 6, len(p)))
+    coefficients[0, 0] = p
+    return Path(np.array([t, t]), coefficients)
+
+
 def stop(t: float, now: Motion, acceleration: float, shortest: float = SHORTEST) -> Path:
-    """To rest, onwards, at about `acceleration` (the largest component's), in at least `shortest`
-    s."""
+    """Stop onwards, at about `acceleration` (the largest component's), in at least `shortest` s."""
     duration = max(shortest, RAMP_ACCELERATION * float(np.abs(now.v).max()) / acceleration)
     rest = np.zeros_like(now.p)
     end = Motion(now.p + now.v * duration / 2, rest, rest)
     return Path(np.array([t, t + duration]), quintic(now, end, duration)[None])
+
+
+def swing(t: float, about: Motion, amplitude: Array, frequency: float, cycles: int) -> Path:
+    """Swing about a state of rest: a sine of `amplitude` (n,) and `frequency` Hz for `cycles` periods,
+    between one in which it grows and one in which it fades; it ends where it began."""
+    whole = (cycles + 2) / frequency
+    times = np.linspace(0.0, whole, SWING_PIECES * (cycles + 2) + 1)
+    states: list[Motion] = []
+    for time in times.tolist():
+        p, v, a = fading_sine(time * frequency, cycles)
+        rates = v * frequency * amplitude, a * frequency**2 * amplitude
+        states.append(Motion(about.p + p * amplitude, *rates))
+    duration = whole / (len(states) - 1)
+    coefficients = [quintic(one, other, duration) for one, other in pairwise(states)]
+    return Path(t + times, np.array(coefficients))
+
+
+def fading_sine(period: float, cycles: int) -> tuple[float, float, float]:
+    """Compute a sine within its envelope, at a time in periods: its value and two derivatives."""
+    share, way = (period, 1.0) if period < 1.0 else (cycles + 2 - period, -1.0)
+    share = min(share, 1.0)
+    # The smoothest step from 0 to 1 that begins and ends at rest, a quintic.
+    e0 = share**3 * (10 - 15 * share + 6 * share**2)
+    e1 = way * 30 * share**2 * (1 - share) ** 2
+    e2 = 60 * share * (1 - share) * (1 - 2 * share)
+    turn = 2 * np.pi
+    s0, s1 = np.sin(turn * period), turn * np.cos(turn * period)
+    s2 = -(turn**2) * s0
+    return float(e0 * s0), float(e1 * s0 + e0 * s1), float(e2 * s0 + 2 * e1 * s1 + e0 * s2)

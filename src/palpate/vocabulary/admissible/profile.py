@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from palpate.geometry.pose import Pose
 from palpate.robots.pace import contact_speed
-from palpate.robots.trajectory.posed import rotation_vector, turned
+from palpate.robots.trajectory.path import rotation_vector, turned
 from palpate.robots.trajectory.straight import Stretch
 from palpate.scene.scene import Scene
 from palpate.vocabulary.admissible.clearance import STEEP

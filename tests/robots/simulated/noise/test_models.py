@@ -17,7 +17,7 @@ from pydantic import BaseModel
 
 from palpate.errors import InputError
 from palpate.geometry.pose import Pose
-from palpate.robots.owner.datasheet import informed
+from palpate.robots.owner.arm import informed
 from palpate.robots.registry import load_description
 from palpate.robots.simulated.noise import models
 from palpate.robots.simulated.noise.model import NoiseModel

@@ -14,7 +14,7 @@ import numpy as np
 from pydantic import AfterValidator, Field
 
 from palpate.files.worded import Section
-from palpate.robots.owner.datasheet import Datasheet
+from palpate.robots.owner.arm import Datasheet
 from palpate.robots.simulated.noise.values import (
     AXES,
     JOINTS,
