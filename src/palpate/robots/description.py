@@ -97,12 +97,12 @@ class RobotDescription:
 
     @property
     def gravity(self) -> float | None:
-        """m/s^2 where it stands, where somebody measured that."""
+        """m/s^2 at the arm's place, if measured."""
         measured = self.config.gravity if self.config is not None else None
         return measured.value if measured is not None else None
 
     def stands(self, pose_world_base: Pose) -> Pose:
-        """Pose of the base that a scene states, with the measured tilt."""
+        """Return the base's pose, stated by a scene, with the measured tilt."""
         lean = self.config.base_lean if self.config is not None else None
         if lean is None:
             return pose_world_base
