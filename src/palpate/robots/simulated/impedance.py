@@ -52,15 +52,10 @@ def add_actuators(world: mujoco.MjSpec, arm: RobotDescription) -> None:
 
 
 class Inertia(NamedTuple):
-    """Inertia that the springs act on in one configuration.
+    """Inertia that the springs act on in one configuration."""
 
-    Attributes:
-        tcp: (6, 6), world axes.
-        joints: (7, 7).
-    """
-
-    tcp: Array
-    joints: Array
+    tcp: Array  # (6, 6), world axes
+    joints: Array  # (7, 7)
 
     @classmethod
     def of(cls, mass_matrix: Array, jacobian: Array) -> Inertia:
@@ -74,21 +69,14 @@ class Inertia(NamedTuple):
 @dataclass(frozen=True, slots=True, eq=False)
 class Gains:
     """Stiffness of the active springs, and their critical damping 2 sqrt(k m) with the inertia that
-    each moves.
+    each moves."""
 
-    Attributes:
-        cartesian: True if the TCP's springs act, and the joint drives take torques; False if the
-            joints' springs act.
-        stiffness, damping: (6,) at the TCP, world axes, or (7,) at the joints.
-        inertia: (6, 6) or (7, 7) that they move.
-        own: (7,) kg m^2, each joint's own.
-    """
-
+    # True if the TCP's springs act, and the joint drives take torques; else the joints' springs act
     cartesian: bool
-    stiffness: Array
-    damping: Array
-    inertia: Array
-    own: Array
+    stiffness: Array  # (6,) at the TCP, world axes, or (7,) at the joints
+    damping: Array  # likewise
+    inertia: Array  # (6, 6) or (7, 7) that they move
+    own: Array  # (7,) kg m^2, each joint's own
 
     @classmethod
     def of_tcp(cls, springs: Stiffness, inertia: Inertia) -> Gains:

@@ -27,37 +27,23 @@ _KEPT = math.exp(-PERIOD / OBSERVER_TIME)
 
 
 class ReportedMotion(NamedTuple):
-    """Motion of the arm over n log periods, as its encoders report it.
+    """Motion of the arm over n log periods, as its encoders report it."""
 
-    Attributes:
-        mean: (n, 21) joint angles, rad, the TCP's pose, and gravity torques, N m.
-        dq: (n, 7) rad/s.
-        gained: (n, 7) rad/s, change of the joint rates in each period.
-        jacobian: (n, 6, 7) at the end of each period.
-        inertia_torque: (n, 7) N m, as `Kinematics`.
-    """
-
-    mean: Array
-    dq: Array
-    gained: Array
-    jacobian: Array
-    inertia_torque: Array
+    mean: Array  # (n, 21) joint angles, rad, the TCP's pose, and gravity torques, N m
+    dq: Array  # (n, 7) rad/s
+    gained: Array  # (n, 7) rad/s, change of the joint rates in each period
+    jacobian: Array  # (n, 6, 7) at the end of each period
+    inertia_torque: Array  # (n, 7) N m, as `Kinematics`
 
 
 class Measurement(NamedTuple):
-    """Torques and wrenches measured along a motion.
+    """Torques and wrenches measured along a motion."""
 
-    Attributes:
-        torque, tau_ext: (n, 7) N m.
-        wrench, contact: (n, 6).
-        arrived: (n,) which of the samples do; None for all.
-    """
-
-    torque: Array
+    torque: Array  # (n, 7) N m
     tau_ext: Array
-    wrench: Array
+    wrench: Array  # (n, 6)
     contact: Array
-    arrived: NDArray[np.bool_] | None
+    arrived: NDArray[np.bool_] | None  # (n,) which of the samples do; None for all
 
 
 class Readout:

@@ -24,21 +24,13 @@ they are softer than the controller's springs."""
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Setpoints:
-    """Set-points of a path, ready to slice; after its end the last one stays.
-
-    Attributes:
-        path: the motion.
-        start: its beginning, s.
-        rows: (m, k) set-points of each step.
-        poses: (m / 5, 7) commanded poses of each log period.
-        posture: (m / 5, 14) goal and rate of the null space, at the beginning of each log period.
-    """
+    """Set-points of a path, ready to slice; after its end the last one stays."""
 
     path: Path | PosePath
-    start: float
-    rows: Array
-    poses: Array
-    posture: Array
+    start: float  # s
+    rows: Array  # (m, k) of each step
+    poses: Array  # (m / 5, 7) commanded poses of each log period
+    posture: Array  # (m / 5, 14) goal and rate of the null space, at the beginning of each period
 
     def first(self, t: float) -> int:
         """Return the step that begins at time `t`."""

@@ -23,17 +23,12 @@ from palpate.robots.simulated.timing import PERIOD
 
 
 class Measured(NamedTuple):
-    """Measurement of n log periods.
+    """Measurement of n log periods."""
 
-    Attributes:
-        torque: (n, 7) N m.
-        arrived: (n,) which of them did, None for all.
-        shown: (7,) N m, the last reading before white noise and acquisition errors: the arm's own
-            reflex sees it with the noise of each look.
-    """
-
-    torque: Array
-    arrived: NDArray[np.bool_] | None
+    torque: Array  # (n, 7) N m
+    arrived: NDArray[np.bool_] | None  # (n,) which of them did, None for all
+    # (7,) N m, the last reading before white noise and acquisition errors: the arm's own reflex uses
+    # it with the noise of each look
     shown: Array
 
 

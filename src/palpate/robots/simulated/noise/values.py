@@ -23,18 +23,13 @@ Shape = tuple[int, ...]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Drawn:
-    """A value that is drawn, or fixed.
-
-    Attributes:
-        size: scale: one standard deviation of a centred normal (`normal`; `magnitude` takes its
-            absolute value), half the width of a uniform (`uniform`), or the size of a random sign
-            (`sign`).
-        fixed: the value itself, with its sign, instead.
-    """
+    """A value that is drawn, or fixed."""
 
     law: Law
+    # Standard deviation of a centred normal (`normal`; `magnitude` takes its absolute value), half
+    # the width of a uniform (`uniform`), or the size of a random sign (`sign`).
     size: Array
-    fixed: Array | None = None
+    fixed: Array | None = None  # the value itself, with its sign, instead
 
     @property
     def any(self) -> bool:
