@@ -33,7 +33,7 @@ the arm, so that a contact keeps its force."""
 
 
 class Commanded:
-    """Base class of robots: the properties and commands that do not depend on the controller."""
+    """Base class of robots: members of `Robot` that do not depend on the controller."""
 
     def __init__(self, arm: RobotDescription, nominal: NominalArm, gravity: float) -> None:
         """`gravity`: m/s^2, stated or measured."""
@@ -41,25 +41,20 @@ class Commanded:
 
     @property
     def limits(self) -> Limits:
-        """See `Robot`."""
         return self._arm.limits
 
     @property
     def hand(self) -> Hand:
-        """See `Robot`."""
         return self._arm.nominal
 
     @property
     def gravity(self) -> float:
-        """See `Robot`."""
         return self._gravity
 
     def move_pose(self, target: Pose, speed: float, slower: Sequence[Stretch] = ()) -> None:
-        """See `Robot`."""
         raise NotImplementedError
 
     def move_axis(self, direction: Array, speed: float, travel: float) -> None:
-        """See `Robot`."""
         now, origin = self._pose_begin()
         way = travel * np.asarray(direction, dtype=float)
         self.move_pose(Pose(now.p[:3] + way, origin), speed)

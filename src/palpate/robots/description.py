@@ -153,18 +153,12 @@ def read_description(folder: Path, name: str, known: Mapping[str, Path]) -> Robo
     while body:
         links.insert(0, model.body(body).name)
         body = int(model.body_parentid[body])
-    accuracy = sheet.accuracy
     nominal = Hand(
         tip_offset=pads_end(model, sheet.hand),
-        force_repeatability=accuracy.force_repeatability,
-        torque_gain=accuracy.torque_gain,
-        pose_repeatability=accuracy.pose_repeatability,
         joints=sheet.joints,
         fingers=sheet.hand.fingers,
-        force_resolution=accuracy.force_resolution,
-        force_accuracy=accuracy.force_accuracy,
-        tip_offset_std=accuracy.tip_offset_std,
         chain=chain(model, sheet),
+        **dict(sheet.accuracy),
     )
     return RobotDescription(
         name=name,

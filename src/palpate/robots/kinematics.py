@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from functools import cache, lru_cache
 from threading import Lock
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
@@ -14,9 +13,6 @@ import numpy as np
 from palpate.geometry.pose import Array, Pose
 from palpate.robots.description import RobotDescription
 from palpate.robots.safety import JOINT_MARGIN
-
-if TYPE_CHECKING:
-    import mink
 
 POSITION_TOLERANCE, ANGLE_TOLERANCE = 0.001, np.radians(0.5)  # m, rad
 LIMIT_MARGIN = 0.05
@@ -81,17 +77,21 @@ def forward_kinematics(arm: RobotDescription, q: tuple[float, ...]) -> Pose:
     return Pose(site.xpos.copy(), quaternion)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
 class _Solver:
     """mink's differential inverse kinematics on the nominal arm, stepped like Gauss-Newton."""
 
-    configuration: mink.Configuration
-    reach: mink.FrameTask
-    posture: mink.PostureTask
-    limit: mink.ConfigurationLimit
-    low: Array
-    high: Array
-    lock: Lock
+    def __init__(self, arm: RobotDescription) -> None:
+        import mink
+
+        model = model_without_fingers(arm)
+        self.low, self.high = arm.limits.q_min + LIMIT_MARGIN, arm.limits.q_max - LIMIT_MARGIN
+        self.lock = Lock()
+        self.configuration = mink.Configuration(model)
+        self.reach = mink.FrameTask(
+            arm.tcp, "site", position_cost=1.0, orientation_cost=0.3, lm_damping=1e-6
+        )
+        self.posture = mink.PostureTask(model, cost=POSTURE_COST)
+        self.limit = mink.ConfigurationLimit(model, min_distance_from_limits=LIMIT_MARGIN)
 
     def search(self, pose_base_tcp: Pose, q: Array) -> Array | None:
         """Search from `q`; None where the search ends away from the pose."""
@@ -119,20 +119,7 @@ class _Solver:
         )
 
 
-@cache
-def _solver(arm: RobotDescription) -> _Solver:
-    import mink
-
-    model, low, high = model_without_fingers(arm), arm.limits.q_min, arm.limits.q_max
-    return _Solver(
-        mink.Configuration(model),
-        mink.FrameTask(arm.tcp, "site", position_cost=1.0, orientation_cost=0.3, lm_damping=1e-6),
-        mink.PostureTask(model, cost=POSTURE_COST),
-        mink.ConfigurationLimit(model, min_distance_from_limits=LIMIT_MARGIN),
-        low + LIMIT_MARGIN,
-        high - LIMIT_MARGIN,
-        Lock(),
-    )
+_solver = cache(_Solver)
 
 
 @lru_cache(CACHED_POSES)

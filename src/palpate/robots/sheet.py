@@ -6,7 +6,7 @@ kinematics, inertias, joint ranges, torque limits and shapes; they are not repea
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Any, cast
@@ -25,25 +25,30 @@ MAX_BYTES = 100_000  # largest description
 SPARE = 0.005  # m of clearance in the bounds of the hand
 
 
-def numbers(count: int) -> Callable[[Any], Array]:
+def finite_array(value: Any, shape: tuple[int, ...], message: str) -> Array:
+    """Read an immutable array of finite numbers.
+
+    Raises:
+        ValueError: `message`.
+    """
+    try:
+        array = np.array(value, dtype=float)
+    except (TypeError, ValueError):
+        raise ValueError(message) from None
+    if array.shape != shape or not np.isfinite(array).all():
+        raise ValueError(message)
+    array.flags.writeable = False
+    return array
+
+
+def numbers(count: int) -> PlainValidator:
     """Make a validator of a list of `count` finite numbers."""
-
-    def read(value: Any) -> Array:
-        try:
-            array = np.array(value, dtype=float)
-        except (TypeError, ValueError):
-            raise ValueError(f"give a list of {count} numbers") from None
-        if array.shape != (count,) or not np.isfinite(array).all():
-            raise ValueError(f"give a list of {count} numbers")
-        array.flags.writeable = False
-        return array
-
-    return read
+    return PlainValidator(lambda v: finite_array(v, (count,), f"give a list of {count} numbers"))
 
 
-Seven = Annotated[Array, PlainValidator(numbers(7))]  # one per joint
-Vector = Annotated[Array, PlainValidator(numbers(3))]
-Pair = Annotated[Array, PlainValidator(numbers(2))]
+Seven = Annotated[Array, numbers(7)]  # one per joint
+Vector = Annotated[Array, numbers(3)]
+Pair = Annotated[Array, numbers(2)]
 Size = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Share = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 Name = Annotated[str, Field(min_length=1, max_length=100)]
@@ -259,9 +264,14 @@ def _content(path: Path, known: Mapping[str, Path]) -> Any:
 
 
 def merged(below: Mapping[str, Any], above: Mapping[str, Any]) -> dict[str, Any]:
-    """Merge two descriptions section by section; `above` replaces `below`."""
-    both = {**below, **above}
+    """Merge two files' contents section by section; `above` replaces `below`."""
+    both: dict[str, Any] = {**below}
     for key, value in above.items():
-        if isinstance(value, dict) and isinstance(below.get(key), dict):
-            both[key] = merged(below[key], cast("dict[str, Any]", value))
+        under = below.get(key)
+        # In a noise model {fixed: VALUE} is a value, not a section.
+        if not isinstance(under, dict) or "fixed" in under:
+            under = {}
+        if isinstance(value, dict) and "fixed" not in value:
+            value = merged(cast("dict[str, Any]", under), cast("dict[str, Any]", value))
+        both[key] = value
     return both

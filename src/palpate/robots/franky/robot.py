@@ -113,7 +113,7 @@ class FrankyRobot(Commanded):
         return self._cached
 
     def move_joints(self, q: Array, speed: float = 1.0) -> None:
-        """See `Robot`. The first motion to the ready pose is slow."""
+        """The first motion to the ready pose is slow."""
         goal = np.asarray(q, dtype=float)
         if not self._ready:
             speed *= APPROACH
@@ -132,7 +132,6 @@ class FrankyRobot(Commanded):
         self._follow(course)
 
     def move_pose(self, target: Pose, speed: float, slower: Sequence[Stretch] = ()) -> None:
-        """See `Robot`."""
 
         def course(before: Course | None, clock: float) -> Course:
             begin, q = self._pose_motion(before, clock), self._readout.q
@@ -144,7 +143,6 @@ class FrankyRobot(Commanded):
         self._follow(course)
 
     def swing(self, about: Array, angle: float, frequency: float, cycles: int) -> None:
-        """See `Robot`."""
 
         def course(before: Course | None, clock: float) -> Course:
             begin = self._pose_motion(before, clock)
@@ -154,19 +152,16 @@ class FrankyRobot(Commanded):
         self._follow(course)
 
     def open_gripper(self) -> None:
-        """See `Robot`."""
         if self._link.fault is None:
             self._hand.open()
         self._cached = None
 
     def close_gripper(self, force: float | None = None) -> None:
-        """See `Robot`."""
         if self._link.fault is None:
             self._hand.close(force)
         self._cached = None
 
     def hold(self) -> None:
-        """See `Robot`."""
 
         def course(before: Course | None, clock: float) -> Course:
             assert before is not None
@@ -180,13 +175,13 @@ class FrankyRobot(Commanded):
             self._follow(course, clears=False)
 
     def set_reflex(self, thresholds: Reflex) -> None:
-        """See `Robot`: franky's 1 kHz reactions. The control box's own thresholds, which cannot be
+        """Franky's 1 kHz reactions. The control box's own thresholds, which cannot be
         changed while the arm is controlled, stay as wide as contact needs."""
         if thresholds != self._thresholds:
             self._thresholds, self._guard_due = thresholds, True
 
     def advance(self, duration: float) -> None:
-        """See `Robot`. It never blocks on a silent arm."""
+        """It never blocks on a silent arm."""
         self._cached = None
         if self._guard_due and self._link.fault is None:
             self._guard_due = False
@@ -197,11 +192,10 @@ class FrankyRobot(Commanded):
         self._link.advance(duration)
 
     def drain(self) -> Samples:
-        """See `Robot`."""
         return self._link.drain()
 
     def recover(self) -> None:
-        """See `Recoverable`. It goes to its ready pose as slowly as the first time.
+        """It goes to its ready pose as slowly as the first time.
 
         Raises:
             Unavailable: it cannot go on.
@@ -211,14 +205,13 @@ class FrankyRobot(Commanded):
         self._ready, self._cached = False, None
 
     def black_box(self) -> Mapping[str, Array] | None:
-        """See `Remembering`."""
         why = self._link.fault or self._link.reflex
         with self._drive.lock:
             rows = list(self._drive.log)
         return None if why is None else black_box(rows, why)
 
     def close(self) -> None:
-        """See `Robot`. A held object stays held."""
+        """A held object stays held."""
         if self._closed:
             return
         self._closed = True

@@ -28,7 +28,16 @@ from palpate.files.plain_yaml import plain_yaml, yaml_text
 from palpate.files.read import read_text
 from palpate.files.worded import Section, plain_number, worded
 from palpate.geometry.pose import Array
-from palpate.robots.sheet import Name, Pair, ReflexSheet, Seven, Stiffness, Vector, Workspace
+from palpate.robots.sheet import (
+    Name,
+    Pair,
+    ReflexSheet,
+    Seven,
+    Stiffness,
+    Vector,
+    Workspace,
+    finite_array,
+)
 
 JOINTS = 7
 MAX_BYTES = 100_000  # largest robot.yaml
@@ -42,29 +51,20 @@ Deviation = Annotated[float, _Plain, Field(ge=0, allow_inf_nan=False)]
 
 def require_covariance(value: Any) -> Array:
     """Validate a covariance (7, 7)."""
-    wanted = f"give {JOINTS} lists of {JOINTS} numbers that are a covariance"
-    try:
-        array = np.array(value, dtype=float)
-    except (TypeError, ValueError):
-        raise ValueError(wanted) from None
-    if array.shape != (JOINTS, JOINTS) or not np.isfinite(array).all():
-        raise ValueError(wanted)
+    message = f"give {JOINTS} lists of {JOINTS} numbers that are a covariance"
+    array = finite_array(value, (JOINTS, JOINTS), message)
     small = ASKEW * float(np.abs(array).max())
     if not np.allclose(array, array.T, atol=small) or np.linalg.eigvalsh(array)[0] < -small:
-        raise ValueError(wanted)
-    array.flags.writeable = False
+        raise ValueError(message)
     return array
 
 
 def require_quaternion(value: Any) -> Array:
     """Validate a quaternion (4,) of any length but 0."""
-    try:
-        array = np.array(value, dtype=float)
-    except (TypeError, ValueError):
-        array = np.zeros(0)
-    if array.shape != (4,) or not np.isfinite(array).all() or not array.any():
-        raise ValueError("give a quaternion: w, x, y, z, not all of them 0")
-    array.flags.writeable = False
+    message = "give a quaternion: w, x, y, z, not all of them 0"
+    array = finite_array(value, (4,), message)
+    if not array.any():
+        raise ValueError(message)
     return array
 
 

@@ -41,7 +41,7 @@ RESTED = 0.2  # s at rest before it counts
 
 class Watched:
     """A robot whose states report implausible signals (`RobotState.fault`) and omit forces that only
-    a single state shows. Its samples are the robot's own."""
+    a single state shows. Its samples are the robot's own. Implements `Robot`."""
 
     def __init__(self, robot: Robot, arm: RobotDescription) -> None:
         self._robot = robot
@@ -57,22 +57,18 @@ class Watched:
 
     @property
     def limits(self) -> Limits:
-        """See `Robot`."""
         return self._robot.limits
 
     @property
     def hand(self) -> Hand:
-        """See `Robot`."""
         return self._robot.hand
 
     @property
     def gravity(self) -> float:
-        """See `Robot`."""
         return self._robot.gravity
 
     @property
     def state(self) -> RobotState:
-        """See `Robot`."""
         state = self._robot.state
         if self._shown is None or state is not self._seen:
             self._seen = state
@@ -86,13 +82,11 @@ class Watched:
         return self._shown
 
     def advance(self, duration: float) -> None:
-        """See `Robot`."""
         self._robot.advance(duration)
         self._watch.clock.ask(duration)
         self._advanced, self._shown = True, None
 
     def drain(self) -> Samples:
-        """See `Robot`."""
         samples, known = self._robot.drain(), self._watch.fault
         self._watch.take(samples)
         if self._watch.fault is not known:
@@ -100,39 +94,30 @@ class Watched:
         return samples
 
     def move_joints(self, q: Array, speed: float = 1.0) -> None:
-        """See `Robot`."""
         self._robot.move_joints(q, speed)
 
     def move_pose(self, target: Pose, speed: float, slower: Sequence[Stretch] = ()) -> None:
-        """See `Robot`."""
         self._robot.move_pose(target, speed, slower)
 
     def move_axis(self, direction: Array, speed: float, travel: float) -> None:
-        """See `Robot`."""
         self._robot.move_axis(direction, speed, travel)
 
     def swing(self, about: Array, angle: float, frequency: float, cycles: int) -> None:
-        """See `Robot`."""
         self._robot.swing(about, angle, frequency, cycles)
 
     def open_gripper(self) -> None:
-        """See `Robot`."""
         self._robot.open_gripper()
 
     def close_gripper(self, force: float | None = None) -> None:
-        """See `Robot`."""
         self._robot.close_gripper(force)
 
     def hold(self) -> None:
-        """See `Robot`."""
         self._robot.hold()
 
     def set_reflex(self, thresholds: Reflex) -> None:
-        """See `Robot`."""
         self._robot.set_reflex(thresholds)
 
     def close(self) -> None:
-        """See `Robot`."""
         self._robot.close()
 
 

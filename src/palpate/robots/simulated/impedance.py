@@ -98,18 +98,9 @@ class Gains:
         """Return zero gains: the joint drives take torques. `inertia` (7, 7) kg m^2."""
         return cls(False, np.zeros(7), np.zeros(7), inertia, np.diag(inertia))
 
-    def joint_damping(self, jacobian: Array) -> Array:
-        """Compute the damping of all dampers at the joints, (7, 7): J^T D J."""
-        return self._at_joints(self.damping, jacobian)
-
-    def joint_stiffness(self, jacobian: Array) -> Array:
-        """Compute the stiffness of all springs at the joints, (7, 7): J^T K J."""
-        return self._at_joints(self.stiffness, jacobian)
-
-    def _at_joints(self, each: Array, jacobian: Array) -> Array:
-        if not self.cartesian:
-            return np.diag(each)
-        return jacobian.T @ (each[:, None] * jacobian)
+    def at_joints(self, each: Array, jacobian: Array) -> Array:
+        """Map `stiffness` or `damping` to the joints, (7, 7): J^T K J for the TCP's springs."""
+        return jacobian.T @ (each[:, None] * jacobian) if self.cartesian else np.diag(each)
 
     def lead(self, rate: Array, acceleration: Array) -> Array:
         """Compute the lead (n, 6 or 7) of the springs' set-points for a motion without lag.

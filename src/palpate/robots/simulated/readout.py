@@ -235,7 +235,7 @@ class Readout:
         Springs act in every physics step with the arm's position then: on average, `SPRING_DELAY`
         before.
         """
-        late = gains.joint_damping(self.jacobian) * DAMPING_DELAY
-        early = gains.joint_stiffness(self.jacobian) * SPRING_DELAY
+        late = gains.at_joints(gains.damping, self.jacobian) * DAMPING_DELAY
+        early = gains.at_joints(gains.stiffness, self.jacobian) * SPRING_DELAY
         speed = steps.dq - gained / 2.0
         return steps.torque + speed @ early - (gained @ late + gained * self._armature) / PERIOD

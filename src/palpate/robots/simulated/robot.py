@@ -157,39 +157,36 @@ class MujocoRobot(Commanded):
         return self._cached
 
     def move_joints(self, q: Array, speed: float = 1.0) -> None:
-        """See `Robot`. No part exceeds the description's pace."""
+        """No part exceeds the description's pace."""
         self._reflex = None
         t, goal = self._world.t, np.asarray(q, dtype=float)
         begin = self._joint_motion()
         self._follow_joints(joint_path(self._nominal, self._arm, t, begin, goal, speed))
 
     def move_pose(self, target: Pose, speed: float, slower: Sequence[Stretch] = ()) -> None:
-        """See `Robot`. Slower where the arm's effective mass is large."""
+        """Slower where the arm's effective mass is large."""
         self._reflex = None
         t, begin, q = self._world.t, self._pose_begin(), self._readout.q
         self._follow_pose(*pose_path(self._nominal, self._arm, t, begin, target, speed, slower, q))
 
     def swing(self, about: Array, angle: float, frequency: float, cycles: int) -> None:
-        """See `Robot`."""
         self._reflex = None
         t, begin = self._world.t, self._pose_begin()
         path = swing_path(t, begin, about, angle, frequency, cycles)
         self._follow_pose(path, still(t, self._readout.q))
 
     def open_gripper(self) -> None:
-        """See `Robot`."""
         self._gripper.open(self._world.t)
         self._world.limit_fingers(self._gripper.force)
         self._cached = None
 
     def close_gripper(self, force: float | None = None) -> None:
-        """See `Robot`."""
         self._gripper.close(self._world.t, force)
         self._world.limit_fingers(self._gripper.force)
         self._cached = None
 
     def hold(self) -> None:
-        """See `Robot`. The commanded equilibrium stays, so a contact keeps its force."""
+        """The commanded equilibrium stays, so a contact keeps its force."""
         t, path = self._world.t, self._path
         if path.end <= t:
             return
@@ -200,7 +197,6 @@ class MujocoRobot(Commanded):
             self._follow_pose(stopping, still(t, self._readout.q))
 
     def set_reflex(self, thresholds: Reflex) -> None:
-        """See `Robot`."""
         self._thresholds = thresholds
 
     def advance(self, duration: float) -> None:
@@ -212,7 +208,6 @@ class MujocoRobot(Commanded):
             periods = round((self._due - self._world.t) / PERIOD)
 
     def drain(self) -> Samples:
-        """See `Robot`."""
         logged, self._logged = self._logged, []
         return logged[0] if len(logged) == 1 else Samples.concatenate(logged)
 
@@ -306,7 +301,7 @@ class MujocoRobot(Commanded):
         readout, thresholds = self._readout, self._thresholds
         mass_matrix, velocity_torque = self._dynamics
         jacobian = readout.jacobian
-        damping = self._gains.joint_damping(jacobian)
+        damping = self._gains.at_joints(self._gains.damping, jacobian)
         known = readout.deviation - velocity_torque - self._correction.torque
 
         def reaction() -> Reaction:

@@ -25,18 +25,18 @@ from palpate.robots.simulated.timing import BLOCK, PERIOD, SUBSTEPS, TIMESTEP
 
 FRAME_PERIOD = 1.0 / 30.0  # s between camera frames
 LEVEL = 0.01  # rad, largest inclination of gravity
-_OFF = mujoco.mjtDisableBit
-NEEDED = (  # MuJoCo features that a robot needs
-    _OFF.mjDSBL_GRAVITY,
-    _OFF.mjDSBL_CONTACT,
-    _OFF.mjDSBL_CONSTRAINT,
-    _OFF.mjDSBL_EQUALITY,
-    _OFF.mjDSBL_LIMIT,
-    _OFF.mjDSBL_FRICTIONLOSS,
-    _OFF.mjDSBL_ACTUATION,
-    _OFF.mjDSBL_SPRING,
-    _OFF.mjDSBL_DAMPER,
-)
+NEEDED = [
+    "gravity",
+    "contact",
+    "constraint",
+    "equality",
+    "limit",
+    "frictionloss",
+    "actuation",
+    "spring",
+    "damper",
+]
+"""Features of MuJoCo that a robot needs."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -317,11 +317,8 @@ def require_physics(spec: mujoco.MjSpec) -> None:
             f"the world's gravity is ({x:g}, {y:g}, {z:g}) m/s²; it must point down, as in "
             '<option gravity="0 0 -9.81"/>: released objects have to fall, and weighing needs a weight'
         )
-    disabled = [
-        flag.name.removeprefix("mjDSBL_").lower()
-        for flag in NEEDED
-        if spec.option.disableflags & int(flag)
-    ]
+    bits = {name: int(getattr(mujoco.mjtDisableBit, f"mjDSBL_{name.upper()}")) for name in NEEDED}
+    disabled = [name for name, bit in bits.items() if spec.option.disableflags & bit]
     if disabled:
         raise InputError(
             f"the world's <option><flag> disables {', '.join(disabled)}, without which nothing can be "
