@@ -181,7 +181,7 @@ class Settings:
             raise InputError(
                 f"'{self.root}' is no folder: give root= the one the scene's files lie in"
             )
-        noise_models().check(self.noise)
+        noise_models().load(self.noise)
         own_arm(self.arm, self.cautious, self.robot_config)
         self.model_settings.checked()
         if self.on_failure not in get_args(OnFailure):

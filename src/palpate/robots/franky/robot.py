@@ -11,18 +11,10 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 
 from palpate.geometry.pose import Array, Pose
-from palpate.robots.commanded import (
-    Commanded,
-    ahead_of,
-    joint_path,
-    pose_path,
-    stopped_joints,
-    stopped_pose,
-    swing_path,
-)
+from palpate.robots.commanded import Commanded, swing_path
 from palpate.robots.description import RobotDescription
 from palpate.robots.franky.course import Course, joint_course, pose_course
-from palpate.robots.franky.drive import Drive
+from palpate.robots.franky.drive import Drive, Row
 from palpate.robots.franky.hand import Hand
 from palpate.robots.franky.link import Link
 from palpate.robots.franky.readout import Readout, black_box, require_end_effector
@@ -82,6 +74,12 @@ class FrankyRobot(Commanded):
         self._cached: RobotState | None = None
 
     @property
+    def cycles(self) -> Sequence[Row]:
+        """The last cycles of the control loop."""
+        with self._drive.lock:
+            return list(self._drive.log)
+
+    @property
     def state(self) -> RobotState:
         """State as of the last `advance`."""
         if self._cached is None:
@@ -126,8 +124,7 @@ class FrankyRobot(Commanded):
                 rate = self._readout.dq if self._drive.moving else np.zeros(7)
                 lead = self._spring_torque(before) / self._arm.stiffness.joints
                 now = Motion(self._readout.q + lead, rate, np.zeros(7))
-            path = joint_path(self._nominal, self._arm, 0.0, now, goal, speed)
-            return joint_course(path, self._nominal)
+            return joint_course(self._joint_path(0.0, now, goal, speed), self._nominal)
 
         self._follow(course)
 
@@ -135,9 +132,7 @@ class FrankyRobot(Commanded):
 
         def course(before: Course | None, clock: float) -> Course:
             begin, q = self._pose_motion(before, clock), self._readout.q
-            path, posture = pose_path(
-                self._nominal, self._arm, 0.0, begin, target, speed, slower, q
-            )
+            path, posture = self._pose_path(0.0, begin, target, speed, slower, q)
             return pose_course(path, posture.sample(posture.knots[-1:])[0], self._base)
 
         self._follow(course)
@@ -166,9 +161,9 @@ class FrankyRobot(Commanded):
         def course(before: Course | None, clock: float) -> Course:
             assert before is not None
             if isinstance(before.path, Path):
-                path = stopped_joints(self._arm, 0.0, before.path.at(clock))
+                path = self._stopped_joints(0.0, before.path.at(clock))
                 return joint_course(path, self._nominal)
-            stopping = stopped_pose(self._arm, 0.0, self._pose_motion(before, clock))
+            stopping = self._stopped_pose(0.0, self._pose_motion(before, clock))
             return pose_course(stopping, self._posture(before), self._base)
 
         if self._drive.moving:
@@ -206,9 +201,7 @@ class FrankyRobot(Commanded):
 
     def black_box(self) -> Mapping[str, Array] | None:
         why = self._link.fault or self._link.reflex
-        with self._drive.lock:
-            rows = list(self._drive.log)
-        return None if why is None else black_box(rows, why)
+        return None if why is None else black_box(self.cycles, why)
 
     def close(self) -> None:
         """A held object stays held."""
@@ -228,8 +221,7 @@ class FrankyRobot(Commanded):
             return before.path.motion(clock), before.path.pose(clock).quaternion
         readout, torque = self._readout, self._spring_torque(before)
         twist = readout.twist if self._drive.moving else np.zeros(6)
-        springs = self._arm.stiffness
-        return ahead_of(readout.pose_world_tcp, readout.jacobian, torque, springs, twist)
+        return self._ahead_of(readout.pose_world_tcp, readout.jacobian, torque, twist)
 
     def _spring_torque(self, before: Course | None) -> Array:
         """Return the torques (7,), N m, that the springs exert at the joints now."""

@@ -13,15 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from palpate.geometry.pose import Array, Pose
-from palpate.robots.commanded import (
-    Commanded,
-    ahead_of,
-    joint_path,
-    pose_path,
-    stopped_joints,
-    stopped_pose,
-    swing_path,
-)
+from palpate.robots.commanded import Commanded, swing_path
 from palpate.robots.description import RobotDescription
 from palpate.robots.nominal import NominalArm
 from palpate.robots.owner.arm import known, unmeasured
@@ -159,15 +151,14 @@ class MujocoRobot(Commanded):
     def move_joints(self, q: Array, speed: float = 1.0) -> None:
         """No part exceeds the description's pace."""
         self._reflex = None
-        t, goal = self._world.t, np.asarray(q, dtype=float)
-        begin = self._joint_motion()
-        self._follow_joints(joint_path(self._nominal, self._arm, t, begin, goal, speed))
+        goal = np.asarray(q, dtype=float)
+        self._follow_joints(self._joint_path(self._world.t, self._joint_motion(), goal, speed))
 
     def move_pose(self, target: Pose, speed: float, slower: Sequence[Stretch] = ()) -> None:
         """Slower where the arm's effective mass is large."""
         self._reflex = None
         t, begin, q = self._world.t, self._pose_begin(), self._readout.q
-        self._follow_pose(*pose_path(self._nominal, self._arm, t, begin, target, speed, slower, q))
+        self._follow_pose(*self._pose_path(t, begin, target, speed, slower, q))
 
     def swing(self, about: Array, angle: float, frequency: float, cycles: int) -> None:
         self._reflex = None
@@ -191,9 +182,9 @@ class MujocoRobot(Commanded):
         if path.end <= t:
             return
         if isinstance(path, Path):
-            self._follow_joints(stopped_joints(self._arm, t, path.at(t)))
+            self._follow_joints(self._stopped_joints(t, path.at(t)))
         else:
-            stopping = stopped_pose(self._arm, t, self._pose_begin())
+            stopping = self._stopped_pose(t, self._pose_begin())
             self._follow_pose(stopping, still(t, self._readout.q))
 
     def set_reflex(self, thresholds: Reflex) -> None:
@@ -260,9 +251,7 @@ class MujocoRobot(Commanded):
             return path.motion(t), path.pose(t).quaternion
         readout = self._readout
         twist = readout.twist if path.end > t else np.zeros(6)
-        return ahead_of(
-            readout.pose_world_tcp, readout.jacobian, self._sprung(), self._arm.stiffness, twist
-        )
+        return self._ahead_of(readout.pose_world_tcp, readout.jacobian, self._sprung(), twist)
 
     def _sprung(self) -> Array:
         """Return the joint torques of the springs now (7,), N m."""

@@ -69,10 +69,6 @@ class NoiseModels:
         except ValidationError as error:
             raise InputError(f"{name_or_path}: {worded(error, NoiseModel)}") from None
 
-    def check(self, name_or_path: str) -> None:
-        """Raises InputError as `load` does."""
-        self.load(name_or_path)
-
     def title(self, name_or_path: str) -> str:
         """Return a model's title in report and result: its name, or the file's if it is invalid."""
         try:
