@@ -265,4 +265,4 @@ def test_another_visit_is_the_same_robot_with_other_noise(tmp_path: Path) -> Non
 
 def test_an_empty_robot_yaml_leaves_the_arm_as_described(tmp_path: Path) -> None:
     arm = calibrated(ARM, read_config(written(tmp_path, "name: Fritz")))
-    assert replace(arm, config=None, told=None).nominal == ARM.nominal
+    assert replace(arm, config=None, described=None).nominal == ARM.nominal

@@ -79,7 +79,7 @@ class RobotDescription:
     hardware: Hardware | None = None  # of a real arm, where it differs
     end_effector: EndEffector | None = None  # weighed load of the last joint
     config: RobotConfig | None = None  # figures of robot.yaml, applied in the other attributes
-    told: RobotDescription | None = None  # the arm without them; None without a robot.yaml
+    described: RobotDescription | None = None  # the arm without them; None without a robot.yaml
 
     @property
     def tip(self) -> float:

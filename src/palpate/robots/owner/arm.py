@@ -46,7 +46,7 @@ def own_arm(
     name: str,
     cautious: bool,
     config: Path | None,
-    told: Datasheet | None = None,
+    sheet: Datasheet | None = None,
     real: bool = False,
 ) -> RobotDescription:
     """Return the arm of `--arm` and `--robot-config`: its description, with the springs of a `real`
@@ -58,8 +58,8 @@ def own_arm(
     arm = load_description(name, cautious)
     if real:
         arm = _real(arm)
-    if told is not None:
-        arm = informed(arm, told)
+    if sheet is not None:
+        arm = informed(arm, sheet)
     if config is None:
         return arm
     measured = read_config(config)
@@ -131,7 +131,7 @@ def calibrated(arm: RobotDescription, config: RobotConfig) -> RobotDescription:
         pace=pace,
         end_effector=config.end_effector or arm.end_effector,
         config=config,
-        told=arm,
+        described=arm,
     )
 
 
@@ -156,17 +156,17 @@ def measured_hand(hand: Hand, config: RobotConfig) -> Hand:
 
 def known(arm: RobotDescription, sheet: Datasheet) -> RobotDescription:
     """Return the arm with the figures of a datasheet, below those of its robot.yaml."""
-    if arm.told is None or arm.config is None:
+    if arm.described is None or arm.config is None:
         return informed(arm, sheet)
-    return calibrated(informed(arm.told, sheet), arm.config)
+    return calibrated(informed(arm.described, sheet), arm.config)
 
 
 def unmeasured(arm: RobotDescription) -> RobotDescription:
     """Return the arm without the figures of its robot.yaml."""
-    return arm.told or arm
+    return arm.described or arm
 
 
 @cache
 def as_measured(arm: RobotDescription) -> RobotDescription:
     """Return an arm that is as measured, with sensors that need no correction, to predict with."""
-    return replace(arm, config=None, told=None)
+    return replace(arm, config=None, described=None)
