@@ -8,19 +8,20 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from palpate.geometry.pose import Pose
-from palpate.robots.trajectory.path import (
+from palpate.robots.trajectory import (
     SWING_PEAK,
     Motion,
     Path,
     PosePath,
+    Stretch,
     quintic,
     rotation_vector,
     still,
     stop,
+    straight,
     swing,
     turned,
 )
-from palpate.robots.trajectory.straight import Stretch, straight
 
 ZERO = np.zeros(3)
 

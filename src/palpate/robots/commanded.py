@@ -13,16 +13,19 @@ from palpate.geometry.pose import Array, Pose
 from palpate.robots.description import Limits, RobotDescription
 from palpate.robots.nominal import NominalArm, wrench
 from palpate.robots.pace import free_speeds, joint_rates
-from palpate.robots.trajectory.path import (
+from palpate.robots.trajectory import (
     Motion,
     Path,
     PosePath,
+    Stretch,
     rotation_vector,
+    slowed,
     stop,
+    straight,
+    stretches,
     swing,
     turned,
 )
-from palpate.robots.trajectory.straight import Stretch, slowed, straight, stretches
 from palpate.trace.recording import Hand
 
 STANDING = 1e-4  # m: a shorter motion has no direction, and so no effective mass

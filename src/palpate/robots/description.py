@@ -27,7 +27,7 @@ from palpate.robots.sheet import (
     Stiffness,
     read_sheet,
 )
-from palpate.robots.trajectory.path import turned
+from palpate.robots.trajectory import turned
 from palpate.trace.recording import Hand
 from palpate.trace.samples import STANDARD_GRAVITY
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from palpate.geometry.pose import Array, Pose
 from palpate.robots.description import RobotDescription
-from palpate.robots.trajectory.path import rotation_vector
+from palpate.robots.trajectory import rotation_vector
 
 RIDGE = 1e-9 * np.eye(6)
 """Regularisation added to J J^T (m^2), far below its smallest eigenvalue in the workspace, so that a

@@ -13,7 +13,7 @@ from typing import Protocol, runtime_checkable
 from palpate.geometry.pose import Array, Pose
 from palpate.robots.description import Limits
 from palpate.robots.reflex import Reflex
-from palpate.robots.trajectory.straight import Stretch
+from palpate.robots.trajectory import Stretch
 from palpate.trace.recording import Hand
 from palpate.trace.samples import Samples
 

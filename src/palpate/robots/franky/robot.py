@@ -23,8 +23,7 @@ from palpate.robots.nominal import NominalArm
 from palpate.robots.reflex import Reflex
 from palpate.robots.robot import RobotState
 from palpate.robots.simulated.impedance import Inertia
-from palpate.robots.trajectory.path import Motion, Path, PosePath
-from palpate.robots.trajectory.straight import Stretch
+from palpate.robots.trajectory import Motion, Path, PosePath, Stretch
 from palpate.trace.samples import Samples
 
 APPROACH = 0.25

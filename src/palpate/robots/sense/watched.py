@@ -22,7 +22,7 @@ from palpate.robots.sense.signals import (
     pose_jumps,
     wrong_width,
 )
-from palpate.robots.trajectory.straight import Stretch
+from palpate.robots.trajectory import Stretch
 from palpate.trace.recording import Hand
 from palpate.trace.samples import Samples
 

@@ -13,9 +13,8 @@ from palpate.geometry.pose import Array, Pose
 from palpate.robots.nominal import NominalArm, wrenches
 from palpate.robots.simulated.impedance import Gains
 from palpate.robots.simulated.noise.disturbances import Motion
-from palpate.robots.simulated.noise.encoders import Encoders
 from palpate.robots.simulated.noise.line import Stamps
-from palpate.robots.simulated.noise.sensors import Sensors
+from palpate.robots.simulated.noise.sensors import Encoders, Sensors
 from palpate.robots.simulated.timing import DAMPING_DELAY, PERIOD, SPRING_DELAY
 from palpate.robots.simulated.world import Steps
 from palpate.trace.samples import Samples

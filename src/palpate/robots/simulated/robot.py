@@ -23,12 +23,11 @@ from palpate.robots.robot import RobotState
 from palpate.robots.simulated.gripper import Gripper
 from palpate.robots.simulated.guard import Guard, Reaction
 from palpate.robots.simulated.impedance import Gains, Inertia
-from palpate.robots.simulated.noise.encoders import Encoders
 from palpate.robots.simulated.noise.line import Stamps
+from palpate.robots.simulated.noise.model import Streams
 from palpate.robots.simulated.noise.models import noise_models
-from palpate.robots.simulated.noise.sensors import Sensors
+from palpate.robots.simulated.noise.sensors import Encoders, Sensors
 from palpate.robots.simulated.noise.true_arm import Truth
-from palpate.robots.simulated.noise.values import Streams
 from palpate.robots.simulated.readout import Readout
 from palpate.robots.simulated.setpoints import (
     Correction,
@@ -38,8 +37,7 @@ from palpate.robots.simulated.setpoints import (
 )
 from palpate.robots.simulated.timing import BLOCK, DAMPING_DELAY, LONGEST_RUN, PERIOD, TIMESTEP
 from palpate.robots.simulated.world import World
-from palpate.robots.trajectory.path import Motion, Path, PosePath, still
-from palpate.robots.trajectory.straight import Stretch
+from palpate.robots.trajectory import Motion, Path, PosePath, Stretch, still
 from palpate.trace.samples import Samples
 
 if TYPE_CHECKING:

@@ -10,11 +10,11 @@ import numpy as np
 
 from palpate.geometry.pose import Array, Pose
 from palpate.robots.simulated.impedance import Gains
-from palpate.robots.simulated.noise.encoders import Encoders
+from palpate.robots.simulated.noise.sensors import Encoders
 from palpate.robots.simulated.readout import Readout
 from palpate.robots.simulated.timing import BLOCK, LONGEST_RUN, PERIOD, TIMESTEP
 from palpate.robots.simulated.world import World
-from palpate.robots.trajectory.path import Path, PosePath, quaternion_matrix, turned
+from palpate.robots.trajectory import Path, PosePath, quaternion_matrix, turned
 
 BLEND = 0.5
 """Share of a new deviation that is applied in a run of cycles. Where joints or pads give way, the

@@ -8,8 +8,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from palpate.geometry.pose import Array
-from palpate.robots.simulated.noise.model import Friction, PoseErrors, Sticking, Vibration
-from palpate.robots.simulated.noise.values import JOINTS, Streams
+from palpate.robots.simulated.noise.model import (
+    JOINTS,
+    Friction,
+    PoseErrors,
+    Sticking,
+    Streams,
+    Vibration,
+)
 from palpate.trace.samples import STANDARD_GRAVITY
 
 REACH = 0.3  # m, correlation length of the cable's pull
