@@ -178,7 +178,7 @@ class Settings:
             InputError: nothing is asked, or a value is out of range; the message names the argument.
         """
         from palpate.execution.recovery import OnFailure
-        from palpate.robots.owner.registered import own_arm
+        from palpate.robots.owner.arm import own_arm
         from palpate.robots.simulated.noise.models import noise_models
 
         replayed = self.planner.startswith("replay:")
@@ -192,7 +192,7 @@ class Settings:
             raise InputError(
                 f"'{self.root}' is no folder: give root= the one the scene's files lie in"
             )
-        noise_models().check(self.noise)
+        noise_models().load(self.noise)
         own_arm(self.arm, self.cautious, self.robot_config)
         self.model_settings.checked()
         if self.on_failure not in get_args(OnFailure):
@@ -216,7 +216,7 @@ class Settings:
         Raises:
             InputError: no such arm or noise model, or its robot.yaml cannot be used.
         """
-        from palpate.robots.owner.registered import own_arm
+        from palpate.robots.owner.arm import own_arm
         from palpate.robots.registry import load_description
         from palpate.robots.simulated.noise.models import noise_models
 

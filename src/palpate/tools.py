@@ -21,7 +21,7 @@ from palpate.planning.model.provider import PROVIDERS
 from palpate.planning.recorded import load_proposal, plan_file
 from palpate.planning.registry import planners
 from palpate.quantities.catalogue import catalogue
-from palpate.robots.owner.registered import own_arm
+from palpate.robots.owner.arm import own_arm
 from palpate.robots.registry import load_description
 from palpate.scaffold.folder import POSES, SCENE, Scaffold, new_scene, written
 from palpate.scene.load import load_scene

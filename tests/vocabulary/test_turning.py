@@ -13,7 +13,7 @@ from palpate.planning.request.grounding import ground
 from palpate.report.data import Measured
 from palpate.report.evidence.charts import charts
 from palpate.robots.accuracy import rubbing
-from palpate.robots.trajectory.posed import turned
+from palpate.robots.trajectory import turned
 from palpate.runs.run import Run
 from palpate.scene.load import parse_scene
 from palpate.settings import Settings

@@ -12,7 +12,7 @@ from palpate.display import table
 from palpate.parameter import Parameter
 from palpate.planning.model.settings import ModelSettings
 from palpate.planning.planner import Planner
-from palpate.robots.owner.registered import own_arm
+from palpate.robots.owner.arm import own_arm
 from palpate.robots.registry import DEFAULT
 from palpate.scene.load import load_scene, parse_scene
 from palpate.scene.poses import read_poses

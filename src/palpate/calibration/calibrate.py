@@ -18,6 +18,7 @@ from palpate.calibration.stated import LENGTH, MASS, Known
 from palpate.callbacks import SILENT, RunCallbacks
 from palpate.errors import InputError
 from palpate.estimation.gains import gain_root
+from palpate.robots.owner.arm import require_same
 from palpate.robots.owner.config import (
     JOINTS,
     RobotConfig,
@@ -25,7 +26,6 @@ from palpate.robots.owner.config import (
     read_config,
     write_config,
 )
-from palpate.robots.owner.registered import require_same
 from palpate.settings import Settings, noise_source
 from palpate.trace.recording import Hand
 

@@ -10,7 +10,7 @@ import numpy as np
 from palpate.execution.runner import Execution, run
 from palpate.interrupt import interrupts
 from palpate.planning.plan import Plan
-from palpate.robots.owner.calibrated import as_measured
+from palpate.robots.owner.arm import as_measured
 from palpate.robots.simulated.robot import MujocoRobot
 from palpate.scene.scene import Scene
 

@@ -96,7 +96,7 @@ def _replay(scene: Scene, plan: Plan, world: MjSpec) -> Trace:
     Raises:
         Interrupted: a signal came meanwhile.
     """
-    from palpate.robots.owner.calibrated import as_measured
+    from palpate.robots.owner.arm import as_measured
     from palpate.robots.simulated.robot import MujocoRobot
 
     robot = MujocoRobot(world, scene.pose_world_base, as_measured(scene.arm))

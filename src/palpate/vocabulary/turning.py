@@ -21,8 +21,7 @@ from palpate.robots.accuracy import rubbing
 from palpate.robots.kinematics import reachable
 from palpate.robots.safety import Expectation
 from palpate.robots.sheet import Pace
-from palpate.robots.trajectory.posed import turned
-from palpate.robots.trajectory.swing import SWING_PEAK
+from palpate.robots.trajectory import SWING_PEAK, turned
 from palpate.trace.recording import Activity
 from palpate.vocabulary.admissible import motion
 from palpate.vocabulary.admissible.collision_geometry import near_spans

@@ -25,8 +25,7 @@ from numpy.typing import NDArray
 
 from palpate.geometry.pose import Pose
 from palpate.robots.pace import contact_speed
-from palpate.robots.trajectory.posed import rotation_vector, turned
-from palpate.robots.trajectory.straight import Stretch
+from palpate.robots.trajectory import Stretch, rotation_vector, turned
 from palpate.scene.scene import Scene
 from palpate.vocabulary.admissible.clearance import STEEP
 from palpate.vocabulary.admissible.collision_geometry import near_spans
