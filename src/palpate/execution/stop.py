@@ -21,7 +21,7 @@ from palpate.vocabulary.base import Blackboard, LeafFailure, Primitive, Resource
 from palpate.vocabulary.gripper import finish_fingers
 from palpate.vocabulary.guarding import DOWN
 from palpate.vocabulary.state import SymbolicState
-from palpate.vocabulary.touch import Feeling, finish, guarded, settle
+from palpate.vocabulary.touch import WrenchFilter, finish, guarded, settle
 
 AT_GRASP = 0.003
 """m: an object this near to the height where it was grasped still stands on its support."""
@@ -101,11 +101,11 @@ class PutDown(Primitive):
 
     def _lower(self, blackboard: Blackboard, name: str, place: Pose) -> Steps:
         """Down to the support, until it bears the object."""
-        robot, feeling, load = blackboard.robot, Feeling(blackboard.robot), blackboard.load
+        robot, filtered, load = blackboard.robot, WrenchFilter(blackboard.robot), blackboard.load
         travel = max(_above(blackboard, place), 0.0) + EXTRA_TRAVEL
         nowhere = f"no support within {1e3 * travel:.0f} mm below '{name}': {STAYS}"
         robot.move_axis(DOWN, GUARDED_SPEED, travel)
-        if not (yield from guarded(blackboard, lambda: -load.borne(feeling.now()) > PRESSED)):
+        if not (yield from guarded(blackboard, lambda: -load.borne(filtered.now()) > PRESSED)):
             raise LeafFailure(nowhere)
         yield from finish(blackboard)
         yield from settle(blackboard)
@@ -135,10 +135,10 @@ class PutDown(Primitive):
 
 def _is_borne(blackboard: Blackboard) -> Generator[None, None, bool]:
     """Wait for `PROVEN` s, or less; whether the support bore the object all that time."""
-    robot, feeling = blackboard.robot, Feeling(blackboard.robot)
+    robot, filtered = blackboard.robot, WrenchFilter(blackboard.robot)
     start = robot.state.t
     while robot.state.t - start < PROVEN:
-        if -blackboard.load.borne(feeling.now()) < STILL_PRESSED:
+        if -blackboard.load.borne(filtered.now()) < STILL_PRESSED:
             return False
         yield
     return True

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Generator, Iterator
 from dataclasses import replace
 from typing import ClassVar
@@ -20,24 +21,24 @@ from palpate.vocabulary.base import (
 )
 from palpate.vocabulary.load import Load
 from palpate.vocabulary.state import SymbolicState
-from palpate.vocabulary.touch import feel
+from palpate.vocabulary.touch import median_wrench
 from palpate.vocabulary.violation import Violation
 
 TOP = "_top"
-"""Ending of the name of the pose above an object's top."""
+"""Suffix of the name of the pose above an object's top."""
 GRIP_SETTLE = 0.1
 """s: fingers at rest on an object before the grasp counts."""
 GENTLE = 10.0
-"""N of both fingers until it is known what they have met: what stands freely bears it sideways."""
+"""N of both fingers until the object is recognised: one that stands freely withstands it sideways."""
 NARROWER = 0.0015
-"""m that the fingers may come nearer each other than believed: shapes are believed to that, and pads
-and objects give way by less at `GENTLE`."""
+"""m that the fingers may come nearer each other than believed: the error of believed shapes; pads and
+objects deform by less at `GENTLE`."""
 YIELDS = 0.005
-"""m that they may come nearer as they take hold: light and soft things give way by half of that, and
-what is squeezed out between them by all of its width."""
+"""m that they may come nearer at the full grasp force: light and soft things deform by half of that,
+and an object squeezed out between them yields by all of its width."""
 WIDER = 0.003
-"""m that they may stay farther apart: what one finger pushes to the other from 10 mm beside the
-middle tilts that much between the pads."""
+"""m that they may stay farther apart: an object that one finger pushes to the other, from 10 mm beside
+the middle, tilts that much between the pads."""
 
 
 def finish_fingers(blackboard: Blackboard) -> Steps:
@@ -46,6 +47,11 @@ def finish_fingers(blackboard: Blackboard) -> Steps:
     while blackboard.robot.state.gripper_moving:
         yield
     return "stopped"
+
+
+def _open(blackboard: Blackboard) -> Steps:
+    blackboard.robot.open_gripper()
+    return (yield from finish_fingers(blackboard))
 
 
 class OpenGripper(Primitive):
@@ -60,11 +66,12 @@ class OpenGripper(Primitive):
         opening = state.scene.arm.hand.opening
         return [
             *would_fall(state),
-            *_would_rub(state),
+            *_would_push(state),
             *finger_collisions(state, opening, state.holding),
         ]
 
     def effects(self, state: SymbolicState) -> SymbolicState:
+        # A surface touched through the held object is touched no longer.
         touched_through_it = state.activity == "contact" and state.contact is None
         activity = "still" if touched_through_it else state.activity
         return replace(
@@ -83,13 +90,12 @@ class OpenGripper(Primitive):
     def run(self, blackboard: Blackboard) -> Steps:
         name = blackboard.state.holding
         if name is not None:
-            wrench = yield from feel(blackboard)
+            wrench = yield from median_wrench(blackboard)
             if reason := blackboard.load.too_much(wrench):
                 raise LeafFailure(
                     f"{reason} of '{name}', which would fall; lower it onto its support first"
                 )
-        blackboard.robot.open_gripper()
-        yield from finish_fingers(blackboard)
+        yield from _open(blackboard)
         return f"open to {1e3 * blackboard.robot.state.width:.0f} mm"
 
 
@@ -104,28 +110,25 @@ class CloseGripper(Primitive):
     def requires(self, state: SymbolicState) -> list[Violation]:
         if state.gripper != "open":
             problem = "the gripper must be open before it closes; OpenGripper first"
-            return [Violation("gripper-state", problem)]
-        if state.pose_world_tcp is None or state.is_bent or state.activity == "contact":
+        elif state.pose_world_tcp is None or state.is_bent or state.activity == "contact":
             problem = f"the gripper is not at a grasp pose; MovePose to {_nearest(state)} first"
-            return [Violation("gripper-state", problem)]
-        body = state.object_at(state.pose_world_tcp)
-        if body is None:
+        elif (body := state.object_at(state.pose_world_tcp)) is None:
             problem = f"nothing is between the fingers at '{state.at}'; MovePose to {_nearest(state)} first"
-            return [Violation("gripper-state", problem)]
-        return ungraspable(state, body)
+        else:
+            return ungraspable(state, body)
+        return [Violation("gripper-state", problem)]
 
     def effects(self, state: SymbolicState) -> SymbolicState:
-        body = state.object_at(state.pose_world_tcp) if state.pose_world_tcp else None
+        body = state.object_at(state.pose_world_tcp)
         if body is None or state.pose_world_tcp is None:
             return replace(state, gripper="closed")
-        pose_tcp_object = state.pose_world_tcp.inverse() @ state.pose_of(body.name)
         return replace(
             state,
             gripper="closed",
             holding=body.name,
             grasp=state.at,
             lifted=False,
-            pose_tcp_object=pose_tcp_object,
+            pose_tcp_object=state.pose_world_tcp.inverse() @ state.pose_of(body.name),
             activity="contact",
             contact=None,
         )
@@ -135,20 +138,20 @@ class CloseGripper(Primitive):
 
     def run(self, blackboard: Blackboard) -> Steps:
         robot = blackboard.robot
-        blackboard.load = Load((yield from feel(blackboard)))
+        blackboard.load = Load((yield from median_wrench(blackboard)))
         robot.set_reflex(robot.limits.reflexes.contact)
+        # Gently first, to compare the width with the believed one before the object can be moved.
         met = yield from self._close(blackboard, GENTLE)
-        believed = _believed_width(blackboard.state)
-        doubt = _doubt(blackboard.state)
+        believed, doubt = _believed_width(blackboard.state)
         if met < believed - NARROWER - doubt or met > believed + WIDER + doubt:
-            yield from self._let_go(blackboard)
+            yield from _open(blackboard)
             raise LeafFailure(
                 f"the fingers met something at {1e3 * met:.1f} mm where {1e3 * believed:.1f} mm was "
                 "believed: the object is not where it is believed, look again"
             )
         width = yield from self._close(blackboard, None)
         if met - width > YIELDS:
-            yield from self._let_go(blackboard)
+            yield from _open(blackboard)
             raise LeafFailure(
                 f"what the fingers met at {1e3 * met:.1f} mm gave way to {1e3 * width:.1f} mm as they "
                 "took hold: the object is not where it is believed, look again"
@@ -157,7 +160,7 @@ class CloseGripper(Primitive):
         return f"grasped at {1e3 * width:.1f} mm"
 
     def _close(self, blackboard: Blackboard, force: float | None) -> Generator[None, None, float]:
-        """Close with a force, N, or all there is; m between the fingers once they rest."""
+        """Close with a force, N, or the full one; m between the fingers at rest."""
         robot = blackboard.robot
         robot.close_gripper(force)
         yield from finish_fingers(blackboard)
@@ -167,11 +170,6 @@ class CloseGripper(Primitive):
         if not robot.state.gripping:
             raise LeafFailure("the fingers met no resistance: nothing is between them")
         return robot.state.width
-
-    def _let_go(self, blackboard: Blackboard) -> Steps:
-        """Open again; nothing was lifted."""
-        blackboard.robot.open_gripper()
-        return (yield from finish_fingers(blackboard))
 
 
 class FoldFingers(Primitive):
@@ -187,7 +185,7 @@ class FoldFingers(Primitive):
 
     @classmethod
     def groundings(cls, around: Surroundings) -> Iterator[FoldFingers]:
-        # Nothing but what is touched from above is worth it.
+        # Only an object touched from above needs a narrow tip.
         if any(pose.endswith(TOP) for pose in around.poses):
             yield cls()
 
@@ -212,7 +210,7 @@ class FoldFingers(Primitive):
         return f"folded to {1e3 * blackboard.robot.state.width:.0f} mm"
 
 
-def _would_rub(state: SymbolicState) -> Iterator[Violation]:
+def _would_push(state: SymbolicState) -> Iterator[Violation]:
     """Violation: folded fingers press on something, which opening would push aside."""
     if state.contact is None or state.holding is not None or state.gripper != "closed":
         return
@@ -224,7 +222,7 @@ def _would_rub(state: SymbolicState) -> Iterator[Violation]:
 
 
 def _nearest(state: SymbolicState) -> str:
-    """The grasp pose of the object that is nearest to the hand, in words."""
+    """The grasp pose of the object nearest to the hand, in words."""
     here = state.pose_world_tcp
     if here is None or not state.scene.objects:
         return "`<object>_pose`"
@@ -232,22 +230,13 @@ def _nearest(state: SymbolicState) -> str:
     return f"'{nearest}_pose'"
 
 
-def _doubt(state: SymbolicState) -> float:
-    """m by which the width of what is between the fingers may be believed wrong besides, two standard
-    deviations: a shape that was read off a picture is as uncertain as its place."""
-    pose = state.pose_world_tcp
-    body = None if pose is None else state.object_at(pose)
-    if body is None or not body.seen:
-        return 0.0
-    return 2.0 * (body.accuracy or 0.0)
-
-
-def _believed_width(state: SymbolicState) -> float:
-    """m between the fingers once they are closed on what is believed to be between them; not a
-    number where nothing is, or nobody knows how wide it is, which no width is more or less than."""
-    pose = state.pose_world_tcp
-    body = None if pose is None else state.object_at(pose)
-    if pose is None or body is None or "size" in body.missing:
-        return float("nan")
+def _believed_width(state: SymbolicState) -> tuple[float, float]:
+    """Believed opening of the fingers closed on the object between them, m, and its doubt, m; not a
+    number, which no width exceeds or falls below, where there is none, or its size is unknown."""
+    pose, body = state.pose_world_tcp, state.object_at(state.pose_world_tcp)
+    if pose is None or body is None:
+        return math.nan, 0.0
     held = state.grip_of(body, pose)
-    return float("nan") if held is None else held.width
+    width = math.nan if held is None or "size" in body.missing else held.width
+    # A shape seen in a picture is as uncertain as its position: two standard deviations.
+    return width, 2.0 * (body.accuracy or 0.0) if body.seen else 0.0

@@ -15,7 +15,7 @@ from palpate.vocabulary.admissible.grasp import most_sideways
 from palpate.vocabulary.admissible.profile import GUARDED_SPEED, POSE_ERROR, Span, leaves
 from palpate.vocabulary.base import Blackboard, LeafFailure, Steps
 from palpate.vocabulary.load import BREAKAWAY, ROUGHEST, UNFELT, Load
-from palpate.vocabulary.touch import MET, Feeling, feel, guarded, in_words, settle
+from palpate.vocabulary.touch import MET, WrenchFilter, guarded, in_words, median_wrench, settle
 
 SET_DOWN = 10.0
 """N that a held object presses on its support, besides its weight, when it counts as set down."""
@@ -71,15 +71,15 @@ def follow_guarded(
     Raises:
         LeafFailure: any other contact; the arm still presses on it.
     """
-    robot, feeling, scene = blackboard.robot, Feeling(blackboard.robot), blackboard.scene
+    robot, filtered, scene = blackboard.robot, WrenchFilter(blackboard.robot), blackboard.scene
     least = MET
     if blackboard.state.holding is not None and leaves(span.start, span.end):
         # In a lift the joints' friction reverses, which is no contact.
         least = max(MET, turned_round(scene.arm, scene.pose_world_base.inverse() @ span.start))
     yield
     while not _passed(blackboard, span, left):
-        wrench = feeling.now()
-        change = wrench - feeling.first
+        wrench = filtered.now()
+        change = wrench - filtered.first
         if sets_down and -blackboard.load.borne(wrench) > SET_DOWN:
             robot.hold()
             return True
@@ -119,9 +119,9 @@ def lower(blackboard: Blackboard, goal: str) -> Steps:
     the arm comes to rest, the support may be relieved again: so repeat."""
     for _ in range(LOWERINGS):
         yield from settle(blackboard)
-        if blackboard.load.too_much((yield from feel(blackboard)), WAVERS) is None:
+        if blackboard.load.too_much((yield from median_wrench(blackboard)), WAVERS) is None:
             return "borne"
-        borne = partial(_is_borne, blackboard.load, Feeling(blackboard.robot))
+        borne = partial(_is_borne, blackboard.load, WrenchFilter(blackboard.robot))
         blackboard.robot.move_axis(DOWN, GUARDED_SPEED, POSE_ERROR)
         if not (yield from guarded(blackboard, borne)):
             raise LeafFailure(
@@ -131,10 +131,10 @@ def lower(blackboard: Blackboard, goal: str) -> Steps:
     return "lowered"
 
 
-def _is_borne(load: Load, feeling: Feeling) -> bool:
+def _is_borne(load: Load, filtered: WrenchFilter) -> bool:
     """True if a support bears the whole load. A light load is pressed on it, as its weight alone
     would not be measurable."""
-    wrench = feeling.now()
+    wrench = filtered.now()
     if not load.borne(wrench) < 0.0:
         return False
     return load.hanging is None or load.relieved(wrench) > UNFELT + PRESSES
@@ -160,12 +160,12 @@ def lowered(blackboard: Blackboard, way: Array, force: float) -> float:
 
 def drag(blackboard: Blackboard) -> Generator[None, None, Array]:
     """Wait until the commanded motion has ended; (6,) the wrench right before."""
-    feeling = Feeling(blackboard.robot)
+    filtered = WrenchFilter(blackboard.robot)
     yield
-    wrench = feeling.now()
+    wrench = filtered.now()
     while blackboard.robot.state.moving:
         yield
-        wrench = feeling.now()
+        wrench = filtered.now()
     return wrench
 
 

@@ -41,7 +41,7 @@ from palpate.vocabulary.guarding import (
 )
 from palpate.vocabulary.load import UNFELT
 from palpate.vocabulary.state import HOME_CONFIG, SymbolicState, pose_of_joints
-from palpate.vocabulary.touch import BRIEF, DWELL, WHILE_FELT, feel, finish, settle
+from palpate.vocabulary.touch import BRIEF, DWELL, MEDIAN_TIME, finish, median_wrench, settle
 from palpate.vocabulary.violation import PRECONDITION, Violation
 
 POSITION_TOLERANCE = 0.010
@@ -172,7 +172,7 @@ class MovePose(Primitive):
                 return self._set_down(blackboard, target)
             dwell = BRIEF if span.guarded else DWELL
         # The ticks in which the load is weighed count as standing still, too.
-        yield from settle(blackboard, dwell - WHILE_FELT if lifted else dwell)
+        yield from settle(blackboard, dwell - MEDIAN_TIME if lifted else dwell)
         if lifted:
             yield from _weigh(blackboard)
         return self._arrived(blackboard, target)
@@ -313,7 +313,7 @@ def _at_rest(state: SymbolicState, at: str | None, target: Pose) -> SymbolicStat
 def _weigh(blackboard: Blackboard) -> Generator[None]:
     """Measure the load that hangs free: it must hang as it was grasped, within the payload."""
     robot, scene, name = blackboard.robot, blackboard.scene, blackboard.state.holding
-    wrench = yield from feel(blackboard)
+    wrench = yield from median_wrench(blackboard)
     here = robot.state
     tool = here.pose_world_tcp
     closing = scene.pose_world_base.rotation.T @ tool.rotation[:, 1]

@@ -1,9 +1,8 @@
-"""Primitives that turn the hand where it is, with what it holds or empty, and bring it back.
+"""Primitives that turn the hand in place, loaded or empty, and back.
 
-Gravity shows along which line a load hangs; tilted, where on that line; turned about the vertical, what of
-that was the sensors' own. What a load resists turning with shows as it is swung. Each is a difference: what
-the arm itself feels in such a motion is far more, and the same motion with the empty hand, at the same pose,
-tells it.
+Gravity shows along which line a load hangs; tilted, where on that line; turned about the vertical, how
+much of that is the sensors' own error. Inertia shows as the load is swung. Each is a difference from the
+same motion with the empty hand at the same pose, as the arm's own effects are far larger.
 """
 
 from __future__ import annotations
@@ -39,39 +38,40 @@ from palpate.vocabulary.base import (
     Surroundings,
 )
 from palpate.vocabulary.state import SymbolicState
-from palpate.vocabulary.touch import BRIEF, DWELL, feel, finish, settle
+from palpate.vocabulary.touch import BRIEF, DWELL, finish, median_wrench, settle
 from palpate.vocabulary.violation import Violation
 
 HOLD = 1.0
 """s that a tilt is held: as long as a weight is measured."""
-STRAIGHT = {"x": np.array([1.0, 0.0, 0.0]), "y": np.array([0.0, 1.0, 0.0])}
+AXES = {"x": np.array([1.0, 0.0, 0.0]), "y": np.array([0.0, 1.0, 0.0])}
 """Axes of the tool."""
 SWINGS = ((2.0, 8), (4.0, 12))
-"""Hz and periods at full amplitude: two frequencies, as what gives way between pads and object grows
-with the square of the frequency; below half of what the springs at the TCP let through, and in some
-seconds the white noise of a joint's torque falls to some mN m."""
+"""Frequencies, Hz, with periods at full amplitude. Two frequencies, as the compliance between pads and
+object grows with the square of the frequency; below half of the bandwidth of the springs at the TCP; in
+some seconds the white noise of a joint's torque averages to some mN m."""
 PRETENDED = 0.5
-"""part of the moment at which the arm stops itself that joints which rub may pretend."""
+"""Part of the reflex threshold of the moment that the joints' friction may take up."""
 STEP = math.radians(12.0)
-"""between the tilts that are judged: an arm's wrist is badly placed 19° to either side of straight."""
+"""rad between the tilts that are checked: the wrist is badly placed 19° to either side of straight."""
 SLACK = 0.9
-"""part of the turning speed that a swing uses."""
-WAYS = (90.0, -90.0, 60.0, -60.0)
-"""degrees of a turn about the vertical that a planner tries: a quarter turn brings a lever that the arm's first
-and last joints bear across to those that feel it best; less of it tells less."""
+"""Part of the turning speed that a swing uses."""
+TURNS = (90.0, -90.0, 60.0, -60.0)
+"""Degrees of a turn about the vertical that a planner tries. A quarter turn moves a lever from the first
+and last joints to those that sense it best; less of it shows less."""
 BENT = math.radians(10.0)
-"""by which a joint may turn farther than the hand, which hardly moves: else the arm bends otherwise."""
+"""rad by which a joint may turn farther than the hand: farther means another branch of the inverse
+kinematics."""
 
 
 def swing_angle(pace: Pace, frequency: float) -> float:
-    """rad: amplitude of a swing at `frequency`, Hz, within the pace's speed and acceleration."""
+    """Amplitude, rad, of a swing at `frequency`, Hz, within the pace's speed and acceleration."""
     rate = 2.0 * math.pi * frequency
     acceleration = (pace.swinging_acceleration or 0.0) / SWING_PEAK
     return min(SLACK * pace.turning_speed / rate, acceleration / rate**2)
 
 
 class _Turning(Primitive):
-    """Rotation of the hand about the TCP and back, with a recording beside it."""
+    """Rotation of the hand about the TCP and back, beside a recording."""
 
     claims: ClassVar[frozenset[Resource]] = frozenset({"arm"})
     group: ClassVar = "motion"
@@ -80,46 +80,49 @@ class _Turning(Primitive):
 
     @classmethod
     def groundings(cls, around: Surroundings) -> Iterator[Primitive]:
-        """Groundings at the poses where an object is worked on."""
         if around.subject in around.state.scene.objects:
             yield cls()
 
     def turns(self, state: SymbolicState) -> list[Array]:
-        """(3,) rad each, in the tool's axes: the farthest that it turns the hand."""
+        """Rotation vectors (3,), rad, in the tool's axes, of the extreme rotations."""
         raise NotImplementedError
 
     def requires(self, state: SymbolicState) -> list[Violation]:
+        name = type(self).__name__
         if state.pose_world_tcp is None:
             return [motion.unknown_start()]
         if state.is_bent:
-            return [
-                Violation(
-                    "unknown-start",
-                    f"{type(self).__name__} turns the hand at a pose; MovePose first",
-                )
-            ]
+            problem = f"{name} turns the hand at a pose; MovePose first"
+            return [Violation("unknown-start", problem)]
         if state.contact or (state.holding and not state.lifted):
-            return [
-                Violation(
-                    "collision",
-                    f"{type(self).__name__} turns the hand in free air; lift what it holds, or leave "
-                    f"what it touches: MovePose to '{above(state, state.at)}' first",
-                )
-            ]
+            problem = (
+                f"{name} turns the hand in free air; lift what it holds, or leave "
+                f"what it touches: MovePose to '{above(state, state.at)}' first"
+            )
+            return [Violation("collision", problem)]
         return []
 
     def violations(self, state: SymbolicState) -> list[Violation]:
         found = super().violations(state)
-        if found or state.pose_world_tcp is None:
+        here, held = state.pose_world_tcp, state.pose_tcp_object
+        if found or here is None:
             return found
         for pose in self._ends(state):
             if not reachable(state.scene.arm, pose, state.scene.pose_world_base):
-                return [
-                    Violation("unreachable", f"the arm cannot turn the hand as far at '{state.at}'")
-                ]
-            there = _at(state, pose)
+                problem = f"the arm cannot turn the hand as far at '{state.at}'"
+                return [Violation("unreachable", problem)]
+            there = replace(state, pose_world_tcp=pose, joints=None)
+            if state.holding is not None and held is not None:
+                there = replace(there, moved={**state.moved, state.holding: pose @ held})
             found += motion.violations(state, there, may_tilt=True)
-            found += self._too_near(state, pose)
+            # Turning is no guarded motion: it keeps the error of believed poses from everything.
+            if near_spans(state, here, pose, POSE_ERROR):
+                problem = (
+                    f"turned at '{state.at}' the hand, or what it holds, would come within "
+                    f"{1e3 * POSE_ERROR:.0f} mm of something; MovePose to "
+                    f"'{above(state, state.at)}' first"
+                )
+                found.append(Violation("collision", problem))
         return found
 
     def _ends(self, state: SymbolicState) -> Iterator[Pose]:
@@ -127,16 +130,6 @@ class _Turning(Primitive):
         assert here is not None
         for turn in self.turns(state):
             yield Pose.of(here.position, turned(here.quaternion, turn[None])[0])
-
-    def _too_near(self, state: SymbolicState, pose: Pose) -> Iterator[Violation]:
-        """Turning is no guarded motion: nothing may be where things could be by their poses."""
-        assert state.pose_world_tcp is not None
-        if near_spans(state, state.pose_world_tcp, pose, POSE_ERROR):
-            yield Violation(
-                "collision",
-                f"turned at '{state.at}' the hand, or what it holds, would come within "
-                f"{1e3 * POSE_ERROR:.0f} mm of something; MovePose to '{above(state, state.at)}' first",
-            )
 
     def during(self, state: SymbolicState) -> SymbolicState:
         return replace(state, activity=self.activity, contact=None)
@@ -153,16 +146,15 @@ class _Turning(Primitive):
         held = blackboard.state.holding
         blackboard.robot.set_reflex(reflexes.carrying if held else reflexes.free)
 
-    def _unturned(self, blackboard: Blackboard, before: Array) -> Steps:
-        """Require that the held object hangs as it did `before` (6,): it neither slid nor turned in
-        the fingers. The effect of joint friction in the same turn with the empty hand is allowed
-        for.
+    def _require_unmoved(self, blackboard: Blackboard, before: Array) -> Steps:
+        """Require that the held object hangs as it did at the wrench `before` (6,). The same turn
+        with the empty hand shows how much joint friction alone changes the moment.
 
         Raises:
-            LeafFailure: it does not.
+            LeafFailure: it slid or turned in the fingers.
         """
         load, tool = blackboard.load, blackboard.robot.state.pose_world_tcp
-        wrench = yield from feel(blackboard)
+        wrench = yield from median_wrench(blackboard)
         if not blackboard.state.holding:
             changed = abs(float((wrench - before)[3:] @ tool.rotation[:, 1]))
             blackboard.unrepeated = max(blackboard.unrepeated, changed)
@@ -199,7 +191,7 @@ class Tilt(_Turning):
 
     def turns(self, state: SymbolicState) -> list[Array]:
         angle = math.radians(self.degrees)
-        return [angle * STRAIGHT[self.about], -angle * STRAIGHT[self.about]]
+        return [angle * AXES[self.about], -angle * AXES[self.about]]
 
     def requires(self, state: SymbolicState) -> list[Violation]:
         return super().requires(state) or [*self._straightening(state)]
@@ -215,22 +207,20 @@ class Tilt(_Turning):
             shares = np.linspace(0.0, 1.0, steps + 1)[1:, None]
             for quaternion in turned(here.quaternion, shares * turn):
                 tilted = Pose.of(here.position, quaternion)
-                felt = rubbing(scene.arm, scene.pose_world_base.inverse() @ tilted)
-                if felt > most:
-                    yield Violation("unreachable", self._too_straight(state.at))
+                if rubbing(scene.arm, scene.pose_world_base.inverse() @ tilted) > most:
+                    other = "x" if self.about == "y" else "y"
+                    yield Violation(
+                        "unreachable",
+                        f"tilted about {self.about} by {self.degrees:g}° at '{state.at}', the arm's "
+                        "wrist comes so near to straight that what rubs in it is felt as a collision; "
+                        f'Tilt(about="{other}"), or go elsewhere',
+                    )
                     return
-
-    def _too_straight(self, at: str | None) -> str:
-        other = "x" if self.about == "y" else "y"
-        return (
-            f"tilted about {self.about} by {self.degrees:g}° at '{at}', the arm's wrist comes so near to "
-            f'straight that what rubs in it is felt as a collision; Tilt(about="{other}"), or go elsewhere'
-        )
 
     def run(self, blackboard: Blackboard) -> Steps:
         robot, state = blackboard.robot, blackboard.state
         self._start(blackboard)
-        before = yield from feel(blackboard)
+        before = yield from median_wrench(blackboard)
         here = state.pose_world_tcp
         assert here is not None
         speed = blackboard.scene.arm.pace.speed
@@ -238,7 +228,7 @@ class Tilt(_Turning):
             robot.move_pose(pose, speed)
             yield from finish(blackboard)
             yield from settle(blackboard, DWELL if pose is here else DWELL + HOLD)
-        yield from self._unturned(blackboard, before)
+        yield from self._require_unmoved(blackboard, before)
         return f"tilted by {self.degrees:g}° both ways"
 
 
@@ -258,7 +248,7 @@ class Turn(_Turning):
     @classmethod
     def groundings(cls, around: Surroundings) -> Iterator[Primitive]:
         if around.subject in around.state.scene.objects:
-            for degrees in WAYS:
+            for degrees in TURNS:
                 yield cls(degrees=degrees)
 
     def turns(self, state: SymbolicState) -> list[Array]:
@@ -270,7 +260,7 @@ class Turn(_Turning):
         return super().requires(state) or [*self._bending(state)]
 
     def _bending(self, state: SymbolicState) -> Iterator[Violation]:
-        """Violation: a joint would have to go round to its other end."""
+        """Violation: a joint would have to turn round to its other limit."""
         now = state.q
         most = math.radians(abs(self.degrees)) + BENT
         for pose in self._ends(state):
@@ -283,7 +273,7 @@ class Turn(_Turning):
                 )
 
     def run(self, blackboard: Blackboard) -> Steps:
-        # About the vertical no weight turns in the fingers, and joints that rub come back otherwise.
+        # About the vertical no weight turns in the fingers: nothing to compare at the end.
         robot, here = blackboard.robot, blackboard.state.pose_world_tcp
         assert here is not None
         self._start(blackboard)
@@ -323,11 +313,10 @@ class Swing(_Turning):
         q = shapes.configuration(here)
         if q is None:
             return
-        jacobian = shapes.arm.jacobian(q)
-        speed = scene.arm.pace.turning_speed
+        # Joint speeds of the turning speed about each axis of the tool: J⁺ times the twist.
         tool = (scene.pose_world_base.inverse() @ here).rotation
-        twists = np.vstack([np.zeros((3, 3)), speed * tool])
-        rates = np.abs(np.linalg.pinv(jacobian) @ twists)
+        twists = np.vstack([np.zeros((3, 3)), scene.arm.pace.turning_speed * tool])
+        rates = np.abs(np.linalg.pinv(shapes.arm.jacobian(q)) @ twists)
         if (rates > scene.arm.limits.dq_max[:, None]).any():
             yield Violation(
                 "unreachable",
@@ -335,14 +324,15 @@ class Swing(_Turning):
             )
 
     def _twisting(self, state: SymbolicState) -> Iterator[Violation]:
-        """Violation: the held object would turn in the grip, by its weight and its inertia, as far
-        as they are known or believed."""
+        """Violation: the held object would turn in the grip by its known or believed weight and
+        inertia."""
         if state.holding is None or state.pose_tcp_object is None:
             return
         scene, shapes = state.scene, solids(state.scene)
         body, mass = scene.body(state.holding), shapes.mass(state.holding)
         centre = state.pose_tcp_object.apply(shapes.centre_of_mass(state.holding))
         lever = float(np.hypot(centre[0], centre[2]))
+        # A box about its centre, (a² + b² + c²) / 12 at most, and the parallel axis theorem.
         inertia = mass * (float(body.size @ body.size) / 12.0 + lever**2)
         moment = mass * scene.gravity * lever
         moment += inertia * (scene.arm.pace.swinging_acceleration or 0.0)
@@ -357,20 +347,12 @@ class Swing(_Turning):
     def run(self, blackboard: Blackboard) -> Steps:
         robot, pace = blackboard.robot, blackboard.scene.arm.pace
         self._start(blackboard)
-        before = yield from feel(blackboard)
+        before = yield from median_wrench(blackboard)
         for axis in np.eye(3):
             for frequency, cycles in SWINGS:
                 robot.swing(axis, swing_angle(pace, frequency), frequency, cycles)
                 yield from finish(blackboard)
                 yield from settle(blackboard, BRIEF)
         yield from settle(blackboard, DWELL)
-        yield from self._unturned(blackboard, before)
+        yield from self._require_unmoved(blackboard, before)
         return "swung about three axes"
-
-
-def _at(state: SymbolicState, pose: Pose) -> SymbolicState:
-    """The state with the hand, and what it holds, at a pose in free air."""
-    moved = state.moved
-    if state.holding is not None and state.pose_tcp_object is not None:
-        moved = {**moved, state.holding: pose @ state.pose_tcp_object}
-    return replace(state, pose_world_tcp=pose, joints=None, moved=moved)
