@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from faulty import Faulty
 
-from palpate.execution.held import Held
 from palpate.execution.runner import run
+from palpate.execution.stop import Held
 from palpate.planning.plan import Node, Plan
 from palpate.robots.simulated.robot import MujocoRobot
 from palpate.scene.load import parse_scene
