@@ -111,7 +111,7 @@ def test_leaves_know_their_path_in_the_plan(node, words, blackboard):
         (Node("Go", (("z", float("nan")),)), "tree: Go: z: .*finite"),
     ],
 )
-def test_what_cannot_be_built_is_one_clear_message(words, blackboard, tree, message):
+def test_tree_that_cannot_be_built_is_one_clear_message(words, blackboard, tree, message):
     with pytest.raises(InputError, match=message):
         build(tree, words, blackboard)
 
@@ -153,7 +153,7 @@ def leaf(name: str) -> Node:
     return Node(name)
 
 
-def test_leaves_keep_their_order_and_what_is_beside_each_other_stays_together() -> None:
+def test_part_of_a_plan_keeps_the_order_and_parallel_branches() -> None:
     beside = Node("Parallel", children=(leaf("MovePose"), leaf("MeasureForces")))
     inner = Node("Sequence", children=(leaf("OpenGripper"), leaf("CloseGripper")))
     whole = plan(leaf("MoveJoints"), inner, beside, leaf("MovePose"))
@@ -166,6 +166,6 @@ def test_leaves_keep_their_order_and_what_is_beside_each_other_stays_together() 
     assert part_of(whole, [path for path, _ in whole.tree.walk()]) == whole  # type: ignore[union-attr]
 
 
-def test_nothing_of_it_is_no_tree() -> None:
+def test_plan_without_wanted_leaves_has_no_tree() -> None:
     assert part_of(plan(leaf("MovePose")), ()).tree is None
     assert part_of(Plan((), None, "why"), {"tree"}).tree is None

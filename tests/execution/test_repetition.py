@@ -64,12 +64,12 @@ def test_a_value_is_measured_until_it_is_as_narrow_as_asked(narrowed, name, half
     assert "was asked: " in narrowed[name].method
 
 
-def test_such_a_run_is_complete(narrowed) -> None:
+def test_repeated_run_is_complete(narrowed) -> None:
     assert narrowed.status == "complete"
     assert narrowed.execution.setbacks == ()
 
 
-def test_all_of_a_round_is_one_way_from_home_and_back(narrowed) -> None:
+def test_round_of_repetition_goes_from_home_and_back(narrowed) -> None:
     """However often it touches in it."""
     rounds = {leaf.node.partition("tree")[0] for leaf in narrowed.trace.leaves}
     assert count(narrowed, "height") > len(rounds)
@@ -77,7 +77,7 @@ def test_all_of_a_round_is_one_way_from_home_and_back(narrowed) -> None:
     assert len(homes) <= 2 * len(rounds)
 
 
-def test_the_result_says_what_was_asked_and_what_came_of_it(narrowed) -> None:
+def test_result_states_the_asked_width_and_the_outcome(narrowed) -> None:
     rows = json.loads((narrowed.folder / "result.json").read_text())["parameters"]
     told = {row["quantity"]: row["within"] for row in rows}
     assert told["mass"]["asked"] == 0.0035

@@ -191,7 +191,7 @@ def test_an_object_that_would_tip_stays_in_the_fingers():
     assert robot.world.true_pose("cup").position[2] > 0.2
 
 
-def test_where_the_robot_tells_nothing_any_more_what_ran_is_ended_and_the_arm_holds():
+def test_robot_without_a_state_ends_running_leaves_and_holds():
     def gone(*_):
         raise OSError("no answer")
 

@@ -16,8 +16,7 @@ from palpate.vocabulary.state import merged
 
 log = logging.getLogger(__name__)
 
-INTERRUPTED = "interrupted"
-"""Message of a leaf that was stopped from outside."""
+INTERRUPTED = "interrupted"  # Message of a leaf that was stopped from outside
 
 
 class PrimitiveLeaf(Behaviour):

@@ -31,8 +31,7 @@ if TYPE_CHECKING:
 
 log = logging.getLogger(__name__)
 
-MAX_ROUNDS = 5
-"""Largest number of rounds of repetition."""
+MAX_ROUNDS = 5  # Largest number of rounds of repetition
 MOST_TIMES = 4
 """Largest number of repetitions in one round: the noise seen in the first round is uncertain."""
 LONGEST = 100.0
@@ -64,7 +63,7 @@ def repeat(
         took = done.robot_seconds - first.robot_seconds
         if not asked or done.status != "complete" or took > LONGEST:
             break
-        lacking = dict(_lacking(asked, done, scene, within))
+        lacking = dict(too_wide(asked, done, scene, within))
         # Another round only where the last one narrowed the interval, if there was any.
         asked = [
             parameter
@@ -72,18 +71,18 @@ def repeat(
             if parameter not in before or now.reached < FUTILE * before[parameter].reached
         ]
         before = lacking = {parameter: lacking[parameter] for parameter in asked}
-        efforts = _efforts(lacking, scene, done, so_far)
-        again = _planned(efforts, done, plan.planner, mirrored=count % 2 == 1)
+        efforts = efforts_for(lacking, scene, done, so_far)
+        again = replanned(efforts, done, plan.planner, mirrored=count % 2 == 1)
         if again is None:
             break
         for parameter, effort in efforts.items():
             so_far[parameter] += effort.times
-        say(f"measuring again, {_in_words(lacking, scene)}")
+        say(f"measuring again, {widths_in_words(lacking, scene)}")
         done = joined(done, run(*again, robot), f"repeat[{count}].")
     return done
 
 
-def _lacking(
+def too_wide(
     asked: Sequence[Parameter], done: Execution, scene: Scene, within: Within
 ) -> Iterator[tuple[Parameter, Precision]]:
     """Parameters whose interval repetition would narrow; none contradicted or not identified."""
@@ -95,7 +94,7 @@ def _lacking(
             yield estimate.parameter, precision
 
 
-def _efforts(
+def efforts_for(
     lacking: Lacking, scene: Scene, done: Execution, so_far: Counter[Parameter]
 ) -> dict[Parameter, Effort]:
     """Effort for each, predicted by its quantity from the arm's noise in the trace, else extrapolated
@@ -111,7 +110,7 @@ def _efforts(
     return found
 
 
-def _planned(
+def replanned(
     efforts: Efforts, done: Execution, planner: str, mirrored: bool
 ) -> tuple[Plan, Scene] | None:
     """A checked plan for the parameters in the present scene, `mirrored` every other time; None
@@ -132,7 +131,7 @@ def _planned(
         return None
 
 
-def _in_words(lacking: Lacking, scene: Scene) -> str:
+def widths_in_words(lacking: Lacking, scene: Scene) -> str:
     """List in words: `bottle.mass: ± 3.1 g where ± 1 g is asked`."""
     said: list[str] = []
     for parameter, precision in lacking.items():

@@ -31,14 +31,10 @@ from palpate.vocabulary.state import SymbolicState
 
 log = logging.getLogger(__name__)
 
-TICK_PERIOD = 0.02
-"""s of robot time between two ticks."""
-MAX_ROBOT_SECONDS = 1800.0
-"""s of robot time that a whole run may take."""
-STOP_SECONDS = 2.0
-"""s of robot time for the arm to come to rest after `hold`."""
-EASINGS = 8
-"""Largest number of reductions of a pressing force; each leaves a fraction of it."""
+TICK_PERIOD = 0.02  # s of robot time between two ticks
+MAX_ROBOT_SECONDS = 1800.0  # s of robot time that a whole run may take
+STOP_SECONDS = 2.0  # s of robot time for the arm to come to rest after `hold`
+EASINGS = 8  # Largest number of reductions of a pressing force; each leaves a fraction of it
 STOP_NODE = "stop"
 """`LeafRun.node` of the runner's own leaves in a controlled stop; no plan has such a node."""
 
@@ -140,7 +136,7 @@ def run(
     root = build(plan.tree, words or vocabulary(), blackboard)
     began = time.perf_counter()
     with interrupts() as signals, signals.noted():
-        loop = _Loop(blackboard, watched, root, tick_period, observer, keep, signals)
+        loop = Loop(blackboard, watched, root, tick_period, observer, keep, signals)
 
         def asked() -> str | None:
             if reason := loop.interrupted():
@@ -148,18 +144,20 @@ def run(
             return "stop requested" if stop_requested is not None and stop_requested() else None
 
         try:
-            loop.stopping = _reason(lambda: loop.tick_to_end(root, max_robot_seconds, asked))
+            loop.stopping = result_or_error(
+                lambda: loop.tick_to_end(root, max_robot_seconds, asked)
+            )
             loop.stopping = loop.stopping or asked()
             if loop.stopping is not None:
-                _reason(loop.stop)
+                result_or_error(loop.stop)
         finally:
-            if _reason(robot.hold) is not None:
-                _reason(robot.hold)
+            if result_or_error(robot.hold) is not None:
+                result_or_error(robot.hold)
         return loop.execution(time.perf_counter() - began, asked() is not None)
 
 
 @dataclass
-class _Loop:
+class Loop:
     """Execution in progress: the tree and its blackboard."""
 
     blackboard: Blackboard
@@ -184,11 +182,11 @@ class _Loop:
         for _ in range(math.ceil(budget / self.tick_period)):
             if self.now >= until:
                 break  # a real robot's clock advances by more than a tick
-            self._advance()
+            self.advance()
             if reason := asked():
                 return reason
             root.tick_once()
-            self._show()
+            self.show()
             if root.status is Status.SUCCESS:
                 return None
             if root.status is Status.FAILURE:
@@ -209,23 +207,23 @@ class _Loop:
     def stop(self) -> None:
         """Bring everything to rest, then put down a held object."""
         name = self.blackboard.state.holding
-        holds = name is not None or self._gripping(default=False)
+        holds = name is not None or self.is_gripping(default=False)
         try:
             try:
-                self._interrupt()
+                self.interrupt()
             finally:
                 self.blackboard.robot.hold()
             if not self.hurried():
-                self._come_to_rest()
+                self.come_to_rest()
             if not self.hurried() and self.blackboard.robot.state.gripping:
-                self._put_down()
+                self.put_down()
         finally:
             if holds:
-                self.held = Held(name, self._fate())
+                self.held = Held(name, self.fate())
 
-    def _fate(self) -> Fate:
+    def fate(self) -> Fate:
         """Fate of the held object; one that slipped out is believed at its place again."""
-        if self._gripping(default=True):
+        if self.is_gripping(default=True):
             return "held"
         if self.blackboard.state.holding is None:
             return "put down"
@@ -238,8 +236,8 @@ class _Loop:
 
     def execution(self, wall_seconds: float, asked: bool) -> Execution:
         """The result so far."""
-        _reason(self._drain)
-        fault = self._note_fault()
+        result_or_error(self.drain)
+        fault = self.note_fault()
         if fault is None:
             try:
                 fault = self.blackboard.robot.state.fault
@@ -255,7 +253,7 @@ class _Loop:
             stopped_by=stopped_by,
             final_state=self.blackboard.state,
             actions=sum(leaf.node != STOP_NODE for leaf in trace.leaves),
-            robot_seconds=self._elapsed(),
+            robot_seconds=self.elapsed(),
             wall_seconds=wall_seconds,
             asked=asked,
             fault=fault,
@@ -263,7 +261,7 @@ class _Loop:
             held=self.held,
         )
 
-    def _note_fault(self) -> str | None:
+    def note_fault(self) -> str | None:
         """Record a fault of the signals from its onset, which may be before the action that it ended:
         later recordings are no evidence."""
         fault = self.watched.fault
@@ -282,7 +280,7 @@ class _Loop:
         self.blackboard.recorder.leaves.append(run)
         return str(fault)
 
-    def _put_down(self) -> None:
+    def put_down(self) -> None:
         self.blackboard.failed = False
         down = PrimitiveLeaf(PutDown(), self.blackboard, STOP_NODE)
         try:
@@ -290,47 +288,47 @@ class _Loop:
         finally:
             down.stop(Status.INVALID)
         if self.blackboard.robot.state.moving:
-            self._rest()
+            self.rest()
 
-    def _come_to_rest(self) -> None:
+    def come_to_rest(self) -> None:
         """Wait for the end of all motion, and stop pressing on an obstacle: `hold` keeps the force of
         the set-point ahead of the arm, a joint motion to the arm's own position relieves it."""
         robot = self.blackboard.robot
         for _ in range(EASINGS):
-            if self._pressing():
+            if self.is_pressing():
                 robot.move_joints(robot.state.q)
-            self._rest()
-            if self.hurried() or not self._pressing():
+            self.rest()
+            if self.hurried() or not self.is_pressing():
                 return
 
-    def _rest(self) -> None:
+    def rest(self) -> None:
         until = self.now + STOP_SECONDS
         for _ in range(math.ceil(STOP_SECONDS / self.tick_period)):
             if self.now >= until:
                 return
-            self._advance()
-            self._show()
+            self.advance()
+            self.show()
             state = self.blackboard.robot.state
             if self.hurried() or not (state.moving or state.gripper_moving):
                 return
 
-    def _pressing(self) -> bool:
+    def is_pressing(self) -> bool:
         robot = self.blackboard.robot
         force = unexplained_force(robot.state, robot.limits, robot.state.gripping, robot.gravity)
         return bool(np.linalg.norm(force) > robot.limits.free_force)
 
-    def _advance(self) -> None:
+    def advance(self) -> None:
         self.blackboard.robot.advance(self.tick_period)
         now = self.blackboard.robot.state.t
         if math.isfinite(now):
             self.now = now
         if self.stopping is None:
-            self._drain()
+            self.drain()
         else:
             # A stop goes on even if the robot provides no samples any more.
-            _reason(self._drain)
+            result_or_error(self.drain)
 
-    def _drain(self) -> None:
+    def drain(self) -> None:
         samples = self.blackboard.recorder.drain()
         if self.keep is None:
             return
@@ -340,11 +338,11 @@ class _Loop:
             log.warning("the trace is no longer written down while it grows: %s", error)
             self.keep = None
 
-    def _show(self) -> None:
+    def show(self) -> None:
         if self.observer is None:
             return
         leaves, state = self.blackboard.recorder.leaves, self.blackboard.robot.state
-        snapshot = Snapshot(self.root, state, self._elapsed(), leaves, self.stopping)
+        snapshot = Snapshot(self.root, state, self.elapsed(), leaves, self.stopping)
         try:
             self.observer.on_tick(snapshot)
         # Printing to a terminal that is gone may raise SystemExit (rich does).
@@ -352,17 +350,17 @@ class _Loop:
             log.warning("the run goes on unwatched: %s: %s", type(error).__name__, error)
             self.observer = None
 
-    def _elapsed(self) -> float:
+    def elapsed(self) -> float:
         return self.now - (self.start or 0.0)
 
-    def _gripping(self, default: bool) -> bool:
+    def is_gripping(self, default: bool) -> bool:
         """True if the fingers hold something; `default` for a robot that does not respond."""
         try:
             return self.blackboard.robot.state.gripping
         except Exception:
             return default
 
-    def _interrupt(self) -> None:
+    def interrupt(self) -> None:
         """End running nodes; ended ones keep their status, which stopping the root would erase."""
         for node in self.root.iterate():
             if node.status is Status.RUNNING:
@@ -371,7 +369,7 @@ class _Loop:
                 node.status = Status.INVALID
 
 
-def _reason(step: Callable[[], str | None]) -> str | None:
+def result_or_error(step: Callable[[], str | None]) -> str | None:
     """The step's result, or its exception in words: no exception may keep the runner from stopping
     the robot."""
     try:

@@ -17,7 +17,7 @@ from palpate.geometry.pose import Pose
 from palpate.robots.safety import Expectation
 from palpate.vocabulary.admissible.profile import GUARDED_SPEED, POSE_ERROR
 from palpate.vocabulary.admissible.support import footing, stable
-from palpate.vocabulary.base import Blackboard, LeafFailure, Primitive, Resource, Steps
+from palpate.vocabulary.base import ARM, GRIPPER, Blackboard, LeafFailure, Primitive, Steps
 from palpate.vocabulary.gripper import finish_fingers
 from palpate.vocabulary.guarding import DOWN
 from palpate.vocabulary.state import SymbolicState
@@ -29,18 +29,14 @@ EXTRA_TRAVEL = 0.015
 """m below the believed support: covers the arm's sag, the pose's error and a soft support."""
 PRESSED = 5.0
 """N that the object presses on its support, besides its whole weight, before it counts as borne."""
-STILL_PRESSED = 2.0
-"""N of it that must remain after `PROVEN`."""
-PROVEN = 0.5
-"""s that the support must bear it, at rest."""
+STILL_PRESSED = 2.0  # N of it that must remain after `PROVEN`
+PROVEN = 0.5  # s that the support must bear it, at rest
 PRESSES = 3
 """Number of presses, each by `PRESSED` more: an object that hung askew between the pads turns as it comes
 to lie flat, and yields meanwhile."""
 STAYS = "it stays in the fingers"
-RETREAT_SPEED = 0.05
-"""m/s."""
-RETREAT = 0.10
-"""m."""
+RETREAT_SPEED = 0.05  # m/s
+RETREAT = 0.10  # m
 
 Fate = Literal["put down", "held", "lost"]
 
@@ -82,7 +78,7 @@ class PutDown(Primitive):
     vocabulary: only the runner uses it, on its way to a controlled stop.
     """
 
-    claims: ClassVar[frozenset[Resource]] = frozenset({"arm", "gripper"})
+    claims: ClassVar = ARM | GRIPPER
     group: ClassVar = "motion"
     timeout: ClassVar[float] = 60.0
 
@@ -106,9 +102,9 @@ class PutDown(Primitive):
         yield from settle(blackboard)
         return f"put {name or 'what was just grasped'} down"
 
-    def _to_support(self, blackboard: Blackboard, name: str) -> Steps:
+    def _to_support(self, blackboard: Blackboard, name: str) -> Generator[None]:
         """Lower the object onto a support; an object that was never lifted is on it."""
-        state, held = blackboard.state, _held(blackboard)
+        state, held = blackboard.state, held_pose(blackboard)
         # It would stand straight below.
         gap = footing(state, name, held).gap
         place = held.translated((0.0, 0.0, -gap)) if np.isfinite(gap) else held
@@ -120,18 +116,17 @@ class PutDown(Primitive):
             height = float(tcp.position[2] - state.resolve(state.grasp).position[2])
         if state.lifted or height > AT_GRASP:
             yield from self._lower(blackboard, name, place)
-        return "supported"
 
-    def _lower(self, blackboard: Blackboard, name: str, place: Pose) -> Steps:
+    def _lower(self, blackboard: Blackboard, name: str, place: Pose) -> Generator[None]:
         """Move down to the support, until it bears the object."""
         robot, filtered, load = blackboard.robot, WrenchFilter(blackboard.robot), blackboard.load
-        travel = max(_above(blackboard, place), 0.0) + EXTRA_TRAVEL
+        travel = max(height_above(blackboard, place), 0.0) + EXTRA_TRAVEL
         robot.move_axis(DOWN, GUARDED_SPEED, travel)
         if not (yield from guarded(blackboard, lambda: -load.borne(filtered.now()) > PRESSED)):
             raise LeafFailure(f"no support within {1e3 * travel:.0f} mm below '{name}': {STAYS}")
         yield from finish(blackboard)
         yield from settle(blackboard)
-        early = _above(blackboard, place)
+        early = height_above(blackboard, place)
         if early > POSE_ERROR:
             raise LeafFailure(
                 f"'{name}' met something {1e3 * early:.0f} mm above its support: {STAYS}"
@@ -142,12 +137,12 @@ class PutDown(Primitive):
                 robot.move_axis(DOWN, GUARDED_SPEED, deeper)
                 yield from finish(blackboard)
                 yield from settle(blackboard)
-            if (yield from _is_borne(blackboard)):
-                return "supported"
+            if (yield from is_borne(blackboard)):
+                return
         raise LeafFailure(f"nothing bears '{name}' for long: {STAYS}")
 
 
-def _is_borne(blackboard: Blackboard) -> Generator[None, None, bool]:
+def is_borne(blackboard: Blackboard) -> Generator[None, None, bool]:
     """Wait for `PROVEN` s; False as soon as the support does not bear the object."""
     robot, filtered = blackboard.robot, WrenchFilter(blackboard.robot)
     start = robot.state.t
@@ -158,16 +153,16 @@ def _is_borne(blackboard: Blackboard) -> Generator[None, None, bool]:
     return True
 
 
-def _held(blackboard: Blackboard) -> Pose:
+def held_pose(blackboard: Blackboard) -> Pose:
     """Pose of the held object by the present pose of the arm."""
     held = blackboard.state.pose_tcp_object
     tcp = blackboard.robot.state.pose_world_tcp
     return tcp if held is None else tcp @ held
 
 
-def _above(blackboard: Blackboard, place: Pose) -> float:
+def height_above(blackboard: Blackboard, place: Pose) -> float:
     """Height of the held object above a pose, m."""
-    return float(_held(blackboard).position[2] - place.position[2])
+    return float(held_pose(blackboard).position[2] - place.position[2])
 
 
 def released(blackboard: Blackboard) -> SymbolicState:

@@ -33,6 +33,8 @@ Steps = Generator[None, None, str]
 """A run: yields once a tick while RUNNING, returns its message on SUCCESS, raises `LeafFailure`."""
 
 Resource = Literal["arm", "gripper"]
+ARM: frozenset[Resource] = frozenset({"arm"})
+GRIPPER: frozenset[Resource] = frozenset({"gripper"})
 
 WRITERS = {FORCES: "MeasureForces", POSE: "MeasureGripperPose"}
 """Primitives that fill palpate's own buffers."""

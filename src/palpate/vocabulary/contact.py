@@ -10,24 +10,20 @@ from typing import Annotated, ClassVar, Literal
 import numpy as np
 from pydantic import Field
 
-from palpate.geometry.pose import Array, Pose
+from palpate.geometry.polygon import depth
+from palpate.geometry.pose import Array, Pose, digits
 from palpate.robots.robot import Robot, RobotState
 from palpate.robots.safety import Expectation
 from palpate.scene.raised import is_open
 from palpate.trace.samples import STANDARD_GRAVITY
-from palpate.vocabulary.admissible.clearance import Motion
-from palpate.vocabulary.admissible.probe import starts, touch, untouchable
+from palpate.vocabulary.admissible.clearance import box_hits
+from palpate.vocabulary.admissible.collision_geometry import hand_sweep, opening
 from palpate.vocabulary.admissible.profile import POSE_ERROR
-from palpate.vocabulary.admissible.support import above
+from palpate.vocabulary.admissible.solids import SIDES, solids
+from palpate.vocabulary.admissible.support import TIPPING, above, footing
+from palpate.vocabulary.admissible.sweep import FINEST, Hit, hand_path
 from palpate.vocabulary.admissible.unknown_heights import is_unmeasured
-from palpate.vocabulary.base import (
-    Blackboard,
-    LeafFailure,
-    Primitive,
-    Resource,
-    Steps,
-    Surroundings,
-)
+from palpate.vocabulary.base import ARM, Blackboard, LeafFailure, Primitive, Steps, Surroundings
 from palpate.vocabulary.state import SymbolicState
 from palpate.vocabulary.touch import (
     BRIEF,
@@ -48,8 +44,7 @@ APPROACH_SPEED = 0.020
 which the loading curve is fitted."""
 EXPECTED_WITHIN = 0.03
 """m above the known top in which contact is expected; above one of unknown height it is everywhere."""
-CONTACT_FORCE = 8.0
-"""N: the threshold tau_c of the paper, against the force in free air on the way."""
+CONTACT_FORCE = 8.0  # N: the threshold tau_c of the paper, against the force in free air on the way
 FIRM_FORCE = 30.0
 """N: the threshold where the hand tilts at contact: one finger alone may be supported, or the arm may be
 out of level by so little that the other one follows."""
@@ -59,29 +54,27 @@ error by the joints' friction, which reverses with the arm."""
 REPEATABLE = 0.5
 """N below the limit of a hand in contact that it must hold: three times the repeatability of a force. A
 rigid body below a soft layer is met with more than the threshold."""
-RELIEF = 4.0
-"""N by which the arm's springs are relieved in one easing, at least."""
+RELIEF = 4.0  # N by which the arm's springs are relieved in one easing, at least
 EASINGS = math.ceil(FIRM_FORCE / RELIEF)
 """Number of easings after which nothing of `FIRM_FORCE` is left on those springs."""
 EASING_SPEED = 0.006
 """m/s: half of the probing speed, so that the arm's dampers do not lift it off as it sets out."""
-ASKEW = 3e-4
-"""rad of tilt at contact: a third of the effect of `CONTACT_FORCE` on one finger."""
+ASKEW = 3e-4  # rad of tilt at contact: a third of the effect of `CONTACT_FORCE` on one finger
 SOFT_DEPTH = 5e-4
 """m of travel between half of `CONTACT_FORCE` and all of it on a soft body, 8 kN/m or less: the fingers
 sink in by what they are out of level, and firm pressing gains nothing."""
 SIDE_FORCE = 2.0
 """N: the threshold where a free object may be met sideways: the least that is certainly not the joints'
 friction."""
-CONTACT_TORQUE = 3.0
-"""N m, likewise."""
-PROBE_TRAVEL = 0.30
-"""m."""
+CONTACT_TORQUE = 3.0  # N m, likewise
+PROBE_TRAVEL = 0.30  # m
 
 LIGHTEST = 50.0
 """kg/m^3 of an object's box, the least plausible for an unknown mass: a thin plastic bottle."""
-SLIPPERIEST = 0.2
-"""Friction between an object and its support, the least plausible."""
+SLIPPERIEST = 0.2  # Friction between an object and its support, the least plausible
+
+TOUCHES = 0.0003  # m of distance up to which parts are in contact
+LEVEL = 0.5  # z component of a direction below which a probe is sideways
 
 AXES: dict[str, tuple[float, float, float]] = {
     "+x": (1, 0, 0),
@@ -100,7 +93,7 @@ class MoveUntilContact(Primitive):
 
     Probe a surface's height with `-z` from its approach pose: a picture is never trusted for heights."""
 
-    claims: ClassVar[frozenset[Resource]] = frozenset({"arm"})
+    claims: ClassVar = ARM
     group: ClassVar = "motion"
     timeout: ClassVar[float] = 40.0
 
@@ -157,7 +150,7 @@ class MoveUntilContact(Primitive):
         if start is None or self.axis in ("+z", "-z"):
             return []
         end = start.translated(PROBE_TRAVEL * self.direction)
-        return Motion(state, start, end).hits(margin=POSE_ERROR)
+        return box_hits(state, start, end, margin=POSE_ERROR)
 
     def during(self, state: SymbolicState) -> SymbolicState:
         return replace(state, activity="moving")
@@ -166,11 +159,10 @@ class MoveUntilContact(Primitive):
         first = touch(state, self.direction, PROBE_TRAVEL)
         if first is None:
             return replace(state, contact=None, activity="contact")
-        name = first.hit.other.owner
+        hit, pose = first
+        name = hit.other.owner
         known = name if self.axis == "-z" and name in state.scene.bodies else None
-        return replace(
-            state, pose_world_tcp=first.pose, joints=None, contact=known, activity="contact"
-        )
+        return replace(state, pose_world_tcp=pose, joints=None, contact=known, activity="contact")
 
     def observed(self, after: SymbolicState, robot: RobotState) -> SymbolicState:
         # The contact is where the arm is, not where it was believed to be.
@@ -206,14 +198,14 @@ class MoveUntilContact(Primitive):
             "start nearer, or probe another direction"
         )
 
-    def _press(self, blackboard: Blackboard, contact: _Contact) -> Generator[None, None, None]:
+    def _press(self, blackboard: Blackboard, contact: _Contact) -> Generator[None]:
         """Press firmly, until the other finger is in contact too, and lightly again."""
         blackboard.robot.move_axis(self.direction, PROBE_SPEED, PROBE_TRAVEL)
         yield from guarded(blackboard, lambda: contact.exceeds(FIRM_FORCE))
         yield from settle(blackboard, BRIEF)
         yield from self._ease(blackboard, contact)
 
-    def _ease(self, blackboard: Blackboard, contact: _Contact) -> Generator[None, None, None]:
+    def _ease(self, blackboard: Blackboard, contact: _Contact) -> Generator[None]:
         """Retreat until the hand presses lightly."""
         robot = blackboard.robot
         for _ in range(EASINGS):
@@ -235,6 +227,63 @@ class MoveUntilContact(Primitive):
         if far < EXPECTED_WITHIN or is_unmeasured(state, below.name):
             return [(PROBE_SPEED, PROBE_TRAVEL)]
         return [(APPROACH_SPEED, far), (PROBE_SPEED, PROBE_TRAVEL - far)]
+
+
+def starts(state: SymbolicState) -> str:
+    """Remedy: a start of the probe above the surface below, if there is one."""
+    below = None if state.pose_world_tcp is None else state.surface_below(state.pose_world_tcp)
+    names = [below.name] if below is not None and below.role == "surface" else state.scene.surfaces
+    places = [f"'{name}_approach'" for name in names]
+    if not places:
+        return "go lower"
+    return f"a surface is probed with -z from near above: MovePose to {' or '.join(places)} first"
+
+
+def touch(state: SymbolicState, direction: Array, travel: float) -> tuple[Hit, Pose] | None:
+    """First believed contact of the hand within `travel` m along a direction (3,), and the pose of
+    the TCP (world) just before it; None without contact, or from an unknown pose."""
+    start = state.pose_world_tcp
+    if start is None:
+        return None
+
+    def compute() -> tuple[Hit, Pose] | None:
+        end = start.translated(travel * direction)
+        swept = hand_sweep(state, hand_path(start, end, opening(state), FINEST))
+        first = swept.first(np.full(len(swept.pairs), TOUCHES))
+        if first is None:
+            return None
+        clear = max(first.share * travel - FINEST, 0.0)
+        return first, start.translated(clear * direction)
+
+    key = ("touch", *state.arrangement, digits(direction), travel)
+    return solids(state.scene).cached(key, compute)
+
+
+def untouchable(state: SymbolicState, direction: Array, travel: float) -> Iterator[Violation]:
+    """Violation of a guarded motion: no contact, or an inadmissible one."""
+    first = touch(state, direction, travel)
+    if first is None:
+        yield Violation(
+            PRECONDITION,
+            f"there is nothing to touch within {travel:.2f} m from '{state.at}'; {starts(state)}",
+        )
+        return
+    hit, _ = first
+    name = hit.other.owner
+    if hit.part.kind not in SIDES:
+        yield Violation(
+            "collision",
+            f"'{name}' would be met by the {hit.part.owner} and not by the fingertips; probe "
+            "from a pose above the middle of what is to be touched, clear of everything else",
+        )
+    elif name in state.scene.objects and abs(direction[2]) > LEVEL:
+        there = footing(state, name, state.pose_of(name))
+        if depth(there.support, np.array(hit.where[:2])) < TIPPING:
+            yield Violation(
+                "unsupported",
+                f"pressing on '{name}' there would tip it over; touch it above the middle of what "
+                f"it stands on; first: MovePose '{name}_top', FoldFingers",
+            )
 
 
 def withstands(state: SymbolicState, name: str, z: float) -> float:

@@ -11,23 +11,14 @@ from palpate.robots.safety import Expectation
 from palpate.vocabulary.admissible.collision import finger_collisions
 from palpate.vocabulary.admissible.grasp import ungraspable
 from palpate.vocabulary.admissible.support import above, would_fall
-from palpate.vocabulary.base import (
-    Blackboard,
-    LeafFailure,
-    Primitive,
-    Resource,
-    Steps,
-    Surroundings,
-)
+from palpate.vocabulary.base import GRIPPER, Blackboard, LeafFailure, Primitive, Steps, Surroundings
 from palpate.vocabulary.load import Load
 from palpate.vocabulary.state import SymbolicState
 from palpate.vocabulary.touch import median_wrench
 from palpate.vocabulary.violation import Violation
 
-TOP = "_top"
-"""Suffix of the name of the pose above an object's top."""
-GRIP_SETTLE = 0.1
-"""s: fingers at rest on an object before the grasp counts."""
+TOP = "_top"  # Suffix of the name of the pose above an object's top
+GRIP_SETTLE = 0.1  # s: fingers at rest on an object before the grasp counts
 GENTLE = 10.0
 """N of both fingers until the object is recognised: one that stands freely withstands it sideways."""
 NARROWER = 0.0015
@@ -41,24 +32,23 @@ WIDER = 0.003
 the middle, tilts that much between the pads."""
 
 
-def finish_fingers(blackboard: Blackboard) -> Steps:
+def finish_fingers(blackboard: Blackboard) -> Generator[None]:
     """Wait until the fingers' commanded motion has ended."""
     yield
     while blackboard.robot.state.gripper_moving:
         yield
-    return "stopped"
 
 
-def _open(blackboard: Blackboard) -> Steps:
+def _open(blackboard: Blackboard) -> Generator[None]:
     blackboard.robot.open_gripper()
-    return (yield from finish_fingers(blackboard))
+    yield from finish_fingers(blackboard)
 
 
 class OpenGripper(Primitive):
     """Open the fingers fully. A held object must stand on a support: bring it back to the pose
     where it was grasped before opening, or it would fall."""
 
-    claims: ClassVar[frozenset[Resource]] = frozenset({"gripper"})
+    claims: ClassVar = GRIPPER
     group: ClassVar = "gripper"
     timeout: ClassVar[float] = 10.0
 
@@ -103,7 +93,7 @@ class CloseGripper(Primitive):
     """Close the fingers until they meet a physical resistance; fails when nothing is between them,
     or not what is believed to be. Use it at an object's grasp pose with the gripper open."""
 
-    claims: ClassVar[frozenset[Resource]] = frozenset({"gripper"})
+    claims: ClassVar = GRIPPER
     group: ClassVar = "gripper"
     timeout: ClassVar[float] = 10.0
 
@@ -179,7 +169,7 @@ class FoldFingers(Primitive):
     Fold them at `<object>_top`, touch the top with MoveUntilContact -z, MovePose away,
     OpenGripper."""
 
-    claims: ClassVar[frozenset[Resource]] = frozenset({"gripper"})
+    claims: ClassVar = GRIPPER
     group: ClassVar = "gripper"
     timeout: ClassVar[float] = 10.0
 

@@ -13,29 +13,23 @@ from palpate.robots.accuracy import turned_round
 from palpate.robots.reflex import Reflex, Reflexes
 from palpate.vocabulary.admissible.grasp import most_sideways
 from palpate.vocabulary.admissible.profile import GUARDED_SPEED, POSE_ERROR, Span, leaves
-from palpate.vocabulary.base import Blackboard, LeafFailure, Steps
+from palpate.vocabulary.base import Blackboard, LeafFailure
 from palpate.vocabulary.load import BREAKAWAY, ROUGHEST, UNFELT, Load
 from palpate.vocabulary.touch import MET, WrenchFilter, guarded, in_words, median_wrench, settle
 
 SET_DOWN = 10.0
 """N that a held object presses on its support, besides its weight, when it counts as set down."""
-DOWN = np.array([0.0, 0.0, -1.0])
-"""World axes."""
-LOWERINGS = 3
-"""Largest number of times that an object without full support is lowered further."""
-WAVERS = 0.4
-"""N by which the sensed force of an arm at rest fluctuates."""
-PRESSES = 1.0
-"""N above the least measurable force: enough must remain once the arm rests."""
+DOWN = np.array([0.0, 0.0, -1.0])  # World axes
+LOWERINGS = 3  # Largest number of times that an object without full support is lowered further
+WAVERS = 0.4  # N by which the sensed force of an arm at rest fluctuates
+PRESSES = 1.0  # N above the least measurable force: enough must remain once the arm rests
 PEAK = 1.4
 """Largest normal force on a slide over the pressing force: the arm presses while it sets out and changes
 its speed (21.3 N for 15 N, simulated FR3, friction 1)."""
-CONTACT_SPEED = 0.02
-"""m/s, wherever contact is present or possible."""
+CONTACT_SPEED = 0.02  # m/s, wherever contact is present or possible
 FIRMLY = 0.8
 """Part of the force that would turn an object between the pads that a slide may take: pads creep."""
-LIGHTLY = 3.0
-"""N, least pressing force, lest a slide lifts the dragged object."""
+LIGHTLY = 3.0  # N, least pressing force, lest a slide lifts the dragged object
 PRESSED = (
     (0.0, LIGHTLY, CONTACT_SPEED),
     (0.5, 15.0, CONTACT_SPEED),
@@ -54,12 +48,11 @@ def span_reflex(of: Reflexes, span: Span, holding: str | None, sets_down: bool) 
     return of.carrying if holding else of.free
 
 
-def follow_free(blackboard: Blackboard, span: Span, left: float) -> Steps:
+def follow_free(blackboard: Blackboard, span: Span, left: float) -> Generator[None]:
     """Wait until a motion under way has passed a span with nothing near."""
     yield
     while not _passed(blackboard, span, left):
         yield
-    return "passed"
 
 
 def follow_guarded(
@@ -114,13 +107,13 @@ def _explained(blackboard: Blackboard, change: Array, sets_down: bool, span: Spa
     return np.array([0.0, 0.0, min(max(lift, 0.0), heaviest)])
 
 
-def lower(blackboard: Blackboard, goal: str) -> Steps:
+def lower(blackboard: Blackboard, goal: str) -> Generator[None]:
     """Lower a held object until its support bears it: the arm sags, and fingers that press slip. As
     the arm comes to rest, the support may be relieved again: so repeat."""
     for _ in range(LOWERINGS):
         yield from settle(blackboard)
         if blackboard.load.too_much((yield from median_wrench(blackboard)), WAVERS) is None:
-            return "borne"
+            return
         borne = partial(_is_borne, blackboard.load, WrenchFilter(blackboard.robot))
         blackboard.robot.move_axis(DOWN, GUARDED_SPEED, POSE_ERROR)
         if not (yield from guarded(blackboard, borne)):
@@ -128,7 +121,6 @@ def lower(blackboard: Blackboard, goal: str) -> Steps:
                 f"nothing bears '{blackboard.state.holding}' at '{goal}' or "
                 f"{1e3 * POSE_ERROR:.0f} mm below: it stays in the fingers"
             )
-    return "lowered"
 
 
 def _is_borne(load: Load, filtered: WrenchFilter) -> bool:

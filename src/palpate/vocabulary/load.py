@@ -18,21 +18,17 @@ BORNE = 0.3
 which relaxes meanwhile."""
 CLOSING = 0.002
 """m by which fingers close when the object slides or turns out of them; the pads' compliance is less."""
-SURE = 3.0
-"""Standard deviations that a change of the moment must exceed to be a turn."""
-TURNED = 0.15
-"""N m that it must exceed in addition: the pads are compliant."""
+SURE = 3.0  # Standard deviations that a change of the moment must exceed to be a turn
+TURNED = 0.15  # N m that it must exceed in addition: the pads are compliant
 UNFELT = 1.5
 """N, largest weight that may be taken for none: Franka states 0.8 N relative accuracy, and joints stick."""
 ROUGHEST = 1.0
 """Largest plausible friction between an object and its support: rubber on dry concrete."""
 PRESSED = 8.0
 """N, least normal force for a friction coefficient: ten times Franka's relative accuracy."""
-BREAKAWAY = 1.3
-"""Static over dynamic friction, at most."""
+BREAKAWAY = 1.3  # Static over dynamic friction, at most
 
-SURELY = Doubt(np.zeros(7), 0.0)
-"""No doubt about a measured load."""
+SURELY = Doubt(np.zeros(7), 0.0)  # No doubt about a measured load
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -122,5 +118,4 @@ def _moment(wrench: Array, tool: Pose) -> float:
     return float(wrench[3:] @ tool.rotation[:, 1])
 
 
-NOTHING = Load(np.zeros(6))
-"""Load before any measurement."""
+NOTHING = Load(np.zeros(6))  # Load before any measurement

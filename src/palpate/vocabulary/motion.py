@@ -20,14 +20,7 @@ from palpate.scene.raised import beyond
 from palpate.vocabulary.admissible.profile import POSE_ERROR, Span, spans, speed, stretches
 from palpate.vocabulary.admissible.reach import beyond_joint_limits, out_of_reach
 from palpate.vocabulary.admissible.support import clear_of_support, slides, would_be_dragged
-from palpate.vocabulary.base import (
-    Blackboard,
-    LeafFailure,
-    Primitive,
-    Resource,
-    Steps,
-    Surroundings,
-)
+from palpate.vocabulary.base import ARM, Blackboard, LeafFailure, Primitive, Steps, Surroundings
 from palpate.vocabulary.guarding import (
     CONTACT_SPEED,
     PRESSED,
@@ -47,12 +40,9 @@ from palpate.vocabulary.violation import PRECONDITION, Violation
 POSITION_TOLERANCE = 0.010
 """m: an impedance-controlled arm with 1.5 kg on it sags by several millimetres. Soft springs may sag
 by more, as far as the load explains."""
-ANGLE_TOLERANCE = np.radians(3.0)
-"""rad, likewise."""
-UNDER_WAY = 90.0
-"""s that one motion may take: half a metre at the least speed of a cautious arm."""
-LEAST_SPEED = 0.01
-"""m/s that a plan may ask for: more slowly some joints of an arm stick and slip."""
+ANGLE_TOLERANCE = np.radians(3.0)  # rad, likewise
+UNDER_WAY = 90.0  # s that one motion may take: half a metre at the least speed of a cautious arm
+LEAST_SPEED = 0.01  # m/s that a plan may ask for: more slowly some joints of an arm stick and slip
 
 
 class MovePose(Primitive):
@@ -61,7 +51,7 @@ class MovePose(Primitive):
     held on its support, moving sideways at the same height slides it with light pressure; lift it
     first to carry it."""
 
-    claims: ClassVar[frozenset[Resource]] = frozenset({"arm"})
+    claims: ClassVar = ARM
     group: ClassVar = "motion"
     timeout: ClassVar[float] = UNDER_WAY
 
@@ -186,7 +176,7 @@ class MovePose(Primitive):
             )
         return f"set down {1e3 * early:.1f} mm early"
 
-    def _slide(self, blackboard: Blackboard, target: Pose) -> Steps:
+    def _slide(self, blackboard: Blackboard, target: Pose) -> Generator[None]:
         """Drag the held object along its support: pressed lightly, firmly, and lightly again."""
         robot = blackboard.robot
         robot.set_reflex(reflex_sliding(blackboard))
@@ -205,7 +195,6 @@ class MovePose(Primitive):
         robot.move_pose(target, min(CONTACT_SPEED, fastest))
         yield from finish(blackboard)
         yield from settle(blackboard)
-        return "slid"
 
     def _arrived(self, blackboard: Blackboard, target: Pose) -> str:
         """Distance of the arm from its target, in words.
@@ -233,7 +222,7 @@ class MoveJoints(Primitive):
     `home_config`, from where every pose is reached safely; never call it with an object in the
     gripper that stands on a surface."""
 
-    claims: ClassVar[frozenset[Resource]] = frozenset({"arm"})
+    claims: ClassVar = ARM
     group: ClassVar = "motion"
     timeout: ClassVar[float] = UNDER_WAY
 

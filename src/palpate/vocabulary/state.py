@@ -27,17 +27,13 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 
-HOME_CONFIG = "home_config"
-"""The joint configuration from which every pose is reached safely."""
+HOME_CONFIG = "home_config"  # The joint configuration from which every pose is reached safely
 SINKING = 0.05
 """m above the TCP up to which a top counts as below the hand: the error of believed heights, which a
 contact corrects."""
-RESTORED_POSITION = 0.005
-"""m from where an object was found up to which it counts as restored."""
-SAGS = 0.01
-"""m and rad between an arm's reported pose and that of its joint angles, at most."""
-SAME_POSE = 1e-4
-"""m and rad up to which two poses are equal."""
+RESTORED_POSITION = 0.005  # m from where an object was found up to which it counts as restored
+SAGS = 0.01  # m and rad between an arm's reported pose and that of its joint angles, at most
+SAME_POSE = 1e-4  # m and rad up to which two poses are equal
 
 
 @dataclass(frozen=True, slots=True)

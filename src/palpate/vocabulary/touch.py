@@ -14,19 +14,15 @@ import numpy as np
 from palpate.geometry.pose import Array
 from palpate.robots.accuracy import SUSTAINED
 from palpate.robots.robot import Robot
-from palpate.vocabulary.base import Blackboard, LeafFailure, Steps
+from palpate.vocabulary.base import Blackboard, LeafFailure
 
-SETTLED_SPEED = 0.003
-"""m/s."""
+SETTLED_SPEED = 0.003  # m/s
 DWELL = 0.3
 """s at rest until a motion counts as settled where the wrench is compared with an earlier one; windows
 at rest also feed the estimators."""
-BRIEF = 0.1
-"""s, likewise, where nothing is compared."""
-SETTLE_LIMIT = 3.0
-"""s."""
-MEDIAN_TIME = 0.06
-"""s that the ticks of a median wrench take."""
+BRIEF = 0.1  # s, likewise, where nothing is compared
+SETTLE_LIMIT = 3.0  # s
+MEDIAN_TIME = 0.06  # s that the ticks of a median wrench take
 MET = 8.0
 """N: change of the contact force that is a contact; five times the effect of the joints' friction and
 the sensors' bias as the arm sets out."""
@@ -125,7 +121,7 @@ def median_wrench(blackboard: Blackboard) -> Generator[None, None, Array]:
     return np.median(wrenches, axis=0)
 
 
-def settle(blackboard: Blackboard, dwell: float = DWELL) -> Steps:
+def settle(blackboard: Blackboard, dwell: float = DWELL) -> Generator[None]:
     """Wait until the arm has been at rest for `dwell` s.
 
     Raises:
@@ -138,15 +134,13 @@ def settle(blackboard: Blackboard, dwell: float = DWELL) -> Steps:
         if blackboard.robot.state.t - start > SETTLE_LIMIT + dwell:
             raise LeafFailure(f"the arm does not settle within {SETTLE_LIMIT:g} s")
         yield
-    return "settled"
 
 
-def finish(blackboard: Blackboard) -> Steps:
+def finish(blackboard: Blackboard) -> Generator[None]:
     """Wait until the arm's commanded motion has ended."""
     yield
     while blackboard.robot.state.moving:
         yield
-    return "arrived"
 
 
 def guarded(blackboard: Blackboard, touching: Callable[[], bool]) -> Generator[None, None, bool]:

@@ -8,9 +8,9 @@ same motion with the empty hand at the same pose, as the arm's own effects are f
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator, Mapping
 from dataclasses import replace
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
@@ -29,32 +29,21 @@ from palpate.vocabulary.admissible.grasp import torsion
 from palpate.vocabulary.admissible.profile import POSE_ERROR
 from palpate.vocabulary.admissible.solids import solids
 from palpate.vocabulary.admissible.support import above
-from palpate.vocabulary.base import (
-    Blackboard,
-    LeafFailure,
-    Primitive,
-    Resource,
-    Steps,
-    Surroundings,
-)
+from palpate.vocabulary.base import ARM, Blackboard, LeafFailure, Primitive, Steps, Surroundings
 from palpate.vocabulary.state import SymbolicState
 from palpate.vocabulary.touch import BRIEF, DWELL, finish, median_wrench, settle
 from palpate.vocabulary.violation import Violation
 
-HOLD = 1.0
-"""s that a tilt is held: as long as a weight is measured."""
-AXES = {"x": np.array([1.0, 0.0, 0.0]), "y": np.array([0.0, 1.0, 0.0])}
-"""Axes of the tool."""
+HOLD = 1.0  # s that a tilt is held: as long as a weight is measured
+AXES = {"x": np.array([1.0, 0.0, 0.0]), "y": np.array([0.0, 1.0, 0.0])}  # Axes of the tool
 SWINGS = ((2.0, 8), (4.0, 12))
 """Frequencies, Hz, with periods at full amplitude. Two frequencies, as the compliance between pads and
 object grows with the square of the frequency; below half of the bandwidth of the springs at the TCP; in
 some seconds the white noise of a joint's torque averages to some mN m."""
-PRETENDED = 0.5
-"""Part of the reflex threshold of the moment that the joints' friction may take up."""
+PRETENDED = 0.5  # Part of the reflex threshold of the moment that the joints' friction may take up
 STEP = math.radians(12.0)
 """rad between the tilts that are checked: the wrist is badly placed 19° to either side of straight."""
-SLACK = 0.9
-"""Part of the turning speed that a swing uses."""
+SLACK = 0.9  # Part of the turning speed that a swing uses
 TURNS = (90.0, -90.0, 60.0, -60.0)
 """Degrees of a turn about the vertical that a planner tries. A quarter turn moves a lever from the first
 and last joints to those that sense it best; less of it shows less."""
@@ -73,15 +62,17 @@ def swing_angle(pace: Pace, frequency: float) -> float:
 class _Turning(Primitive):
     """Rotation of the hand about the TCP and back, beside a recording."""
 
-    claims: ClassVar[frozenset[Resource]] = frozenset({"arm"})
+    claims: ClassVar = ARM
     group: ClassVar = "motion"
     tilts: ClassVar[bool] = True
     activity: ClassVar[Activity]
+    tries: ClassVar[tuple[Mapping[str, Any], ...]] = ({},)  # arguments for a planner, in order
 
     @classmethod
     def groundings(cls, around: Surroundings) -> Iterator[Primitive]:
         if around.subject in around.state.scene.objects:
-            yield cls()
+            for arguments in cls.tries:
+                yield cls(**arguments)
 
     def turns(self, state: SymbolicState) -> list[Array]:
         """Rotation vectors (3,), rad, in the tool's axes, of the extreme rotations."""
@@ -146,7 +137,16 @@ class _Turning(Primitive):
         held = blackboard.state.holding
         blackboard.robot.set_reflex(reflexes.carrying if held else reflexes.free)
 
-    def _require_unmoved(self, blackboard: Blackboard, before: Array) -> Steps:
+    def _turn(self, blackboard: Blackboard, hold: float, dwell: float) -> Generator[None]:
+        """Turn to each extreme rotation, and rest for `hold` s, then back, and rest for `dwell` s."""
+        here = blackboard.state.pose_world_tcp
+        assert here is not None
+        for pose in (*self._ends(blackboard.state), here):
+            blackboard.robot.move_pose(pose, blackboard.scene.arm.pace.speed)
+            yield from finish(blackboard)
+            yield from settle(blackboard, dwell if pose is here else hold)
+
+    def _require_unmoved(self, blackboard: Blackboard, before: Array) -> Generator[None]:
         """Require that the held object hangs as it did at the wrench `before` (6,). The same turn
         with the empty hand shows how much joint friction alone changes the moment.
 
@@ -162,7 +162,6 @@ class _Turning(Primitive):
             change = load.turned(wrench, tool, load.doubt, blackboard.unrepeated)
             if change:
                 raise LeafFailure(f"'{blackboard.state.holding}' moved in the fingers: {change}")
-        return "as before"
 
 
 class Tilt(_Turning):
@@ -174,6 +173,7 @@ class Tilt(_Turning):
 
     timeout: ClassVar[float] = 60.0
     activity: ClassVar[Activity] = "tilting"
+    tries: ClassVar = ({"about": "y"}, {"about": "x"})
 
     about: Annotated[
         Literal["x", "y"],
@@ -182,12 +182,6 @@ class Tilt(_Turning):
         ),
     ] = "y"
     degrees: Annotated[float, Field(ge=5.0, le=45.0, description="how far, each way")] = 35.0
-
-    @classmethod
-    def groundings(cls, around: Surroundings) -> Iterator[Primitive]:
-        if around.subject in around.state.scene.objects:
-            for about in ("y", "x"):
-                yield cls(about=about)
 
     def turns(self, state: SymbolicState) -> list[Array]:
         angle = math.radians(self.degrees)
@@ -218,16 +212,9 @@ class Tilt(_Turning):
                     return
 
     def run(self, blackboard: Blackboard) -> Steps:
-        robot, state = blackboard.robot, blackboard.state
         self._start(blackboard)
         before = yield from median_wrench(blackboard)
-        here = state.pose_world_tcp
-        assert here is not None
-        speed = blackboard.scene.arm.pace.speed
-        for pose in (*self._ends(state), here):
-            robot.move_pose(pose, speed)
-            yield from finish(blackboard)
-            yield from settle(blackboard, DWELL if pose is here else DWELL + HOLD)
+        yield from self._turn(blackboard, hold=DWELL + HOLD, dwell=DWELL)
         yield from self._require_unmoved(blackboard, before)
         return f"tilted by {self.degrees:g}° both ways"
 
@@ -238,18 +225,13 @@ class Turn(_Turning):
     In a Parallel with MeasureForces, empty and then with an object, it makes `com` surer."""
 
     activity: ClassVar[Activity] = "turning"
+    tries: ClassVar = tuple({"degrees": degrees} for degrees in TURNS)
     extra: ClassVar[bool] = True
 
     degrees: Annotated[
         float,
         Field(ge=-150.0, le=150.0, description="counterclockwise"),
     ] = 90.0
-
-    @classmethod
-    def groundings(cls, around: Surroundings) -> Iterator[Primitive]:
-        if around.subject in around.state.scene.objects:
-            for degrees in TURNS:
-                yield cls(degrees=degrees)
 
     def turns(self, state: SymbolicState) -> list[Array]:
         assert state.pose_world_tcp is not None
@@ -274,13 +256,8 @@ class Turn(_Turning):
 
     def run(self, blackboard: Blackboard) -> Steps:
         # About the vertical no weight turns in the fingers: nothing to compare at the end.
-        robot, here = blackboard.robot, blackboard.state.pose_world_tcp
-        assert here is not None
         self._start(blackboard)
-        for pose in (*self._ends(blackboard.state), here):
-            robot.move_pose(pose, blackboard.scene.arm.pace.speed)
-            yield from finish(blackboard)
-            yield from settle(blackboard, BRIEF)
+        yield from self._turn(blackboard, hold=BRIEF, dwell=BRIEF)
         return f"turned by {self.degrees:g}° and back"
 
 

@@ -22,8 +22,7 @@ as high as they may be."""
 NO_RISE: Mapping[str, float] = MappingProxyType({})
 NEIGHBOURS = 2
 """Joints between two parts of the arm, up to which the parts cannot, or always nearly, touch."""
-SPACING = 0.01
-"""m between two moments of `near_spans`."""
+SPACING = 0.01  # m between two moments of `near_spans`
 
 
 def hand_sweep(state: SymbolicState, path: ArmPath) -> Sweep:

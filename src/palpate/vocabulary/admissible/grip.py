@@ -9,12 +9,9 @@ import numpy as np
 from palpate.geometry.pose import Pose
 from palpate.vocabulary.admissible.solids import SIDES, Cluster, Frames, Solids
 
-BITE = 0.004
-"""m of an object, in height and along it, that the pads must cover: an edge slips out."""
-MEETS = 0.0002
-"""m between a pad and an object, up to which they are in contact."""
-APPROACHES = 40
-"""Largest number of steps in which a pad closes in on an object."""
+BITE = 0.004  # m of an object, in height and along it, that the pads must cover: an edge slips out
+MEETS = 0.0002  # m between a pad and an object, up to which they are in contact
+APPROACHES = 40  # Largest number of steps in which a pad closes in on an object
 
 
 @dataclass(frozen=True, slots=True)

@@ -27,20 +27,16 @@ from palpate.robots.sheet import Box
 from palpate.scene.scene import Scene
 
 LEFT, RIGHT = "left finger", "right finger"
-SIDES = {LEFT: 1.0, RIGHT: -1.0}
-"""The fingers, with the sign of the tool's y in which each opens."""
+SIDES = {LEFT: 1.0, RIGHT: -1.0}  # The fingers, with the sign of the tool's y in which each opens
 NEAR_PAD = 0.002
 """m inside the open fingers' pads up to which a box of the description counts as part of a finger."""
-STEM = "stem:"
-"""Prefix of the names of the boxes added for fingers."""
+STEM = "stem:"  # Prefix of the names of the boxes added for fingers
 ORIGIN = Pose.of((0.0, 0.0, 0.0))
-FAR = 10.0
-"""m: upper bound of every distance asked for."""
+FAR = 10.0  # m: upper bound of every distance asked for
 REACHED = 0.002
 """m between a pose and the TCP of a configuration, up to which the configuration reaches it."""
 CACHED_SCENES = 32
-CACHED_RESULTS = 20_000
-"""Largest number of cached results of one scene."""
+CACHED_RESULTS = 20_000  # Largest number of cached results of one scene
 
 T = TypeVar("T")
 

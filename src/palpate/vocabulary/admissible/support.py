@@ -24,25 +24,18 @@ from palpate.vocabulary.violation import PRECONDITION, Violation
 
 SETTLES = 0.005
 """m between the lowest point of an object and a top, either way, up to which the top carries it."""
-FACE = 0.002
-"""m above an object's lowest point up to which its lower face reaches."""
+FACE = 0.002  # m above an object's lowest point up to which its lower face reaches
 SUNK = 0.02
 """m of a top above an object's lowest point up to which it counts as below, by the error of belief."""
-LIFTED = 0.005
-"""m between a held object and its support above which it hangs free."""
-TIPPING = 0.005
-"""m that a centre of mass must be inside the support polygon."""
+LIFTED = 0.005  # m between a held object and its support above which it hangs free
+TIPPING = 0.005  # m that a centre of mass must be inside the support polygon
 OFF_CENTRE = 0.1
 """Part of an object's extent by which an unstated centre of mass may be off the middle, each way: the
 prior of `quantities.com`."""
-EDGE = 0.003
-"""m between an object of unknown centre of mass and the edge of its carriers."""
-AS_FOUND = 0.003
-"""m from where an object stood up to which it stands there again."""
-UPRIGHT = np.radians(2.0)
-"""rad that an object may lean."""
-MIN_SLIDE = 0.03
-"""m: a shorter slide is not much more than the grip's and the arm's compliance."""
+EDGE = 0.003  # m between an object of unknown centre of mass and the edge of its carriers
+AS_FOUND = 0.003  # m from where an object stood up to which it stands there again
+UPRIGHT = np.radians(2.0)  # rad that an object may lean
+MIN_SLIDE = 0.03  # m: a shorter slide is not much more than the grip's and the arm's compliance
 
 
 @dataclass(frozen=True, slots=True, eq=False)

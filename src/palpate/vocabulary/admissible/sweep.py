@@ -20,16 +20,11 @@ from numpy.typing import NDArray
 from palpate.geometry.pose import Array, Pose
 from palpate.vocabulary.admissible.solids import Frames, Solids
 
-STEP = 0.02
-"""m between two moments of a path."""
-TURN = 0.1
-"""rad between two moments, of the tool or of a joint."""
-CORRECTIONS = 3
-"""Newton steps from interpolated joint angles onto the straight line."""
-DAMPING = 1e-6
-"""m^2, of a Newton step."""
-FINEST = 0.002
-"""m of travel below which an interval is not halved again."""
+STEP = 0.02  # m between two moments of a path
+TURN = 0.1  # rad between two moments, of the tool or of a joint
+CORRECTIONS = 3  # Newton steps from interpolated joint angles onto the straight line
+DAMPING = 1e-6  # m^2, of a Newton step
+FINEST = 0.002  # m of travel below which an interval is not halved again
 SLACK = 0.001
 """m by which a pair that is too near at the start may come nearer: the tracking error of the arm."""
 CURVED = 1.02
