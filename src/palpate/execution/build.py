@@ -21,7 +21,7 @@ def build(node: Node, words: Vocabulary, blackboard: Blackboard, path: str = "tr
     """The py_trees tree of a plan, its leaves bound to `blackboard`.
 
     A Sequence has memory; a Parallel succeeds when all its children have and fails with the first.
-    Inside a Parallel motions are ticked before sensing leaves, whatever their order in the plan, so
+    Inside a Parallel motions are ticked before sensing leaves, in any order of the plan, so
     that a sensing leaf sees in one tick that the motion beside it has started or ended.
 
     Raises:

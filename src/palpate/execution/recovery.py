@@ -63,8 +63,8 @@ def recover(
     real: bool = False,
     may_resume: Resume = nobody,
 ) -> Execution:
-    """The execution joined with all further attempts that the policy allows; `real`: a real robot,
-    for which `may_resume` is asked after a stop of its own."""
+    """The execution joined with all further attempts that the policy allows; `real`: a real robot, for
+    which `may_resume` is asked after it stopped itself."""
     done, now, failures = first, plan, Counter[str]()
     attempts = ATTEMPTS[policy]
     for attempt in range(attempts * len(scene.bodies)):

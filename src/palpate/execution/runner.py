@@ -1,4 +1,4 @@
-"""Run a plan on a robot; whatever ends it, the robot comes to rest and drops nothing."""
+"""Runner of a plan on a robot: one loop, and a controlled stop in which nothing is dropped."""
 
 from __future__ import annotations
 
@@ -120,8 +120,8 @@ def run(
     """Run a checked plan to its end, or to a controlled stop.
 
     A failed leaf, an exception, a signal (`palpate.interrupt`; SIGINT by default),
-    `stop_requested` and the time budget all end in a controlled stop: the arm comes to rest, then a
-    held object is put down, or, where that is not safe, held still. A second signal abandons the
+    `stop_requested` and the time budget all end in a controlled stop: the arm stops, then a held
+    object is put down, or, where that is not safe, held still. A second signal abandons the
     putting down and holds immediately. All recordings are returned in every case.
 
     The robot is left holding its position; the caller closes it.
@@ -136,7 +136,9 @@ def run(
     root = build(plan.tree, words or vocabulary(), blackboard)
     began = time.perf_counter()
     with interrupts() as signals, signals.noted():
-        loop = Loop(blackboard, watched, root, tick_period, observer, keep, signals)
+        loop = Loop(
+            blackboard, watched, root, tick_period, observer=observer, keep=keep, signals=signals
+        )
 
         def asked() -> str | None:
             if reason := loop.interrupted():

@@ -103,7 +103,7 @@ class Blackboard:
         load: measured load on the fingers.
         unrepeated: N m, change of the moment about the closing direction by turning the empty hand
             in place and back: joint friction.
-        failed: a leaf has failed, and nothing else may move.
+        failed: a leaf has failed, and no other may move.
         bound: place and source, in words, of every pose bound in this run and not reported yet.
     """
 
@@ -158,8 +158,8 @@ class Primitive(BaseModel):
         return self
 
     def violations(self, state: SymbolicState) -> list[Violation]:
-        """All violations of running it in `state`: of its own preconditions, and of its motion among
-        the objects around the hand."""
+        """All violations of running it in `state`: by its preconditions, and by its motion among the
+        objects around the hand."""
         if self.reads and self.reads not in state.buffers:
             return [self.unwritten()]
         found = self.requires(state)
@@ -175,7 +175,7 @@ class Primitive(BaseModel):
         return [*found, *motion.violations(state, after, may_tilt=self.tilts)]
 
     def requires(self, state: SymbolicState) -> list[Violation]:
-        """Violations of its own preconditions, worded so that a model or a person can repair the
+        """Violations of its preconditions, worded so that a model or a person can repair the
         plan. Rules that primitives share are in `admissible`."""
         return []
 

@@ -108,8 +108,8 @@ def _explained(blackboard: Blackboard, change: Array, sets_down: bool, span: Spa
 
 
 def lower(blackboard: Blackboard, goal: str) -> Generator[None]:
-    """Lower a held object until its support bears it: the arm sags, and fingers that press slip. As
-    the arm comes to rest, the support may be relieved again: so repeat."""
+    """Lower a held object until its support bears it: the arm sags, and fingers that press slip. The
+    arm's last sag before it rests may relieve the support again: so repeat."""
     for _ in range(LOWERINGS):
         yield from settle(blackboard)
         if blackboard.load.too_much((yield from median_wrench(blackboard)), WAVERS) is None:

@@ -300,7 +300,7 @@ def _at_rest(state: SymbolicState, at: str | None, target: Pose) -> SymbolicStat
 
 
 def _weigh(blackboard: Blackboard) -> Generator[None]:
-    """Measure the load that hangs free: it must hang as it was grasped, within the payload."""
+    """Measure the load that hangs free: unturned since its grasp, and within the payload."""
     robot, scene, name = blackboard.robot, blackboard.scene, blackboard.state.holding
     wrench = yield from median_wrench(blackboard)
     here = robot.state

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from types import MappingProxyType
 
 import numpy as np
 
@@ -19,7 +18,6 @@ LINK = "link"
 HIGHER = "higher"
 """Kinds of parts, besides the two fingers; the last is that of objects on a surface of unknown height,
 as high as they may be."""
-NO_RISE: Mapping[str, float] = MappingProxyType({})
 NEIGHBOURS = 2
 """Joints between two parts of the arm, up to which the parts cannot, or always nearly, touch."""
 SPACING = 0.01  # m between two moments of `near_spans`
@@ -27,13 +25,15 @@ SPACING = 0.01  # m between two moments of `near_spans`
 
 def hand_sweep(state: SymbolicState, path: ArmPath) -> Sweep:
     """Sweep of the hand, its fingers and the load, among everything that is not held."""
-    return _sweep(state, path, NO_RISE, {})
+    return _sweep(state, path, {}, {})
 
 
-def arm_sweep(state: SymbolicState, path: ArmPath, higher: Mapping[str, float] = NO_RISE) -> Sweep:
+def arm_sweep(
+    state: SymbolicState, path: ArmPath, higher: Mapping[str, float] | None = None
+) -> Sweep:
     """Sweep of the whole arm with hand and load along a path with joint angles, among everything
     that is not held and its own links; objects are also placed `higher` by so many m."""
-    return _sweep(state, path, higher, solids(state.scene).links)
+    return _sweep(state, path, higher or {}, solids(state.scene).links)
 
 
 def near_spans(

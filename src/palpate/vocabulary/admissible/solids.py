@@ -235,7 +235,7 @@ class Solids:
 
 @lru_cache(CACHED_SCENES)
 def solids(scene: Scene) -> Solids:
-    """Shapes of a scene and its arm; compiled once, whatever heights are measured later.
+    """Shapes of a scene and its arm; compiled once for all measured heights.
 
     Raises:
         InputError: the scene does not compile with the arm in it.
