@@ -1,4 +1,4 @@
-"""What is wider than asked is measured again, until it is narrow enough or at its floor."""
+"""Repetition of too wide intervals, until they are narrow enough or at their floor."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ WORLD = CELL.format(cup=" ".join(map(str, CUP)), table=-0.03, mass='mass="0.3"')
 
 
 def count(run: Run, quantity: str) -> int:
-    """How often it was measured."""
+    """Number of its measurements."""
     return sum(c.quantity == quantity for c in run.trace.conversions)
 
 
@@ -100,7 +100,7 @@ class Weighed:
     execution: Execution
 
     def again(self, runner: Any, done: Execution, within: str) -> tuple[Execution, Estimate]:
-        """What repetition by a `runner` makes of an execution, and the mass from it."""
+        """Execution after repetition by a `runner`, and the mass from it."""
         asked = Within.read({"mass": within})
         robot: Any = None
         whole = repeat(done, self.plan, self.scene, robot, asked, runner, lambda _: None)

@@ -141,7 +141,7 @@ def test_a_missing_object_is_noticed():
 
 
 def pushed(robot, newtons):
-    """The hand bears that much more, downwards, on top of what it feels."""
+    """Add a downward force to the measured one."""
     world = robot.world._data
     hand = robot.world.model.body("robot/hand").id
     world.xfrc_applied[hand, 2] = -newtons
@@ -149,7 +149,7 @@ def pushed(robot, newtons):
 
 @pytest.mark.parametrize("push", [20.0, 60.0])
 def test_a_push_that_comes_and_goes_is_no_support(push):
-    """Somebody presses on the hand that holds the cup in the air, and lets go."""
+    """A person presses on the hand that holds the cup in the air, and stops."""
     pressing = {"until": 0.0}
 
     def push_and_stop(robot):

@@ -1,4 +1,4 @@
-"""What the fingers bear, and whether they may open."""
+"""Load on the fingers, and permission to open them."""
 
 from __future__ import annotations
 

@@ -193,7 +193,7 @@ def test_speed_of_a_motion_may_be_low_but_not_so_that_joints_stick(perform, reac
 
 
 def test_a_slide_presses_hardest_halfway(perform, reached) -> None:
-    """So that what pulls with the place, or is constant, is told from friction."""
+    """Distinguishes friction from a constant pull, and from one that grows with position."""
     side = ("MovePose", "cup_pose + 3*y_offset")
     done = perform(*reached, "CloseGripper", LIFT, AT, side)
     assert done.execution.status == "complete"
@@ -206,7 +206,7 @@ def test_a_slide_presses_hardest_halfway(perform, reached) -> None:
 
 
 def test_across_its_pads_a_hand_presses_no_harder_than_they_hold(reached, start, after) -> None:
-    """What is dragged at its foot would turn about the line between them."""
+    """An object dragged at its foot turns about the line between the pads."""
     held = after(start, *reached, "CloseGripper")
     along, across = held.pose_world_tcp.rotation[:, 1], held.pose_world_tcp.rotation[:, 0]
     assert most_sideways(held, along) > 1e3
@@ -299,7 +299,7 @@ def bar() -> Scene:
 
 
 def estimated(along: float, std: float, verdict: Verdict = "identified") -> Any:
-    """What is estimated in the place of any trace."""
+    """Estimator with a fixed result for any trace."""
 
     def all_of_them(parameters: Any, trace: Any, bodies: Any) -> tuple[Estimate]:
         (parameter,) = parameters

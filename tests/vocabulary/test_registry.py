@@ -19,7 +19,7 @@ SCHEMA = plan_schema(vocabulary())
 
 
 def fits(plan: Any) -> bool:
-    """Whether a plan is what the schema describes."""
+    """True if a plan matches the schema."""
     return Draft202012Validator(SCHEMA).is_valid(plan)
 
 

@@ -1,4 +1,4 @@
-"""What is believed between two leaves."""
+"""Beliefs between two leaves."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a probe feels: free air, which rubs and drifts, and contacts, which grow."""
+"""Baseline of a probe: friction and drift in free air, and contacts, which grow."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class _Arm:
 
 
 def descended(felt, seconds: float = 6.0):
-    """The free air of a descent on which `felt(travelled)` N press back, and what was felt last."""
+    """Free-air baseline of a descent with the reaction force `felt(travelled)`, N, and the last force."""
     arm = _Arm()
     air = FreeAir(arm, DOWN)
     force = 0.0

@@ -81,7 +81,7 @@ def test_held_object_must_not_come_near_anything_in_a_turn(across):
 
 
 def test_a_tilt_does_not_straighten_the_wrist(scene, across):
-    """There a joint that rubs is felt as a collision: tilted forwards, but not to the side."""
+    """Joint friction near a straight wrist is taken for a collision: tilted forwards, not sideways."""
     for bar, forwards, sideways in ((scene, "y", "x"), (across, "x", "y")):
         state = above(bar, 0.15)
         (refused,) = Tilt(about=forwards).violations(state)

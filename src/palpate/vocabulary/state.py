@@ -127,6 +127,12 @@ class SymbolicState:
         return replace(self, scene=learned(self.scene, parameter, value))
 
     @property
+    def tcp(self) -> Pose:
+        """Pose of the TCP where it must be known."""
+        assert self.pose_world_tcp is not None
+        return self.pose_world_tcp
+
+    @property
     def is_bent(self) -> bool:
         """True after a joint motion, False at a pose."""
         if self.joints is None or self.pose_world_tcp is None:

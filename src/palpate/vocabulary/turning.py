@@ -117,8 +117,7 @@ class _Turning(Primitive):
         return found
 
     def _ends(self, state: SymbolicState) -> Iterator[Pose]:
-        here = state.pose_world_tcp
-        assert here is not None
+        here = state.tcp
         for turn in self.turns(state):
             yield Pose.of(here.position, turned(here.quaternion, turn[None])[0])
 
@@ -139,8 +138,7 @@ class _Turning(Primitive):
 
     def _turn(self, blackboard: Blackboard, hold: float, dwell: float) -> Generator[None]:
         """Turn to each extreme rotation, and rest for `hold` s, then back, and rest for `dwell` s."""
-        here = blackboard.state.pose_world_tcp
-        assert here is not None
+        here = blackboard.state.tcp
         for pose in (*self._ends(blackboard.state), here):
             blackboard.robot.move_pose(pose, blackboard.scene.arm.pace.speed)
             yield from finish(blackboard)
@@ -193,8 +191,7 @@ class Tilt(_Turning):
     def _straightening(self, state: SymbolicState) -> Iterator[Violation]:
         """Violation: the wrist would come so near to straight that joint friction is taken for a
         collision."""
-        scene, here = state.scene, state.pose_world_tcp
-        assert here is not None
+        scene, here = state.scene, state.tcp
         most = PRETENDED * scene.arm.limits.reflexes.free.torque
         for turn in self.turns(state):
             steps = math.ceil(float(np.linalg.norm(turn)) / STEP)
@@ -234,9 +231,7 @@ class Turn(_Turning):
     ] = 90.0
 
     def turns(self, state: SymbolicState) -> list[Array]:
-        assert state.pose_world_tcp is not None
-        upward = state.pose_world_tcp.rotation[2]
-        return [math.radians(self.degrees) * upward]
+        return [math.radians(self.degrees) * state.tcp.rotation[2]]
 
     def requires(self, state: SymbolicState) -> list[Violation]:
         return super().requires(state) or [*self._bending(state)]
@@ -284,8 +279,7 @@ class Swing(_Turning):
 
     def _too_fast(self, state: SymbolicState) -> Iterator[Violation]:
         """Violation: a joint would exceed its speed."""
-        scene, here = state.scene, state.pose_world_tcp
-        assert here is not None
+        scene, here = state.scene, state.tcp
         shapes = solids(scene)
         q = shapes.configuration(here)
         if q is None:

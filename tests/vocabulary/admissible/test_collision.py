@@ -1,4 +1,4 @@
-"""What a motion from a touch may pass: where the hand has just been, whatever was believed to be there."""
+"""Collisions of a motion away from a touch: the way back is free whatever was believed."""
 
 from __future__ import annotations
 

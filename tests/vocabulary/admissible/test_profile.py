@@ -1,4 +1,4 @@
-"""Where the arm goes slowly: near things, by belief, and the same way with an object as without."""
+"""Motion profile: slow near things, by belief, and the same with an object as without."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Whether the arm has room in a scene at all."""
+"""Room for the arm in a scene."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is let go of stays where it is: support polygons, edges, stacks and leaning."""
+"""Stability of a released object: support polygons, edges, stacks and leaning."""
 
 from __future__ import annotations
 

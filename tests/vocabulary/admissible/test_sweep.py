@@ -1,4 +1,4 @@
-"""What a motion comes near: shares of a straight way, and what is hit on it."""
+"""Sweep of a motion: its shares near things, and its hits."""
 
 from __future__ import annotations
 

@@ -98,9 +98,7 @@ def _straddled(before: SymbolicState, start: Pose, end: Pose) -> tuple[str | Non
 def _sideways(before: SymbolicState, after: SymbolicState, strict: bool) -> Iterator[Violation]:
     """Violation: the fingers push an object that they enter or leave; `strict`: vertical motion near
     any object."""
-    start, end, bent = before.pose_world_tcp, after.pose_world_tcp, after.is_bent
-    assert start is not None
-    assert end is not None
+    start, end, bent = before.tcp, after.tcp, after.is_bent
     left, entered = _straddled(before, start, end)
     near = left or entered or before.contact
     if before.lifted != after.lifted:

@@ -57,7 +57,6 @@ class Footing:
         tops: tops under its outline, at any height below.
     """
 
-    name: str
     bottom: float
     outline: Array
     face: Array
@@ -118,7 +117,7 @@ def _footing(shapes: Solids, state: SymbolicState, name: str, pose: Pose) -> Foo
         top = Top(owner, hull(slab(part, height - FACE, height)), height)
         if len(clipped(outline, top.outline)) > 2:
             tops.append(top)
-    return Footing(name, bottom, outline, face, tuple(tops))
+    return Footing(bottom, outline, face, tuple(tops))
 
 
 def _others(shapes: Solids, state: SymbolicState, name: str) -> Iterator[tuple[str, Shape, Pose]]:
