@@ -8,14 +8,23 @@ from functools import partial
 
 import numpy as np
 
-from palpate.geometry.pose import Array
+from palpate.geometry.pose import Array, Pose
 from palpate.robots.accuracy import turned_round
 from palpate.robots.reflex import Reflex, Reflexes
 from palpate.vocabulary.admissible.grasp import most_sideways
-from palpate.vocabulary.admissible.profile import GUARDED_SPEED, POSE_ERROR, Span, leaves
+from palpate.vocabulary.admissible.profile import GUARDED_SPEED, POSE_ERROR, Span, leaves, speed
 from palpate.vocabulary.base import Blackboard, LeafFailure
 from palpate.vocabulary.load import BREAKAWAY, ROUGHEST, UNFELT, Load
-from palpate.vocabulary.touch import MET, WrenchFilter, guarded, in_words, median_wrench, settle
+from palpate.vocabulary.touch import (
+    BRIEF,
+    MET,
+    WrenchFilter,
+    finish,
+    guarded,
+    in_words,
+    median_wrench,
+    settle,
+)
 
 SET_DOWN = 10.0
 """N that a held object presses on its support, besides its weight, when it counts as set down."""
@@ -132,22 +141,34 @@ def _is_borne(load: Load, filtered: WrenchFilter) -> bool:
     return load.hanging is None or load.relieved(wrench) > UNFELT + PRESSES
 
 
-def reflex_sliding(blackboard: Blackboard) -> Reflex:
-    """Thresholds of the arm's reflex on a slide: more than the roughest support resists with is a
-    collision."""
-    contact = blackboard.robot.limits.reflexes.contact
-    normal = PEAK * max(force for _, force, _ in PRESSED) + _weight(blackboard)
-    return replace(contact, sideways=BREAKAWAY * ROUGHEST * normal + MET)
-
-
-def lowered(blackboard: Blackboard, way: Array, force: float) -> float:
-    """m by which the equilibrium is lowered on a slide along `way` (3,): it presses with `force`, N,
-    or less where dragging would turn the object between the pads; at most half of its weight is taken
-    off its support."""
-    load, stiffness = blackboard.load, blackboard.scene.arm.stiffness.translation
-    bearable = FIRMLY * most_sideways(blackboard.state, way) / load.rough
-    spare = bearable - _weight(blackboard)
-    return min(force, max(spare, -0.5 * load.weight)) / stiffness
+def slide(blackboard: Blackboard, target: Pose, most: float) -> Generator[None]:
+    """Drag the held object along its support to a pose at `most` m/s, pressed lightly, firmly, and
+    lightly again."""
+    robot = blackboard.robot
+    start, weight = robot.state.target_world_tcp, _weight(blackboard)
+    # More force than the roughest support resists with is a collision.
+    normal = PEAK * max(force for _, force, _ in PRESSED) + weight
+    sideways = BREAKAWAY * ROUGHEST * normal + MET
+    robot.set_reflex(replace(robot.limits.reflexes.contact, sideways=sideways))
+    way = target.position - start.position
+    safe = max(CONTACT_SPEED, speed(Span(start, target, True), blackboard.scene))
+    fastest = min(safe, most)
+    for share, force, pace in PRESSED:
+        # Dragged harder, the object would turn between the pads: then press less, down to taking
+        # half of its weight off its support.
+        load = blackboard.load
+        bearable = FIRMLY * most_sideways(blackboard.state, way) / load.rough
+        pressed = min(force, max(bearable - weight, -0.5 * load.weight))
+        down = pressed / blackboard.scene.arm.stiffness.translation
+        here = Pose(start.position + share * way - [0.0, 0.0, down], target.quaternion)
+        robot.move_pose(here, min(pace, fastest))
+        wrench = yield from drag(blackboard)
+        if share > 0.0:
+            blackboard.load = blackboard.load.dragged(wrench)
+        yield from settle(blackboard, BRIEF)
+    robot.move_pose(target, min(CONTACT_SPEED, fastest))
+    yield from finish(blackboard)
+    yield from settle(blackboard)
 
 
 def drag(blackboard: Blackboard) -> Generator[None, None, Array]:

@@ -17,21 +17,11 @@ from palpate.quantities.estimators import estimate_all
 from palpate.robots.accuracy import doubt
 from palpate.robots.safety import Expectation
 from palpate.scene.raised import beyond
-from palpate.vocabulary.admissible.profile import POSE_ERROR, Span, spans, speed, stretches
+from palpate.vocabulary.admissible.profile import POSE_ERROR, spans, stretches
 from palpate.vocabulary.admissible.reach import beyond_joint_limits, out_of_reach
 from palpate.vocabulary.admissible.support import clear_of_support, slides, would_be_dragged
 from palpate.vocabulary.base import ARM, Blackboard, LeafFailure, Primitive, Steps, Surroundings
-from palpate.vocabulary.guarding import (
-    CONTACT_SPEED,
-    PRESSED,
-    drag,
-    follow_free,
-    follow_guarded,
-    lower,
-    lowered,
-    reflex_sliding,
-    span_reflex,
-)
+from palpate.vocabulary.guarding import follow_free, follow_guarded, lower, slide, span_reflex
 from palpate.vocabulary.load import UNFELT
 from palpate.vocabulary.state import HOME_CONFIG, SymbolicState, pose_of_joints
 from palpate.vocabulary.touch import BRIEF, DWELL, MEDIAN_TIME, finish, median_wrench, settle
@@ -132,7 +122,7 @@ class MovePose(Primitive):
     def run(self, blackboard: Blackboard) -> Steps:
         target = self.target(blackboard.state)
         if blackboard.state.activity == "sliding":
-            yield from self._slide(blackboard, target)
+            yield from slide(blackboard, target, self.speed or np.inf)
             message = self._arrived(blackboard, target)
         else:
             message = yield from self._go(blackboard, target)
@@ -175,26 +165,6 @@ class MovePose(Primitive):
                 f"'{self.pose}': something else is there"
             )
         return f"set down {1e3 * early:.1f} mm early"
-
-    def _slide(self, blackboard: Blackboard, target: Pose) -> Generator[None]:
-        """Drag the held object along its support: pressed lightly, firmly, and lightly again."""
-        robot = blackboard.robot
-        robot.set_reflex(reflex_sliding(blackboard))
-        start = robot.state.target_world_tcp
-        way = target.position - start.position
-        safe = max(CONTACT_SPEED, speed(Span(start, target, True), blackboard.scene))
-        fastest = min(safe, self.speed or np.inf)
-        for share, force, pace in PRESSED:
-            down = lowered(blackboard, way, force)
-            here = Pose(start.position + share * way - [0.0, 0.0, down], target.quaternion)
-            robot.move_pose(here, min(pace, fastest))
-            wrench = yield from drag(blackboard)
-            if share > 0.0:
-                blackboard.load = blackboard.load.dragged(wrench)
-            yield from settle(blackboard, BRIEF)
-        robot.move_pose(target, min(CONTACT_SPEED, fastest))
-        yield from finish(blackboard)
-        yield from settle(blackboard)
 
     def _arrived(self, blackboard: Blackboard, target: Pose) -> str:
         """Distance of the arm from its target, in words.
