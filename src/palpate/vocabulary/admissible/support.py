@@ -8,7 +8,6 @@ the face is its support polygon; the object is stable with its centre of mass ov
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -18,7 +17,7 @@ from palpate.errors import InputError
 from palpate.geometry.outline import rim, slab
 from palpate.geometry.polygon import clipped, depth, hull
 from palpate.geometry.pose import Array, Pose
-from palpate.vocabulary.admissible.solids import ORIGIN, Shape, Solids, solids
+from palpate.vocabulary.admissible.solids import ORIGIN, Solids, solids
 from palpate.vocabulary.state import SymbolicState
 from palpate.vocabulary.violation import PRECONDITION, Violation
 
@@ -105,7 +104,12 @@ def _footing(shapes: Solids, state: SymbolicState, name: str, pose: Pose) -> Foo
     outline = hull(rim(points[:, :2]))
     low, high = outline.min(axis=0), outline.max(axis=0)
     tops: list[Top] = []
-    for owner, shape, place in _others(shapes, state, name):
+    others = [(shapes.owners[shape.geom], shape, ORIGIN) for shape in shapes.fixed]
+    for other in state.scene.objects:
+        if other not in (name, state.holding):
+            place = state.pose_of(other)
+            others += [(other, shape, place) for shape in shapes.objects[other]]
+    for owner, shape, place in others:
         reach = float(shapes.radii[shape.geom]) or np.inf
         middle = place.apply(shape.position)[:2]
         if (middle + reach < low).any() or (middle - reach > high).any():
@@ -118,16 +122,6 @@ def _footing(shapes: Solids, state: SymbolicState, name: str, pose: Pose) -> Foo
         if len(clipped(outline, top.outline)) > 2:
             tops.append(top)
     return Footing(bottom, outline, face, tuple(tops))
-
-
-def _others(shapes: Solids, state: SymbolicState, name: str) -> Iterator[tuple[str, Shape, Pose]]:
-    """Shapes other than those of object `name` and of the held one, with owner and its pose."""
-    for shape in shapes.fixed:
-        yield shapes.owners[shape.geom], shape, ORIGIN
-    for other in state.scene.objects:
-        if other not in (name, state.holding):
-            for shape in shapes.objects[other]:
-                yield other, shape, state.pose_of(other)
 
 
 def clear_of_support(state: SymbolicState, name: str, pose_world_object: Pose) -> bool:
