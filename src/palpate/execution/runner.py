@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import math
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Literal, Protocol
 
@@ -180,11 +180,7 @@ class Loop:
         s."""
         if self.start is None:
             self.start = self.now = self.blackboard.robot.state.t
-        until = self.now + budget
-        for _ in range(math.ceil(budget / self.tick_period)):
-            if self.now >= until:
-                break  # a real robot's clock advances by more than a tick
-            self.advance()
+        for _ in self.ticks(budget):
             if reason := asked():
                 return reason
             root.tick_once()
@@ -197,6 +193,16 @@ class Loop:
                 failed = next(leaf for leaf in leaves if leaf.status == "FAILURE")
                 return f"{failed.label}: {failed.message}"
         return f"not done after {budget:g} s of robot time, the budget of a run"
+
+    def ticks(self, seconds: float) -> Iterator[None]:
+        """Advance tick by tick for `seconds` of robot time."""
+        until = self.now + seconds
+        # A clock that stands still ends it, too; a real robot's advances by more than a tick.
+        for _ in range(math.ceil(seconds / self.tick_period)):
+            if self.now >= until:
+                return
+            self.advance()
+            yield
 
     def interrupted(self) -> str | None:
         """Reason of a first signal, which asks for a controlled stop."""
@@ -304,11 +310,7 @@ class Loop:
                 return
 
     def rest(self) -> None:
-        until = self.now + STOP_SECONDS
-        for _ in range(math.ceil(STOP_SECONDS / self.tick_period)):
-            if self.now >= until:
-                return
-            self.advance()
+        for _ in self.ticks(STOP_SECONDS):
             self.show()
             state = self.blackboard.robot.state
             if self.hurried() or not (state.moving or state.gripper_moving):
