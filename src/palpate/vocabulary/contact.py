@@ -188,7 +188,11 @@ class MoveUntilContact(Primitive):
                 firm = self.axis == "-z" and contact.depth() < SOFT_DEPTH
                 yield from settle(blackboard)
                 if firm and abs(_tilt(robot.state) - upright) > ASKEW:
-                    yield from self._press(blackboard, contact)
+                    # Press firmly, until the other finger is in contact too, and lightly again.
+                    robot.move_axis(self.direction, PROBE_SPEED, PROBE_TRAVEL)
+                    yield from guarded(blackboard, lambda: contact.exceeds(FIRM_FORCE))
+                    yield from settle(blackboard, BRIEF)
+                    yield from self._ease(blackboard, contact)
                 # A hand in contact must stay clear of the limit of an unexpected force.
                 elif np.linalg.norm(robot.state.contact[:3]) > robot.limits.free_force - REPEATABLE:
                     yield from self._ease(blackboard, contact)
@@ -197,13 +201,6 @@ class MoveUntilContact(Primitive):
             f"nothing touched within {PROBE_TRAVEL:.2f} m along {self.axis}; "
             "start nearer, or probe another direction"
         )
-
-    def _press(self, blackboard: Blackboard, contact: _Contact) -> Generator[None]:
-        """Press firmly, until the other finger is in contact too, and lightly again."""
-        blackboard.robot.move_axis(self.direction, PROBE_SPEED, PROBE_TRAVEL)
-        yield from guarded(blackboard, lambda: contact.exceeds(FIRM_FORCE))
-        yield from settle(blackboard, BRIEF)
-        yield from self._ease(blackboard, contact)
 
     def _ease(self, blackboard: Blackboard, contact: _Contact) -> Generator[None]:
         """Retreat until the hand presses lightly."""

@@ -82,11 +82,6 @@ class Footing:
         """m down to the highest top below it; inf where there is none."""
         return self.bottom - max((top.height for top in self.tops), default=-np.inf)
 
-    def is_over_carriers(self) -> bool:
-        """True if its whole outline is over its carriers, with `EDGE` to spare."""
-        tops = [top.outline for top in self.carriers]
-        return all(max(depth(top, corner) for top in tops) >= EDGE for corner in self.outline)
-
 
 def footing(state: SymbolicState, name: str, pose_world_object: Pose) -> Footing:
     """Footing of an object at a pose, among everything else that is not held."""
@@ -149,7 +144,9 @@ def stable(state: SymbolicState, name: str, pose_world_object: Pose) -> str | No
         if there.gap > 0:
             return f"it would fall by {there.gap:.3f} m"
         return f"it would be pressed {-there.gap:.3f} m into what is below it"
-    if there.is_over_carriers() or _is_balanced(state, name, pose_world_object, there):
+    outlines = [top.outline for top in there.carriers]
+    inside = (max(depth(outline, corner) for outline in outlines) for corner in there.outline)
+    if all(edge >= EDGE for edge in inside) or _is_balanced(state, name, pose_world_object, there):
         return _unstable_carrier(state, name, pose_world_object, there)
     carriers = " and ".join(f"'{owner}'" for owner in there.owners)
     return f"it would tip over the edge of {carriers}"
