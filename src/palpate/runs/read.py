@@ -13,8 +13,8 @@ import numpy as np
 from palpate import __version__
 from palpate.errors import InputError
 from palpate.estimation.estimate import Estimate, Part, Shared
-from palpate.execution.held import Held
 from palpate.execution.rehearsal import Rehearsal
+from palpate.execution.stop import Held
 from palpate.geometry.pose import Array
 from palpate.mjcf.document import read_text
 from palpate.parameter import Parameter

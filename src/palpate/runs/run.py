@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Literal
 
 from palpate.errors import InputError
 from palpate.estimation.estimate import Estimate
-from palpate.execution.held import Held
+from palpate.execution.stop import Held
 from palpate.parameter import Parameter
 from palpate.planning.check.check import Finding
 from palpate.planning.plan import Plan

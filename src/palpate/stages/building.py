@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from palpate.beside import Beside
 from palpate.callbacks import SILENT, RunCallbacks
 from palpate.cells.cell import Cell
-from palpate.execution.part import part_of
+from palpate.execution.build import part_of
 from palpate.interrupt import interrupts
 from palpate.planning.plan import Plan
 from palpate.runs.run import Run

@@ -28,10 +28,8 @@ from palpate.vocabulary.base import (
 from palpate.vocabulary.state import SymbolicState
 from palpate.vocabulary.violation import PRECONDITION, Violation
 
-FORCE_WINDOW = 1.0
-"""s: 1000 torque samples bring the white noise of a force below 10 mN."""
-POSE_WINDOW = 0.3
-"""s."""
+FORCE_WINDOW = 1.0  # s: 1000 torque samples bring the white noise of a force below 10 mN
+POSE_WINDOW = 0.3  # s
 
 
 class _Sensing(Primitive):
