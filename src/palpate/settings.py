@@ -13,7 +13,7 @@ from palpate.errors import InputError, unknown_name
 from palpate.execution.recovery import OnFailure
 from palpate.planning.model.settings import Budget, ModelSettings
 from palpate.planning.planner import MAX_REQUEST
-from palpate.quantities.precision.within import Within
+from palpate.quantities.within import Within
 from palpate.robots.registry import DEFAULT, load_description
 
 if TYPE_CHECKING:

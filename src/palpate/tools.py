@@ -22,7 +22,7 @@ from palpate.planning.model.settings import Budget, ModelSettings
 from palpate.planning.recorded import load_proposal, plan_file
 from palpate.planning.registry import planners
 from palpate.quantities.catalogue import catalogue
-from palpate.quantities.precision.within import Within
+from palpate.quantities.within import Within
 from palpate.robots.owner.registered import own_arm
 from palpate.robots.registry import DEFAULT, load_description
 from palpate.scaffold.folder import POSES, SCENE, Scaffold, new_scene, written

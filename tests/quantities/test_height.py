@@ -1,4 +1,4 @@
-"""Height: rigid tables, cloths on them, cushions, slopes, and what lies under one finger."""
+"""Height and tilt: rigid tables, cloths on them, cushions, slopes, and things under one finger."""
 
 from dataclasses import replace
 
@@ -8,7 +8,10 @@ from recordings import HAND
 
 from palpate.geometry.pose import Pose
 from palpate.parameter import Parameter
-from palpate.quantities.height import estimate_height
+from palpate.planning.nodes import leaves
+from palpate.planning.symbolic.planner import SymbolicPlanner
+from palpate.quantities.height import estimate_height, estimate_tilt
+from palpate.scene.load import parse_scene
 from palpate.trace.recording import Context as Where
 from palpate.trace.recording import Recording
 
@@ -343,3 +346,53 @@ def test_no_descent_is_an_error(bench, noises):
     recording = Recording("gripper_pose", 0.1, 0.3, Where("contact", support="table"))
     with pytest.raises(ValueError, match="no guarded descent"):
         estimated(b, recording)
+
+
+TILT = Parameter("table", "tilt")
+TILTED_SPOTS = ((0.45, -0.05), (0.55, -0.05), (0.45, 0.05))
+SCENE = """<mujoco><worldbody>
+  <site name="robot_base"/>
+  <body name="table" pos="0.5 0 ?"><geom type="box" size=".4 .5 .02"/></body>
+  <body name="can" pos="0.5 -0.15 0.05"><freejoint/><geom type="cylinder" size=".03 .05"/></body>
+</worldbody></mujoco>"""
+
+
+def touch_tilted(bench, noise, spots, slope, seed=0):
+    """One touch a spot of a table that rises by `slope` along x and y."""
+    b = bench(noise, seed)
+    for x, y in spots:
+        top = TABLE + slope[0] * (x - 0.5) + slope[1] * y
+        b.go("table_approach", (x, y, 0.32))
+        b.descend(lambda z, top=top: max(0.0, top - z) * 4e4, "table")
+    return estimate_tilt(b.trace(), TILT, None)
+
+
+@pytest.mark.parametrize("slope", [(0.0, 0.0), (0.01, 0.0), (-0.02, 0.015)])
+@pytest.mark.parametrize("noise", ["none", "lab", "datasheet"])
+def test_three_touches_measure_the_tilt_of_a_table(bench, noises, noise, slope):
+    found = touch_tilted(bench, noises[noise], TILTED_SPOTS, slope)
+    assert found.verdict == "identified"
+    assert found.values == pytest.approx(slope, abs=1e-3)
+    assert np.abs(found.z_score(slope)).max() < 3.0
+    assert found.parts["angle"].value == pytest.approx(np.hypot(*slope), abs=1.5e-3)
+
+
+@pytest.mark.parametrize("spots", [TILTED_SPOTS[:2], ((0.45, 0.0), (0.5, 0.0), (0.55, 0.0))])
+def test_touches_in_line_measure_no_tilt(bench, noises, spots):
+    found = touch_tilted(bench, noises["lab"], spots, (0.01, 0.0))
+    assert found.verdict == "not identified"
+    assert "not in line" in found.method
+
+
+def test_a_plan_for_a_tilt_touches_three_spots():
+    scene = parse_scene(SCENE)
+    plan = SymbolicPlanner().plan("how much is the table tilted?", scene)
+    assert plan.parameters == (TILT,)
+    kinds = [leaf.type for _, leaf in leaves(plan.tree)]
+    assert kinds.count("MoveUntilContact") == kinds.count("MeasureGripperPose") == 3
+
+
+def test_a_plan_for_a_height_touches_once():
+    plan = SymbolicPlanner().plan("how high is the table?", parse_scene(SCENE))
+    kinds = [leaf.type for _, leaf in leaves(plan.tree)]
+    assert kinds.count("MoveUntilContact") == 1

@@ -10,7 +10,7 @@ from palpate.parameter import Parameter
 from palpate.planning.request.grounding import ground
 from palpate.planning.symbolic.planner import SymbolicPlanner
 from palpate.quantities.estimators import estimate_all
-from palpate.quantities.shape.size import Size, estimate_size
+from palpate.quantities.size import Size, estimate_size
 from palpate.scene.load import parse_scene
 from palpate.twin.inject import inject
 

@@ -7,7 +7,7 @@ import pytest
 from palpate.errors import InputError
 from palpate.estimation.estimate import Estimate, Shared, not_identified
 from palpate.parameter import Parameter
-from palpate.quantities.precision.within import Within, shown
+from palpate.quantities.within import Within, shown
 
 BOTTLE = Parameter("bottle.mass")
 

@@ -15,7 +15,7 @@ from palpate.api.scenes import Scene, load
 from palpate.callbacks import SILENT, RunCallbacks, quiet
 from palpate.planning.model.settings import ModelSettings
 from palpate.planning.planner import Planner
-from palpate.quantities.precision.within import Within
+from palpate.quantities.within import Within
 from palpate.robots.registry import DEFAULT
 from palpate.settings import Settings
 

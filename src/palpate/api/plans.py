@@ -17,7 +17,7 @@ from palpate.execution.recovery import OnFailure
 from palpate.planning.check.check import Finding
 from palpate.planning.plan import Plan as InnerPlan
 from palpate.planning.planner import Planner
-from palpate.quantities.precision.within import Within
+from palpate.quantities.within import Within
 from palpate.robots.owner.registered import own_arm
 from palpate.runs.run import Run as InnerRun
 from palpate.scene.load import parse_scene

@@ -11,7 +11,7 @@ from palpate.api.plans import Plan, plan_of
 from palpate.display import table
 from palpate.planning.model.settings import ModelSettings
 from palpate.planning.planner import Planner
-from palpate.quantities.precision.within import Within
+from palpate.quantities.within import Within
 from palpate.robots.owner.registered import own_arm
 from palpate.robots.registry import DEFAULT
 from palpate.scene.load import load_scene, parse_scene

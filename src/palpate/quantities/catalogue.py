@@ -11,16 +11,14 @@ from palpate.extensions import extensions, public
 from palpate.parameter import Parameter
 from palpate.quantities.com import CentreOfMass, CentreOfMassInSpace
 from palpate.quantities.friction import Friction
-from palpate.quantities.height import Height
+from palpate.quantities.height import Height, Tilt
 from palpate.quantities.inertia import Inertia
 from palpate.quantities.mass import Mass
-from palpate.quantities.momentum import Momentum
+from palpate.quantities.motion import Momentum, Velocity
 from palpate.quantities.position import Position
 from palpate.quantities.quantity import Piece, Quantity
-from palpate.quantities.shape.size import Size
-from palpate.quantities.shape.tilt import Tilt
+from palpate.quantities.size import Size
 from palpate.quantities.stiffness import Stiffness
-from palpate.quantities.velocity import Velocity
 from palpate.trace.recording import Context
 
 GROUP = "palpate.quantities"

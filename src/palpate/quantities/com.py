@@ -22,8 +22,7 @@ from palpate.mjcf.inertial.written import Statement
 from palpate.mjcf.roles.elements import Elements
 from palpate.parameter import Parameter
 from palpate.quantities.contacts import tied_to
-from palpate.quantities.evidence import Evidence
-from palpate.quantities.quantity import Logged, Prior, Quantity, Status, Values
+from palpate.quantities.quantity import Evidence, Logged, Prior, Quantity, Status, Values
 from palpate.trace.samples import FORCES, Trace
 
 UNIT = "m"

@@ -26,8 +26,7 @@ from palpate.mjcf.edits import Edit, Slot, number
 from palpate.mjcf.roles.elements import Elements
 from palpate.parameter import Parameter
 from palpate.quantities.contacts import highest_priority, pair_friction, what_decides
-from palpate.quantities.evidence import Evidence
-from palpate.quantities.quantity import Prior, Quantity, Status, Values
+from palpate.quantities.quantity import Evidence, Prior, Quantity, Status, Values
 from palpate.trace.recording import Recording
 from palpate.trace.samples import FORCES, Trace
 

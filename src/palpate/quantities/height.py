@@ -22,12 +22,11 @@ from palpate.mjcf.edits import Edit, Slot, number
 from palpate.mjcf.roles.elements import Elements, half_height_index
 from palpate.mjcf.shapes import RESTING
 from palpate.parameter import Parameter
-from palpate.quantities.evidence import Evidence
-from palpate.quantities.quantity import Prior, Quantity, Status, Values
+from palpate.quantities.quantity import Evidence, Prior, Quantity, Status, Values
 from palpate.trace.recording import Hand
 from palpate.trace.samples import POSE, Trace
 
-UNIT = "m"
+UNIT, TILT_UNIT = "m", "rad"
 
 PLACEHOLDER = 0.01
 """m: stands for an unknown half height while the scene's shapes are compiled."""
@@ -280,3 +279,74 @@ def _method(found: Sequence[Touch], plane: Plane) -> str:
     if plane.tilt is None:
         return f"{text}."
     return f"{text}; the plane through them leans by {np.degrees(plane.tilt[0]):.2f}°."
+
+
+class Tilt(Quantity):
+    """Rise of a surface over world x and over world y. What the twin has of it stands in
+    `<custom>`."""
+
+    id = "tilt"
+    unit = TILT_UNIT
+    subject = "surface"
+    words: ClassVar = {
+        "en": ("tilt", "tilted", "slope", "inclination", "inclined", "lean", "levelness"),
+        "de": ("neigung",),
+        "es": ("inclinación",),
+        "fr": ("inclinaison",),
+        "it": ("inclinazione",),
+    }
+    size = 2
+    evidence = (
+        Evidence(
+            POSE,
+            "MoveUntilContact -z over three free spots at least 50 mm apart and not in line, each with "
+            "MeasureGripperPose",
+            activity=("contact",),
+            distinct="place",
+            count=3,
+        ),
+    )
+    derived = True
+    estimators: ClassVar = {"plane": "palpate.quantities.height:estimate_tilt"}
+
+
+def estimate_tilt(trace: Trace, parameter: Parameter, body: Body | None) -> Estimate:
+    """Tilt of a surface from the plane through all its touches; `parts`: `angle` from level.
+
+    Raises:
+        ValueError: a recording holds no samples, or no guarded descent comes before it.
+    """
+    recordings = tuple(probes(trace, parameter))
+    touches = touches_of(trace, recordings)
+    plane = _plane(touches, trace)
+    if plane is None or plane.tilt is None or plane.slope is None or plane.slope_std is None:
+        few = (
+            f"{parameter.object} was touched at {len(touches)} spots; three that are {1e3 * tuning.APART:.0f} "
+            "mm apart and not in line show how it leans."
+        )
+        return not_identified(parameter, TILT_UNIT, few, recordings)
+    return Estimate.normal(
+        parameter,
+        TILT_UNIT,
+        plane.slope,
+        plane.slope_std,
+        f"The plane through {len(touches)} touches leans by {np.degrees(plane.tilt[0]):.2f}°.",
+        recordings,
+        parts={"angle": Part(*plane.tilt)},
+        tests=tuple(_tilt_tests(touches, plane)),
+    )
+
+
+def _plane(touches: Sequence[Touch], trace: Trace) -> Plane | None:
+    if not touches:
+        return None
+    spots = np.array([touch.spot for touch in touches])
+    stds = [touch.height_std(trace.hand) for touch in touches]
+    return fit_plane(spots, [touch.height for touch in touches], stds)
+
+
+def _tilt_tests(touches: Sequence[Touch], plane: Plane) -> Iterator[FitTest]:
+    yield max(touches, key=lambda touch: touch.at_most).firm()
+    if plane.freedom:
+        finding = "The touches do not lie in one plane: something lies on it, or it is not plane."
+        yield chi_squared("touch against touch", plane.misfit, plane.freedom, finding)

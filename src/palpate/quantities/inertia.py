@@ -25,8 +25,7 @@ from palpate.mjcf.roles.elements import Elements
 from palpate.mjcf.whole import whole
 from palpate.parameter import Parameter
 from palpate.quantities.contacts import tied_to
-from palpate.quantities.evidence import Evidence
-from palpate.quantities.quantity import Prior, Quantity, Status, Values
+from palpate.quantities.quantity import Evidence, Prior, Quantity, Status, Values
 from palpate.trace.samples import FORCES, Trace
 
 UNIT = "kg·m²"

@@ -22,9 +22,7 @@ from palpate.mjcf.inertial.written import Statement
 from palpate.mjcf.roles.elements import Elements
 from palpate.parameter import Parameter
 from palpate.quantities.contacts import tied_to
-from palpate.quantities.evidence import Evidence
-from palpate.quantities.precision.effort import Effort, Site
-from palpate.quantities.quantity import Prior, Quantity, Status, Values
+from palpate.quantities.quantity import Effort, Evidence, Prior, Quantity, Site, Status, Values
 from palpate.robots.pace import configuration
 from palpate.trace.samples import FORCES, Trace
 

@@ -17,8 +17,7 @@ from palpate.mjcf.document import UNKNOWN, has_unknown, label, tokens
 from palpate.mjcf.edits import Edit, Slot, number, unknown_only
 from palpate.mjcf.roles.elements import Elements
 from palpate.parameter import Parameter
-from palpate.quantities.evidence import Evidence
-from palpate.quantities.quantity import Prior, Quantity, Status, Values
+from palpate.quantities.quantity import Evidence, Prior, Quantity, Status, Values
 from palpate.trace.samples import POSE, Trace
 
 UNIT = "m"

@@ -22,9 +22,8 @@ from palpate.mjcf.edits import Change, Edit, Slot
 from palpate.mjcf.inertial.written import Statement
 from palpate.mjcf.roles.elements import Elements
 from palpate.parameter import Parameter
-from palpate.quantities.evidence import Evidence
-from palpate.quantities.precision.effort import Effort, Site
-from palpate.trace.recording import Context
+from palpate.robots.description import RobotDescription
+from palpate.trace.recording import Activity, Context
 from palpate.trace.samples import Trace
 
 Status = Literal["known", "missing", "assumed", "not applicable"]
@@ -40,6 +39,72 @@ Piece = tuple[int, str]
 """Index of a kind of evidence, and the key of one recording of it."""
 
 
+GRIPPER = "gripper"
+"""Subject of recordings with an empty gripper."""
+
+
+@dataclass(frozen=True, slots=True)
+class Evidence:
+    """Kind of recording from which a quantity is estimated.
+
+    Attributes:
+        buffer: what is logged.
+        how: how that is done, in words for prompts and explanations.
+        activity: what goes on meanwhile; anything when empty.
+        empty: whether it is made with an empty hand where it would hold the object.
+        holding: whether it is about the object held; otherwise it is about the surface touched, or
+            about what moves, held object or gripper.
+        distinct: what of the context tells several such recordings apart, the grasp or the place;
+            None when they are all alike.
+        count: how many different ones it takes.
+        better: how many different ones are worth having where they come easily.
+        place: X, of evidence that is recorded at `<object>_X`; anywhere when empty.
+        as_grasped: of what is held, it is recorded where that was grasped, or right above.
+        optional: it is recorded where the scene has room for it, and told without it.
+    """
+
+    buffer: str
+    how: str
+    activity: tuple[Activity, ...] = ()
+    holding: bool = False
+    distinct: Literal["grasp", "place"] | None = None
+    count: int = 1
+    better: int = 1
+    empty: bool = False
+    place: str = ""
+    as_grasped: bool = False
+    optional: bool = False
+
+    def about(self, context: Context) -> str | None:
+        """The object or surface that a recording made in `context` is evidence of; None when it is
+        none."""
+        if self.activity and context.activity not in self.activity:
+            return None
+        if self.empty:
+            return context.place_of if context.holding is None else None
+        if self.as_grasped and context.is_elsewhere:
+            return None
+        if self.holding:
+            subject = context.holding
+        elif context.activity == "contact":
+            subject = context.support
+        else:
+            subject = context.holding or GRIPPER
+        return subject if self._is_there(context, subject) else None
+
+    def _is_there(self, context: Context, subject: str | None) -> bool:
+        """The recording about `subject` is made at the required place."""
+        at = context.grasp if self.holding else context.at
+        return not self.place or (at or "").split(" ")[0] == f"{subject}_{self.place}"
+
+    def key(self, context: Context) -> str | None:
+        """Grasp or place that distinguishes a recording from others of its kind; empty where they
+        are all alike, None if unknown."""
+        if self.distinct is None:
+            return ""
+        return context.grasp if self.distinct == "grasp" else context.at
+
+
 @dataclass(frozen=True, slots=True)
 class Prior:
     """Prior of a quantity: independent normal components.
@@ -51,6 +116,43 @@ class Prior:
 
     mean: tuple[float, ...]
     std: tuple[float, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Effort:
+    """Attributes:
+    cycles: how often the object is taken, lifted and put back.
+    speed: m/s of the ways between grasp and lift, loaded and empty; None is as fast as is safe.
+    times: how often all of it is measured, one time after the other.
+    """
+
+    cycles: int = 1
+    speed: float | None = None
+    times: int = 1
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Site:
+    """Workplace of an object: arm, grasp and lift poses.
+
+    Attributes:
+        parameter: what the work is for.
+        arm: that works.
+        pose_world_base: where it stands.
+        grasp, above: poses of the TCP in the world, where the object is taken and lifted to.
+        believed: what is believed of the quantity, one number a component.
+        gravity: m/s², magnitude.
+        near_speed: m/s, the fastest near things.
+    """
+
+    parameter: Parameter
+    arm: RobotDescription
+    pose_world_base: Pose
+    grasp: Pose
+    above: Pose
+    believed: tuple[float, ...]
+    gravity: float
+    near_speed: float
 
 
 class Quantity:

@@ -15,8 +15,7 @@ from palpate.estimation.contact.touch import Touch, touches_of
 from palpate.estimation.estimate import Z95, Estimate, Part, Shared, not_identified
 from palpate.mjcf.body import Body
 from palpate.parameter import Parameter
-from palpate.quantities.evidence import Evidence
-from palpate.quantities.quantity import Quantity
+from palpate.quantities.quantity import Evidence, Quantity
 from palpate.trace.samples import POSE, Trace
 
 UNIT = "N/m"

@@ -11,7 +11,7 @@ import typer
 from palpate.errors import InputError
 
 if TYPE_CHECKING:
-    from palpate.quantities.precision.within import Within
+    from palpate.quantities.within import Within
 
 
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")]

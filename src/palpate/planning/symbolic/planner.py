@@ -27,8 +27,8 @@ from palpate.planning.symbolic.places import BALANCE
 from palpate.planning.symbolic.search import Backchainer
 from palpate.planning.symbolic.steps import TEMPORARY
 from palpate.quantities.catalogue import catalogue
-from palpate.quantities.precision.effort import Effort
-from palpate.quantities.precision.within import Within
+from palpate.quantities.quantity import Effort
+from palpate.quantities.within import Within
 from palpate.robots.kinematics import reachable
 from palpate.scene.raised import is_open, risen
 from palpate.scene.scene import Scene

@@ -39,7 +39,7 @@ from palpate.planning.symbolic.shortest import (
     shortest,
 )
 from palpate.planning.symbolic.steps import TEMPORARY, Step, nodes
-from palpate.quantities.precision.effort import Effort
+from palpate.quantities.quantity import Effort
 from palpate.scene.scene import Scene
 from palpate.vocabulary.admissible.clearance import blockers
 from palpate.vocabulary.admissible.solids import solids
