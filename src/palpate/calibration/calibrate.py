@@ -26,7 +26,7 @@ from palpate.robots.owner.config import (
     write_config,
 )
 from palpate.robots.owner.registered import require_same
-from palpate.settings import Settings, noise_told
+from palpate.settings import Settings, noise_source
 from palpate.trace.recording import Hand
 
 if TYPE_CHECKING:
@@ -144,7 +144,7 @@ def require_consistent(
             "a real arm needs a scene=D.xml that says where it, the weight and the gauges stand"
         )
     # An embedded arm is the same one if noise model and seed are.
-    simulated = (noise_told(settings.noise), settings.seed) if settings.robot is None else None
+    simulated = (noise_source(settings.noise), settings.seed) if settings.robot is None else None
     arm = settings.described_arm()
     require_same(arm.config, simulated)
     require_same(existing, simulated, f"'{out}'")
@@ -159,7 +159,7 @@ def merged(under: RobotConfig, session: Session) -> RobotConfig:
     update = {name: figure for name, figure in figures.items() if figure is not None}
     update |= {"arm": session.arm.name, "simulated": None}
     if settings.robot is None:
-        noise, visits = noise_told(settings.noise), session.visits
+        noise, visits = noise_source(settings.noise), session.visits
         update["simulated"] = Simulated(noise=noise, seed=settings.seed, visits=visits)
     return under.model_copy(update=update)
 
