@@ -48,7 +48,7 @@ def probe(bench, noise, surface, seed=0):
 @pytest.mark.parametrize(
     ("world", "tolerance"), [("none", 1e-5), ("lab", 3e-5), ("datasheet", 3e-5)]
 )
-def test_rigid_surface(bench, noises, world, tolerance):
+def test_height_of_a_rigid_surface(bench, noises, world, tolerance):
     for seed in range(5):
         found = probe(bench, noises[world], rigid, seed)
         assert found.values[0] == pytest.approx(TABLE, abs=tolerance)
@@ -70,12 +70,12 @@ def test_an_arm_that_nobody_has_gauged_says_so_and_what_to_do(bench, noises):
     assert unknown.stds[0] == pytest.approx(5e-3, rel=0.01)
 
 
-def test_penetration_is_corrected(bench, noises):
+def test_height_is_corrected_for_penetration(bench, noises):
     found = probe(bench, noises["none"], rigid)
     assert found.parts["penetration"].value == pytest.approx(8.0 / 4e4, rel=0.1)
 
 
-def test_pose_repeatability_enters_the_standard_deviation(bench, noises):
+def test_height_std_contains_the_pose_repeatability(bench, noises):
     assert probe(bench, noises["none"], rigid).stds[0] >= 1e-4
 
 
@@ -220,7 +220,7 @@ def test_a_mat_is_no_table_to_an_arm_whose_joints_rub(bench, noises, stiffness):
         assert "give" in found.contradiction
 
 
-def test_what_the_tips_give_way_is_not_the_surface(bench, noises):
+def test_compliance_of_the_tips_is_not_that_of_the_surface(bench, noises):
     """Rubber pads under a hand whose owner says so."""
     b = bench(noises["lab"])
     b.go("table_approach", (0.5, 0.0, 0.32))

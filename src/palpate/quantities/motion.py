@@ -40,10 +40,9 @@ class Velocity(Quantity):
 
 
 def estimate_velocity(trace: Trace, parameter: Parameter, body: Body | None) -> Estimate:
-    """Mean linear velocity of the TCP over the recording, world axes.
+    """Mean linear velocity of the TCP over the recording, world axes: displacement over duration.
 
-    It is the displacement over the duration; the mean of the sensed twist is in `parts` as `mean
-    twist x/y/z`, and `peak speed` beside it.
+    `parts` holds the mean of the sensed twist as `mean twist x/y/z`, and the `peak speed`.
 
     Raises:
         ValueError: the recording has fewer than two samples.
@@ -74,11 +73,7 @@ class Momentum(Quantity):
     id = "momentum"
     unit = MOMENTUM_UNIT
     subject = "gripper"
-    words: ClassVar = {
-        "en": ("momentum",),
-        "de": ("impuls",),
-        "fr": ("quantité de mouvement",),
-    }
+    words: ClassVar = {"en": ("momentum",), "de": ("impuls",), "fr": ("quantité de mouvement",)}
     size = 3
     evidence = (
         Evidence(
@@ -92,10 +87,8 @@ class Momentum(Quantity):
 
 
 def estimate_momentum(trace: Trace, parameter: Parameter, body: Body | None) -> Estimate:
-    """Mean momentum m v of the held object over the recording, world axes.
-
-    The mass comes from the loaded and empty passes and rests of the same trace, so it includes
-    nothing of the hand.
+    """Mean momentum m v of the held object over the recording, world axes. The mass is from the
+    loaded and empty passes and rests of the same trace, without the hand.
 
     Raises:
         ValueError: the recording has fewer than two samples.
@@ -105,7 +98,7 @@ def estimate_momentum(trace: Trace, parameter: Parameter, body: Body | None) -> 
         return not_measured(parameter, MOMENTUM_UNIT)
     velocity = mean_velocity(trace, recording)
     weight = weigh(trace, recording)
-    # Of a product of independent factors: the relative variances add, to first order.
+    # Product of independent factors: the relative variances add, to first order.
     std = np.hypot(weight.mass * velocity.std, weight.std * velocity.value)
     method = (
         "Mean velocity of the recording times the object's mass from the same trace "
@@ -117,8 +110,8 @@ def estimate_momentum(trace: Trace, parameter: Parameter, body: Body | None) -> 
         weight.mass * velocity.value,
         std,
         method,
-        (recording,),
-        weight.verdict,
-        {"mass": weight.part},
+        evidence=(recording,),
+        verdict=weight.verdict,
+        parts={"mass": weight.part},
         tests=weight.tests,
     )

@@ -1,21 +1,19 @@
-"""Size of an object: its three extents, from the finger opening at a grasp and a touch of its top."""
+"""Size of an object: its three extents, from the finger opening at a grasp and a touch of its top. In the file
+they are the `size` of its geoms, or the `scale` of its meshes."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import ClassVar
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from palpate.errors import InputError
 from palpate.estimation import tuning
-from palpate.estimation.agreement import FitTest
 from palpate.estimation.contact.descent import probes
-from palpate.estimation.contact.plane import fit_plane
-from palpate.estimation.contact.touch import Touch, touches_of
+from palpate.estimation.contact.touch import touches_of
 from palpate.estimation.estimate import Estimate, not_identified
 from palpate.estimation.windows import mean_pose
 from palpate.geometry.pose import Array, Pose
@@ -24,26 +22,30 @@ from palpate.mjcf.document import UNKNOWN, Element, has_unknown, label, tokens
 from palpate.mjcf.edits import Edit, Slot, number, unknown_only
 from palpate.mjcf.roles.elements import Elements
 from palpate.parameter import Parameter
+from palpate.quantities.height import plane_of
 from palpate.quantities.position import support_z
 from palpate.quantities.quantity import Evidence, Prior, Quantity, Status, Values
-from palpate.trace.recording import Hand, Recording
+from palpate.trace.recording import Recording
 from palpate.trace.samples import POSE, Trace
 
 UNIT = "m"
-
 HALF = 0.03
 """m: half of an extent that nobody states: two fingers of an ordinary hand reach around it."""
-
 LEAST = 0.005
-"""m: the middle of a thing is at least so far above what it stands on."""
-
+"""m: least height of the middle of an object above its support."""
 OFF = 0.1
-"""A hidden extent is at most this share off the believed one."""
-
+"""Largest relative deviation of a hidden extent from the believed one."""
 ROUND = frozenset(("cylinder", "sphere", "capsule"))
-"""Shapes that are as wide whichever way they are taken."""
-
+"""Shapes of the same width in all horizontal directions."""
 AXES = "xyz"
+RADII: Mapping[str, tuple[tuple[int, ...], ...]] = {
+    "box": ((0,), (1,), (2,)),
+    "ellipsoid": ((0,), (1,), (2,)),
+    "cylinder": ((0, 1), (2,)),
+    "capsule": ((0, 1), (2,)),
+    "sphere": ((0, 1, 2),),
+}
+"""Axes of a geom along which each number of its `size` lies, by type."""
 
 
 class Size(Quantity):
@@ -100,7 +102,7 @@ class Size(Quantity):
     estimators: ClassVar = {"touch": "palpate.quantities.size:estimate_size"}
 
     def needs(self, body: Body, bodies: Mapping[str, Body]) -> Iterator[Parameter]:
-        """The height of what it stands on, where nobody knows it."""
+        """Height of its support, where the file does not state it."""
         for other in bodies.values():
             if body.name in other.carries and "height" in other.missing:
                 yield Parameter(other.name, "height")
@@ -112,16 +114,16 @@ class Size(Quantity):
         return tuple(body.box()[1].tolist())
 
     def status(self, body: BodyDescription) -> Status:
-        """Missing where a `?` stands for it; else MJCF states it in its own way, by shapes."""
+        """Missing where a `?` stands for it; otherwise the shapes state it together."""
         return "missing" if open_extents(body).any() else "not applicable"
 
     def slots(self, elements: Elements) -> Iterator[Slot]:
-        """The numbers of a single shape that is centred where its body is."""
+        """Numbers of a single shape that is centred at its body's origin."""
         if is_one_shape(elements) and not has_unknown(elements.element, "pos", 2):
             yield Slot(elements.geoms[0], "size", str(HALF))
 
     def prior(self, body: BodyDescription, believed: Values) -> Prior:
-        """Prior: as high as fits between its middle and its support; as wide as a hand takes."""
+        """Prior: twice the height of its middle above its support; in width an ordinary grasp."""
         extents, is_open = body.box()[1], open_extents(body)
         mean = np.where(is_open, 2 * HALF, extents)
         std = np.where(is_open, tuning.EXTENT_PRIOR * mean, 0.0)
@@ -132,7 +134,7 @@ class Size(Quantity):
         return Prior(tuple(mean.tolist()), tuple(std.tolist()))
 
     def draw(self, body: Body, prior: Prior, random: np.random.Generator) -> tuple[float, ...]:
-        """Uniform within `OFF` sideways; supported objects keep their height."""
+        """Draw uniformly within `OFF` sideways; supported objects keep their height."""
         up = np.abs(body.pose_world.rotation[2]) > tuning.ALIGNED
         off = random.uniform(-OFF, OFF, 3) * (np.array(prior.std) > 0.0) * ~up
         return tuple((np.array(prior.mean) * (1.0 + off)).tolist())
@@ -140,12 +142,15 @@ class Size(Quantity):
     def write(
         self, body: BodyDescription, value: tuple[float, ...], std: float | None
     ) -> Iterator[Edit]:
-        """Into its shapes, which grow from the middle of what it stands on; a shape of open numbers
-        about its own."""
+        """Write into its shapes, scaled about the middle of its lower face; a shape with open numbers is
+        scaled about its own middle."""
         centre, extents = body.box()
         scale = np.array(value) / np.maximum(extents, 1e-9)
         if open_extents(body).any():
-            yield filled(body, body.elements.geoms[0], scale, std)
+            (geom,) = body.elements.geoms
+            turned = np.abs((body.pose_world.inverse() @ body.shapes.geom_pose(geom)).rotation)
+            numbers = scaled_numbers(body, geom, scale @ turned, std)
+            yield Edit(geom, "size", unknown_only(geom, "size", numbers))
             return
         if np.abs(scale - 1.0).max() < 1e-6:
             return
@@ -155,8 +160,7 @@ class Size(Quantity):
             yield from scaled(body, geom, scale, anchor, std)
 
 
-@dataclass(frozen=True, slots=True)
-class _Extent:
+class Extent(NamedTuple):
     """Measured extent along an axis of the object, m, with its standard deviation."""
 
     axis: int
@@ -167,65 +171,76 @@ class _Extent:
 def estimate_size(trace: Trace, parameter: Parameter, body: Body | None) -> Estimate:
     """Extents of an object from the finger opening at its grasps, and from a touch of its top.
 
-    An extent that nothing told stays as the scene has it, with its prior deviation, and the method
+    An extent without evidence stays as in the scene, with its prior standard deviation, and the method
     says so.
 
     Raises:
         ValueError: a recording holds no samples, or no guarded descent comes before it.
     """
-    name, held = parameter.object, _held(trace, parameter.object)
+    name = parameter.object
+    poses = [recording for recording in trace.recordings if recording.buffer == POSE]
+    held = [recording for recording in poses if recording.context.holding == name]
     touches = touches_of(trace, probes(trace, parameter))
     if body is None or not (held or touches):
-        return not_identified(parameter, UNIT, f"Nothing was recorded that tells of '{name}'.")
-    found = [*_widths(trace, held, body), *_heights(trace, touches, body)]
+        return not_identified(parameter, UNIT, f"No recording is evidence of the size of '{name}'.")
+    found = list(widths(trace, held, body))
+    upright = np.flatnonzero(np.abs(body.pose_world.rotation[2]) > tuning.ALIGNED)
+    if touches and len(upright):
+        top, below = plane_of(touches, trace.hand), support(trace, body)
+        std = float(np.hypot(top.std, below[1]))
+        found.append(Extent(int(upright[0]), top.height - below[0], std))
     if not found:
-        why = f"'{name}' was touched across its own axes only, along which its size is told."
+        why = f"'{name}' was touched only at an angle to its own axes, along which its size is stated."
         return not_identified(parameter, UNIT, why, tuple(held))
     value, std = body.size.copy(), tuning.EXTENT_PRIOR * body.size
     for axis in range(3):
-        told = [extent for extent in found if extent.axis == axis]
-        if told:
-            weights = np.array([extent.std for extent in told]) ** -2.0
-            value[axis] = np.average([extent.value for extent in told], weights=weights)
-            std[axis] = max(float(weights.sum() ** -0.5), min(extent.std for extent in told) / 2)
+        measured = [extent for extent in found if extent.axis == axis]
+        if measured:
+            weights = np.array([extent.std for extent in measured]) ** -2.0
+            value[axis] = np.average([extent.value for extent in measured], weights=weights)
+            # Several measurements reduce the uncertainty of the best one to half at most.
+            std[axis] = max(float(weights.sum() ** -0.5), min(e.std for e in measured) / 2)
+    seen = {extent.axis for extent in found}
+    unseen = sorted({0, 1, 2} - seen)
+    method = (
+        f"Along {', '.join(AXES[axis] for axis in sorted(seen))}: how far the fingers stayed open as they held "
+        "it, and how high its top was touched above what it stands on."
+    )
+    if unseen:
+        blind = ", ".join(AXES[axis] for axis in unseen)
+        method += f" Along {blind} there is no evidence: the extent is that of the scene."
     return Estimate.normal(
         parameter,
         UNIT,
         value,
         std,
-        _method({extent.axis for extent in found}),
-        (*held, *(touch.recording for touch in touches)),
+        method,
+        evidence=(*held, *(touch.recording for touch in touches)),
         least=0.0,
-        tests=tuple(_tests(touches)),
-        unseen=tuple(sorted({0, 1, 2} - {extent.axis for extent in found})),
+        # A rigid top: an object ends where it is met. A little compliance, of it or of its support, widens
+        # the standard deviation of the touch; something soft is a test that fails.
+        tests=tuple(touch.firm() for touch in touches if touch.penetration > tuning.SOFT),
+        unseen=tuple(unseen),
     )
 
 
-def _held(trace: Trace, name: str) -> list[Recording]:
-    found: list[Recording] = []
-    for recording in trace.recordings:
-        if recording.buffer == POSE and recording.context.holding == name:
-            found.append(recording)
-    return found
-
-
-def _widths(trace: Trace, held: Sequence[Recording], body: Body) -> Iterator[_Extent]:
+def widths(trace: Trace, held: Sequence[Recording], body: Body) -> Iterator[Extent]:
     """Widths from grasps that closed along an axis of the object, or around a round one."""
     for recording in held:
         closing = mean_pose(trace.of(recording)).rotation[:, 1]
-        width, std = _width(trace, recording)
+        width, std = width_at(trace, recording)
         along = np.abs(body.pose_world.rotation.T @ closing)
         level = np.abs(body.pose_world.rotation[2]) < 1.0 - tuning.ALIGNED
         axes = np.flatnonzero(along > tuning.ALIGNED)
         if body.words & ROUND and level.sum() == 2:
             axes = np.flatnonzero(level)
         for axis in axes.tolist():
-            yield _Extent(axis, width, std)
+            yield Extent(axis, width, std)
 
 
-def _width(trace: Trace, recording: Recording) -> tuple[float, float]:
-    """m, and its standard deviation: how far the fingers were open as they met the object, before
-    they took hold of it, and by how much they came nearer then."""
+def width_at(trace: Trace, recording: Recording) -> tuple[float, float]:
+    """Width of an object at a grasp, m, with its standard deviation: the finger opening at first contact,
+    extrapolated from the squeeze between that and the firm grasp."""
     held = float(np.median(trace.of(recording).width))
     before = [leaf for leaf in trace.leaf_runs("CloseGripper") if leaf.end <= recording.start]
     if not before:
@@ -241,133 +256,91 @@ def _width(trace: Trace, recording: Recording) -> tuple[float, float]:
     return width, float(np.hypot(tuning.OPENING, share * squeezed))
 
 
-def _heights(trace: Trace, touches: Sequence[Touch], body: Body) -> Iterator[_Extent]:
-    """Height of the touched top above the support."""
-    upright = np.flatnonzero(np.abs(body.pose_world.rotation[2]) > tuning.ALIGNED)
-    if not touches or not len(upright):
-        return
-    top, top_std = _height(touches, trace.hand)
-    below, below_std = _support(trace, body)
-    yield _Extent(int(upright[0]), top - below, float(np.hypot(top_std, below_std)))
+def support(trace: Trace, body: Body) -> tuple[float, float]:
+    """World z of the object's support, m, with its standard deviation: of the touched surface nearest to its
+    bottom in the scene, else that bottom.
 
-
-def _height(touches: Sequence[Touch], hand: Hand) -> tuple[float, float]:
-    """World z, m, and its standard deviation without the length of the tips."""
-    spots = np.array([touch.spot for touch in touches])
-    stds = [touch.height_std(hand) for touch in touches]
-    plane = fit_plane(spots, [touch.height for touch in touches], stds)
-    return plane.height, plane.std
-
-
-def _support(trace: Trace, body: Body) -> tuple[float, float]:
-    """World z of what the object stands on: of the surface that was touched nearest to where the
-    scene has its bottom, else that; m, with its standard deviation.
-
-    The length of the tips is in both touches, and so in neither extent; in one alone it counts.
+    Both touches share the length of the tips, which cancels in the extent; in one alone it counts.
     """
     bottom = body.bottom_z()
-    told = [(bottom, float(np.hypot(tuning.PLACE_ACCURACY, trace.hand.tip_offset_std)))]
     names = {r.context.support for r in trace.recordings} - {None, body.name}
+    near: list[tuple[float, float]] = []
     for name in sorted(filter(None, names)):
         touches = touches_of(trace, probes(trace, Parameter(name, "height")))
         if touches:
-            told.append(_height(touches, trace.hand))
-    near = [found for found in told[1:] if abs(found[0] - bottom) < tuning.SAME_SUPPORT]
-    return min(near, key=lambda found: abs(found[0] - bottom)) if near else told[0]
+            plane = plane_of(touches, trace.hand)
+            if abs(plane.height - bottom) < tuning.SAME_SUPPORT:
+                near.append((plane.height, plane.std))
+    stated = bottom, float(np.hypot(tuning.PLACE_ACCURACY, trace.hand.tip_offset_std))
+    return min(near, key=lambda found: abs(found[0] - bottom), default=stated)
 
 
-def _tests(touches: Iterable[Touch]) -> Iterator[FitTest]:
-    """Tests for a rigid top: nothing soft on the object or under it.
-
-    An object ends where it is met. It may give way a little as it is pressed, or what it stands on:
-    where it was met is then uncertain by a part of that, which its standard deviation tells.
-    """
-    for touch in touches:
-        if touch.penetration > tuning.SOFT:
-            yield touch.firm()
-
-
-def _method(axes: set[int]) -> str:
-    told = ", ".join(AXES[axis] for axis in sorted(axes))
-    text = (
-        f"Along {told}: how far the fingers stayed open as they held it, and how high its top was touched above "
-        "what it stands on."
-    )
-    blind = [AXES[axis] for axis in range(3) if axis not in axes]
-    if not blind:
-        return text
-    return f"{text} Along {', '.join(blind)} nothing told, and it is as the scene has it."
-
-
-_RADII: Mapping[str, tuple[tuple[int, ...], ...]] = {
-    "box": ((0,), (1,), (2,)),
-    "ellipsoid": ((0,), (1,), (2,)),
-    "cylinder": ((0, 1), (2,), (2,)),
-    "capsule": ((0, 1), (2,), (2,)),
-    "sphere": ((0, 1, 2), (0,), (0,)),
-}
-"""By type, along which of a geom's axes each of its sizes lies."""
-_SIZES: Mapping[str, int] = {"box": 3, "ellipsoid": 3, "cylinder": 2, "capsule": 2, "sphere": 1}
+def type_of(geom: Element, elements: Elements) -> str:
+    """Type of a geom; MuJoCo's default is a sphere."""
+    return elements.defaults.attribute(geom, "type") or "sphere"
 
 
 def is_one_shape(elements: Elements) -> bool:
-    """The object is a single geom whose `size` states its extents."""
+    """True if the object is a single geom whose `size` states its extents."""
     if len(elements.geoms) != 1 or elements.geoms[0].get("fromto"):
         return False
-    return (elements.defaults.attribute(elements.geoms[0], "type") or "sphere") in _RADII
+    return type_of(elements.geoms[0], elements) in RADII
 
 
 def open_extents(body: BodyDescription) -> NDArray[np.bool_]:
-    """(3,) which extents of an object, along its own axes, the file leaves open."""
+    """(3,) True for the extents of an object, along its own axes, that the file leaves open."""
     if not is_one_shape(body.elements):
         return np.zeros(3, dtype=np.bool_)
     (geom,) = body.elements.geoms
     own = np.zeros(3, dtype=np.bool_)
-    kind = body.defaults.attribute(geom, "type") or "sphere"
-    for i, part in enumerate(tokens(geom.get("size"))[: _SIZES[kind]]):
+    axes = RADII[type_of(geom, body.elements)]
+    for along, part in zip(axes, tokens(geom.get("size")), strict=False):
         if part == UNKNOWN:
-            own[list(_RADII[kind][i])] = True
+            own[list(along)] = True
     turned = np.abs((body.pose_world.inverse() @ body.shapes.geom_pose(geom)).rotation)
     return own[turned.argmax(axis=1)]
 
 
-def filled(body: BodyDescription, geom: Element, scale: Array, std: float | None) -> Edit:
-    """The change that states the open numbers of a shape."""
-    turned = np.abs((body.pose_world.inverse() @ body.shapes.geom_pose(geom)).rotation)
-    return Edit(geom, "size", unknown_only(geom, "size", _sizes(body, geom, scale @ turned, std)))
-
-
-def _sizes(body: BodyDescription, geom: Element, scale: Array, std: float | None) -> dict[int, str]:
-    """The numbers of a shape that is scaled along its own axes."""
-    kind = body.defaults.attribute(geom, "type") or "sphere"
+def scaled_numbers(
+    body: BodyDescription, geom: Element, scale: Array, std: float | None
+) -> dict[int, str]:
+    """Numbers of the `size` of a geom that is scaled by `scale` (3,) along its own axes."""
     sizes = body.shapes.model.geom_size[body.shapes.geom_ids[geom]]
-    wanted = sizes * [float(np.mean(scale[list(which)])) for which in _RADII[kind]]
-    return {i: number(float(wanted[i]), std) for i in range(_SIZES[kind])}
+    axes = RADII[type_of(geom, body.elements)]
+    # A radius lies along several axes, and takes the mean of their factors.
+    factors = [float(np.mean(scale[list(along)])) for along in axes]
+    return {i: number(float(sizes[i] * factor), std) for i, factor in enumerate(factors)}
 
 
 def scaled(
     body: BodyDescription, geom: Element, scale: Array, anchor: Array, std: float | None
 ) -> Iterator[Edit]:
-    """The changes that scale a geom about a point of its body.
+    """Changes that scale a geom about a point of its body.
 
     Raises:
         InputError: a shape that does not lie along the body's axes, or a mesh that others use.
     """
-    kind = body.defaults.attribute(geom, "type") or "sphere"
-    frame = body.pose_world.inverse() @ _stated_pose(body, geom, kind)
+    kind, shapes = type_of(geom, body.elements), body.shapes
+    pose = shapes.geom_pose(geom)
+    if kind == "mesh":
+        # MuJoCo moves a mesh to its own middle; the file places it before that.
+        mesh = int(shapes.model.geom_dataid[shapes.geom_ids[geom]])
+        moved = Pose.of(shapes.model.mesh_pos[mesh], shapes.model.mesh_quat[mesh])
+        pose = pose @ moved.inverse()
+    frame = body.pose_world.inverse() @ pose
     turned = np.abs(frame.rotation)
-    has_numbers = kind in _RADII or kind == "mesh"
+    has_numbers = kind in RADII or kind == "mesh"
     if not has_numbers or geom.get("fromto") or (turned.max(axis=0) < tuning.ALIGNED).any():
         raise InputError(
             f"{label(geom)} of '{body.name}' has no numbers that state its extents; shapes along "
             "the axes of their body have"
         )
     if kind == "mesh":
-        yield _scaled_mesh(body, geom, scale @ turned)
+        yield scaled_mesh(body, geom, scale @ turned)
     else:
-        sizes = body.shapes.model.geom_size[body.shapes.geom_ids[geom]][: _SIZES[kind]]
+        sizes = shapes.model.geom_size[shapes.geom_ids[geom]][: len(RADII[kind])]
         stated = " ".join(number(float(value)) for value in sizes)
-        yield Edit(geom, "size", _sizes(body, geom, scale @ turned, std), stated)
+        yield Edit(geom, "size", scaled_numbers(body, geom, scale @ turned, std), stated)
     shifted = (frame.position - anchor) * (scale - 1.0)
     if geom is body.elements.element or np.abs(shifted).max() < 1e-7:
         return
@@ -376,21 +349,11 @@ def scaled(
     yield Edit(geom, "pos", place, "0 0 0")
 
 
-def _stated_pose(body: BodyDescription, geom: Element, kind: str) -> Pose:
-    """In the world, of a geom as the file places it; MuJoCo moves a mesh into its own middle."""
-    found = body.shapes.geom_pose(geom)
-    if kind != "mesh":
-        return found
-    model = body.shapes.model
-    mesh = int(model.geom_dataid[body.shapes.geom_ids[geom]])
-    return found @ Pose.of(model.mesh_pos[mesh], model.mesh_quat[mesh]).inverse()
-
-
-def _scaled_mesh(body: BodyDescription, geom: Element, scale: Array) -> Edit:
-    """The change of the mesh itself, whose `scale` is all that states its extents.
+def scaled_mesh(body: BodyDescription, geom: Element, scale: Array) -> Edit:
+    """Change of the `scale` of a mesh asset, the only statement of its extents.
 
     Raises:
-        InputError: other things are made of it, too.
+        InputError: other geoms use the mesh, too.
     """
     name = body.defaults.attribute(geom, "mesh")
     root = geom.getroottree().getroot()
@@ -401,6 +364,7 @@ def _scaled_mesh(body: BodyDescription, geom: Element, scale: Array) -> Edit:
                 "of its own to have its size written"
             )
     for mesh in root.iterfind("asset/mesh"):
+        # A mesh without a name is known by the stem of its file.
         if name in (mesh.get("name"), Path(mesh.get("file") or "").stem):
             stated = body.defaults.attribute(mesh, "scale") or "1 1 1"
             factors = [float(part) for part in tokens(stated)]
