@@ -8,7 +8,6 @@ from recordings import HAND
 
 from palpate.geometry.pose import Pose
 from palpate.parameter import Parameter
-from palpate.planning.nodes import leaves
 from palpate.planning.symbolic.planner import SymbolicPlanner
 from palpate.quantities.height import estimate_height, estimate_tilt
 from palpate.scene.load import parse_scene
@@ -388,11 +387,11 @@ def test_a_plan_for_a_tilt_touches_three_spots():
     scene = parse_scene(SCENE)
     plan = SymbolicPlanner().plan("how much is the table tilted?", scene)
     assert plan.parameters == (TILT,)
-    kinds = [leaf.type for _, leaf in leaves(plan.tree)]
+    kinds = [node.type for _, node in plan.tree.walk()]
     assert kinds.count("MoveUntilContact") == kinds.count("MeasureGripperPose") == 3
 
 
 def test_a_plan_for_a_height_touches_once():
     plan = SymbolicPlanner().plan("how high is the table?", parse_scene(SCENE))
-    kinds = [leaf.type for _, leaf in leaves(plan.tree)]
+    kinds = [node.type for _, node in plan.tree.walk()]
     assert kinds.count("MoveUntilContact") == 1

@@ -20,7 +20,7 @@ from palpate.robots.franky.control_box import (
 )
 
 if TYPE_CHECKING:
-    from palpate.pictures.footage import Footage
+    from palpate.pictures.film import Footage
     from palpate.robots.description import RobotDescription
     from palpate.robots.franky.robot import FrankyRobot
     from palpate.scene.poses import CameraEntry

@@ -8,7 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from palpate.estimation import tuning
-from palpate.estimation.balance import accuracy, balance, grasps_of
+from palpate.estimation.balance import accuracy, balance, balance_views, grasps_of
 from palpate.estimation.estimate import Estimate, Part, half95, not_identified
 from palpate.estimation.holds import Held, held
 from palpate.mjcf.body import Body, BodyDescription
@@ -207,6 +207,7 @@ def estimate_com(trace: Trace, parameter: Parameter, body: Body | None) -> Estim
         shared=shared,
         freedom=grasps.freedom,
         unseen=tuple(np.flatnonzero(blind).tolist()),
+        views=tuple(balance_views(grasps, found, centre)),
     )
 
 

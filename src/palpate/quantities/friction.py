@@ -166,11 +166,10 @@ def estimate_friction(trace: Trace, parameter: Parameter, body: Body | None) -> 
         "dynamic": Part(value, std),
         "normal force": Part(float(normal.mean()), float(normal.std()), "N"),
     }
-    static = static_friction(drags, found if whole is None else found.knowing(value, std))
+    fit = found if whole is None else found.knowing(value, std)
+    static = static_friction(drags, fit)
     if static is not None:
         parts["static"] = Part(*static)
-    # An estimate that is no narrower than the prior says no more than the prior.
-    verdict = "identified" if std < PRIOR_SPREAD else "prior-dominated"
     made = Estimate.normal(
         parameter,
         UNIT,
@@ -178,10 +177,12 @@ def estimate_friction(trace: Trace, parameter: Parameter, body: Body | None) -> 
         std,
         method,
         evidence,
-        verdict=verdict,
+        # An estimate that is no narrower than the prior says no more than the prior.
+        verdict="identified" if std < PRIOR_SPREAD else "prior-dominated",
         parts=parts,
         least=0.0,
         tests=tests,
+        views=tuple(fit.views(drags, static)),
     )
     return replace(made, shared=found.shared if whole is None else whole.shared)
 

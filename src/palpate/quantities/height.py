@@ -12,8 +12,8 @@ from palpate.errors import InputError
 from palpate.estimation import tuning
 from palpate.estimation.agreement import FitTest, chi_squared
 from palpate.estimation.contact.descent import probes
-from palpate.estimation.contact.plane import Plane, fit_plane
-from palpate.estimation.contact.touch import Touch, touches_of
+from palpate.estimation.contact.plane import Plane, fit_plane, plane_view
+from palpate.estimation.contact.touch import Touch, touch_views, touches_of
 from palpate.estimation.estimate import Estimate, Part, Shared, not_identified, not_measured
 from palpate.geometry.pose import Array
 from palpate.mjcf.body import Body, BodyDescription
@@ -175,11 +175,11 @@ def is_carried(surface: BodyDescription, foot: Array) -> bool:
     return any(abs(foot[2] - s.top_z) < RESTING and s.reaches_over(foot) for s in known)
 
 
-def plane_of(touches: Sequence[Touch], hand: Hand) -> Plane:
-    """Fit a plane to touches, without the uncertainty of the tip length, which they share."""
+def heights_of(touches: Sequence[Touch], hand: Hand) -> tuple[Array, list[float], list[float]]:
+    """Spots (n, 2), heights and their standard deviations, m, without the uncertainty of the tip length,
+    which all touches share."""
     spots = np.array([touch.spot for touch in touches])
-    stds = [touch.height_std(hand) for touch in touches]
-    return fit_plane(spots, [touch.height for touch in touches], stds)
+    return spots, [touch.height for touch in touches], [touch.height_std(hand) for touch in touches]
 
 
 def estimate_height(trace: Trace, parameter: Parameter, body: Body | None) -> Estimate:
@@ -199,7 +199,7 @@ def estimate_height(trace: Trace, parameter: Parameter, body: Body | None) -> Es
     if not found:
         nothing = "The descent ended with nothing pressing back on the fingertips."
         return not_identified(parameter, UNIT, nothing, tuple(recordings))
-    plane, tip_std = plane_of(found, trace.hand), trace.hand.tip_offset_std
+    plane, tip_std = fit_plane(*heights_of(found, trace.hand)), trace.hand.tip_offset_std
     made = Estimate.normal(
         parameter,
         UNIT,
@@ -209,6 +209,7 @@ def estimate_height(trace: Trace, parameter: Parameter, body: Body | None) -> Es
         evidence=tuple(touch.recording for touch in found),
         parts=height_parts(found, plane),
         tests=tuple(height_tests(found, plane)),
+        views=touch_views(found, plane, trace.hand),
     )
     return replace(made, shared=(Shared("length of the fingertips", "arm", (tip_std,)),))
 
@@ -301,7 +302,7 @@ def estimate_tilt(trace: Trace, parameter: Parameter, body: Body | None) -> Esti
     """
     recordings = tuple(probes(trace, parameter))
     touches = touches_of(trace, recordings)
-    plane = plane_of(touches, trace.hand) if touches else None
+    plane = fit_plane(*heights_of(touches, trace.hand)) if touches else None
     if plane is None or plane.tilt is None or plane.slope is None or plane.slope_std is None:
         few = (
             f"{parameter.object} was touched at {len(touches)} spots; three that are {1e3 * tuning.APART:.0f} "
@@ -322,4 +323,5 @@ def estimate_tilt(trace: Trace, parameter: Parameter, body: Body | None) -> Esti
         evidence=recordings,
         parts={"angle": Part(*plane.tilt)},
         tests=tuple(tests),
+        views=(plane_view(plane, *heights_of(touches, trace.hand), of_tilt=True),),
     )

@@ -15,6 +15,7 @@ from palpate.estimation.estimate import Estimate, Part, not_identified
 from palpate.estimation.holds import Held, grasped, held, pose_in_hand
 from palpate.estimation.rigid import MASS, about_centre, linear, moved, of_box, pseudo_inertia
 from palpate.estimation.swung import contrast, swings
+from palpate.estimation.view import FitView
 from palpate.geometry.inertia import components
 from palpate.geometry.pose import Array, Pose
 from palpate.mjcf.body import Body, BodyDescription
@@ -125,6 +126,8 @@ class SwungObject:
 # Parameters of the fit: ten inertial ones, compliance between pads and object about three axes, s², and
 # rotation in the fingers (`estimation.droop`).
 INERTIAL, GIVE, SOFTNESS = slice(0, 10), slice(10, 13), slice(13, 15)
+FASTER = 1.2
+"""Least ratio to the slowest rate of a swing that a chart calls fast."""
 
 
 def estimate_inertia(trace: Trace, parameter: Parameter, body: Body | None) -> Estimate:
@@ -143,7 +146,8 @@ def estimate_inertia(trace: Trace, parameter: Parameter, body: Body | None) -> E
             "The recordings hold no swing of the object with one of the empty hand at the same pose, "
             "so its inertia is not excited.",
         )
-    theta, covariance, test = fit_rigid_body(swung, still, trace.gravity, body)
+    numbers, covariance, test = fit_rigid_body(swung, still, trace.gravity, body)
+    theta = numbers[INERTIAL]
     # Jacobian (6, 10) of the inertia about the centre of mass, by central differences.
     steps = 1e-6 * np.eye(10)
     columns = [(about_centre(theta + d) - about_centre(theta - d)) / (2.0 * 1e-6) for d in steps]
@@ -169,6 +173,7 @@ def estimate_inertia(trace: Trace, parameter: Parameter, body: Body | None) -> E
         parts=parts,
         tests=(*still.load.tests, test),
         unseen=tuple(np.flatnonzero(blind).tolist()),
+        views=(swing_view(numbers, swung),),
     )
 
 
@@ -198,8 +203,8 @@ def fit_rigid_body(
 ) -> tuple[Array, Array, FitTest]:
     """Fit the ten inertial parameters in the body frame with the compliance about three axes, by
     Gauss-Newton from those of a uniform box (Nocedal and Wright, Numerical Optimization, section
-    10.3). Returns the parameters (10,), their covariance, inflated where the swings disagree, and the
-    test of that."""
+    10.3). Returns all parameters (15,), the covariance of the inertial ones, inflated where the swings
+    disagree, and the test of that."""
     from scipy.optimize import least_squares  # takes longer to import than most plans to compute
 
     mass = still.load.force / gravity
@@ -231,7 +236,7 @@ def fit_rigid_body(
         "fingers.",
         still.load.freedom,
     )
-    return numbers[INERTIAL], covariance[INERTIAL, INERTIAL].astype(np.float64), test
+    return numbers, covariance[INERTIAL, INERTIAL].astype(np.float64), test
 
 
 def prior_std(body: Body) -> Array:
@@ -243,17 +248,38 @@ def prior_std(body: Body) -> Array:
     return np.concatenate([mass, radius, skew, centre, [tuning.GIVE_PRIOR] * 3, SPREAD])
 
 
-def swing_residuals(numbers: Array, swung: Sequence[SwungObject]) -> Array:
-    """Residuals of all swings, in standard deviations."""
+def predicted_swings(numbers: Array, swung: Sequence[SwungObject]) -> Iterator[Array]:
+    """Predict the signals (m,) of each swing, N m."""
     pseudo = pseudo_inertia(numbers[INERTIAL])
-    left: list[Array] = []
     for one in swung:
         pose = one.droop.turned(one.pose_tcp_body, numbers[SOFTNESS])
-        # Of a driven oscillator far below its resonance: amplitude grows by 1 + c ω².
+        # Of a driven oscillator far below its resonance: the amplitude grows by 1 + c ω².
         gives = 1.0 + numbers[GIVE][one.axis] * one.rate**2
-        predicted = gives * one.load @ linear(moved(pseudo, pose))
-        left.append((one.observed - predicted) / np.sqrt(one.variance))
-    return np.concatenate(left)
+        yield gives * one.load @ linear(moved(pseudo, pose))
+
+
+def swing_residuals(numbers: Array, swung: Sequence[SwungObject]) -> Array:
+    """Residuals of all swings, in standard deviations."""
+    pairs = zip(swung, predicted_swings(numbers, swung), strict=True)
+    return np.concatenate([(one.observed - made) / np.sqrt(one.variance) for one, made in pairs])
+
+
+def swing_view(numbers: Array, swung: Sequence[SwungObject]) -> FitView:
+    """Torques of the load in each joint, swing by swing, against those of the rigid body."""
+    rates = np.repeat([one.rate for one in swung], len(swung[0].observed))
+    hertz = " and ".join(f"{rate:.1f}" for rate in sorted(set((rates / (2.0 * np.pi)).round(1))))
+    predicted = 1e3 * np.concatenate(list(predicted_swings(numbers, swung)))
+    return FitView(
+        name="Torques of the load in the joints as the hand swings.",
+        note=f"{len(swung)} swings at {hertz} Hz, less the same swings of the empty hand, each joint by "
+        "itself, against those of the fitted rigid body.",
+        axes=("by the rigid body (mN·m)", "measured (mN·m)"),
+        x=predicted,
+        measured=1e3 * np.concatenate([one.observed for one in swung]),
+        predicted=predicted,
+        std=1e3 * np.sqrt(np.concatenate([one.variance for one in swung])),
+        groups=["fast swings" if rate > FASTER * rates.min() else "slow swings" for rate in rates],
+    )
 
 
 def load_residuals(numbers: Array, still: Held, gravity: float) -> Array:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import ClassVar
 
 import numpy as np
@@ -63,7 +64,14 @@ def estimate_velocity(trace: Trace, parameter: Parameter, body: Body | None) -> 
         "which is its mean velocity."
     )
     return Estimate.normal(
-        parameter, VELOCITY_UNIT, velocity.value, velocity.std, method, (recording,), parts=parts
+        parameter,
+        VELOCITY_UNIT,
+        velocity.value,
+        velocity.std,
+        method,
+        evidence=(recording,),
+        parts=parts,
+        views=(velocity.view(trace, recording),),
     )
 
 
@@ -100,6 +108,8 @@ def estimate_momentum(trace: Trace, parameter: Parameter, body: Body | None) -> 
     weight = weigh(trace, recording)
     # Product of independent factors: the relative variances add, to first order.
     std = np.hypot(weight.mass * velocity.std, weight.std * velocity.value)
+    # The fits of both factors; the interval of their product is that of neither.
+    fits = (weight.view(trace.gravity), velocity.view(trace, recording))
     method = (
         "Mean velocity of the recording times the object's mass from the same trace "
         f"({weight.mass:.3f} kg)."
@@ -114,4 +124,5 @@ def estimate_momentum(trace: Trace, parameter: Parameter, body: Body | None) -> 
         verdict=weight.verdict,
         parts={"mass": weight.part},
         tests=weight.tests,
+        views=tuple(replace(view, slopes=None) for view in fits),
     )

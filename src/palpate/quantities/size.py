@@ -13,8 +13,10 @@ from numpy.typing import NDArray
 from palpate.errors import InputError
 from palpate.estimation import tuning
 from palpate.estimation.contact.descent import probes
-from palpate.estimation.contact.touch import touches_of
+from palpate.estimation.contact.plane import fit_plane
+from palpate.estimation.contact.touch import touch_views, touches_of
 from palpate.estimation.estimate import Estimate, not_identified
+from palpate.estimation.view import FitView, closing_samples, constant, unit_slopes
 from palpate.estimation.windows import mean_pose
 from palpate.geometry.pose import Array, Pose
 from palpate.mjcf.body import Body, BodyDescription
@@ -22,7 +24,7 @@ from palpate.mjcf.document import UNKNOWN, Element, has_unknown, label, tokens
 from palpate.mjcf.edits import Edit, Slot, number, unknown_only
 from palpate.mjcf.roles.elements import Elements
 from palpate.parameter import Parameter
-from palpate.quantities.height import plane_of
+from palpate.quantities.height import heights_of
 from palpate.quantities.position import support_z
 from palpate.quantities.quantity import Evidence, Prior, Quantity, Status, Values
 from palpate.trace.recording import Recording
@@ -184,11 +186,13 @@ def estimate_size(trace: Trace, parameter: Parameter, body: Body | None) -> Esti
     if body is None or not (held or touches):
         return not_identified(parameter, UNIT, f"No recording is evidence of the size of '{name}'.")
     found = list(widths(trace, held, body))
-    upright = np.flatnonzero(np.abs(body.pose_world.rotation[2]) > tuning.ALIGNED)
-    if touches and len(upright):
-        top, below = plane_of(touches, trace.hand), support(trace, body)
+    top_views: tuple[FitView, ...] = ()
+    upright = np.abs(body.pose_world.rotation[2]) > tuning.ALIGNED
+    if touches and upright.any():
+        top, below = fit_plane(*heights_of(touches, trace.hand)), support(trace, body)
         std = float(np.hypot(top.std, below[1]))
-        found.append(Extent(int(upright[0]), top.height - below[0], std))
+        found.append(Extent(int(upright.argmax()), top.height - below[0], std))
+        top_views = touch_views(touches, top, trace.hand, upright.astype(float))
     if not found:
         why = f"'{name}' was touched only at an angle to its own axes, along which its size is stated."
         return not_identified(parameter, UNIT, why, tuple(held))
@@ -221,7 +225,30 @@ def estimate_size(trace: Trace, parameter: Parameter, body: Body | None) -> Esti
         # the standard deviation of the touch; something soft is a test that fails.
         tests=tuple(touch.firm() for touch in touches if touch.penetration > tuning.SOFT),
         unseen=tuple(unseen),
+        views=(*width_views(trace, held, value), *top_views),
     )
+
+
+def width_views(trace: Trace, held: Sequence[Recording], value: Array) -> Iterator[FitView]:
+    """Finger opening while closing on the object, with the nearest of its extents `value` (3,), m."""
+    for recording in held:
+        samples = closing_samples(trace, recording)
+        if samples is None:
+            continue
+        opening = float(np.median(trace.of(recording).width))
+        axis = int(np.abs(value - opening).argmin())
+        yield FitView(
+            name=f"The grasp before {recording.start:.1f} s.",
+            note=f"The fingers stayed {1e3 * opening:.2f} mm apart; what the pads yield as they squeeze is added. It "
+            f"is the extent along {AXES[axis]} of the object.",
+            axes=("robot time (s)", "opening (mm)"),
+            x=samples.t,
+            measured=1e3 * samples.width,
+            predicted=constant(1e3 * float(value[axis]), samples.t),
+            used=samples.t >= recording.start,
+            groups="between the fingers",
+            slopes=unit_slopes(samples.t, axis, 3, 1e3),
+        )
 
 
 def widths(trace: Trace, held: Sequence[Recording], body: Body) -> Iterator[Extent]:
@@ -268,7 +295,7 @@ def support(trace: Trace, body: Body) -> tuple[float, float]:
     for name in sorted(filter(None, names)):
         touches = touches_of(trace, probes(trace, Parameter(name, "height")))
         if touches:
-            plane = plane_of(touches, trace.hand)
+            plane = fit_plane(*heights_of(touches, trace.hand))
             if abs(plane.height - bottom) < tuning.SAME_SUPPORT:
                 near.append((plane.height, plane.std))
     stated = bottom, float(np.hypot(tuning.PLACE_ACCURACY, trace.hand.tip_offset_std))

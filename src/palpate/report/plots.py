@@ -86,6 +86,14 @@ def timeline(trace: Trace, windows: Mapping[Recording, str], groups: Mapping[str
     }
 
 
+def figure_page(figure: Figure, name: str) -> str:
+    """A self-contained HTML page of one figure; `name` is its element's id."""
+    from plotly.io import to_html
+
+    config = {"displaylogo": False, "responsive": True}
+    return to_html(figure, config=config, div_id=name)
+
+
 def decimate(t: Array, y: Array, limit: int = MAX_POINTS) -> tuple[Array, Array]:
     """At most `limit` points with every peak kept: the least and the largest of each of `limit` / 2
     blocks."""
@@ -118,15 +126,15 @@ def _line(name: str, t: Array, y: Array, colour: str, axis: str = "y", **more: A
         "type": "scatter",
         "mode": "lines",
         "name": name,
-        "x": _packed(x),
-        "y": _packed(y),
+        "x": packed(x),
+        "y": packed(y),
         "yaxis": axis,
         "line": {"color": colour, "width": 1.4},
         **more,
     }
 
 
-def _packed(values: NDArray[Any]) -> dict[str, str]:
+def packed(values: NDArray[Any]) -> dict[str, str]:
     """Plotly's typed array: binary float32."""
     return {"dtype": "f4", "bdata": base64.b64encode(values.astype("<f4").tobytes()).decode()}
 
@@ -166,8 +174,8 @@ def _contacts(trace: Trace) -> list[Figure]:
             "type": "scatter",
             "mode": "markers",
             "name": "contact",
-            "x": _packed(times),
-            "y": _packed(heights),
+            "x": packed(times),
+            "y": packed(heights),
             "yaxis": "y2",
             "marker": {"symbol": "circle-open", "size": 13, "color": MARK, "line": {"width": 2.5}},
         }

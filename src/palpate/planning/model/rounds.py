@@ -1,0 +1,181 @@
+"""Rounds of a dialogue with a model: ask, check, feed the findings back, a bounded number of times.
+
+The model is a function of a message, so the same loop runs on a provider and on a recorded conversation.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from difflib import unified_diff
+
+from palpate.errors import InputError, PlanRejected, Unavailable
+from palpate.planning.model.conversation import Answer, Conversation, Round
+from palpate.planning.model.settings import FEEDBACK_ROUNDS
+from palpate.planning.plan import Plan
+
+MAX_FINDINGS = 20
+MAX_FINDING = 500
+"""Findings in one message, and characters of each."""
+MAX_CHANGES = 40
+"""Lines that list the differences of a plan from the one before."""
+MAX_COMPARED = 500
+"""Nodes of a plan that are compared."""
+
+Ask = Callable[[str], Answer]
+"""Sends the next user message of a dialogue and returns the answer."""
+
+Judge = Callable[[str], tuple[Plan | None, Sequence[str]]]
+"""Reads an answer: its plan, if any, and the findings on it."""
+
+Object = Callable[[Plan], str | None]
+"""Objection of a critic to a plan that passed the check; None for none."""
+
+MayGoOn = Callable[[Conversation], str | None]
+"""Reason against another round, such as a used-up budget, or None."""
+
+
+def converse(
+    conversation: Conversation,
+    message: str,
+    ask: Ask,
+    judge: Judge,
+    rounds: int = FEEDBACK_ROUNDS,
+    may_go_on: MayGoOn = lambda _: None,
+    critic: Object = lambda _: None,
+) -> Plan:
+    """The first plan without findings; every round is appended to `conversation`.
+
+    It is shown to the `critic`, whose objection goes back to the model once. It stands if no other plan
+    passes after that.
+
+    Raises:
+        PlanRejected: none after `rounds` rounds of feedback, or the budget is used up.
+        Unavailable: as `ask`.
+    """
+
+    def once(message: str, before: Plan | None) -> tuple[Plan | None, Sequence[str]]:
+        """One round: the plan, if any, and the findings on it."""
+        answer = ask(message)
+        plan, findings = judge(answer.text)
+        kept = tuple(finding[:MAX_FINDING] for finding in findings)
+        promised = tuple(str(parameter) for parameter in plan.parameters) if plan else ()
+        changed = differences(before, plan) if before and plan else ()
+        conversation.rounds.append(Round(message, answer, kept, promised, changed))
+        return plan, findings
+
+    plan, findings = once(message, None)
+    left = rounds
+    while plan is None or findings:
+        why = may_go_on(conversation)
+        if left == 0:
+            why = f"{rounds} round(s) of feedback were not enough"
+        if why:
+            raise PlanRejected(rejection(conversation, why))
+        left -= 1
+        plan, findings = once(feedback(findings), plan)
+    objection = critic(plan)
+    if objection is None:
+        return plan
+    conversation.rounds[-1] = replace(conversation.rounds[-1], objection=objection)
+    message, latest = objected(objection), plan
+    # The plan passes the check already: whatever ends the reconsideration, it stands.
+    for _ in range(left + 1):
+        if may_go_on(conversation):
+            break
+        try:
+            latest, findings = once(message, latest)
+        except Unavailable:
+            break
+        if latest is not None and not findings:
+            return latest
+        message = feedback(findings)
+    return plan
+
+
+def differences(before: Plan, after: Plan) -> tuple[str, ...]:
+    """Differences between two plans, a line each, at most `MAX_CHANGES`."""
+    texts: list[list[str]] = []
+    for plan in (before, after):
+        promised = [str(parameter) for parameter in plan.parameters]
+        tree = str(plan.tree or plan.outcome).splitlines()
+        texts.append([*promised, *tree[:MAX_COMPARED]])
+    old, new = texts
+    compared = unified_diff(old, new, n=0, lineterm="")
+    lines = [
+        f"{line[0]} {line[1:].strip()}"
+        for line in compared
+        if line[:1] in ("-", "+") and line not in ("--- ", "+++ ")  # these head the diff
+    ]
+    if len(lines) > MAX_CHANGES:
+        lines[MAX_CHANGES:] = [f"and {len(lines) - MAX_CHANGES} more"]
+    return tuple(lines)
+
+
+def objected(objection: str) -> str:
+    """A critic's objection as the next message to the model."""
+    return (
+        "The plan passes the check. A second reader, who sees what you see, objects:\n"
+        f"- {objection}\n\n"
+        "If the reader is right, correct the plan; if not, return it as it is. Return the whole JSON "
+        "object again."
+    )
+
+
+def feedback(findings: Sequence[str]) -> str:
+    """The findings as the next message to the model."""
+    lines = ["The check refused the plan:"]
+    for finding in findings[:MAX_FINDINGS]:
+        lines.append(f"- {finding[:MAX_FINDING]}")
+    if len(findings) > MAX_FINDINGS:
+        lines.append(f"- and {len(findings) - MAX_FINDINGS} more")
+    lines += ["", "Correct it and return the whole JSON object again."]
+    return "\n".join(lines)
+
+
+def recorded(conversation: Conversation) -> Ask:
+    """Function that returns the recorded answers in order, and raises `InputError` after the last."""
+    answers = iter([r.answer for r in conversation.rounds])
+
+    def ask(message: str) -> Answer:
+        answer = next(answers, None)
+        if answer is None:
+            raise InputError(
+                "the recorded conversation ends before a valid plan: its answers do not pass the check "
+                "in this scene; record it again"
+            )
+        return answer
+
+    return ask
+
+
+def replayed(kept: Conversation, again: Conversation, judge: Judge) -> Plan:
+    """The plan of a recorded conversation, checked again without network; every round is appended to
+    `again`.
+
+    Raises:
+        PlanRejected: its answers do not pass.
+    """
+
+    def objection(plan: Plan) -> str | None:
+        return kept.rounds[len(again.rounds) - 1].objection or None
+
+    return converse(
+        again,
+        kept.rounds[0].message,
+        recorded(kept),
+        judge,
+        rounds=len(kept.rounds) - 1,
+        critic=objection,
+    )
+
+
+def rejection(conversation: Conversation, why: str) -> str:
+    """Reason why a dialogue ended without a plan, with the last findings and words."""
+    last = conversation.rounds[-1]
+    words = " ".join(last.answer.text.split())[:200]
+    findings = "; ".join(last.findings[:3]) or "no plan"
+    return (
+        f"{conversation.planner} gave no valid plan in {len(conversation.rounds)} answer(s) ({why}). "
+        f"Last: {findings}. It said: {words or 'nothing'}"
+    )
