@@ -19,7 +19,15 @@ from palpate.mjcf.inertial.written import Statement
 from palpate.mjcf.roles.elements import Elements
 from palpate.parameter import Parameter
 from palpate.quantities.contacts import tied_to
-from palpate.quantities.quantity import Evidence, Logged, Prior, Quantity, Status, Values
+from palpate.quantities.quantity import (
+    Evidence,
+    Logged,
+    Prior,
+    Quantity,
+    Status,
+    Values,
+    held_and_empty,
+)
 from palpate.trace.samples import FORCES, Trace
 
 UNIT = "m"
@@ -63,20 +71,7 @@ class CentreOfMass(Quantity):
             distinct="grasp",
             count=3,
         ),
-        Evidence(
-            FORCES,
-            "in a Parallel with Turn while it is held in free air",
-            activity=("turning",),
-            holding=True,
-            optional=True,
-        ),
-        Evidence(
-            FORCES,
-            "in a Parallel with Turn at the same pose with the empty hand",
-            activity=("turning",),
-            empty=True,
-            optional=True,
-        ),
+        *held_and_empty(FORCES, "Turn", "turning", "in free air", optional=True),
     )
     how = evidence[0].how
     derived = True
@@ -138,18 +133,7 @@ class CentreOfMassInSpace(CentreOfMass):
     words: ClassVar = {"en": tuple(f.format(c) for c in CentreOfMass.words["en"] for f in IN_SPACE)}
     evidence = (
         CentreOfMass.evidence[0],
-        Evidence(
-            FORCES,
-            "in a Parallel with Tilt while it is held in free air",
-            activity=("tilting",),
-            holding=True,
-        ),
-        Evidence(
-            FORCES,
-            "in a Parallel with Tilt at the same pose with the empty hand",
-            activity=("tilting",),
-            empty=True,
-        ),
+        *held_and_empty(FORCES, "Tilt", "tilting", "in free air"),
     )
     how = f"{evidence[0].how}, and in a Parallel with Tilt, held in free air and empty"
     stands_for = "com"

@@ -27,6 +27,12 @@ from palpate.trace.recording import Hand
 from palpate.trace.samples import POSE, Trace
 
 UNIT, TILT_UNIT = "m", "rad"
+TOUCH = Evidence(
+    POSE,
+    "MoveUntilContact -z over a free spot, MeasureGripperPose",
+    activity=("contact",),
+    distinct="place",
+)
 PLACEHOLDER = 0.01
 """m: an unknown half height while the scene's shapes are compiled."""
 SHOWN = 1e-4
@@ -58,14 +64,7 @@ class Height(Quantity):
         "it": ("altezza",),
     }
     elsewhere = "size"
-    evidence = (
-        Evidence(
-            POSE,
-            "MoveUntilContact -z over a free spot, MeasureGripperPose",
-            activity=("contact",),
-            distinct="place",
-        ),
-    )
+    evidence = (TOUCH,)
     estimators: ClassVar = {"loading-curve": "palpate.quantities.height:estimate_height"}
 
     def status(self, body: BodyDescription) -> Status:
@@ -280,16 +279,11 @@ class Tilt(Quantity):
         "it": ("inclinazione",),
     }
     size = 2
-    evidence = (
-        Evidence(
-            POSE,
-            "MoveUntilContact -z over three free spots at least 50 mm apart and not in line, each with "
-            "MeasureGripperPose",
-            activity=("contact",),
-            distinct="place",
-            count=3,
-        ),
+    how = (
+        "MoveUntilContact -z over three free spots at least 50 mm apart and not in line, each with "
+        "MeasureGripperPose"
     )
+    evidence = (replace(TOUCH, how=how, count=3),)
     derived = True
     estimators: ClassVar = {"plane": "palpate.quantities.height:estimate_tilt"}
 

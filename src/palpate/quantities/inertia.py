@@ -26,7 +26,7 @@ from palpate.mjcf.roles.elements import Elements
 from palpate.mjcf.whole import whole
 from palpate.parameter import Parameter
 from palpate.quantities.contacts import tied_to
-from palpate.quantities.quantity import Evidence, Prior, Quantity, Status, Values
+from palpate.quantities.quantity import Evidence, Prior, Quantity, Status, Values, held_and_empty
 from palpate.trace.samples import FORCES, Trace
 
 UNIT = "kg·m²"
@@ -53,18 +53,7 @@ class Inertia(Quantity):
         Evidence(
             FORCES, "MeasureForces while held still in free air", activity=("still",), holding=True
         ),
-        Evidence(
-            FORCES,
-            "in a Parallel with Swing while it is held there",
-            activity=("swinging",),
-            holding=True,
-        ),
-        Evidence(
-            FORCES,
-            "in a Parallel with Swing at the same pose with the empty hand",
-            activity=("swinging",),
-            empty=True,
-        ),
+        *held_and_empty(FORCES, "Swing", "swinging", "there"),
     )
     how = f"{evidence[0].how}, and in a Parallel with Swing, held there and with the empty hand"
     derived = True

@@ -98,6 +98,19 @@ class Evidence:
         return context.grasp if self.distinct == "grasp" else context.at
 
 
+def held_and_empty(
+    buffer: str, motion: str, activity: Activity, where: str, optional: bool = False
+) -> tuple[Evidence, Evidence]:
+    """Evidence recorded during a motion primitive, with the held object and, for contrast, without it."""
+    held, empty = f"while it is held {where}", "at the same pose with the empty hand"
+    how = f"in a Parallel with {motion}"
+    kinds: tuple[Activity, ...] = (activity,)
+    return (
+        Evidence(buffer, f"{how} {held}", kinds, holding=True, optional=optional),
+        Evidence(buffer, f"{how} {empty}", kinds, empty=True, optional=optional),
+    )
+
+
 @dataclass(frozen=True, slots=True)
 class Prior:
     """Prior of a quantity: independent normal components.

@@ -15,8 +15,9 @@ from palpate.estimation.contact.touch import Touch, touches_of
 from palpate.estimation.estimate import Z95, Estimate, Part, Shared, not_identified
 from palpate.mjcf.body import Body
 from palpate.parameter import Parameter
-from palpate.quantities.quantity import Evidence, Quantity
-from palpate.trace.samples import POSE, Trace
+from palpate.quantities.height import TOUCH
+from palpate.quantities.quantity import Quantity
+from palpate.trace.samples import Trace
 
 UNIT = "N/m"
 
@@ -35,14 +36,7 @@ class Stiffness(Quantity):
         "fr": ("rigidité", "raideur"),
         "it": ("rigidezza", "rigidità"),
     }
-    evidence = (
-        Evidence(
-            POSE,
-            "MoveUntilContact -z over a free spot, MeasureGripperPose",
-            activity=("contact",),
-            distinct="place",
-        ),
-    )
+    evidence = (TOUCH,)
     derived = True
     estimators: ClassVar = {"spring": "palpate.quantities.stiffness:estimate_stiffness"}
 
