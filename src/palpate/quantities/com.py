@@ -48,13 +48,8 @@ class CentreOfMass(Quantity):
     label = "centre of mass"
     words: ClassVar = {
         "en": (
-            "centre of mass",
-            "center of mass",
-            "centre of gravity",
-            "center of gravity",
-            "com",
-            "cog",
-            "balance point",
+            *("centre of mass", "center of mass", "centre of gravity", "center of gravity"),
+            *("com", "cog", "balance point"),
         ),
         "de": ("schwerpunkt", "massenmittelpunkt", "massenschwerpunkt"),
         "es": ("centro de masa", "centro de masas", "centro de gravedad"),

@@ -59,18 +59,8 @@ class Size(Quantity):
     subject = "object"
     words: ClassVar = {
         "en": (
-            "size",
-            "dimension",
-            "extent",
-            "width",
-            "length",
-            "breadth",
-            "thickness",
-            "wide",
-            "long",
-            "thick",
-            "big",
-            "large",
+            *("size", "dimension", "extent", "width", "length", "breadth", "thickness"),
+            *("wide", "long", "thick", "big", "large"),
         ),
         "de": ("größe", "grösse", "abmessungen", "maße", "breite", "länge", "dicke"),
         "es": ("tamaño", "dimensiones", "ancho", "largo", "grosor"),
