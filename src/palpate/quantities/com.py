@@ -34,8 +34,8 @@ UNIT = "m"
 TRUE_SHIFT = 0.1
 """Share of the object's extent by which a hidden centre of mass is off the prior at most, per axis."""
 WHOLE = (
-    " Moments are from all that the arm did in free air around that: its noise alone accounts for what a model "
-    "of its links, sensors and friction leaves there."
+    " Moments are from all motion in free air around that: noise alone accounts for the residuals of a model of "
+    "the arm's links, sensors and friction there."
 )
 
 

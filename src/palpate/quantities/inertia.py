@@ -296,6 +296,6 @@ def swing_method(swings: int, blind: Sequence[bool]) -> str:
     weak = [name for name, unseen in zip(names, blind, strict=True) if unseen]
     if weak:
         method += (
-            f"; {', '.join(weak)} is hardly excited and keeps the box's value (prior-dominated)"
+            f"; hardly excited and kept at the box's value: {', '.join(weak)} (prior-dominated)"
         )
     return method + "."

@@ -45,12 +45,10 @@ ROUND = 8.0
 MOST_CYCLES = 4
 """Cycles in one tree at most; what noise they leave is reduced by another round."""
 WHOLE = (
-    " Together with all that the arm did in free air for 15 s around it: its noise alone accounts for what "
-    "a model of its links, sensors and friction leaves there."
+    " Fitted together with all motion in free air for 15 s around it: noise alone accounts for the residuals "
+    "of a model of the arm's links, sensors and friction there."
 )
-LIGHT = (
-    " The object is too light for this scatter: that a mass is positive says as much as the forces."
-)
+LIGHT = " The object is too light for this scatter: the bound of a positive mass says as much as the forces."
 
 
 class Mass(Quantity):
