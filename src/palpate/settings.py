@@ -18,14 +18,14 @@ from palpate.planning.model.settings import ModelSettings
 
 if TYPE_CHECKING:
     from palpate.execution.recovery import OnFailure
-    from palpate.quantities.precision.within import Within
+    from palpate.quantities.within import Within
     from palpate.robots.description import RobotDescription
 
     Names = tuple[str, ...]
 else:
     # Read when settings are made: a command's help, which is derived from this page, loads no numpy.
     def _widths(given: Any) -> Any:
-        from palpate.quantities.precision.within import Within
+        from palpate.quantities.within import Within
 
         return given if isinstance(given, Within) else Within.read(given or {})
 

@@ -18,7 +18,7 @@ from palpate.parameter import Parameter
 from palpate.planning.plan import Plan
 from palpate.planning.symbolic.planner import SymbolicPlanner
 from palpate.quantities.estimators import estimate_all
-from palpate.quantities.precision.within import Within
+from palpate.quantities.within import Within
 from palpate.robots.simulated.robot import MujocoRobot
 from palpate.runs.run import Run
 from palpate.scene.scene import Scene

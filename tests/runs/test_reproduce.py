@@ -6,7 +6,7 @@ import shlex
 from pathlib import Path
 
 from palpate.planning.model.settings import ModelSettings
-from palpate.quantities.precision.within import Within
+from palpate.quantities.within import Within
 from palpate.runs.reproduce import executing, reproducing, running
 from palpate.scenarios.catalogue import scenario
 from palpate.settings import Settings

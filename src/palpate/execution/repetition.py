@@ -19,8 +19,8 @@ from palpate.planning.plan import Plan
 from palpate.planning.symbolic.passes import Efforts, site_of
 from palpate.planning.symbolic.planner import assemble
 from palpate.quantities.estimators import estimate_all
-from palpate.quantities.precision.effort import Effort
-from palpate.quantities.precision.within import Precision, Within, shown
+from palpate.quantities.quantity import Effort
+from palpate.quantities.within import Precision, Within, shown
 from palpate.robots.robot import Robot
 from palpate.scene.load import rearranged
 from palpate.scene.raised import as_measured

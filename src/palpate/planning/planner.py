@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, ClassVar, Protocol, runtime_checkable
 from palpate.errors import InputError
 from palpate.parameter import Parameter
 from palpate.planning.plan import Plan
-from palpate.quantities.precision.within import Within
+from palpate.quantities.within import Within
 
 if TYPE_CHECKING:
     from palpate.planning.model.conversation import Conversation

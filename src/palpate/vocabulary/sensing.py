@@ -10,10 +10,9 @@ from palpate.parameter import Parameter
 from palpate.quantities.estimators import estimate_all
 from palpate.quantities.height import Height
 from palpate.quantities.mass import Mass
-from palpate.quantities.momentum import Momentum
+from palpate.quantities.motion import Momentum, Velocity
 from palpate.quantities.position import Position
 from palpate.quantities.quantity import Quantity
-from palpate.quantities.velocity import Velocity
 from palpate.robots.safety import Expectation
 from palpate.trace.recording import Conversion, Recording
 from palpate.trace.samples import FORCES, POSE

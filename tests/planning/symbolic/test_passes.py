@@ -11,8 +11,8 @@ from palpate.planning.plan import Plan
 from palpate.planning.symbolic.passes import site_of
 from palpate.planning.symbolic.planner import SymbolicPlanner, assemble
 from palpate.quantities.mass import Mass
-from palpate.quantities.precision.effort import Effort
-from palpate.quantities.precision.within import Within
+from palpate.quantities.quantity import Effort
+from palpate.quantities.within import Within
 from palpate.scene.scene import Scene
 
 MASS = Parameter("bottle.mass")

@@ -24,7 +24,7 @@ from palpate.planning.symbolic.passes import Efforts, efforts
 from palpate.planning.symbolic.places import BALANCE
 from palpate.planning.symbolic.search import Backchainer
 from palpate.quantities.catalogue import catalogue
-from palpate.quantities.precision.within import Within
+from palpate.quantities.within import Within
 from palpate.robots.kinematics import reachable
 from palpate.scene.raised import TEMPORARY, is_open, risen
 from palpate.scene.scene import Scene

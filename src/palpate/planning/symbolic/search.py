@@ -42,7 +42,7 @@ from palpate.planning.symbolic.shortest import (
     when,
 )
 from palpate.planning.symbolic.steps import Step, nodes
-from palpate.quantities.precision.effort import Effort
+from palpate.quantities.quantity import Effort
 from palpate.scene.raised import TEMPORARY
 from palpate.scene.scene import Scene
 from palpate.vocabulary.admissible.clearance import blockers
