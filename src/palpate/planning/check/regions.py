@@ -13,7 +13,7 @@ from palpate.geometry.line import Line
 from palpate.planning.check.case import Case, Finding
 from palpate.planning.check.walk import Reach, Walk
 from palpate.planning.check.walk_rules import not_restored
-from palpate.vocabulary.motion.move_pose import MovePose
+from palpate.vocabulary.motion import MovePose
 
 
 def unpassable_regions(case: Case, walk: Walk, reachable: Reach | None = None) -> Iterator[Finding]:

@@ -12,8 +12,7 @@ from palpate.errors import InputError
 from palpate.scene.symbols import PoseExpression
 from palpate.vocabulary.admissible.support import LIFTED, MIN_SLIDE, dragged_off, slides
 from palpate.vocabulary.base import Primitive
-from palpate.vocabulary.motion.move_joints import MoveJoints
-from palpate.vocabulary.motion.move_pose import MovePose
+from palpate.vocabulary.motion import MoveJoints, MovePose
 from palpate.vocabulary.state import HOME_CONFIG, SymbolicState
 from palpate.vocabulary.violation import Violation
 
