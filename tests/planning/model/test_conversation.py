@@ -6,7 +6,7 @@ import pytest
 
 from palpate.errors import InputError, PlanRejected
 from palpate.parameter import Parameter
-from palpate.planning.model.conversation import Answer, Conversation, load
+from palpate.planning.model.conversation import Answer, Conversation, read_conversation
 from palpate.planning.model.rounds import (
     MAX_FINDINGS,
     converse,
@@ -15,6 +15,7 @@ from palpate.planning.model.rounds import (
     replayed,
 )
 from palpate.planning.plan import Node, Plan
+from palpate.planning.recorded import ReplayPlanner
 
 GOOD = Plan((), None, "nothing to do")
 
@@ -96,7 +97,7 @@ def test_a_conversation_is_read_back_as_it_was(tmp_path) -> None:
     assert Conversation.load(talk.dump()) == talk
     file = tmp_path / "conversation.json"
     file.write_text(talk.dump(), encoding="utf-8")
-    assert replayed(load(file), Conversation("again", ""), judge) is GOOD
+    assert replayed(read_conversation(file), Conversation("again", ""), judge) is GOOD
 
 
 def test_a_replay_is_judged_anew(tmp_path) -> None:
@@ -104,7 +105,11 @@ def test_a_replay_is_judged_anew(tmp_path) -> None:
     converse(talk, "please", scripted("good"), judge)
     (tmp_path / "c.json").write_text(talk.dump())
     with pytest.raises(PlanRejected, match="stale"):
-        replayed(load(tmp_path / "c.json"), Conversation("again", ""), lambda _: (None, ["stale"]))
+        replayed(
+            read_conversation(tmp_path / "c.json"),
+            Conversation("again", ""),
+            lambda _: (None, ["stale"]),
+        )
 
 
 @pytest.mark.parametrize(
@@ -125,7 +130,7 @@ def test_what_is_no_conversation_is_refused(text: str) -> None:
 def test_an_empty_record_has_no_plan(tmp_path) -> None:
     (tmp_path / "c.json").write_text(Conversation("p:m", "S").dump())
     with pytest.raises(InputError, match="no answer"):
-        load(tmp_path / "c.json")
+        ReplayPlanner(tmp_path / "c.json").plan(None, None)
 
 
 def test_recorded_answers_end() -> None:

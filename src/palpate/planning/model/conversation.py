@@ -178,15 +178,3 @@ def read_conversation(path: Path) -> Conversation:
         InputError: no such file, or not a conversation.
     """
     return Conversation.load(read_text(path, MAX_CONVERSATION, "a conversation"))
-
-
-def load(path: Path) -> Conversation:
-    """Load a conversation as `read_conversation`, to be replayed.
-
-    Raises:
-        InputError: not a conversation, or nothing was answered in it.
-    """
-    kept = read_conversation(path)
-    if not kept.rounds:
-        raise InputError(f"'{path.name}' holds no answer")
-    return kept
