@@ -6,12 +6,11 @@ import pytest
 
 from palpate.errors import InputError, PlanRejected
 from palpate.parameter import Parameter
-from palpate.planning.model.conversation import Answer, Conversation, read_conversation
+from palpate.planning.model.conversation import Answer, Conversation, Round, read_conversation
 from palpate.planning.model.rounds import (
     MAX_FINDINGS,
     converse,
     feedback,
-    recorded,
     replayed,
 )
 from palpate.planning.plan import Node, Plan
@@ -133,9 +132,10 @@ def test_an_empty_record_has_no_plan(tmp_path) -> None:
         ReplayPlanner(tmp_path / "c.json").plan(None, None)
 
 
-def test_recorded_answers_end() -> None:
+def test_a_record_that_ends_with_an_objection_is_refused() -> None:
+    kept = Conversation("p:m", "S", rounds=[Round("please", Answer("good"), objection="no")])
     with pytest.raises(InputError, match="ends before"):
-        recorded(Conversation("p:m", "S"))("more")
+        replayed(kept, Conversation("again", ""), judge)
 
 
 OTHER = replace(GOOD, explanation="another")

@@ -133,29 +133,22 @@ def feedback(findings: Sequence[str]) -> str:
     return "\n".join(lines)
 
 
-def recorded(conversation: Conversation) -> Ask:
-    """Function that returns the recorded answers in order, and raises `InputError` after the last."""
-    answers = iter([r.answer for r in conversation.rounds])
-
-    def ask(message: str) -> Answer:
-        answer = next(answers, None)
-        if answer is None:
-            raise InputError(
-                "the recorded conversation ends before a valid plan: its answers do not pass the check "
-                "in this scene; record it again"
-            )
-        return answer
-
-    return ask
-
-
 def replayed(kept: Conversation, again: Conversation, judge: Judge) -> Plan:
     """The plan of a recorded conversation, checked again without network; every round is appended to
     `again`.
 
     Raises:
         PlanRejected: its answers do not pass.
+        InputError: it ends after an objection whose answers do not pass.
     """
+
+    def ask(message: str) -> Answer:
+        if len(again.rounds) == len(kept.rounds):
+            raise InputError(
+                "the recorded conversation ends before a valid plan: its answers do not pass the check "
+                "in this scene; record it again"
+            )
+        return kept.rounds[len(again.rounds)].answer
 
     def objection(plan: Plan) -> str | None:
         return kept.rounds[len(again.rounds) - 1].objection or None
@@ -163,7 +156,7 @@ def replayed(kept: Conversation, again: Conversation, judge: Judge) -> Plan:
     return converse(
         again,
         kept.rounds[0].message,
-        recorded(kept),
+        ask,
         judge,
         rounds=len(kept.rounds) - 1,
         critic=objection,
