@@ -42,7 +42,7 @@ def test_findings_go_back_until_the_plan_is_good() -> None:
     assert "'worse' is not good" in heard[2]
 
 
-def test_first_attempt_and_after_feedback_are_told_apart() -> None:
+def test_first_attempt_and_after_feedback_are_counted_apart() -> None:
     talk = Conversation("p:m", "S")
     converse(talk, "please", scripted("bad", "good"), judge)
     figures = talk.summary()["model"]
@@ -99,7 +99,7 @@ def test_a_conversation_is_read_back_as_it_was(tmp_path) -> None:
     assert replayed(read_conversation(file), Conversation("again", ""), judge) is GOOD
 
 
-def test_a_replay_is_judged_anew(tmp_path) -> None:
+def test_a_replay_is_checked_again(tmp_path) -> None:
     talk = Conversation("p:m", "S")
     converse(talk, "please", scripted("good"), judge)
     (tmp_path / "c.json").write_text(talk.dump())
@@ -121,7 +121,7 @@ def test_a_replay_is_judged_anew(tmp_path) -> None:
         json.dumps({"planner": "p", "system": "s", "rounds": 3}),
     ],
 )
-def test_what_is_no_conversation_is_refused(text: str) -> None:
+def test_a_document_that_is_no_conversation_is_refused(text: str) -> None:
     with pytest.raises(InputError, match="not a recorded conversation"):
         Conversation.load(text)
 
@@ -141,7 +141,7 @@ def test_a_record_that_ends_with_an_objection_is_refused() -> None:
 OTHER = replace(GOOD, explanation="another")
 
 
-def test_an_objection_goes_back_once_and_what_comes_of_it_is_the_plan() -> None:
+def test_an_objection_goes_back_once_and_the_answer_to_it_is_the_plan() -> None:
     talk, heard = Conversation("p:m", "S"), list[str]()
     plans = {"first": GOOD, "second": OTHER}
     plan = converse(
@@ -169,7 +169,7 @@ def test_a_plan_stands_where_an_objection_leads_to_no_other_that_passes() -> Non
     assert len(talk.rounds) == 3
 
 
-def test_the_figures_tell_each_rounds_parameters_and_what_changed() -> None:
+def test_the_figures_have_each_rounds_parameters_and_changes() -> None:
     trees = [Node("Sequence", (), (Node("OpenGripper"), Node(name))) for name in ("A", "B")]
     plans = [
         Plan((Parameter("cup", "mass"),), trees[0], "e"),
