@@ -13,7 +13,7 @@ from pathlib import Path
 
 from palpate.errors import InputError, PlanRejected
 from palpate.parameter import Parameter
-from palpate.planning.check.case import Case, Form
+from palpate.planning.check.case import Case
 from palpate.planning.check.regions import estimated_poses, unpassable_regions
 from palpate.planning.check.walk import Walk
 from palpate.planning.plan import Node, Plan
@@ -171,10 +171,8 @@ def assemble(
         )
         if made.tree is None:
             break
-        case = Case(Plan((), made.tree, ""), Form.of(made.tree, words), words, scene)
-        if not estimated_poses(case):
-            break
-        if not any(unpassable_regions(case, Walk.over(made.tree, case.form, words, scene))):
+        case = Case(Plan((), made.tree, ""), words, scene)
+        if not estimated_poses(case) or not any(unpassable_regions(case, Walk.over(case))):
             break
     return made
 
