@@ -196,7 +196,7 @@ class Walk:
             self._lost = True
             return replace(before, pose_world_tcp=None, at=None)
         if "arm" in primitive.claims and after.at is not None:
-            self._lost = False
+            self._lost = False  # a known pose again
         self.actions.append(Action(path, primitive, before, after))
         return after
 

@@ -114,6 +114,7 @@ class Conversation:
     @property
     def cost(self) -> float | None:
         """US dollars so far; None when an answer has no known price."""
+        # One unknown price makes the sum unknown.
         costs = [answer.cost for answer in self.answers if answer.cost is not None]
         return sum(costs) if len(costs) == len(self.answers) else None
 

@@ -59,6 +59,7 @@ def objection_to(
     system = folder.joinpath("critic.md").read_text(encoding="utf-8")
     shown = fenced(json.dumps(plan_json(plan), ensure_ascii=False), "json")
     message = f"{message}\n\n# The plan\n{shown}\n\nIs there an objection?"
+    # A critic that fails leaves the plan as it is.
     try:
         if exhausted := budget.exhausted(conversation):
             raise Unavailable(exhausted)

@@ -76,10 +76,11 @@ class VlmPlanner:
         pictures = [picture(path) for path in prompt.images]
         shown = tuple(each.note() for each in pictures)
         self.conversation = Conversation(endpoint.name, prompt.system, shown)
-        schema = None
+        schema = None  # JSON in prose, which every provider can write
         if settings.native:
             schema = flat.flat_schema(vocabulary(), with_scene=scene is None)
         session = Session(endpoint, prompt.system, pictures, schema, settings.budget)
+        # A critic without a key is refused before the first request.
         conversation, critic = self.conversation, critic_endpoint(settings, endpoint)
 
         def objection(plan: Plan) -> str | None:

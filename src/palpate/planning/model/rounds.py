@@ -98,7 +98,7 @@ def differences(before: Plan, after: Plan) -> tuple[str, ...]:
     texts: list[list[str]] = []
     for plan in (before, after):
         promised = [str(parameter) for parameter in plan.parameters]
-        tree = str(plan.tree or plan.outcome).splitlines()
+        tree = str(plan.tree or plan.outcome).splitlines()  # a node per line
         texts.append([*promised, *tree[:MAX_COMPARED]])
     old, new = texts
     compared = unified_diff(old, new, n=0, lineterm="")

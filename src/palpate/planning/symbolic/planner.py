@@ -184,6 +184,7 @@ def _assembled(
     measured: list[Parameter] = []
     failed: list[str] = []
     surfaces = chainer.scene.surfaces
+    # A measured height makes the motions above that surface exact.
     surfaces_first = sorted(parameters, key=lambda wanted: wanted.object not in surfaces)
     for name, group in groupby(surfaces_first, key=lambda wanted: wanted.object):
         done, reasons = _measure(chainer, name, list(group), efforts)
@@ -202,6 +203,7 @@ def _measure(
     reason = unusable(chainer.scene, name)
     if reason:
         return [], [f"{spoken(parameters)} cannot be measured: {reason}."]
+    # One grasp serves all parameters of a body, so the greatest effort among them counts.
     chosen = {wanted: efforts[wanted] for wanted in parameters if wanted in efforts}
     most = max(chosen.values(), key=lambda effort: effort.cycles, default=None)
     try:

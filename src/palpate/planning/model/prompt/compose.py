@@ -152,7 +152,7 @@ def system_prompt(
 
 def fenced(text: str, language: str = "") -> str:
     """`text` in a Markdown fence longer than any in it."""
-    ticks = "```"
+    ticks = "```"  # Markdown closes a fence only with as many backticks as opened it
     while ticks in text:
         ticks += "`"
     return f"{ticks}{language}\n{text.rstrip()}\n{ticks}"
@@ -251,7 +251,7 @@ def robot_section(arm: RobotDescription, pose_world_base: Pose | None) -> str:
     """Section of the robot's dimensions and limits by which the check judges fit and clearance."""
     hand, limits = arm.hand, arm.limits
     half_x, half_y = hand.half_extents
-    beside = hand.opening / 2 + hand.finger
+    beside = hand.opening / 2 + hand.finger  # from the middle to the outside of an open finger
     low, high = limits.workspace_min.tolist(), limits.workspace_max.tolist()
     within = (f"{axis} {a:.3g} to {b:.3g} m" for axis, a, b in zip("xyz", low, high, strict=True))
     lines = [
