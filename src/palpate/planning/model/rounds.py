@@ -154,12 +154,7 @@ def replayed(kept: Conversation, again: Conversation, judge: Judge) -> Plan:
         return kept.rounds[len(again.rounds) - 1].objection or None
 
     return converse(
-        again,
-        kept.rounds[0].message,
-        ask,
-        judge,
-        rounds=len(kept.rounds) - 1,
-        critic=objection,
+        again, kept.rounds[0].message, ask, judge, rounds=len(kept.rounds) - 1, critic=objection
     )
 
 
