@@ -25,7 +25,7 @@ def known(case: Case, walk: Walk) -> Iterator[Fault]:
 
 
 def redundant(case: Case, walk: Walk) -> Iterator[Fault]:
-    """Nothing is measured or logged twice, or that no parameter needs."""
+    """Each measurement and recording is made once, and a parameter needs it."""
     made: set[Parameter] = set()
     for action, parameter in walk.conversions():
         if not is_stray(parameter, case):

@@ -160,8 +160,6 @@ class Conversation:
         Raises:
             InputError: it is not one.
         """
-        if len(text) > MAX_CONVERSATION:
-            raise InputError("the conversation is larger than 20 MB")
         try:
             return TypeAdapter(cls).validate_json(text)
         except ValidationError as error:

@@ -55,7 +55,7 @@ def converse(
     """
 
     def once(message: str, before: Plan | None) -> tuple[Plan | None, Sequence[str]]:
-        """One round: the plan, if any, and the findings on it."""
+        """Do a round; return the plan, if any, and the findings on it."""
         answer = ask(message)
         plan, findings = judge(answer.text)
         kept = tuple(finding[:MAX_FINDING] for finding in findings)

@@ -154,7 +154,7 @@ def assemble(
     efforts: Efforts | None = None,
     mirrored: bool = False,
 ) -> Assembled:
-    """One tree for all parameters that can be measured, those of one object together.
+    """Assemble one tree for all parameters that can be measured, those of one object together.
 
     Args:
         scene, parameters: the scene, and the parameters to measure in it.
