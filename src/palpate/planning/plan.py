@@ -127,7 +127,7 @@ def parse_plan(text: str | bytes) -> Plan:
         except UnicodeDecodeError as error:
             raise InputError(f"the plan is not UTF-8 text (byte {error.start})") from None
     text = text.removeprefix("\ufeff")
-    if nesting(text) > MAX_NESTING:
+    if nesting(text) > MAX_NESTING:  # before the JSON reader recurses
         raise InputError(f"the plan is nested deeper than {MAX_NESTING} brackets; flatten its tree")
     try:
         document = json.loads(
@@ -237,7 +237,7 @@ def _finite(number: str) -> float:
 
 
 def _node(value: object, path: str, depth: int, budget: list[int]) -> Node:
-    budget[0] -= 1
+    budget[0] -= 1  # shared by all nodes of the tree
     if budget[0] < 0:
         raise InputError(f"the plan has more than {MAX_NODES} nodes; split it")
     if depth > MAX_NESTING:

@@ -15,7 +15,7 @@ from palpate.parameter import Parameter
 from palpate.planning.model import flat
 from palpate.planning.model.answer import Proposal, read_answer
 from palpate.planning.model.conversation import Conversation
-from palpate.planning.model.critic import Critic
+from palpate.planning.model.critic import critic_endpoint, objection_to
 from palpate.planning.model.prompt.compose import Prompt, compose
 from palpate.planning.model.provider import Endpoint
 from palpate.planning.model.rounds import converse
@@ -79,24 +79,29 @@ class VlmPlanner:
         pictures = [picture(path) for path in prompt.images]
         shown = tuple(each.note() for each in pictures)
         self.conversation = Conversation(endpoint.name, prompt.system, shown)
-        schema = None
+        schema = None  # JSON in prose, which every provider can write
         if settings.native:
             schema = flat.flat_schema(vocabulary(), with_scene=scene is None)
         session = Session(endpoint, prompt.system, pictures, schema, settings.budget)
-        critic = Critic.of(settings, endpoint, prompt.user, pictures, self.conversation)
+        # A critic without a key is refused before the first request.
+        conversation, critic = self.conversation, critic_endpoint(settings, endpoint)
+
+        def objection(plan: Plan) -> str | None:
+            return critic and objection_to(plan, critic, prompt.user, session, conversation)
+
         plan = converse(
-            self.conversation,
+            conversation,
             prompt.user,
             session.ask,
             lambda text: self.judge(text, scene, request),
             rounds=settings.rounds,
             may_go_on=settings.budget.exhausted,
-            critic=critic or (lambda _: None),
+            critic=objection,
         )
-        notes, critique = plan.notes, self.conversation.critique
+        notes, critique = plan.notes, conversation.critique
         if critique is not None and critique.error:
             notes = (*notes, f"No critic read the plan: {critique.error}")
-        return replace(plan, planner=self.conversation.planner, notes=notes)
+        return replace(plan, planner=conversation.planner, notes=notes)
 
     def _prompt(self, request: str, scene: Scene | None, images: Sequence[Path]) -> Prompt:
         symbols = None

@@ -13,7 +13,7 @@ from pathlib import Path
 
 from palpate.errors import InputError, PlanRejected
 from palpate.parameter import Parameter
-from palpate.planning.check.case import Case, Form
+from palpate.planning.check.case import Case
 from palpate.planning.check.regions import estimated_poses, unpassable_regions
 from palpate.planning.check.walk import Walk
 from palpate.planning.plan import Node, Plan
@@ -159,7 +159,7 @@ def assemble(
     efforts: Efforts | None = None,
     mirrored: bool = False,
 ) -> Assembled:
-    """One tree for all parameters that can be measured, those of one object together.
+    """Assemble one tree for all parameters that can be measured, those of one object together.
 
     Args:
         scene, parameters: the scene, and the parameters to measure in it.
@@ -176,10 +176,8 @@ def assemble(
         )
         if made.tree is None:
             break
-        case = Case(Plan((), made.tree, ""), Form.of(made.tree, words), words, scene)
-        if not estimated_poses(case):
-            break
-        if not any(unpassable_regions(case, Walk.over(made.tree, case.form, words, scene))):
+        case = Case(Plan((), made.tree, ""), words, scene)
+        if not estimated_poses(case) or not any(unpassable_regions(case, Walk.over(case))):
             break
     return made
 
@@ -191,6 +189,7 @@ def _assembled(
     measured: list[Parameter] = []
     failed: list[str] = []
     surfaces = chainer.scene.surfaces
+    # A measured height makes the motions above that surface exact.
     surfaces_first = sorted(parameters, key=lambda wanted: wanted.object not in surfaces)
     for name, group in groupby(surfaces_first, key=lambda wanted: wanted.object):
         done, reasons = _measure(chainer, name, list(group), efforts)
@@ -209,6 +208,7 @@ def _measure(
     reason = unusable(chainer.scene, name)
     if reason:
         return [], [f"{spoken(parameters)} cannot be measured: {reason}."]
+    # One grasp serves all parameters of a body, so the greatest effort among them counts.
     chosen = {wanted: efforts[wanted] for wanted in parameters if wanted in efforts}
     most = max(chosen.values(), key=lambda effort: effort.cycles, default=None)
     try:
