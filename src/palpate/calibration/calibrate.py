@@ -19,7 +19,7 @@ from palpate.calibration.session import Session
 from palpate.calibration.stated import LENGTH, MASS, Known
 from palpate.callbacks import SILENT, RunCallbacks
 from palpate.errors import InputError
-from palpate.estimation.gains import gain_root
+from palpate.estimation.load.observation import gain_root
 from palpate.robots.owner.config import (
     JOINTS,
     Gains,

@@ -20,8 +20,7 @@ import numpy as np
 from palpate.calibration.gains import GainBelief, require
 from palpate.errors import InputError
 from palpate.estimation.agreement import chi_squared
-from palpate.estimation.gains import gain_root
-from palpate.estimation.load.observation import observe
+from palpate.estimation.load.observation import gain_root, observe
 from palpate.geometry.pose import Array, Pose
 from palpate.planning.plan import Node
 from palpate.robots.description import RobotDescription

@@ -9,12 +9,11 @@ import numpy as np
 
 from palpate.estimation import tuning
 from palpate.estimation.agreement import FitTest, chi_squared
-from palpate.estimation.droop import EXPECTED, SPREAD
 from palpate.estimation.estimate import Shared
 from palpate.estimation.holds import Held, Hold
 from palpate.estimation.load.fit import Load
 from palpate.estimation.load.weighing import shared_gains, shared_links
-from palpate.estimation.slip import before, slid
+from palpate.estimation.slip import EXPECTED, SPREAD, before, slid
 from palpate.estimation.view import FitView
 from palpate.geometry.pose import Array, Pose
 from palpate.mjcf.body import Body

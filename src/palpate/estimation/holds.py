@@ -8,12 +8,19 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from palpate.estimation import tuning
-from palpate.estimation.droop import Droop
 from palpate.estimation.load.fit import Load, fit_load
-from palpate.estimation.load.segments import Cut, Segment, Weighing, compared, weighings
+from palpate.estimation.load.segments import (
+    Cut,
+    Segment,
+    Weighing,
+    compared,
+    load_rows,
+    turn_bins,
+    weighings,
+)
 from palpate.estimation.load.weighing import whole_of
-from palpate.estimation.slip import PutDown
-from palpate.estimation.windows import at_rest, commanded, load_of, mean_pose, runs, turns
+from palpate.estimation.motion import at_rest, commanded, mean_pose, runs
+from palpate.estimation.slip import Droop, PutDown
 from palpate.geometry.pose import Array, Pose
 from palpate.mjcf.body import Body
 from palpate.trace.recording import Recording
@@ -129,7 +136,7 @@ def _of_whole(
 
 
 def _put_down(trace: Trace, name: str, holds: Sequence[Hold]) -> Iterator[PutDown]:
-    changes = load_of(trace, name).grasps
+    changes = load_rows(trace, name).grasps
     first = {hold.grasp: hold for hold in reversed(holds)}
     for hold in sorted(first.values(), key=lambda each: each.grasp):
         opened = next((time for time in changes if time > hold.grasp), np.inf)
@@ -209,7 +216,7 @@ def _parts(trace: Trace, recording: Recording) -> dict[str, slice]:
     """Rows of a tilting: each turn in bins, and each rest."""
     t, resting = trace.samples.t, at_rest(trace.samples)
     inside = (t >= recording.start) & (t <= recording.end)
-    parts = {f"tilt {i} {k}": rows for (i, k), rows in turns(trace, recording).items()}
+    parts = {f"tilt {i} {k}": rows for (i, k), rows in turn_bins(trace, recording).items()}
     rests = [rows for rows in runs(resting & inside) if _lasts(t[rows])]
     for i, rest in enumerate(rests):
         parts[f"rest {i}"] = rest
@@ -240,5 +247,5 @@ def pose_in_hand(trace: Trace, recording: Recording, body: Body) -> Pose:
 
 def grasped(trace: Trace, recording: Recording, body: Body) -> float:
     """Time at which the hand closed on the object held in a recording, s; -inf if unknown."""
-    grasps = load_of(trace, body.name).grasps
+    grasps = load_rows(trace, body.name).grasps
     return max((time for time in grasps if time <= recording.start), default=-np.inf)

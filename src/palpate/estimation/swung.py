@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from palpate.estimation import tuning
 from palpate.estimation.load.noise import Noise
 from palpate.estimation.load.observation import WrenchObservation, observe
-from palpate.estimation.windows import Mask, commanded, mean_pose, runs
+from palpate.estimation.motion import Mask, commanded, mean_pose, runs
 from palpate.geometry.pose import Array, Pose, rotations
 from palpate.trace.recording import Recording
 from palpate.trace.samples import Samples, Trace

@@ -10,10 +10,10 @@ import numpy as np
 
 from palpate.estimation import tuning
 from palpate.estimation.agreement import FitTest, chi_squared
-from palpate.estimation.droop import EXPECTED, SPREAD, Droop
 from palpate.estimation.estimate import Estimate, Part, not_identified
 from palpate.estimation.holds import Held, grasped, held, pose_in_hand
 from palpate.estimation.rigid import MASS, about_centre, linear, moved, of_box, pseudo_inertia
+from palpate.estimation.slip import EXPECTED, SPREAD, Droop
 from palpate.estimation.swung import contrast, swings
 from palpate.estimation.view import FitView
 from palpate.geometry.inertia import components
@@ -142,7 +142,7 @@ FASTER = 1.2
 
 GIVE, SOFTNESS = slice(10, 13), slice(13, 15)
 """Indices of nuisance parameters behind the ten inertial ones: compliance between pads and object
-about three axes, s², and rotation in the fingers (`estimation.droop`)."""
+about three axes, s², and rotation in the fingers (`estimation.slip`)."""
 
 
 def estimate_inertia(trace: Trace, parameter: Parameter, body: Body | None) -> Estimate:

@@ -13,8 +13,9 @@ from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from palpate.estimation import tuning
-from palpate.estimation.contact.joint_friction import joint_friction_force
-from palpate.estimation.windows import Mask
+from palpate.estimation.joint_friction import joint_friction_force
+from palpate.estimation.load.segments import load_rows
+from palpate.estimation.motion import Mask
 from palpate.geometry.pose import Array, rotations
 from palpate.parameter import Parameter
 from palpate.trace.recording import Hand, LeafRun, Recording
@@ -164,7 +165,8 @@ def descent_before(trace: Trace, recording: Recording) -> Descent | None:
     force = (down - free_air, smooth - free_air)
     first = int(np.searchsorted(trace.samples.t, leaf.start))
     rows = slice(first, first + len(samples))
-    own = joint_friction_force(trace, rows, free, float(samples.pose_world_tcp[onset, 2]))
+    height = float(samples.pose_world_tcp[onset, 2])
+    own = joint_friction_force(trace, rows, free, load_rows(trace, None).empty, height)
     return Descent(samples, leaf, z, *force, noise, onset, pressed, set_out, wander, met.slope, own)
 
 
@@ -290,3 +292,56 @@ def _onset(smooth: Array, wander: float, rows: Mask) -> int:
     nothing = max(tuning.SOFT_FORCE, tuning.CONTACT_NOISE * wander)
     quiet = np.flatnonzero(rows & (smooth < nothing))
     return int(quiet[-1]) if len(quiet) else 0
+
+
+def at_most(descent: Descent) -> tuple[float, float]:
+    """N that it pressed with at rest at most, and m, tip height meanwhile."""
+    borne = descent.borne
+    return float(np.mean(descent.smooth[borne])), float(np.median(descent.z[borne]))
+
+
+def first_contact(descent: Descent, late: int) -> tuple[float, float]:
+    """Tip height at which the force begins to rise, m, and its standard deviation.
+
+    A rise shows late in the noise, so what gives way is carried back to no force, along the line
+    F(z) through the lower half of its way.
+    """
+    z, onset = descent.z, descent.onset
+    met = float(z[min(onset + 1, len(z) - 1)])
+    row = float(np.abs(z[min(onset + 1, len(z) - 1)] - z[onset]))
+    halfway = (met + float(z[late])) / 2
+    rows = np.arange(onset + 1, late + 1)
+    rows = rows[(z[rows] >= halfway) & steady(descent.samples)[rows]]
+    if len(rows) < tuning.CURVE_ROWS:
+        return met, max(row, tuning.UNSEEN)
+    force = descent.smooth[rows]
+    slope, offset = np.polyfit(z[rows], force, 1)
+    if slope >= 0.0:
+        return met, max(row, tuning.UNSEEN)
+    root = float(np.clip(-offset / slope, met, met + (met - float(z[late]))))
+    residual = float(np.std(descent.force[rows] - (slope * z[rows] + offset)))
+    scatter = 2.0 * residual / (-float(slope) * np.sqrt(len(rows)))
+    return root, float(np.hypot(scatter, max(row, tuning.UNSEEN)))
+
+
+def knee(descent: Descent, late: int, first: float) -> float:
+    """Force at which the last, stiffest stretch of the curve begins, N."""
+    stiff = float(descent.z[late])
+    if first - stiff < tuning.SOFT:
+        return 0.0
+    above = stiff + tuning.STIFF_SHARE * (first - stiff)
+    soft = np.flatnonzero(descent.z[descent.onset : late + 1] > above)
+    last = int(soft[-1]) if len(soft) else 0
+    return max(float(descent.smooth[descent.onset + last]), 0.0)
+
+
+def bottomed(descent: Descent, late: int, first: float) -> float | None:
+    """m: the tip's height at which the surface became far stiffer than it had been: where its last stretch
+    would bear nothing, if that is higher."""
+    late_z, late_force = float(descent.z[late]), float(descent.smooth[late])
+    most, deepest = at_most(descent)
+    before = (first - late_z) / late_force
+    after = (late_z - deepest) / (most - late_force)
+    if first - late_z < tuning.SOFT or after > tuning.STIFFER * before:
+        return None
+    return late_z + max(tuning.STIFF_SHARE * (first - late_z), after * late_force)

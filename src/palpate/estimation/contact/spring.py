@@ -20,8 +20,8 @@ import numpy as np
 
 from palpate.estimation import tuning
 from palpate.estimation.contact.descent import Descent, block_means
+from palpate.estimation.motion import Mask
 from palpate.estimation.view import FitView
-from palpate.estimation.windows import Mask
 from palpate.geometry.pose import Array
 from palpate.trace.recording import Hand
 

@@ -24,17 +24,20 @@ import numpy as np
 
 from palpate.estimation import tuning
 from palpate.estimation.agreement import FitTest
-from palpate.estimation.contact.curve import at_most, bottomed, first_contact, knee
 from palpate.estimation.contact.descent import (
     Descent,
+    at_most,
+    bottomed,
     descent_before,
+    first_contact,
+    knee,
     leans,
     running_median,
 )
 from palpate.estimation.contact.plane import Plane, plane_view
 from palpate.estimation.contact.spring import Onset, Spring, fit_spring
+from palpate.estimation.motion import mean_pose
 from palpate.estimation.view import FitView
-from palpate.estimation.windows import mean_pose
 from palpate.geometry.pose import Array
 from palpate.trace.recording import Hand, Recording
 from palpate.trace.samples import Trace

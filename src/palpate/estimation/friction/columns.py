@@ -26,8 +26,7 @@ import numpy as np
 
 from palpate.estimation import tuning
 from palpate.estimation.friction.drags import Drag
-from palpate.estimation.gains import gain_root
-from palpate.estimation.load.observation import WrenchObservation
+from palpate.estimation.load.observation import WrenchObservation, gain_root
 from palpate.geometry.pose import Array
 from palpate.trace.recording import Hand
 

@@ -15,20 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.estimation import tuning
-from palpate.estimation.friction.joints import joint_friction
-from palpate.estimation.load.dahl import TURNED, dahl_states
+from palpate.estimation.joint_friction import TURNED, joint_friction, joint_states
 from palpate.estimation.load.noise import Noise, block_noise
 from palpate.estimation.load.observation import WrenchObservation
-from palpate.estimation.windows import (
-    Load,
-    Mask,
-    acceleration,
-    at_rest,
-    load_of,
-    row_at,
-    runs,
-    smoothed,
-)
+from palpate.estimation.load.segments import LoadRows, load_rows
+from palpate.estimation.motion import Mask, acceleration, at_rest, row_at, runs, smoothed
 from palpate.geometry.pose import Array
 from palpate.trace.samples import Samples, Trace
 
@@ -267,12 +258,12 @@ def _detrended(y: Array) -> Array:
 def steady_drags(trace: Trace, name: str, observed: WrenchObservation) -> list[Drag]:
     """Drags of the object `name` in which it slid steadily for long enough; those in which it
     chatters only where it does in all."""
-    drags = _drags(trace, load_of(trace, name), observed)
+    drags = _drags(trace, load_rows(trace, name), observed)
     found = [drag for drag in drags if drag.steady.sum() >= tuning.STEADY_ROWS]
     return [drag for drag in found if drag.roughness < tuning.ROUGH] or found
 
 
-def _drags(trace: Trace, load: Load, observed: WrenchObservation) -> Iterator[Drag]:
+def _drags(trace: Trace, load: LoadRows, observed: WrenchObservation) -> Iterator[Drag]:
     """Drags of the loaded hand, commanded horizontally at the height of the grasp."""
     samples = trace.samples
     if not load.grasps:
@@ -281,12 +272,12 @@ def _drags(trace: Trace, load: Load, observed: WrenchObservation) -> Iterator[Dr
     hanging = _at_rest(samples, load, floor)
     if not hanging.any():
         return
-    ways = dahl_states(samples.q)[:, :, TURNED]
+    ways = joint_states(samples)[:, :, TURNED]
     free = Hanging(
         samples.wrench[hanging, :3].mean(axis=0),
         samples.q[hanging].mean(axis=0),
         ways[hanging].mean(axis=0),
-        *joint_friction(samples, ways, load, floor + tuning.HANGING),
+        *joint_friction(samples, ways, load.empty, floor + tuning.HANGING),
         _noise(samples, observed, load, floor),
     )
     step = np.gradient(samples.target_world_tcp[:, :3], samples.t, axis=0)
@@ -329,7 +320,7 @@ def _climbing(samples: Samples) -> Array:
     return np.gradient(smoothed(samples.pose_world_tcp[:, 2], size), samples.t)
 
 
-def _noise(samples: Samples, observed: WrenchObservation, load: Load, floor: float) -> Noise:
+def _noise(samples: Samples, observed: WrenchObservation, load: LoadRows, floor: float) -> Noise:
     """Of each signal, as the arm moves slowly through free air, or rests."""
     high = samples.pose_world_tcp[:, 2] > floor + tuning.HANGING
     gaining = acceleration(samples, tuning.SPEED_SMOOTH)
@@ -343,7 +334,7 @@ def _height_at(samples: Samples, time: float) -> float:
     return float(samples.pose_world_tcp[row_at(samples, time), 2])
 
 
-def _at_rest(samples: Samples, load: Load, floor: float) -> Mask:
+def _at_rest(samples: Samples, load: LoadRows, floor: float) -> Mask:
     """Rows in which the object hangs free: what is sensed with nothing tangential and no support."""
     high = samples.pose_world_tcp[:, 2] > floor + tuning.HANGING
     return at_rest(samples) & load.loaded & high

@@ -26,8 +26,8 @@ from palpate.estimation.friction.columns import MU, Columns, columns
 from palpate.estimation.friction.drags import Drag
 from palpate.estimation.load.biases import flicker
 from palpate.estimation.load.observation import WrenchObservation
+from palpate.estimation.motion import Mask
 from palpate.estimation.view import FitView, constant, unit_slopes
-from palpate.estimation.windows import Mask
 from palpate.geometry.pose import Array
 from palpate.trace.recording import Hand
 

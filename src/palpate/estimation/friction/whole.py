@@ -2,7 +2,7 @@
 
 Referred to a rest in the air, the force of a drag holds what an arm's biases make from there to here, and
 only how the force grows with pressure tells friction from that. But the same links, zeros, gains and
-joints' friction show in all free motion around the drags (`estimation.load.around.causes`). Fitted together, the
+joints' friction show in all free motion around the drags (`estimation.load.causes`). Fitted together, the
 whole sliding force counts. What the support does in a block of a drag but the force along it is unknown: it
 presses as it likes, and rubs with that; it pushes aside; it turns the hand.
 
@@ -33,8 +33,8 @@ from palpate.estimation.friction.columns import (
     usual_speed,
 )
 from palpate.estimation.friction.drags import Drag
-from palpate.estimation.load.around.blocks import UP, Blocks, Rows, blocks, free_rows
-from palpate.estimation.load.around.causes import (
+from palpate.estimation.load.blocks import UP, Blocks, Rows, blocks, free_rows
+from palpate.estimation.load.causes import (
     GAIN,
     LINK,
     Cause,
@@ -47,7 +47,7 @@ from palpate.estimation.load.around.causes import (
 )
 from palpate.estimation.load.equations import Model, ScaleHyperprior
 from palpate.estimation.load.observation import WrenchObservation
-from palpate.estimation.windows import row_at
+from palpate.estimation.motion import row_at
 from palpate.geometry.pose import Array
 from palpate.trace.samples import Trace
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from palpate.estimation import tuning
 from palpate.estimation.load.segments import Segment, Weighing
-from palpate.estimation.windows import Mask
+from palpate.estimation.motion import Mask
 from palpate.geometry.pose import Array
 
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from palpate.estimation import tuning
 from palpate.estimation.load.biases import covariance
 from palpate.estimation.load.segments import Segment, Weighing
-from palpate.estimation.windows import Mask
+from palpate.estimation.motion import Mask
 from palpate.geometry.pose import Array
 
 FORCE_Z, TORQUE_X, TORQUE_Y, TORQUE_Z = 2, 3, 4, 5
@@ -61,7 +61,7 @@ class Rows:
         way: (n,) 1 up, -1 down, 0 at rest.
         rest: (n,) 1 at rest.
         dahl: (n, p) signals per unit of friction level in each joint, and per unit of its initial
-            state (`estimation.load.dahl`).
+            state (`estimation.joint_friction`).
         stiction: columns of the torque that an approach leaves in the joints, per rest and pass.
         since: (n, k) signals per newton upward at the TCP, as a step that begins with the second segment in time,
             with the third, and so on.

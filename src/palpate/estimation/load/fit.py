@@ -8,9 +8,9 @@ path of a lift, is modelled as
     W       the wrench of the load, which is sought: (0, 0, F, M_x, M_y, 0) of what hangs free;
             L_b is 1 with the load in the hand and 0 without
     a, g    vertical acceleration and gravity
-    m       what moving the arm's links takes (`estimation.load.inverse_dynamics`), which is out of y but for an
+    m       what moving the arm's links takes (`estimation.load.chain`), which is out of y but for an
             error i of some per cent; where links are not known, the acceleration takes its place
-    f, s    friction of a joint, whose state follows its motion (`estimation.load.dahl`)
+    f, s    friction of a joint, whose state follows its motion (`estimation.joint_friction`)
     c       bias of each kind of segment, a cubic along the path x and a bit of its own in each bin;
             kinds have some or all of it in common
     d       drift and 1/f noise over time t
@@ -45,7 +45,6 @@ import numpy as np
 
 from palpate.estimation import tuning
 from palpate.estimation.agreement import FitTest
-from palpate.estimation.gains import gain_root
 from palpate.estimation.load.equations import (
     FORCE_Z,
     LEANING,
@@ -60,6 +59,7 @@ from palpate.estimation.load.equations import (
     in_each,
 )
 from palpate.estimation.load.misspecification import tests_of
+from palpate.estimation.load.observation import gain_root
 from palpate.estimation.load.segments import Weighing
 from palpate.geometry.pose import Array
 from palpate.trace.recording import Hand

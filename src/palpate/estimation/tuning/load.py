@@ -1,4 +1,118 @@
-"""The load from the contrast of rests and passes: the numbers."""
+"""Tuning numbers of segmentation, sensor noise and the load."""
+
+# Segmentation of a trace into rests and passes.
+
+SETTLE = 0.15
+"""s after the commanded pose stopped moving: the impedance controller's transient. Sensitive: mass
+0.1 σ; friction 0.2 σ, std ×1.0–1.1; com 0.2 σ."""
+
+START = 0.06
+"""s before the commanded pose moves on: a smooth start accelerates before it visibly moves.
+Sensitive: com 0.08 σ, std ×0.9–1.0."""
+
+STILL_SPEED = 0.001
+"""m/s: below this the TCP counts as at rest. Sensitive: mass 0.1 σ; friction 0.2 σ, std
+×1.0–1.1; com 0.2 σ."""
+
+STILL_TURN = 0.01
+"""rad/s: likewise, of the hand's turning. Sensitive: no."""
+
+NEAR = 0.012
+"""m off the measured pose that a rest may be and still count as the same pose (a loaded arm sags
+by m g / k). Sensitive: no."""
+
+NEAR_ANGLE = 0.06
+"""rad off the measured orientation, likewise. Sensitive: no."""
+
+CORRIDOR = 0.02
+"""m beside the line from the grasp to the measured pose that a pass may run. Sensitive: mass 0.7
+σ, std ×1.0–1.3."""
+
+CLEARANCE = 0.015
+"""m of the path above the grasp left out: there the support may still carry part of the object.
+Sensitive: mass 0.7 σ, std ×0.9–1.1; com 0.2 σ, std ×0.8–1.4."""
+
+SHORT_LIFT = 0.4
+"""part of the path left out instead where the lift is short. Sensitive: no."""
+
+COVERED = 0.4
+"""part of the lift that a pass must cover, so that all passes have bins in common. Sensitive:
+mass 1.5 σ, std ×1.0–1.5."""
+
+LIFT_MIN = 0.02
+"""m: a lift shorter than this is no path to compare passes on. Sensitive: no."""
+
+REST_ROWS = 5
+"""rows at least that make a rest, so that their mean has a scatter. Sensitive: mass 0.08 σ."""
+
+ARRIVAL = 0.02
+"""m: the last stretch before a rest, whose direction tells how the joints' friction was left.
+Sensitive: no."""
+
+ALONG = 0.7
+"""cosine between that stretch and the path from which the rest was reached along the path.
+Sensitive: mass 0.2 σ, std ×0.9–1.0."""
+
+PASS_SPEED = 0.01
+"""m/s along the path from which the joints certainly slide. Sensitive: mass 0.2 σ, std ×0.9–1.1;
+com 0.1 σ, std ×1.0–1.1."""
+
+SPEED_SHORT = 0.02
+"""s over which the speed is averaged before an acceleration is taken for what the arm's inertia
+felt. Sensitive: mass 0.3 σ."""
+
+SPEED_SMOOTH = 0.05
+"""s over which the speed is averaged before it is asked whether the arm goes steadily: encoders are
+noisy. Sensitive: mass 0.5 σ, std ×0.9–1.5."""
+
+STEADY = 0.05
+"""m/s², up to which a row belongs to a pass: what the arm's own inertia does as it changes its
+speed is far more than a load. Sensitive: mass 0.7 σ, std ×0.8–1.5."""
+
+SAME_MOTION = 0.25
+"""m/s², root mean square along the path: passes whose accelerations differ by more are not
+compared. Sensitive: no."""
+
+BINS = 10
+"""bins along the path, so that all passes are compared at the same configurations. Sensitive: mass
+0.3 σ."""
+
+# Noise of the joint sensors.
+
+SHORT_BLOCK = 0.05
+"""s: means over such blocks show the white noise; long enough for a filter of the signals to have
+forgotten. Sensitive: mass 0.2 σ, std ×0.9–1.2."""
+
+LONG_BLOCK = 0.25
+"""s: means over such blocks show what is slower; some of them fit into the shortest pass.
+Sensitive: mass 0.3 σ, std ×0.8–1.5."""
+
+SMOOTH_DEGREE = 2
+"""degree of the polynomial in time that is no noise of a stretch. Sensitive: mass 0.1 σ, std
+×0.9–1.2."""
+
+FLICKER_SPAN = 4.0
+"""s for which white noise is averaged in a pass, to compare it with what is slower. Sensitive:
+no."""
+
+FLICKER_FREEDOM = (6.0, 20.0)
+"""degrees of freedom that the level of 1/f noise has at least and at most, between which the number of blocks of
+`LONG_BLOCK` decides: where it hardly stands out it is known to a factor of two or so; where many blocks show it,
+it is still extrapolated to a run of some ten seconds (in 75 recorded runs with a known level its square came out
+at 0.7 to 1.25 of that). Sensitive: 95 % intervals ×0.9–1, no std."""
+
+GAP = 3.0
+"""sampling periods from which samples are missing. Sensitive: no."""
+
+STANDS_OUT = 2.0
+"""standard deviations by which long blocks scatter more than white noise lets them, before that is
+taken for 1/f noise. Sensitive: mass 0.2 σ, std ×0.8–1.2."""
+
+OVERLAP = 2.0
+"""second differences of neighbouring blocks per independent one. Sensitive: mass 0.1 σ, std
+×0.9–1.1."""
+
+# Load from the contrast of rests and passes, and from all free motion.
 
 CHAIN_ROWS = 20
 """rows on which it is tried whether an arm's kinematics explain its wrench. Sensitive: no."""

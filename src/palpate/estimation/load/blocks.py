@@ -9,12 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.estimation import tuning
-from palpate.estimation.load.dahl import dahl_states
-from palpate.estimation.load.free import apart, lifted
+from palpate.estimation.joint_friction import joint_states
 from palpate.estimation.load.observation import WrenchObservation
-from palpate.estimation.windows import Load, Mask, acceleration, at_rest, gained, load_of, runs
+from palpate.estimation.load.segments import LoadRows, load_rows
+from palpate.estimation.motion import Mask, acceleration, at_rest, row_at, runs, smoothed_with_rate
 from palpate.geometry.pose import Array, rotations
 from palpate.trace.samples import Samples, Trace
+
+TOUCHING = ("contact", "sliding")
 
 UP = np.array([0.0, 0.0, 1.0])
 
@@ -38,7 +40,7 @@ class Blocks:
         pull: (k, 3) force of the load in units of its weight, upward; 0 where it does not hang.
         inward: (k, 3, 3) centripetal part of that per metre of lever beside the TCP, as the hand turns.
         grasp: (k,) s, of the load.
-        dahl: (k, m, 2) as `estimation.load.dahl`.
+        dahl: (k, m, 2) as `estimation.joint_friction`.
         resting: (k, rests) 1 where the arm is at a rest.
     """
 
@@ -80,7 +82,7 @@ def blocks(
     surely: bool = False,
 ) -> Blocks:
     """Of the rows of each group, in which at most `name` is held."""
-    samples, load = trace.samples, load_of(trace, name)
+    samples, load = trace.samples, load_rows(trace, name)
     rows, t = np.concatenate(groups), samples.t
     count = np.array([len(group) for group in groups])
     place = np.repeat(np.arange(len(groups)), count)
@@ -95,7 +97,7 @@ def blocks(
     gaining = acceleration(samples, tuning.SPEED_SHORT)
     pull = _hangs(trace, load, surely)[:, None] * (UP + gaining / trace.gravity)
     motion = observed.own_motion(samples, used)
-    net = gained(observed.signals, t, tuning.SPEED_SHORT)[0] - motion
+    net = smoothed_with_rate(observed.signals, t, tuning.SPEED_SHORT)[0] - motion
     middle = np.array([group[len(group) // 2] for group in groups])
     grasp = [max([g for g in load.grasps if g <= time], default=-np.inf) for time in t[middle]]
     q = mean(samples.q)
@@ -115,7 +117,7 @@ def blocks(
         mean(pull),
         inward / trace.gravity,
         np.array(grasp),
-        mean(dahl_states(samples.q)),
+        mean(joint_states(samples)),
         np.array(resting, dtype=float).reshape(-1, len(groups)).T,
     )
 
@@ -131,7 +133,7 @@ def _rests(still: Mask) -> Iterator[Array]:
 def free_rows(trace: Trace, name: str, surely: bool = False) -> list[Rows]:
     """Rows of each block of free motion, or of what is surely that, in which the hand is empty or `name` hangs on
     it, around the time that it does; none where it never hung free."""
-    load, samples = load_of(trace, name), trace.samples
+    load, samples = load_rows(trace, name), trace.samples
     hangs, t = _hangs(trace, load, surely), samples.t
     if not hangs.any():
         return []
@@ -146,14 +148,14 @@ def free_rows(trace: Trace, name: str, surely: bool = False) -> list[Rows]:
     return [rows for rows in parts if used[rows].all()]
 
 
-def _hangs(trace: Trace, load: Load, surely: bool) -> Mask:
+def _hangs(trace: Trace, load: LoadRows, surely: bool) -> Mask:
     above = tuning.CLEARANCE if surely else tuning.FREE_ABOVE
     return load.loaded & apart(trace) & lifted(trace, load, above)
 
 
 def _set_turning(samples: Samples) -> Mask:
     """Rows in which the hand changes how it turns: what a load resists that with is no weight."""
-    change = gained(samples.twist[:, 3:], samples.t, tuning.SPEED_SMOOTH)[1]
+    change = smoothed_with_rate(samples.twist[:, 3:], samples.t, tuning.SPEED_SMOOTH)[1]
     return np.linalg.norm(change, axis=1) > tuning.TURN_STEADY
 
 
@@ -177,8 +179,36 @@ def _shaken(samples: Samples) -> Mask:
     """Rows after the arm has moved away from a rest by `WHOLE_SHAKEN`: the residual stiction of a
     rest builds up as the arm settles and decays as it leaves."""
     t = samples.t
-    speed = np.linalg.norm(gained(samples.dq, t, tuning.SPEED_SHORT)[0], axis=1)
+    speed = np.linalg.norm(smoothed_with_rate(samples.dq, t, tuning.SPEED_SHORT)[0], axis=1)
     slow = speed < tuning.WHOLE_SLOW
     gone = np.cumsum(speed * np.gradient(t))
     since = gone - np.maximum.accumulate(np.where(slow, gone, -np.inf))
     return ~slow & (since > tuning.WHOLE_SHAKEN)
+
+
+def apart(trace: Trace) -> Mask:
+    """Rows in which the hand is away from where a leaf began or ended touching something, and no
+    leaf that does both is at work."""
+    t, position = trace.samples.t, trace.samples.pose_world_tcp[:, :3]
+    found = np.ones(len(t), dtype=bool)
+    touched = False
+    leaves = sorted(trace.leaves, key=lambda run: run.end)
+    for leaf, until in zip(leaves, [*(other.start for other in leaves[1:]), np.inf], strict=True):
+        touches = leaf.context is not None and leaf.context.activity in TOUCHING
+        rows = (t >= leaf.start) & (t < max(until, leaf.end))
+        if touched and touches:
+            found[rows] = False
+        elif touched or touches:
+            place = position[row_at(trace.samples, leaf.start if touched else leaf.end)]
+            found[rows] &= np.linalg.norm(position[rows] - place, axis=1) > tuning.FREE_ABOVE
+        touched = touches
+    return found
+
+
+def lifted(trace: Trace, load: LoadRows, above: float = tuning.FREE_ABOVE) -> Mask:
+    """Rows in which the hand is higher than where it took the object by so many m `above`."""
+    z = trace.samples.pose_world_tcp[:, 2]
+    found = np.zeros(len(z), dtype=bool)
+    for rows in runs(load.loaded):
+        found[rows] = z[rows] > z[rows.start] + above
+    return found

@@ -9,13 +9,12 @@ from typing import NamedTuple
 import numpy as np
 
 from palpate.estimation import tuning
-from palpate.estimation.gains import gain_root
-from palpate.estimation.load.around.blocks import Blocks
 from palpate.estimation.load.biases import flicker
+from palpate.estimation.load.blocks import Blocks
+from palpate.estimation.load.chain import Hinge, hinges
 from palpate.estimation.load.equations import ScaleHyperprior
-from palpate.estimation.load.hinges import Hinge, hinges
 from palpate.estimation.load.noise import Noise
-from palpate.estimation.load.observation import WrenchObservation
+from palpate.estimation.load.observation import WrenchObservation, gain_root
 from palpate.geometry.pose import Array
 from palpate.trace.samples import Trace
 

@@ -16,8 +16,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from palpate.estimation import tuning
-from palpate.estimation.load.around.blocks import Blocks, blocks, free_rows
-from palpate.estimation.load.around.causes import (
+from palpate.estimation.load.blocks import Blocks, blocks, free_rows
+from palpate.estimation.load.causes import (
     GAIN,
     LINK,
     Cause,
