@@ -22,8 +22,7 @@ from palpate.estimation import tuning
 from palpate.estimation.load.observation import observe
 from palpate.estimation.motion import Mask, smoothed
 from palpate.geometry.pose import Array
-from palpate.trace.once import once
-from palpate.trace.samples import Samples, Trace
+from palpate.trace.samples import Samples, Trace, once
 
 TURNED, LEFT = 0, 1
 """Last axis of `dahl_states`: direction of the last motion, and the rest of the initial friction."""

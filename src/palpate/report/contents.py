@@ -12,15 +12,8 @@ from typing import TYPE_CHECKING
 from palpate import __version__
 from palpate.parameter import Parameter
 from palpate.pictures.dress import looks_in
-from palpate.pictures.filming import Filming
-from palpate.pictures.moments import (
-    Film,
-    film_speed,
-    frames_of,
-    render_before_after,
-    render_moment,
-    render_scene,
-)
+from palpate.pictures.film import Film, Filming, film_speed, frames_of
+from palpate.pictures.moments import render_before_after, render_moment, render_scene
 from palpate.pictures.renderer import gl_available, png
 from palpate.report.data import Measured, ParameterRow, ReportData
 from palpate.report.tables import stated_as

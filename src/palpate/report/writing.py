@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from palpate.pictures.filming import Filming
+from palpate.pictures.film import Filming
 from palpate.report.contents import (
     Pictures,
     pictures_in,
@@ -22,7 +22,7 @@ from palpate.runs.folder import replacing
 from palpate.runs.keeper import shortfall
 
 if TYPE_CHECKING:
-    from palpate.pictures.footage import Footage
+    from palpate.pictures.film import Footage
     from palpate.runs.run import Run
     from palpate.trace.samples import Trace
 

@@ -10,15 +10,17 @@ from typing import Annotated
 import typer
 
 from palpate.cli.console import aside
-from palpate.cli.options.results import AsJson
+from palpate.cli.options import AsJson
 from palpate.cli.study.options import (
     FIRST,
     InFlight,
+    OfTrials,
     Planners,
+    Prompts,
     Results,
     Tasks,
-    TrialOptions,
     Trials,
+    conditions,
 )
 
 
@@ -32,31 +34,31 @@ def ablation(
     configuration: Annotated[
         list[str] | None, typer.Option("--configuration", help="Default: all.")
     ] = None,
-    shared: TrialOptions,
+    shared: OfTrials,
+    prompt: Prompts = None,
     as_json: AsJson = False,
 ) -> None:
-    """The paper's table II: what each part of the prompt is worth.
+    """The paper's table II: ablation of the parts of the prompt.
 
     A page beside the results shows the paper's tables and these.
     """
     from palpate.cli.show.studies.planners import show_trials
-    from palpate.studies.planners import ablation
+    from palpate.studies.planners import ablation as studies
 
-    configurations = configuration or ablation.CONFIGURATIONS
-    conditions = shared.conditions()
+    asked = conditions(shared)
     with _page_beside(out):
-        found = ablation.ablation(
+        found = studies.ablation(
             names or FIRST,
             planner,
             out,
-            conditions,
+            asked,
             trials,
-            configurations,
-            workers,
-            aside,
-            shared.prompt or ["full"],
+            configurations=configuration or studies.CONFIGURATIONS,
+            in_flight=workers,
+            say=aside,
+            prompts=prompt or ["full"],
         )
-    show_trials(found, ablation.published(), as_json)
+    show_trials(found, studies.published_ablation(), as_json)
 
 
 def repeatability(
@@ -66,29 +68,30 @@ def repeatability(
     planner: Planners,
     trials: Trials = 20,
     workers: InFlight = 4,
-    shared: TrialOptions,
+    shared: OfTrials,
+    prompt: Prompts = None,
     as_json: AsJson = False,
 ) -> None:
-    """The paper's table III: the same task over and over.
+    """The paper's table III: repeated trials of the same task.
 
     A page beside the results shows the paper's tables and these.
     """
     from palpate.cli.show.studies.planners import show_trials
-    from palpate.studies.planners import repeatability
+    from palpate.studies.planners import ablation as studies
 
-    conditions = shared.conditions()
+    asked = conditions(shared)
     with _page_beside(out):
-        found = repeatability.repeatability(
+        found = studies.repeatability(
             names or FIRST,
             planner,
             out,
-            conditions,
+            asked,
             trials,
-            workers,
-            aside,
-            shared.prompt or ["full"],
+            in_flight=workers,
+            say=aside,
+            prompts=prompt or ["full"],
         )
-    show_trials(found, repeatability.published(), as_json)
+    show_trials(found, studies.published_repeatability(), as_json)
 
 
 @contextmanager

@@ -34,9 +34,8 @@ from palpate.estimation.motion import (
     steady,
 )
 from palpate.geometry.pose import Array, Pose
-from palpate.trace.once import once
 from palpate.trace.recording import Recording
-from palpate.trace.samples import FORCES, Samples, Trace
+from palpate.trace.samples import FORCES, Samples, Trace, once
 
 TURN = "turn"
 """Prefix of the kinds of turns."""
