@@ -1,7 +1,7 @@
-"""Guarded descent: tip height and pressing force, from free air on.
+"""Guarded descent: tip height and pressing force from free air on, and its loading curve.
 
-A contact is where the force rises *and stays*: forces are running medians, so that a sample, or
-four, say nothing.
+A contact is a lasting rise of the force: forces are running medians, which up to four wild samples do not
+change.
 """
 
 from __future__ import annotations
@@ -33,16 +33,15 @@ class Descent:
         samples: of the whole motion.
         leaf: the descent itself.
         z: (n,) m, tip height.
-        force: (n,) N, pressing down, less what was felt in free air.
+        force: (n,) N, pressing down, less the force in free air.
         smooth: its running median.
         noise: N, of a row's force in free air.
         onset: the last row before the contact.
         pressed: rows of the recording.
-        set_out: (6,) N, N m, by how much the wrench changed as the arm set out: the joints' friction.
-        wander: (6,) N, N m, standard deviation of the wrench on the way through free air, in means
-            over some rows: friction and drift that change with the place. Of the pressing force,
-            what its even change leaves.
-        slope: N/m, that change.
+        set_out: (6,) N, N m, change of the wrench as the arm set out: friction of the joints.
+        wander: (6,) N, N m, standard deviation of the wrench in free air, in means over some rows: friction
+            and drift that change with the place. Of the pressing force, about its linear change.
+        slope: N/m, of that linear change.
         joint_friction: (n,) N of the force, by friction in joints that reverse on the way.
     """
 
@@ -66,24 +65,24 @@ class Descent:
 
     @property
     def friction(self) -> float:
-        """N, standard deviation of the pressing force by joint friction as the arm stops: the
-        friction relaxes by between nothing and all of what it showed as the arm set out (uniform
-        distribution), and differs from place to place."""
+        """N, standard deviation of the pressing force by joint friction as the arm stops."""
+        # It relaxes by a part, uniformly distributed, of what it showed as the arm set out, and changes
+        # with the place.
         return float(np.hypot(self.wander[2], self.set_out[2] / np.sqrt(12.0)))
 
     @property
     def full(self) -> float:
-        """N, while the pose was recorded; no less than what is a force at all."""
+        """N, pressing force while the pose was recorded, at least `tuning.SOFT_FORCE`."""
         return max(float(np.mean(self.smooth[self.pressed])), tuning.SOFT_FORCE)
 
     @property
     def held(self) -> float:
-        """m, tip height meanwhile."""
+        """m, tip height while the pose was recorded."""
         return float(np.median(self.z[self.pressed]))
 
     @property
     def borne(self) -> Mask:
-        """Rows in which it pressed most at rest: of the recording, or before it was eased."""
+        """Rows of the greatest force at rest: of the recording, or before it was eased."""
         return _borne(self.samples, self.pressed)
 
     def crossing(self, force: float) -> int:
@@ -95,10 +94,9 @@ class Descent:
 def tip_height(samples: Samples, hand: Hand) -> Array:
     """(n,) world z of the lower fingertip, m.
 
-    Seen from the side the hand is a T: from the TCP the tips lie `tip_offset` along the tool axis
-    z, and half the opening to either side along the closing direction y. When the hand leans over
-    in that direction, one tip is lower than the other by the opening times the sine of the lean,
-    and that one touches first.
+    From the TCP the tips lie `tip_offset` along the tool axis z, and half the opening to either side along
+    the closing direction y. When the hand leans in that direction, one tip is lower than the other by the
+    opening times the sine of the lean, and touches first.
     """
     turned = rotations(samples.pose_world_tcp[:, 3:])
     middle = samples.pose_world_tcp[:, 2] + hand.tip_offset * turned[:, 2, 2]
@@ -106,14 +104,14 @@ def tip_height(samples: Samples, hand: Hand) -> Array:
 
 
 def leans(samples: Samples) -> Array:
-    """(n,) rad by which the hand leans over in the closing direction, against its command: what
-    presses on one finger alone turns the hand on the arm's springs."""
-    told = rotations(samples.target_world_tcp[:, 3:])
-    return rotations(samples.pose_world_tcp[:, 3:])[:, 2, 1] - told[:, 2, 1]
+    """(n,) rad of lean in the closing direction, against the command: a force on one finger alone turns the
+    hand on the arm's springs."""
+    target = rotations(samples.target_world_tcp[:, 3:])
+    return rotations(samples.pose_world_tcp[:, 3:])[:, 2, 1] - target[:, 2, 1]
 
 
 def probes(trace: Trace, parameter: Parameter) -> list[Recording]:
-    """The recordings of the pose in contact with a surface."""
+    """Recordings of the pose in contact with a surface."""
     found: list[Recording] = []
     for recording in trace.recordings:
         context = recording.context
@@ -125,8 +123,7 @@ def probes(trace: Trace, parameter: Parameter) -> list[Recording]:
 
 
 def descent_before(trace: Trace, recording: Recording) -> Descent | None:
-    """The guarded descent that a recorded pose belongs to; None where it ended with nothing under
-    the fingers.
+    """Guarded descent before a recorded pose; None where it ended without contact.
 
     Raises:
         ValueError: the recording holds no samples, or no guarded descent comes before it.
@@ -171,31 +168,30 @@ def descent_before(trace: Trace, recording: Recording) -> Descent | None:
 
 
 def _borne(samples: Samples, pressed: Mask) -> Mask:
-    """Rows in which the arm pressed most at rest: `pressed`, or before it was eased. Joints that rub turn
-    round then, and may hide what is left of the force."""
-    told = samples.target_world_tcp[:, 2]
-    lowest = int(np.argmin(told))
-    if told[-1] - told[lowest] < tuning.EASED:
+    """Rows of the greatest force at rest: `pressed`, or before it was eased, as joint friction reverses then
+    and may hide the remaining force."""
+    target = samples.target_world_tcp[:, 2]
+    lowest = int(np.argmin(target))
+    if target[-1] - target[lowest] < tuning.EASED:
         return pressed
-    risen = np.flatnonzero(told[lowest:] > told[lowest] + tuning.EASED / 10)
-    rows = np.arange(len(told)) - lowest - int(risen[0])
+    risen = np.flatnonzero(target[lowest:] > target[lowest] + tuning.EASED / 10)
+    rows = np.arange(len(target)) - lowest - int(risen[0])
     return (rows < 0) & (rows >= -tuning.BLOCK_ROWS)
 
 
 def steady(samples: Samples) -> Mask:
     """Rows long enough after the last change of the commanded speed for the arm's oscillation, and
     with it the inertial force, to have decayed."""
-    told = running_median(np.gradient(samples.target_world_tcp[:, 2], samples.t))
+    speed = running_median(np.gradient(samples.target_world_tcp[:, 2], samples.t))
     half = tuning.SUSTAINED // 2
-    ends = np.pad(told, half, mode="edge")
-    changes = np.abs(ends[2 * half :] - ends[: len(told)]) > tuning.SPEED_CHANGE
+    ends = np.pad(speed, half, mode="edge")
+    changes = np.abs(ends[2 * half :] - ends[: len(speed)]) > tuning.SPEED_CHANGE
     last = np.maximum.accumulate(np.where(changes, samples.t, -np.inf))
     return samples.t - last > tuning.SWING
 
 
 def block_means(rows: Array) -> Array:
-    """Means of `BLOCK_ROWS` rows each, as many as there are, along the first axis; of what is shorter
-    zeros."""
+    """Means of `BLOCK_ROWS` rows each, along the first axis; zeros where there are fewer rows."""
     count = len(rows) // tuning.BLOCK_ROWS
     if not count:
         return np.zeros((1, *rows.shape[1:]))
@@ -204,15 +200,15 @@ def block_means(rows: Array) -> Array:
 
 
 def running_median(values: Array) -> Array:
-    """(n,) of `SUSTAINED` rows about each, the first and the last one repeated beyond the ends."""
+    """(n,) median of `SUSTAINED` rows about each, the first and the last repeated beyond the ends."""
     padded = np.pad(values, tuning.SUSTAINED // 2, mode="edge")
     return np.median(sliding_window_view(padded, tuning.SUSTAINED), axis=-1)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _ChangePoint:
-    """f = a + b (z - z1) + k max(z0 - z, 0): a and b are free air, which changes with the place, k
-    and z0 (`height`) what is met. `squares`: what it leaves, weighted."""
+    """f = a + b (z - z1) + k max(z0 - z, 0): a and b of free air, k and z0 (`height`) of the contact;
+    `squares`: weighted sum of squared residuals."""
 
     begin: float
     level: float
@@ -227,11 +223,8 @@ class _ChangePoint:
 
 
 def _free_air(samples: Samples, z: Array, smooth: Array, hand: Hand) -> _ChangePoint:
-    """Baseline of the force in free air, and the row of first contact.
-
-    What bears the full force is met first, unless something soft above it bears more than the
-    force in free air may be wrong by.
-    """
+    """Fit free air and the first contact: what bears the full force, or something soft above it that bears
+    more than the uncertainty of the force in free air."""
     start = int(np.argmax(steady(samples)))
     rows = np.arange(start, len(z))
     weight = np.where(steady(samples), 1.0, tuning.SWINGING)
@@ -253,24 +246,22 @@ def _free_air(samples: Samples, z: Array, smooth: Array, hand: Hand) -> _ChangeP
 
 
 def _change_point(z: Array, force: Array, weight: Array, rows: NDArray[np.intp]) -> _ChangePoint:
-    """By weighted least squares among some rows. At each z0, the height of a row, it is a linear
-    problem; the best of a few is refined."""
+    """Change point by weighted least squares among some rows."""
+    # Linear at each z0, the height of a row; the best of a few rows is refined.
     height, share, begin = z[rows] - z[rows[0]], weight[rows], float(z[rows[0]])
     wanted = force[rows] * share
-    believed = (
-        np.diag([0.0, tuning.FREE_SLOPE**-2.0, 0.0]) * tuning.SOFT_FORCE**2 * tuning.WANDERING
-    )
+    prior = np.diag([0.0, tuning.FREE_SLOPE**-2.0, 0.0]) * tuning.SOFT_FORCE**2 * tuning.WANDERING
 
     def at(row: int) -> _ChangePoint:
         columns = (np.ones(len(rows)), height, np.maximum(height[row] - height, 0.0))
         design = np.column_stack(columns) * share[:, None]
-        normal = design.T @ design + believed + tuning.FLOOR**2 * np.eye(3)
+        normal = design.T @ design + prior + tuning.FLOOR**2 * np.eye(3)
         found = np.linalg.solve(normal, design.T @ wanted).astype(np.float64)
         left = wanted - design @ found
-        squares = float(left @ left + found @ believed @ found)
+        squares = float(left @ left + found @ prior @ found)
         level, slope, stiffness = found.tolist()
         met = begin + float(height[row])
-        # What is met presses back.
+        # A contact pushes, it does not pull.
         misfit = squares if stiffness > 0.0 else np.inf
         return _ChangePoint(begin, level, slope, stiffness, met, misfit)
 
@@ -282,8 +273,7 @@ def _change_point(z: Array, force: Array, weight: Array, rows: NDArray[np.intp])
 
 
 def _spread(values: Array) -> float:
-    """Standard deviation by the median absolute deviation, which a few wild samples do not reach; of
-    a normal distribution it is 1.4826 times that."""
+    """Standard deviation of a normal distribution with this median absolute deviation, robust to wild samples."""
     return 1.4826 * float(np.median(np.abs(values - np.median(values))))
 
 
@@ -295,17 +285,14 @@ def _onset(smooth: Array, wander: float, rows: Mask) -> int:
 
 
 def at_most(descent: Descent) -> tuple[float, float]:
-    """N that it pressed with at rest at most, and m, tip height meanwhile."""
+    """Greatest pressing force at rest, N, and the tip height, m, at it."""
     borne = descent.borne
     return float(np.mean(descent.smooth[borne])), float(np.median(descent.z[borne]))
 
 
 def first_contact(descent: Descent, late: int) -> tuple[float, float]:
-    """Tip height at which the force begins to rise, m, and its standard deviation.
-
-    A rise shows late in the noise, so what gives way is carried back to no force, along the line
-    F(z) through the lower half of its way.
-    """
+    """Tip height at which the force begins to rise, m, and its standard deviation."""
+    # Noise hides the beginning of a slow rise: the line F(z) through its lower half is carried back to no force.
     z, onset = descent.z, descent.onset
     met = float(z[min(onset + 1, len(z) - 1)])
     row = float(np.abs(z[min(onset + 1, len(z) - 1)] - z[onset]))
@@ -336,8 +323,8 @@ def knee(descent: Descent, late: int, first: float) -> float:
 
 
 def bottomed(descent: Descent, late: int, first: float) -> float | None:
-    """m: the tip's height at which the surface became far stiffer than it had been: where its last stretch
-    would bear nothing, if that is higher."""
+    """Tip height, m, at which the surface became far stiffer than above, or where its last stretch carried back
+    has no force, if that is higher; None where it did not."""
     late_z, late_force = float(descent.z[late]), float(descent.smooth[late])
     most, deepest = at_most(descent)
     before = (first - late_z) / late_force

@@ -1,8 +1,8 @@
-"""Block means of the joint signals around a weighing, in free air."""
+"""Block means of the joint signals in free air, around a weighing."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -81,7 +81,7 @@ def blocks(
     groups: Sequence[Rows],
     surely: bool = False,
 ) -> Blocks:
-    """Of the rows of each group, in which at most `name` is held."""
+    """Block means over the rows of each group, in which the hand is empty or holds `name`."""
     samples, load = trace.samples, load_rows(trace, name)
     rows, t = np.concatenate(groups), samples.t
     count = np.array([len(group) for group in groups])
@@ -101,47 +101,50 @@ def blocks(
     middle = np.array([group[len(group) // 2] for group in groups])
     grasp = [max([g for g in load.grasps if g <= time], default=-np.inf) for time in t[middle]]
     q = mean(samples.q)
-    resting = [mean(rest) > 0.0 for rest in _rests(at_rest(samples))]
+    resting: list[Mask] = []
+    for rest in runs(at_rest(samples)):
+        here = np.zeros(len(t))
+        here[rest] = 1.0
+        resting.append(mean(here) > 0.0)
     rate = mean(samples.twist[:, 3:])
     inward = np.einsum("ki,kj->kij", rate, rate) - (rate**2).sum(axis=1)[:, None, None] * np.eye(3)
     return Blocks(
-        count.astype(float),
-        mean(t),
-        q,
-        mean(samples.dq),
-        mean(net),
-        mean(motion),
-        observed.maps(q),
-        rotations(samples.pose_world_tcp[middle, 3:]),
-        mean(gaining),
-        mean(pull),
-        inward / trace.gravity,
-        np.array(grasp),
-        mean(joint_states(samples)),
-        np.array(resting, dtype=float).reshape(-1, len(groups)).T,
+        rows=count.astype(float),
+        t=mean(t),
+        q=q,
+        dq=mean(samples.dq),
+        observed=mean(net),
+        moved=mean(motion),
+        maps=observed.maps(q),
+        tool=rotations(samples.pose_world_tcp[middle, 3:]),
+        acceleration=mean(gaining),
+        pull=mean(pull),
+        inward=inward / trace.gravity,
+        grasp=np.array(grasp),
+        dahl=mean(joint_states(samples)),
+        resting=np.array(resting, dtype=float).reshape(-1, len(groups)).T,
     )
 
 
-def _rests(still: Mask) -> Iterator[Array]:
-    """(n,) 1 in each rest."""
-    for rest in runs(still):
-        rows = np.zeros(len(still))
-        rows[rest] = 1.0
-        yield rows
-
-
 def free_rows(trace: Trace, name: str, surely: bool = False) -> list[Rows]:
-    """Rows of each block of free motion, or of what is surely that, in which the hand is empty or `name` hangs on
-    it, around the time that it does; none where it never hung free."""
+    """Rows of each block of free motion in which the hand is empty or `name` hangs on it, around the time that
+    it hangs; `surely`: only motion that certainly is free; none where it never hung free."""
     load, samples = load_rows(trace, name), trace.samples
     hangs, t = _hangs(trace, load, surely), samples.t
     if not hangs.any():
         return []
     first, last = t[hangs][0] - tuning.WHOLE_AROUND, t[hangs][-1] + tuning.WHOLE_AROUND
     used = (hangs | (load.empty & apart(trace))) & (first <= t) & (t <= last)
-    used &= ~(hangs & _set_turning(samples))
+    # A change of the turning rate adds an inertial moment to that of the weight.
+    change = smoothed_with_rate(samples.twist[:, 3:], t, tuning.SPEED_SMOOTH)[1]
+    used &= ~(hangs & (np.linalg.norm(change, axis=1) > tuning.TURN_STEADY))
     if surely:
-        used &= _about(samples, hangs) & (_settled(samples) | _shaken(samples))
+        # Near the places where the load hung.
+        position = samples.pose_world_tcp[:, :3]
+        low, high = position[hangs].min(axis=0), position[hangs].max(axis=0)
+        beyond = np.maximum(np.maximum(low - position, position - high), 0.0)
+        used &= np.linalg.norm(beyond, axis=1) < tuning.WHOLE_NEAR
+        used &= _settled_or_away(samples)
     length = max(tuning.WHOLE_BLOCK, float(min(last, t[-1]) - max(first, t[0])) / tuning.WHOLE_MOST)
     place = ((t - t[0]) / length).astype(int)
     parts = np.split(np.arange(len(t)), np.flatnonzero(np.diff(place)) + 1)
@@ -153,42 +156,23 @@ def _hangs(trace: Trace, load: LoadRows, surely: bool) -> Mask:
     return load.loaded & apart(trace) & lifted(trace, load, above)
 
 
-def _set_turning(samples: Samples) -> Mask:
-    """Rows in which the hand changes how it turns: what a load resists that with is no weight."""
-    change = smoothed_with_rate(samples.twist[:, 3:], samples.t, tuning.SPEED_SMOOTH)[1]
-    return np.linalg.norm(change, axis=1) > tuning.TURN_STEADY
-
-
-def _about(samples: Samples, hangs: Mask) -> Mask:
-    """Rows in which the hand is about where a load hung on it."""
-    position = samples.pose_world_tcp[:, :3]
-    low, high = position[hangs].min(axis=0), position[hangs].max(axis=0)
-    beyond = np.maximum(np.maximum(low - position, position - high), 0.0)
-    return np.linalg.norm(beyond, axis=1) < tuning.WHOLE_NEAR
-
-
-def _settled(samples: Samples) -> Mask:
-    """Rows at rests, but for their beginnings."""
-    found = at_rest(samples).copy()
-    for rows in runs(at_rest(samples)):
-        found[rows] &= samples.t[rows] - samples.t[rows.start] > tuning.WHOLE_SETTLED
-    return found
-
-
-def _shaken(samples: Samples) -> Mask:
-    """Rows after the arm has moved away from a rest by `WHOLE_SHAKEN`: the residual stiction of a
-    rest builds up as the arm settles and decays as it leaves."""
-    t = samples.t
+def _settled_or_away(samples: Samples) -> Mask:
+    """Rows at rests without their beginnings, or after the arm has moved away from a rest: the residual
+    stiction of a rest builds up as the arm settles and decays as it leaves."""
+    t, resting = samples.t, at_rest(samples)
+    settled = resting.copy()
+    for rows in runs(resting):
+        settled[rows] &= t[rows] - t[rows.start] > tuning.WHOLE_SETTLED
     speed = np.linalg.norm(smoothed_with_rate(samples.dq, t, tuning.SPEED_SHORT)[0], axis=1)
     slow = speed < tuning.WHOLE_SLOW
     gone = np.cumsum(speed * np.gradient(t))
     since = gone - np.maximum.accumulate(np.where(slow, gone, -np.inf))
-    return ~slow & (since > tuning.WHOLE_SHAKEN)
+    return settled | (~slow & (since > tuning.WHOLE_SHAKEN))
 
 
 def apart(trace: Trace) -> Mask:
-    """Rows in which the hand is away from where a leaf began or ended touching something, and no
-    leaf that does both is at work."""
+    """Rows in free air: the hand is away from the place where a leaf began or ended in contact, and no leaf
+    that begins and ends in contact runs."""
     t, position = trace.samples.t, trace.samples.pose_world_tcp[:, :3]
     found = np.ones(len(t), dtype=bool)
     touched = False
@@ -206,7 +190,7 @@ def apart(trace: Trace) -> Mask:
 
 
 def lifted(trace: Trace, load: LoadRows, above: float = tuning.FREE_ABOVE) -> Mask:
-    """Rows in which the hand is higher than where it took the object by so many m `above`."""
+    """Rows in which the hand is `above` m or more over the place where it took the object."""
     z = trace.samples.pose_world_tcp[:, 2]
     found = np.zeros(len(z), dtype=bool)
     for rows in runs(load.loaded):

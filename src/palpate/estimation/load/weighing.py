@@ -32,14 +32,14 @@ class Weight:
 
     Attributes:
         mass, std, ci95: kg.
-        verdict: `prior-dominated` where the object is so light that it is positive says as much
-            about its mass as the forces, or where nothing was recorded of the empty hand.
-        weighings: what it rests on.
-        tests: of what else might have acted on it.
-        shared: what it has in common with other weighings on that arm.
-        freedom: of the noise.
+        verdict: `prior-dominated` where the object is so light that the bound at 0 says as much about its
+            mass as the forces, or where nothing was recorded of the empty hand.
+        weighings: of which it is the mass.
+        tests: for other forces on the object.
+        shared: errors in common with other weighings on that arm.
+        freedom: degrees of freedom of the noise.
         load: the fit of the weighings.
-        whole: what it follows from, where all that the arm did around the weighing tells more.
+        whole: the fit to all free motion, where that is more precise and gives the mass.
     """
 
     mass: float
@@ -91,7 +91,7 @@ def weigh(trace: Trace, recording: Recording) -> Weight:
     low, high = mass - half, mass + half
     common = shared, load.freedom, load, whole
     if low > 0.0:
-        # Without anything to compare with, the arm's own bias is what was believed before.
+        # Without a reference the bias of the arm has its prior.
         compared = any(referenced(weighing.segments) for weighing in found)
         verdict = "identified" if compared else "prior-dominated"
         return Weight(mass, std, (low, high), verdict, found, load.tests, *common)
@@ -103,8 +103,8 @@ def weigh(trace: Trace, recording: Recording) -> Weight:
 def whole_of(
     trace: Trace, recording: Recording, found: Sequence[Weighing], load: Load
 ) -> Whole | None:
-    """Load fitted to all free motion around its weighings, where that is more precise than they
-    are, no test failed, and both agree; else None."""
+    """Load fitted to all free motion around its weighings, where that is more precise, no test failed, and
+    both agree; else None."""
     name = recording.context.holding
     if name is None or not load.agrees:
         return None
