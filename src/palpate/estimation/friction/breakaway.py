@@ -1,16 +1,15 @@
 """Static friction: force at which a held object begins to slide.
 
-While the hand sets out, the force along the support rises as the grip is strained, up to what sticking
-bears. There it stays as long as the object creeps, and then falls to the level of sliding, which is known
-by then. Neither the rows in which it rises nor the one in which it falls show what sticking bears; where
-they begin and end is not known, either, so that the coefficient is averaged over all ways to tell rows
-apart, by how likely each is (a change point model, e.g. Bishop, Pattern Recognition and Machine Learning,
+As the hand sets out, the force along the support rises with the strain of the grip up to the limit of
+sticking. It stays there as long as the object creeps, and then falls to the known level of sliding. Only the
+rows between show the limit; their beginning and end are unknown, so the coefficient is averaged over all
+segmentations by their likelihood (a change point model, e.g. Bishop, Pattern Recognition and Machine Learning,
 section 14.1).
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from math import erfc, sqrt
@@ -32,11 +31,11 @@ class _Parting:
 
     Attributes:
         drag: its number.
-        chance: (m,) of each value that is tried, but for what is no friction.
-        mean, variance: of that.
-        rows: that hold before the object lets go.
-        normal: N, in them.
-        turning: N by which the arm's joints rub less in them than when they have turned round.
+        chance: (m,) of each tried value, without the uncertainty of other causes than friction.
+        mean, variance: of that likelihood.
+        rows: at the limit of sticking.
+        normal: N, in these rows.
+        turning: N, difference of the joints' friction in them from that after the joints have reversed.
     """
 
     drag: int
@@ -51,13 +50,22 @@ class _Parting:
 def static_friction(drags: Sequence[Drag], sliding: Sliding) -> tuple[float, float] | None:
     """mu_s and its standard deviation, from the force at each breakaway; None without one.
 
-    Where breakaways differ by more than they should, that widens it (Birge's ratio; e.g. Particle
+    A scatter of the breakaways beyond their standard deviations widens it (Birge's ratio; e.g. Particle
     Data Group, Review of Particle Physics, 2024, introduction, section 5.2.2).
     """
     mu = sliding.friction[0]
     values = np.linspace(1.0, tuning.STATIC_RANGE, tuning.STATIC_STEPS) * mu
-    seen = list(_partings(drags, sliding, values))
-    expected = _expected(values / mu)
+    seen = [
+        _parted(i, drag, sliding, values)
+        for i, drag in enumerate(drags)
+        # Where the hand did not rest before, the object may have slid all along.
+        if drag.breakaway is not None and drag.begins >= tuning.PARTING_ROWS
+    ]
+    # Log-normal prior of the excess of static over sliding friction.
+    ratios = values / mu
+    beyond = np.maximum(ratios - 1.0, ratios[1] - 1.0)
+    log_ratio = np.log(beyond / tuning.STICKIER) / np.log(tuning.STICKIER_FACTOR)
+    expected: Array = np.exp(-0.5 * log_ratio**2) / beyond
     if not seen:
         return None
     aside = np.array([_apart(sliding, [parting], np.ones(1)) ** 2 for parting in seen])
@@ -72,28 +80,19 @@ def static_friction(drags: Sequence[Drag], sliding: Sliding) -> tuple[float, flo
     weight = 1.0 / (own + aside)
     excess = float(np.mean((means - mean) ** 2 * weight))
     weight /= weight.sum()
-    # What is no friction drags have in common, more or less.
+    # Other causes are partly common to all drags.
     common = max(0.0, _apart(sliding, seen, weight) ** 2 - float(weight**2 @ aside))
     return mean, float(np.sqrt(max(1.0, excess) * variance + common))
 
 
-def _expected(ratios: Array) -> Array:
-    """(m,) how likely it is before any breakaway that something sticks so much better than it slides."""
-    beyond = np.maximum(ratios - 1.0, ratios[1] - 1.0)
-    return (
-        np.exp(-0.5 * (np.log(beyond / tuning.STICKIER) / np.log(tuning.STICKIER_FACTOR)) ** 2)
-        / beyond
-    )
-
-
 def _moments(chance: Array, values: Array) -> tuple[float, float]:
-    """Mean and variance of values (m,) by their chances."""
+    """Mean and variance of values (m,) weighted by `chance`."""
     mean = float(chance @ values / chance.sum())
     return mean, float(chance @ (values - mean) ** 2 / chance.sum())
 
 
 def _widened(chance: Array, values: Array, variance: float) -> Array:
-    """Chances (m,) of values, with so much variance more."""
+    """Chances (m,) of values, convolved with a normal distribution of this variance."""
     spread = max(variance, (values[1] - values[0]) ** 2)
     kernel = np.exp(-0.5 * (values[:, None] - values) ** 2 / spread)
     wide: Array = (kernel / kernel.sum(axis=0)) @ chance
@@ -101,43 +100,38 @@ def _widened(chance: Array, values: Array, variance: float) -> Array:
 
 
 def _apart(sliding: Sliding, seen: Sequence[_Parting], weight: Array) -> float:
-    """Standard deviation of a weighted mean by what is no friction of the object, which drags have in common."""
+    """Standard deviation of a weighted mean of breakaways by other causes than friction of the object."""
     each = list(zip(seen, weight.tolist(), strict=True))
     turning = sum(share * part.turning / part.normal for part, share in each)
     others = sliding.apart([(part.drag, part.rows, share / part.normal) for part, share in each])
     return float(np.hypot(others, tuning.TURNING * turning))
 
 
-def _partings(drags: Sequence[Drag], sliding: Sliding, values: Array) -> Iterator[_Parting]:
-    for i, drag in enumerate(drags):
-        # Where the hand did not rest before, the object may have slid all along.
-        if drag.breakaway is not None and drag.begins >= tuning.PARTING_ROWS:
-            yield _parted(i, drag, sliding, values)
-
-
 def _parted(number: int, drag: Drag, sliding: Sliding, values: Array) -> _Parting:
-    """Likelihood of each of `values` (m,) of the static coefficient from a drag; the first is the
-    sliding one."""
+    """Likelihood of each of `values` (m,) of the static coefficient from a drag; the first is the sliding
+    coefficient."""
     mass, mass_std = _further_mass(number, drag, sliding)
     normal = np.maximum(drag.normal, tuning.NORMAL_MIN)
     ratio = (drag.tangential - sliding.besides(number) - mass * drag.acceleration) / normal
     scatter = max(drag.row_variance(), drag.noise)
     noise = np.hypot(np.sqrt(scatter) / normal, tuning.STATIC_NOISE)
-    # From what is seen to rise, to what slides for a while: the hand follows soon after.
+    # From the visible rise to steady sliding: the hand follows soon after the breakaway.
     seen = slice(drag.begins - tuning.PARTING_ROWS, drag.follows + 3 * tuning.PARTING_ROWS)
     likely = _likely(ratio[seen], noise[seen], values)
     falls, holds = np.unravel_index(np.argmax(likely.max(axis=2)), likely.shape[:2])
     rows = slice(seen.start + int(falls - holds), seen.start + int(falls) + 1)
-    # It may as well have let go before, at any value, and slide all the time.
+    # Or the breakaway was before these rows, at any value, and the object slides in all of them.
     slid = _normal(ratio[seen] - values[0], noise[seen])[tuning.PARTING_ROWS :].sum()
     before = -tuning.PARTING_ROWS * np.log(2.0 * values)
     most = max(float(likely.max()), slid + before.max())
     chance: Array = np.exp(likely - most).mean(axis=(0, 1)) + np.exp(slid + before - most)
-    # While its foot sticks the object turns in the grip: less of it than all goes with the hand.
+    # While its foot sticks the object turns in the grip, so that only part of its mass moves with the hand.
     pressed = float(normal[rows].mean())
-    gained = float(drag.acceleration[rows].mean())
-    turning = drag.mass * gained / pressed
-    unsure = np.hypot(mass_std * gained, tuning.INERTIA_SHARE * float(drag.inertial[rows].mean()))
+    accelerated = float(drag.acceleration[rows].mean())
+    turning = drag.mass * accelerated / pressed
+    unsure = np.hypot(
+        mass_std * accelerated, tuning.INERTIA_SHARE * float(drag.inertial[rows].mean())
+    )
     wider = turning**2 / 12.0 + float(unsure / pressed) ** 2
     moved: Array = np.interp(values - turning / 2.0, values, chance)
     chance = _widened(moved, values, wider)
@@ -146,17 +140,16 @@ def _parted(number: int, drag: Drag, sliding: Sliding, values: Array) -> _Partin
 
 
 def _likely(ratio: Array, noise: Array, values: Array) -> Array:
-    """(n, h, m) log likelihood of force ratios (n,) with std `noise`, if row i is the last before
-    breakaway, after j + 1 rows at the k-th of `values` (m,), the first of which holds during
-    sliding.
-
-    All of these explain as many rows: an explanation of more would seem better.
-    """
+    """(n, h, m) log likelihood of force ratios (n,) with std `noise`, if row i is the last before breakaway,
+    after j + 1 rows at the k-th of `values` (m,), the first of which holds during sliding. All hypotheses
+    explain the same rows, so that they compare."""
     count, mu = len(ratio), float(values[0])
     parting = _parting(ratio, noise, mu, values)
-    holding = _summed(_normal(ratio[:, None] - values, noise[:, None]))
-    sliding = _summed(_normal(ratio - mu, noise))
-    # Before all that the force may be anything.
+    # Cumulative sums from 0, so that any stretch is a difference.
+    each = _normal(ratio[:, None] - values, noise[:, None])
+    holding = np.concatenate([np.zeros_like(each[:1]), np.cumsum(each, axis=0)])
+    sliding = np.concatenate([np.zeros(1), np.cumsum(_normal(ratio - mu, noise), axis=0)])
+    # Before the rise, the force may have any value.
     anything = -np.log(2.0 * values)
     found = np.full((count, tuning.HOLDING, len(values)), -np.inf)
     for i in range(tuning.PARTING_ROWS - 1, count - 2 * tuning.PARTING_ROWS):
@@ -171,11 +164,9 @@ def _likely(ratio: Array, noise: Array, values: Array) -> Array:
 
 
 def _parting(ratio: Array, noise: Array, mu: float, values: Array) -> Array:
-    """(n - 1, m) log likelihood of two neighbouring ratios with the breakaway between them.
-
-    It does so up to half a row earlier or later, and what the arm gains by it is a mean over two rows: of the
-    fall, half is in the two, none to all of that half in the first.
-    """
+    """(n - 1, m) log likelihood of two neighbouring ratios with the breakaway between them."""
+    # The breakaway is up to half a row earlier or later, and accelerations are means over two rows: half of the
+    # fall is in the two rows, none to all of that half in the first.
     fall = values - mu
     each = [
         _normal(ratio[:-1, None] - (values - part * fall), noise[:-1, None])
@@ -187,8 +178,8 @@ def _parting(ratio: Array, noise: Array, mu: float, values: Array) -> Array:
 
 
 def _rising(ratio: Array, noise: Array, values: Array) -> Array:
-    """(m,) how likely quotients are that rise in a straight line up to each of `values`, as logarithms;
-    how steeply is not known, nor whether the last of them is a whole step below or half of one."""
+    """(m,) log likelihood of quotients that rise in a straight line up to each of `values`, with unknown slope,
+    the last of them a whole step or half a step below."""
     whole = np.arange(len(ratio), 0.0, -1.0)
     short = (values - ratio[:, None]) / noise[:, None]
     steep = (tuning.RISING * values) ** 2
@@ -217,19 +208,14 @@ def _table() -> tuple[Array, Array]:
     return at, np.array([0.5 * erfc(-x / sqrt(2.0)) for x in at.tolist()])
 
 
-def _summed(rows: Array) -> Array:
-    """(n + 1, ...) sums of the first rows of (n, ...)."""
-    return np.concatenate([np.zeros_like(rows[:1]), np.cumsum(rows, axis=0)])
-
-
 def _normal(off: Array, noise: Array) -> Array:
-    """Logarithms of the normal density `off` its mean."""
+    """Log density of a normal distribution at a deviation `off`."""
     return -0.5 * (off / noise) ** 2 - np.log(noise * np.sqrt(2.0 * np.pi))
 
 
 def _further_mass(number: int, drag: Drag, sliding: Sliding) -> tuple[float, float]:
-    """kg that an arm of unknown links seems to have in a drag's direction beyond `HORIZONTAL_MASS`, and
-    the standard deviation: what the force lost as the hand slowed down, over the loss of speed."""
+    """Apparent mass of an arm with unknown links in the direction of a drag beyond `HORIZONTAL_MASS`, kg, and its
+    standard deviation: change of the force over change of the speed as the hand slows down."""
     if not drag.unsure_mass:
         return 0.0, 0.0
     prior = drag.unsure_mass**-2
