@@ -62,17 +62,17 @@ def grasps_of(trace: Trace, held: Held, body: Body, about: Array) -> Grasps:
     for i, hold in enumerate(held.holds):
         moment = load.value[1 + 2 * i : 3 + 2 * i]
         offset = np.array([-moment[1], moment[0]]) / load.force
-        pose_world_body = hold.pose_world_tcp @ _drooped(hold)
+        pose_world_body = hold.pose_world_tcp @ drooped_pose(hold)
         recordings.append(hold.recording)
         rows.append(pose_world_body.rotation[:2])
         along.append(hold.pose_world_tcp.rotation[:2])
         right.append(hold.pose_world_tcp.position[:2] + offset - pose_world_body.position[:2])
-    slopes, places = _slopes(load), _places(along, accuracy(body), trace.hand)
+    slopes, places = place_slopes(load), place_errors(along, accuracy(body), trace.hand)
     covariance = slopes @ load.covariance @ slopes.T
-    covariance += _shifted(held, body, trace.hand.pose_repeatability)
+    covariance += grasp_covariance(held, body, trace.hand.pose_repeatability)
     for place in places:
         covariance += np.outer(place.effect, place.effect)
-    for effect in (_turned(held, about) * SPREAD, _slid(held) * tuning.GRIP_SLIDE):
+    for effect in (droop_effects(held, about) * SPREAD, slip_effects(held) * tuning.GRIP_SLIDE):
         covariance += effect @ effect.T
     links = {name: slopes @ effect for name, effect in held.links.items()}
     shared = (*shared_gains(slopes @ load.gains), *shared_links(links), *places)
@@ -124,7 +124,7 @@ def balance_views(grasps: Grasps, held: Held, centre: Array) -> Iterator[FitView
     measured = grasps.right.reshape(-1, 2)
     tools = np.array([hold.pose_world_tcp.rotation[:, 2] for hold in held.holds])
     fingers = np.array([hold.pose_world_tcp.position[:2] for hold in held.holds])
-    bodies = [(hold.pose_world_tcp @ _drooped(hold)).position[:2] for hold in held.holds]
+    bodies = [(hold.pose_world_tcp @ drooped_pose(hold)).position[:2] for hold in held.holds]
     # Horizontal place of the weight's line of action, from the fingers, (n, 2) m.
     levers, expected = (each + bodies - fingers for each in (measured, fitted))
     # Error bars are of what one hold does not share with the others.
@@ -160,7 +160,7 @@ def balance_views(grasps: Grasps, held: Held, centre: Array) -> Iterator[FitView
         ]
         left = [i for i in left if i not in tilt]
         if len(tilt) > 2:
-            below = float(_drooped(held.holds[first]).apply(centre)[2])
+            below = float(drooped_pose(held.holds[first]).apply(centre)[2])
             spread = [aside @ own[2 * i : 2 * i + 2, 2 * i : 2 * i + 2] @ aside for i in tilt]
             yield FitView(
                 name=f"Tilted towards {np.degrees(np.arctan2(aside[1], aside[0])) % 360.0:.0f}° from world x.",
@@ -177,7 +177,7 @@ def balance_views(grasps: Grasps, held: Held, centre: Array) -> Iterator[FitView
             )
 
 
-def _shifted(held: Held, body: Body, repeatability: float) -> Array:
+def grasp_covariance(held: Held, body: Body, repeatability: float) -> Array:
     """(2n, 2n) m², covariance of the place of the object in the hand: by the repeatability of the arm in each
     grasp and each put-down, and by slip along the fingers as it is put down. They add up, as it is gripped
     where it was put down."""
@@ -194,23 +194,23 @@ def _shifted(held: Held, body: Body, repeatability: float) -> Array:
     return gripped + np.minimum.outer(put, put) * np.outer(along, along)
 
 
-def _turned(held: Held, about: Array) -> Array:
+def droop_effects(held: Held, about: Array) -> Array:
     """(2n, 2) m, horizontal displacement of the centre of mass per unit of the softness of the pads, which is
     the same in all grasps."""
     effects: list[Array] = []
     for hold in held.holds:
         closing = hold.pose_world_tcp.rotation[:, 1]
-        lever = hold.pose_world_tcp.rotation @ _drooped(hold).apply(about)
+        lever = hold.pose_world_tcp.rotation @ drooped_pose(hold).apply(about)
         effects.append(np.outer(np.cross(closing, lever)[:2], hold.droop.turns))
     return np.vstack(effects)
 
 
-def _drooped(hold: Hold) -> Pose:
+def drooped_pose(hold: Hold) -> Pose:
     """Pose of the object in the hand after the expected droop."""
     return hold.droop.turned(hold.pose_tcp_body, EXPECTED)
 
 
-def _slid(held: Held) -> Array:
+def slip_effects(held: Held) -> Array:
     """(2n, 2) m, horizontal displacement per metre of slip along the tool's x and z and radian of tilt."""
     effects: list[Array] = []
     for hold in held.holds:
@@ -226,7 +226,7 @@ def accuracy(body: Body) -> float:
     return tuning.PLACE_ACCURACY if body.accuracy is None else body.accuracy
 
 
-def _places(tools: Sequence[Array], accuracy: float, hand: Hand) -> list[Shared]:
+def place_errors(tools: Sequence[Array], accuracy: float, hand: Hand) -> list[Shared]:
     """Shared causes: disagreement of scene and arm on the object's place, the same in all grasps, with its
     effect on the place in the hand, (2n,) m; `tools` (2, 3): horizontal components of the tool's axes."""
     # The fingers centre the object along y as they close; along x and z no measurement shows its error.
@@ -243,7 +243,7 @@ def _places(tools: Sequence[Array], accuracy: float, hand: Hand) -> list[Shared]
     return found
 
 
-def _slopes(load: Load) -> Array:
+def place_slopes(load: Load) -> Array:
     """(2n, 1 + 2n) derivative of the places r = (-M_y, M_x) / F by F and the moments."""
     moments = load.value[1:]
     slopes = np.zeros((len(moments), 1 + len(moments)))

@@ -114,7 +114,7 @@ def held(trace: Trace, body: Body) -> Held | None:
                 pose_world_tcp=here,
                 pose_tcp_body=pose_in_hand(trace, recording, body),
                 droop=Droop.since(time, middle, closing),
-                swept=_swept(trace, body.name, time, middle),
+                swept=swept_angle(trace, body.name, time, middle),
             )
         )
     put_down = tuple(_put_down(trace, body.name, holds))
@@ -155,11 +155,11 @@ def _put_down(trace: Trace, name: str, holds: Sequence[Hold]) -> Iterator[PutDow
         opened = next((time for time in changes if time > hold.grasp), np.inf)
         if np.isfinite(opened):
             droop = Droop.since(hold.grasp, opened, hold.droop.moment)
-            swept = _swept(trace, name, hold.grasp, opened)
+            swept = swept_angle(trace, name, hold.grasp, opened)
             yield PutDown(hold.grasp, hold.pose_tcp_body, droop, swept)
 
 
-def _swept(trace: Trace, name: str, since: float, until: float) -> float:
+def swept_angle(trace: Trace, name: str, since: float, until: float) -> float:
     """Angle, rad, by which tilts turned the hand with an object between two times, s, to and fro alike."""
     samples = trace.samples
     t, moving = samples.t, commanded(samples)
@@ -193,11 +193,11 @@ def tilted_holds(trace: Trace, name: str) -> Iterator[tuple[Recording, Weighing]
         for own in empty:
             there = mean_pose(trace.of(own).where(slice(0, 1)))
             if here.distance_to(there) < tuning.NEAR:
-                yield from _tilt_parts(trace, recording, own)
+                yield from tilt_parts(trace, recording, own)
                 break
 
 
-def _tilt_parts(
+def tilt_parts(
     trace: Trace, loaded: Recording, empty: Recording
 ) -> Iterator[tuple[Recording, Weighing]]:
     t, own = trace.samples.t, _parts(trace, empty)

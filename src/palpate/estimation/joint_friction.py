@@ -92,12 +92,14 @@ def joint_friction(
     ones = np.ones((len(angles), 1))
     known = np.hstack([faster[free], speed[free] ** 2, ones, angles, angles**2])
     torques = samples.tau_ext[free]
-    found = [_level(known, way, tau) for way, tau in zip(states[free].T, torques.T, strict=True)]
+    found = [
+        friction_level(known, way, tau) for way, tau in zip(states[free].T, torques.T, strict=True)
+    ]
     mean, own = np.array(found).T
     return mean, np.hypot(tuning.JOINT_ERROR, own)
 
 
-def _level(known: Array, way: Array, tau: Array) -> tuple[float, float]:
+def friction_level(known: Array, way: Array, tau: Array) -> tuple[float, float]:
     """Coefficient of `way` (n,) beside those of the columns `known`, at least 0, and its standard deviation."""
     design = np.column_stack([way, known])
     # A joint that never reversed shows nothing: a prior in units of what a joint may have.

@@ -70,8 +70,8 @@ def swings(trace: Trace, recording: Recording, noise: Noise) -> Sequence[Swing]:
     first, last = np.searchsorted(trace.samples.t, [recording.start, recording.end + 1e-9])
     signals = observed.signals[int(first) : int(last)]
     found: list[Swing] = []
-    for rows in _turning(samples):
-        found.append(_swing(samples.where(rows), signals[rows], observed, noise, trace.gravity))
+    for rows in rows_of_swings(samples):
+        found.append(swing_of(samples.where(rows), signals[rows], observed, noise, trace.gravity))
     return found
 
 
@@ -100,7 +100,7 @@ def contrast(
         yield swing, swing.observed - ratio * own.observed - bent, variance
 
 
-def _turning(samples: Samples) -> Iterator[slice]:
+def rows_of_swings(samples: Samples) -> Iterator[slice]:
     """Rows of each swing: the commanded pose turns, apart from short pauses at its turning points."""
     moving = commanded(samples)
     turning = moving.copy()
@@ -115,17 +115,17 @@ def _turning(samples: Samples) -> Iterator[slice]:
             yield rows
 
 
-def _swing(
+def swing_of(
     samples: Samples, signals: Array, observed: WrenchObservation, noise: Noise, gravity: float
 ) -> Swing:
-    rate = _rate(samples)
+    rate = commanded_rate(samples)
     period = 2.0 * np.pi / rate
     # The amplitude grows in the first period and fades in the last.
     steady = (samples.t > samples.t[0] + period) & (samples.t < samples.t[-1] - period)
     motion = _Changes.of(samples).where(steady)
     samples, signals = samples.where(steady), signals[steady]
     pose = mean_pose(samples)
-    turned = _rotation_vectors(samples.pose_world_tcp[:, 3:], pose)
+    turned = rotation_vectors(samples.pose_world_tcp[:, 3:], pose)
     lock = _Lock.of(samples.t, rate)
     turn = lock.of_signal(turned)
     along = np.linalg.svd(np.stack([turn.real, turn.imag]))[2][0]
@@ -151,7 +151,7 @@ def _swing(
         observed=in_phase(signals),
         variance=2.0 * noise.white / len(t) + slow,
         own=in_phase(links),
-        load=in_phase(observed.maps(samples.q) @ _unit_loads(samples, motion, gravity)),
+        load=in_phase(observed.maps(samples.q) @ unit_load_wrenches(samples, motion, gravity)),
     )
 
 
@@ -202,11 +202,11 @@ class _Lock:
         return cosine - 1j * sine
 
 
-def _rate(samples: Samples) -> float:
+def commanded_rate(samples: Samples) -> float:
     """Rate of the commanded swing, rad/s: that of the sine with the least residuals, to a hundredth of a period
     over the whole length."""
     middle = Pose(np.zeros(3), samples.target_world_tcp[0, 3:])
-    turned = _rotation_vectors(samples.target_world_tcp[:, 3:], middle)
+    turned = rotation_vectors(samples.target_world_tcp[:, 3:], middle)
     along = turned @ np.linalg.svd(turned, full_matrices=False)[2][0]
     crossings = np.flatnonzero(np.diff(np.signbit(along)))
     inner = samples.t[crossings[1:-1]]
@@ -220,7 +220,7 @@ def _rate(samples: Samples) -> float:
     return float(rate)
 
 
-def _rotation_vectors(quaternions: Array, about: Pose) -> Array:
+def rotation_vectors(quaternions: Array, about: Pose) -> Array:
     """(n, 3) rad, world axes: small rotations of poses from `about`."""
     relative = rotations(quaternions) @ about.rotation.T
     skew = relative - relative.transpose(0, 2, 1)
@@ -229,7 +229,7 @@ def _rotation_vectors(quaternions: Array, about: Pose) -> Array:
     return vectors * np.where(sines > 1e-9, np.arcsin(sines) / np.maximum(sines, 1e-9), 1.0)
 
 
-def _unit_loads(samples: Samples, changes: _Changes, gravity: float) -> Array:
+def unit_load_wrenches(samples: Samples, changes: _Changes, gravity: float) -> Array:
     """(n, 6, 10) wrenches about the TCP, world axes, of unit mass, first moment and inertia in tool axes."""
     tools = rotations(samples.pose_world_tcp[:, 3:])
     rate, turned = samples.twist[:, 3:], changes.hand[:, 3:]

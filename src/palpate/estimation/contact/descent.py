@@ -83,7 +83,7 @@ class Descent:
     @property
     def borne(self) -> Mask:
         """Rows of the greatest force at rest: of the recording, or before it was eased."""
-        return _borne(self.samples, self.pressed)
+        return rows_of_greatest_force(self.samples, self.pressed)
 
     def crossing(self, force: float) -> int:
         """The first row of the contact at which the force has risen to `force` N."""
@@ -142,23 +142,23 @@ def descent_before(trace: Trace, recording: Recording) -> Descent | None:
     z = tip_height(samples, trace.hand)
     down = -samples.wrench[:, 2]
     smooth = running_median(down)
-    met = _free_air(samples, z, smooth, trace.hand)
+    met = fit_free_air(samples, z, smooth, trace.hand)
     free_air = met.free_air(z)
     on_the_way = samples.t <= leaf.end
     calm = on_the_way & steady(samples) & (z > met.height)
     free = calm if calm.any() else on_the_way & (z >= met.height)
-    noise = _spread((down - free_air)[free])
+    noise = robust_std((down - free_air)[free])
     # A probe that pressed firmly is eased afterwards, and may then press hardly at all.
     before = on_the_way & (np.arange(len(smooth)) <= int(np.argmax(smooth - free_air)))
-    onset = _onset(smooth - free_air, _spread((smooth - free_air)[free]), before)
-    observed = float(np.mean((smooth - free_air)[_borne(samples, pressed)]))
+    onset = last_in_free_air(smooth - free_air, robust_std((smooth - free_air)[free]), before)
+    observed = float(np.mean((smooth - free_air)[rows_of_greatest_force(samples, pressed)]))
     if observed < tuning.CONTACT_NOISE * max(noise, trace.hand.force_repeatability):
         return None
     resting = trace.samples.between(leaf.start - tuning.AT_REST, leaf.start).wrench
     moving: Array = np.median(samples.wrench[free], axis=0)
     set_out = moving - np.median(resting, axis=0) if len(resting) else np.zeros(6)
     wander = block_means(samples.wrench[free]).std(axis=0)
-    wander[2] = _spread(block_means((down - free_air)[free]))
+    wander[2] = robust_std(block_means((down - free_air)[free]))
     force = (down - free_air, smooth - free_air)
     first = int(np.searchsorted(trace.samples.t, leaf.start))
     rows = slice(first, first + len(samples))
@@ -167,7 +167,7 @@ def descent_before(trace: Trace, recording: Recording) -> Descent | None:
     return Descent(samples, leaf, z, *force, noise, onset, pressed, set_out, wander, met.slope, own)
 
 
-def _borne(samples: Samples, pressed: Mask) -> Mask:
+def rows_of_greatest_force(samples: Samples, pressed: Mask) -> Mask:
     """Rows of the greatest force at rest: `pressed`, or before it was eased, as joint friction reverses then
     and may hide the remaining force."""
     target = samples.target_world_tcp[:, 2]
@@ -206,7 +206,7 @@ def running_median(values: Array) -> Array:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _ChangePoint:
+class ChangePoint:
     """f = a + b (z - z1) + k max(z0 - z, 0): a and b of free air, k and z0 (`height`) of the contact;
     `squares`: weighted sum of squared residuals."""
 
@@ -222,21 +222,21 @@ class _ChangePoint:
         return self.level + self.slope * (z - self.begin)
 
 
-def _free_air(samples: Samples, z: Array, smooth: Array, hand: Hand) -> _ChangePoint:
+def fit_free_air(samples: Samples, z: Array, smooth: Array, hand: Hand) -> ChangePoint:
     """Fit free air and the first contact: what bears the full force, or something soft above it that bears
     more than the uncertainty of the force in free air."""
     start = int(np.argmax(steady(samples)))
     rows = np.arange(start, len(z))
     weight = np.where(steady(samples), 1.0, tuning.SWINGING)
-    stopped = _change_point(z, smooth, weight, rows)
+    stopped = change_point(z, smooth, weight, rows)
     bearing = smooth - stopped.free_air(z)
     late = np.flatnonzero(bearing[rows] >= tuning.LATE_FORCE * bearing[-1])
     before = rows[: int(late[0]) + 1] if len(late) else rows
-    soft = _change_point(z, smooth, weight, before)
+    soft = change_point(z, smooth, weight, before)
     bears = soft.stiffness * (soft.height - stopped.height)
     calm = (weight == 1.0) & (z > soft.height)
     known = np.count_nonzero(calm) >= tuning.FREE_ROWS
-    wander = _spread((smooth - soft.free_air(z))[calm]) if known else np.inf
+    wander = robust_std((smooth - soft.free_air(z))[calm]) if known else np.inf
     doubt = 2.0 * hand.force_accuracy
     if soft.stiffness > tuning.STEEP:
         doubt = min(doubt, tuning.WRONG_BY * wander)
@@ -245,14 +245,14 @@ def _free_air(samples: Samples, z: Array, smooth: Array, hand: Hand) -> _ChangeP
     return soft
 
 
-def _change_point(z: Array, force: Array, weight: Array, rows: NDArray[np.intp]) -> _ChangePoint:
+def change_point(z: Array, force: Array, weight: Array, rows: NDArray[np.intp]) -> ChangePoint:
     """Change point by weighted least squares among some rows."""
     # Linear at each z0, the height of a row; the best of a few rows is refined.
     height, share, begin = z[rows] - z[rows[0]], weight[rows], float(z[rows[0]])
     wanted = force[rows] * share
     prior = np.diag([0.0, tuning.FREE_SLOPE**-2.0, 0.0]) * tuning.SOFT_FORCE**2 * tuning.WANDERING
 
-    def at(row: int) -> _ChangePoint:
+    def at(row: int) -> ChangePoint:
         columns = (np.ones(len(rows)), height, np.maximum(height[row] - height, 0.0))
         design = np.column_stack(columns) * share[:, None]
         normal = design.T @ design + prior + tuning.FLOOR**2 * np.eye(3)
@@ -263,7 +263,7 @@ def _change_point(z: Array, force: Array, weight: Array, rows: NDArray[np.intp])
         met = begin + float(height[row])
         # A contact pushes, it does not pull.
         misfit = squares if stiffness > 0.0 else np.inf
-        return _ChangePoint(begin, level, slope, stiffness, met, misfit)
+        return ChangePoint(begin, level, slope, stiffness, met, misfit)
 
     step = max(len(rows) // tuning.CANDIDATES, 1)
     coarse = {row: at(row) for row in range(0, len(rows), step)}
@@ -272,12 +272,12 @@ def _change_point(z: Array, force: Array, weight: Array, rows: NDArray[np.intp])
     return min((at(row) for row in near), key=lambda found: found.squares)
 
 
-def _spread(values: Array) -> float:
+def robust_std(values: Array) -> float:
     """Standard deviation of a normal distribution with this median absolute deviation, robust to wild samples."""
     return 1.4826 * float(np.median(np.abs(values - np.median(values))))
 
 
-def _onset(smooth: Array, wander: float, rows: Mask) -> int:
+def last_in_free_air(smooth: Array, wander: float, rows: Mask) -> int:
     """Last row in which the force is within the scatter of free air, N."""
     nothing = max(tuning.SOFT_FORCE, tuning.CONTACT_NOISE * wander)
     quiet = np.flatnonzero(rows & (smooth < nothing))

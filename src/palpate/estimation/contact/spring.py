@@ -244,12 +244,12 @@ def _hardening(curve: _Curve, found: Array, first: float, wander: float) -> tupl
     beliefs = np.diag(np.append(chance / curve.prior, 0.0))
     known = np.vstack([block_means(np.column_stack([design, edge])), beliefs])
     nothing = np.zeros(len(beliefs))
-    left = _beside(known, np.append(block_means(curve.force - design @ found), nothing))
+    left = orthogonal_part(known, np.append(block_means(curve.force - design @ found), nothing))
     pressing = block_means(depth) > 0.0
     best, most = (0.0, np.inf), 0.0
     for share in np.linspace(0.1, 0.9, tuning.HINGES):
         further = np.maximum(depth - share * depth.max(), 0.0)
-        steeper = _beside(known, np.append(block_means(further), nothing))
+        steeper = orthogonal_part(known, np.append(block_means(further), nothing))
         size = float(steeper @ steeper)
         if size <= tuning.UNSEEN**2:
             continue
@@ -262,7 +262,7 @@ def _hardening(curve: _Curve, found: Array, first: float, wander: float) -> tupl
     return best
 
 
-def _beside(known: Array, column: Array) -> Array:
+def orthogonal_part(known: Array, column: Array) -> Array:
     """Component of a column (n,) orthogonal to the columns `known` (n, m)."""
     share = np.linalg.lstsq(known, column, rcond=None)[0].astype(np.float64)
     return column - known @ share

@@ -205,7 +205,7 @@ def touch_views(
     beside = spots - spots.mean(axis=0)
     effect = np.ones(1) if slopes is None else slopes
     curves = [
-        _curve_view(touch, height, effect)
+        loading_curve_view(touch, height, effect)
         for touch, height in zip(touches, plane.at(beside).tolist(), strict=True)
     ]
     if len(touches) == 1 or slopes is not None:
@@ -215,7 +215,7 @@ def touch_views(
     return plane_view(plane, spots, heights, stds, of_tilt=False), *curves
 
 
-def _curve_view(touch: Touch, height: float, effect: Array) -> FitView:
+def loading_curve_view(touch: Touch, height: float, effect: Array) -> FitView:
     """Loading curve of a touch against the surface at `height`, m: its last stretch, carried back."""
     descent, met = touch.descent, max(height, touch.first)
     # So much free air above the contact is shown.
@@ -258,7 +258,7 @@ def touched(trace: Trace, recording: Recording) -> Touch | None:
     sunk = float(np.median(descent.z[late - 2 : late + 3])) - deepest
     through = bottomed(descent, late, first)
     onset = Onset(first, first_std, through, max(first - deepest, 0.0) / most)
-    lever, lever_std = _lever(descent, trace.hand)
+    lever, lever_std = force_lever(descent, trace.hand)
     return Touch(
         recording,
         descent,
@@ -273,7 +273,7 @@ def touched(trace: Trace, recording: Recording) -> Touch | None:
         first_std=first_std,
         lever=lever,
         lever_std=lever_std,
-        lean=_lean(descent),
+        lean=largest_lean(descent),
         opening=float(np.median(samples.width[descent.pressed])),
         own=trace.hand.tip_compliance,
         own_std=trace.hand.tip_compliance_std,
@@ -282,7 +282,7 @@ def touched(trace: Trace, recording: Recording) -> Touch | None:
     )
 
 
-def _lean(descent: Descent) -> float:
+def largest_lean(descent: Descent) -> float:
     """Largest lean for several rows until the greatest force, or that while the pose was recorded, against
     free air, rad."""
     lean = leans(descent.samples)
@@ -294,7 +294,7 @@ def _lean(descent: Descent) -> float:
     return float(seen[int(np.argmax(np.abs(seen)))])
 
 
-def _lever(descent: Descent, hand: Hand) -> tuple[float, float]:
+def force_lever(descent: Descent, hand: Hand) -> tuple[float, float]:
     """Offset of the held force from the middle of the fingertips along the closing direction, m, and its
     standard deviation."""
     samples, pressed = descent.samples, descent.pressed

@@ -26,7 +26,7 @@ FLOOR = 1e-300
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Parting:
+class Parting:
     """Likelihood of the static coefficient from one breakaway.
 
     Attributes:
@@ -56,7 +56,7 @@ def static_friction(drags: Sequence[Drag], sliding: Sliding) -> tuple[float, flo
     mu = sliding.friction[0]
     values = np.linspace(1.0, tuning.STATIC_RANGE, tuning.STATIC_STEPS) * mu
     seen = [
-        _parted(i, drag, sliding, values)
+        parting_of(i, drag, sliding, values)
         for i, drag in enumerate(drags)
         # Where the hand did not rest before, the object may have slid all along.
         if drag.breakaway is not None and drag.begins >= tuning.PARTING_ROWS
@@ -71,7 +71,7 @@ def static_friction(drags: Sequence[Drag], sliding: Sliding) -> tuple[float, flo
     aside = np.array([_apart(sliding, [parting], np.ones(1)) ** 2 for parting in seen])
     chance = expected
     for parting, variance in zip(seen, aside.tolist(), strict=True):
-        chance = chance * _widened(parting.chance, values, variance)
+        chance = chance * widened(parting.chance, values, variance)
     mean, variance = _moments(chance, values)
     if variance > tuning.PARTINGS_SEEN**2 * _moments(expected, values)[1]:
         return None
@@ -91,7 +91,7 @@ def _moments(chance: Array, values: Array) -> tuple[float, float]:
     return mean, float(chance @ (values - mean) ** 2 / chance.sum())
 
 
-def _widened(chance: Array, values: Array, variance: float) -> Array:
+def widened(chance: Array, values: Array, variance: float) -> Array:
     """Chances (m,) of values, convolved with a normal distribution of this variance."""
     spread = max(variance, (values[1] - values[0]) ** 2)
     kernel = np.exp(-0.5 * (values[:, None] - values) ** 2 / spread)
@@ -99,7 +99,7 @@ def _widened(chance: Array, values: Array, variance: float) -> Array:
     return wide / wide.max()
 
 
-def _apart(sliding: Sliding, seen: Sequence[_Parting], weight: Array) -> float:
+def _apart(sliding: Sliding, seen: Sequence[Parting], weight: Array) -> float:
     """Standard deviation of a weighted mean of breakaways by other causes than friction of the object."""
     each = list(zip(seen, weight.tolist(), strict=True))
     turning = sum(share * part.turning / part.normal for part, share in each)
@@ -107,21 +107,21 @@ def _apart(sliding: Sliding, seen: Sequence[_Parting], weight: Array) -> float:
     return float(np.hypot(others, tuning.TURNING * turning))
 
 
-def _parted(number: int, drag: Drag, sliding: Sliding, values: Array) -> _Parting:
+def parting_of(number: int, drag: Drag, sliding: Sliding, values: Array) -> Parting:
     """Likelihood of each of `values` (m,) of the static coefficient from a drag; the first is the sliding
     coefficient."""
-    mass, mass_std = _further_mass(number, drag, sliding)
+    mass, mass_std = apparent_mass(number, drag, sliding)
     normal = np.maximum(drag.normal, tuning.NORMAL_MIN)
     ratio = (drag.tangential - sliding.besides(number) - mass * drag.acceleration) / normal
     scatter = max(drag.row_variance(), drag.noise)
     noise = np.hypot(np.sqrt(scatter) / normal, tuning.STATIC_NOISE)
     # From the visible rise to steady sliding: the hand follows soon after the breakaway.
     seen = slice(drag.begins - tuning.PARTING_ROWS, drag.follows + 3 * tuning.PARTING_ROWS)
-    likely = _likely(ratio[seen], noise[seen], values)
+    likely = segmentation_likelihood(ratio[seen], noise[seen], values)
     falls, holds = np.unravel_index(np.argmax(likely.max(axis=2)), likely.shape[:2])
     rows = slice(seen.start + int(falls - holds), seen.start + int(falls) + 1)
     # Or the breakaway was before these rows, at any value, and the object slides in all of them.
-    slid = _normal(ratio[seen] - values[0], noise[seen])[tuning.PARTING_ROWS :].sum()
+    slid = log_normal_density(ratio[seen] - values[0], noise[seen])[tuning.PARTING_ROWS :].sum()
     before = -tuning.PARTING_ROWS * np.log(2.0 * values)
     most = max(float(likely.max()), slid + before.max())
     chance: Array = np.exp(likely - most).mean(axis=(0, 1)) + np.exp(slid + before - most)
@@ -134,21 +134,23 @@ def _parted(number: int, drag: Drag, sliding: Sliding, values: Array) -> _Partin
     )
     wider = turning**2 / 12.0 + float(unsure / pressed) ** 2
     moved: Array = np.interp(values - turning / 2.0, values, chance)
-    chance = _widened(moved, values, wider)
+    chance = widened(moved, values, wider)
     less = sliding.turning(number, rows, drag.steady)
-    return _Parting(number, chance, *_moments(chance, values), rows, pressed, less)
+    return Parting(number, chance, *_moments(chance, values), rows, pressed, less)
 
 
-def _likely(ratio: Array, noise: Array, values: Array) -> Array:
+def segmentation_likelihood(ratio: Array, noise: Array, values: Array) -> Array:
     """(n, h, m) log likelihood of force ratios (n,) with std `noise`, if row i is the last before breakaway,
     after j + 1 rows at the k-th of `values` (m,), the first of which holds during sliding. All hypotheses
     explain the same rows, so that they compare."""
     count, mu = len(ratio), float(values[0])
-    parting = _parting(ratio, noise, mu, values)
+    parting = breakaway_likelihood(ratio, noise, mu, values)
     # Cumulative sums from 0, so that any stretch is a difference.
-    each = _normal(ratio[:, None] - values, noise[:, None])
+    each = log_normal_density(ratio[:, None] - values, noise[:, None])
     holding = np.concatenate([np.zeros_like(each[:1]), np.cumsum(each, axis=0)])
-    sliding = np.concatenate([np.zeros(1), np.cumsum(_normal(ratio - mu, noise), axis=0)])
+    sliding = np.concatenate(
+        [np.zeros(1), np.cumsum(log_normal_density(ratio - mu, noise), axis=0)]
+    )
     # Before the rise, the force may have any value.
     anything = -np.log(2.0 * values)
     found = np.full((count, tuning.HOLDING, len(values)), -np.inf)
@@ -157,27 +159,27 @@ def _likely(ratio: Array, noise: Array, values: Array) -> Array:
         after = sliding[count] - sliding[i + 2]
         for j in range(tuning.HOLDING):
             part = slice(begun, i - j)
-            rising = _rising(ratio[part], noise[part], values)
+            rising = rise_likelihood(ratio[part], noise[part], values)
             held = holding[i] - holding[i - j]
             found[i, j] = anything * begun + rising + held + parting[i] + after
     return found
 
 
-def _parting(ratio: Array, noise: Array, mu: float, values: Array) -> Array:
+def breakaway_likelihood(ratio: Array, noise: Array, mu: float, values: Array) -> Array:
     """(n - 1, m) log likelihood of two neighbouring ratios with the breakaway between them."""
     # The breakaway is up to half a row earlier or later, and accelerations are means over two rows: half of the
     # fall is in the two rows, none to all of that half in the first.
     fall = values - mu
     each = [
-        _normal(ratio[:-1, None] - (values - part * fall), noise[:-1, None])
-        + _normal(ratio[1:, None] - (mu + (0.5 - part) * fall), noise[1:, None])
+        log_normal_density(ratio[:-1, None] - (values - part * fall), noise[:-1, None])
+        + log_normal_density(ratio[1:, None] - (mu + (0.5 - part) * fall), noise[1:, None])
         for part in (0.0, 0.25, 0.5)
     ]
     likely: Array = np.logaddexp.reduce(each) - np.log(len(each))
     return likely
 
 
-def _rising(ratio: Array, noise: Array, values: Array) -> Array:
+def rise_likelihood(ratio: Array, noise: Array, values: Array) -> Array:
     """(m,) log likelihood of quotients that rise in a straight line up to each of `values`, with unknown slope,
     the last of them a whole step or half a step below."""
     whole = np.arange(len(ratio), 0.0, -1.0)
@@ -208,12 +210,12 @@ def _table() -> tuple[Array, Array]:
     return at, np.array([0.5 * erfc(-x / sqrt(2.0)) for x in at.tolist()])
 
 
-def _normal(off: Array, noise: Array) -> Array:
+def log_normal_density(off: Array, noise: Array) -> Array:
     """Log density of a normal distribution at a deviation `off`."""
     return -0.5 * (off / noise) ** 2 - np.log(noise * np.sqrt(2.0 * np.pi))
 
 
-def _further_mass(number: int, drag: Drag, sliding: Sliding) -> tuple[float, float]:
+def apparent_mass(number: int, drag: Drag, sliding: Sliding) -> tuple[float, float]:
     """Apparent mass of an arm with unknown links in the direction of a drag beyond `HORIZONTAL_MASS`, kg, and its
     standard deviation: change of the force over change of the speed as the hand slows down."""
     if not drag.unsure_mass:

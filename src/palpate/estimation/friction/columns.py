@@ -87,7 +87,7 @@ def columns(drags: Sequence[Drag], observed: WrenchObservation, hand: Hand, mu: 
     whole: list[Array] = []
     dahl: list[Array] = []
     for drag, mine in zip(drags, np.eye(len(drags)), strict=True):
-        dahl_states, gains = _arm(drag, drags, observed, hand, mu)
+        dahl_states, gains = of_arm(drag, drags, observed, hand, mu)
         own = np.ones((len(drag.t), 1)) * mine
         whole.append(np.hstack([of_support(drag, middle, usual), dahl_states, own, gains]))
         dahl.append(dahl_states[drag.steady].mean(axis=0))
@@ -108,7 +108,7 @@ def columns(drags: Sequence[Drag], observed: WrenchObservation, hand: Hand, mu: 
     expected[joints], fixed[joints] = friction, np.hypot(unsure, tuning.ANOTHER * friction)
     fixed[each] = np.hypot(tuning.DRAG_BIAS, tuning.ANOTHER_DRAG * (np.array(dahl) @ friction))
     fixed[gains] = 1.0
-    levers = tuple(_lever(drag.q, drag, observed, mu) for drag in drags)
+    levers = tuple(signal_levers(drag.q, drag, observed, mu) for drag in drags)
     return Columns(tuple(whole), levers, expected, fixed, uneven, joints, gains)
 
 
@@ -146,7 +146,7 @@ def of_support(drag: Drag, middle: Array, usual: float) -> Array:
     )
 
 
-def _arm(
+def of_arm(
     drag: Drag, drags: Sequence[Drag], observed: WrenchObservation, hand: Hand, mu: float
 ) -> tuple[Array, Array]:
     """(n, k) N per N m of the joints' friction, and (n, m) N per standard deviation of their gains."""
@@ -154,20 +154,20 @@ def _arm(
         # Unknown joints: friction on each line of motion, either way, and one gain of both forces.
         lines: list[Array] = []
         for other in drags:
-            if not any(_same(line, other.way) for line in lines):
+            if not any(same_line(line, other.way) for line in lines):
                 lines.append(other.way)
-        own = np.array([_same(line, drag.way) for line in lines], dtype=float)
+        own = np.array([same_line(line, drag.way) for line in lines], dtype=float)
         gain = tuning.GAIN_RATIO * hand.torque_gain * mu * drag.normal
         return np.ones((len(drag.t), 1)) * own, gain[:, None]
     there, hanging = (
-        _lever(drag.q, drag, observed, mu),
-        _lever(drag.hanging.q[None], drag, observed, mu),
+        signal_levers(drag.q, drag, observed, mu),
+        signal_levers(drag.hanging.q[None], drag, observed, mu),
     )
     friction = there * drag.turned - hanging * drag.hanging.turned
     return friction, (there * drag.torque) @ gain_root(hand, len(there))
 
 
-def _lever(q: Array, drag: Drag, observed: WrenchObservation, mu: float) -> Array:
+def signal_levers(q: Array, drag: Drag, observed: WrenchObservation, mu: float) -> Array:
     """(m,) effect of a unit of each signal on f_t - mu N of a drag, at the mean of the angles `q` (n, 7)."""
     # w = (J^T)^+ tau
     middle: Array = q.mean(axis=0, keepdims=True)
@@ -175,5 +175,5 @@ def _lever(q: Array, drag: Drag, observed: WrenchObservation, mu: float) -> Arra
     return drag.way @ wrenches[0, :2] + mu * wrenches[0, 2]
 
 
-def _same(line: Array, way: Array) -> bool:
+def same_line(line: Array, way: Array) -> bool:
     return abs(float(line @ way)) > tuning.SAME_LINE

@@ -173,7 +173,7 @@ class Drag:
         if len(blocks) <= 2:
             return self.normal, 0.0
         means = np.array([self.normal[block].mean() for block in blocks])
-        off = _detrended(means)
+        off = detrended(means)
         # Scatter about a line is noise as far as sensors at rest have it, and neighbouring rows differ.
         white = float(np.diff(self.normal[self.steady]).var()) / 2.0
         noise = min(self.quiet[1], white) * len(blocks) / sum(map(len, blocks))
@@ -208,7 +208,7 @@ class Drag:
     @cached_property
     def noise(self) -> float:
         """Variance of the mean of n steady rows times n, N²."""
-        return _density([self.tangential[self.steady]], self.period)
+        return noise_density([self.tangential[self.steady]], self.period)
 
     @property
     def roughness(self) -> float:
@@ -216,7 +216,7 @@ class Drag:
         return self.noise / (self.quiet[0] + tuning.SMOOTH_NOISE)
 
 
-def _density(forces: Iterable[Array], period: float) -> float:
+def noise_density(forces: Iterable[Array], period: float) -> float:
     """Variance of the mean of n rows times n, N²: from the scatter of short means about a line through each
     block, so that slower changes do not count."""
     size = max(1, round(tuning.SMOOTH / period))
@@ -225,12 +225,12 @@ def _density(forces: Iterable[Array], period: float) -> float:
     for force in forces:
         for start in range(0, len(force) - size * count + 1, size * count):
             means = force[start : start + size * count].reshape(count, size).mean(axis=1)
-            pooled += size * float(np.sum(_detrended(means) ** 2))
+            pooled += size * float(np.sum(detrended(means) ** 2))
             freedom += count - 2
     return pooled / freedom if freedom else tuning.UNKNOWN_NOISE
 
 
-def _detrended(y: Array) -> Array:
+def detrended(y: Array) -> Array:
     """Residuals of a straight line fitted to `y`."""
     basis = np.vander(np.linspace(-1.0, 1.0, len(y)), 2)
     return y - basis @ (np.linalg.pinv(basis) @ y)
@@ -282,7 +282,7 @@ def _drags(trace: Trace, load: LoadRows, observed: WrenchObservation) -> Iterato
             early = samples.t > samples.t[dragged.start] - tuning.STRAINING
             early &= load.loaded & low & (np.arange(len(samples)) >= ended)
             rows = slice(int(np.flatnonzero(early[: dragged.start + 1])[0]), dragged.stop)
-            moved = _moved(samples, rows, observed, mass)
+            moved = inertial_force(samples, rows, observed, mass)
             drag = _drag(samples, rows, step[:, :2], moved, hanging, ways, free)
             # Rows before in which the command already moves.
             slowly = horizontal[rows.start : dragged.start] > tuning.SETS_OUT
@@ -298,7 +298,7 @@ def _drags(trace: Trace, load: LoadRows, observed: WrenchObservation) -> Iterato
         ended = dragged.stop
 
 
-def _rate(values: Array, t: Array, rows: slice) -> Array:
+def central_rate(values: Array, t: Array, rows: slice) -> Array:
     """(k, n) rate of change per second of values (m, n) in each of `rows`.
 
     A row is the mean over a log period: a difference belongs to the boundary between two rows, and a row has
@@ -310,14 +310,16 @@ def _rate(values: Array, t: Array, rows: slice) -> Array:
     return rate
 
 
-def _moved(samples: Samples, rows: slice, observed: WrenchObservation, mass: float) -> Array:
+def inertial_force(
+    samples: Samples, rows: slice, observed: WrenchObservation, mass: float
+) -> Array:
     """(k, 3) N, world axes, inertial force of the arm's own links and a held `mass`, kg, in `rows`: an arm on
     soft springs sways for a second after a breakaway. Unknown links count as `HORIZONTAL_MASS` at the TCP."""
-    rising = _rate(samples.twist[:, :3], samples.t, rows)
+    rising = central_rate(samples.twist[:, :3], samples.t, rows)
     if not observed.knows_links:
         return rising * [tuning.HORIZONTAL_MASS, tuning.HORIZONTAL_MASS, 0.0]
     q, dq = samples.q[rows], samples.dq[rows]
-    torques = observed.links_motion(q, dq, _rate(samples.dq, samples.t, rows))
+    torques = observed.links_motion(q, dq, central_rate(samples.dq, samples.t, rows))
     wrenches: Array = np.linalg.pinv(observed.maps(q)) @ torques[:, :, None]
     return wrenches[:, :3, 0] + mass * rising
 
@@ -349,7 +351,7 @@ def _drag(
         tangential=force[:, :2] @ way,
         normal=-force[:, 2],
         inertial=moved[:, :2] @ way,
-        acceleration=_rate(samples.twist[:, :2] @ way, samples.t, rows),
+        acceleration=central_rate(samples.twist[:, :2] @ way, samples.t, rows),
         speed=np.maximum(commanded, tuning.DRAG_SPEED),
         q=samples.q[rows],
         torque=samples.tau_ext[rows],
@@ -360,8 +362,8 @@ def _drag(
         mass=0.0,
         unsure_mass=0.0,
         quiet=(
-            _density([part[:, :2] @ way for part in still], period),
-            _density([part[:, 2] for part in still], period),
+            noise_density([part[:, :2] @ way for part in still], period),
+            noise_density([part[:, 2] for part in still], period),
         ),
         hanging=free,
     )

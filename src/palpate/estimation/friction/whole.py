@@ -126,8 +126,8 @@ def fit_whole(
     load = list(of_load(seen, pull))
     rubs = pressed.normal[:, None] * (about * pressed.way - slides * UP)
     borne = force * load[0].torque + seen.torques(rubs)
-    scene = list(_of_scene(seen, pressed, about))
-    scene += _of_steps(seen, len(free))
+    scene = list(of_scene(seen, pressed, about))
+    scene += of_steps(seen, len(free))
     causes = [*scene, *load, *of_arm(trace, observed, seen, force * pull[:, 2], borne)]
     support = list(_of_support(seen, pressed, about))
     design, y = whitened([*causes, *support], seen, drags[0].hanging.noise)
@@ -139,7 +139,7 @@ def fit_whole(
     freedom = drags[0].hanging.noise.freedom
     model = Model(known, y, sizes(causes), freedom, (*hyperpriors(causes), *_hyperpriors(causes)))
     count = named(causes, UNEVEN).stop
-    misfit = _misfit(model, len(seen.t), len(free), len(support))
+    misfit = mean_square_misfit(model, len(seen.t), len(free), len(support))
     louder = max(1.0, misfit) ** 0.5
     mean, covariance = replace(model, design=known / louder, y=y / louder).solve(count)
     stepped = float(np.sqrt(np.mean(mean[named(causes, STEP)] ** 2)))
@@ -162,7 +162,7 @@ def _pressed(drags: Sequence[Drag], free: int) -> _Pressed:
     return _Pressed(np.concatenate(way), np.concatenate(support))
 
 
-def _of_scene(seen: Blocks, pressed: _Pressed, about: float) -> Iterator[Cause]:
+def of_scene(seen: Blocks, pressed: _Pressed, about: float) -> Iterator[Cause]:
     """Causes along a drag: first friction beyond `about`; its variation, in parts of `about`; other forces."""
     kinds = (
         ("friction", slice(MU, MU + 1), tuning.FRICTION_PRIOR),
@@ -180,7 +180,7 @@ def _of_scene(seen: Blocks, pressed: _Pressed, about: float) -> Iterator[Cause]:
             yield Cause(f"{name} {i}", torque, size)
 
 
-def _of_steps(seen: Blocks, free: int) -> Iterator[Cause]:
+def of_steps(seen: Blocks, free: int) -> Iterator[Cause]:
     """Changes of the sensors' zeros after the drags."""
     after = (seen.t > seen.t[free:].mean())[:, None]
     for joint in np.eye(seen.observed.shape[1]):
@@ -214,16 +214,16 @@ def _of_support(seen: Blocks, pressed: _Pressed, about: float) -> Iterator[Cause
             yield Cause("support", alone, 1.0)
 
 
-def _misfit(model: Model, count: int, free: int, taken: int) -> float:
+def mean_square_misfit(model: Model, count: int, free: int, taken: int) -> float:
     """Mean square of the residuals of `count` blocks, the first of which are `free`; `taken` unknowns were
     projected out of the drags. Correlated neighbours count as one."""
     mean, _ = model.solve(1)
     left: Array = (model.y - model.design @ mean).reshape(-1, count)
     share = 1.0 - taken / left[:, free:].size
-    return max(_together(left[:, :free]), _together(left[:, free:]) / share)
+    return max(mean_square_of_sums(left[:, :free]), mean_square_of_sums(left[:, free:]) / share)
 
 
-def _together(left: Array) -> float:
+def mean_square_of_sums(left: Array) -> float:
     """Mean square of the sums of neighbours of (m, k), over their number."""
     size = min(round(tuning.CORRELATED_BLOCKS), left.shape[1])
     whole = left[:, : left.shape[1] // size * size].reshape(len(left), -1, size)

@@ -17,12 +17,12 @@ def covariance(weighing: Weighing, maps: Array, apart: float) -> Array:
     found = weighing.segments
     bins, signals = maps.shape[:2]
     variance = np.concatenate([segment.variance for segment in found])
-    bias = _bias(weighing, apart)
+    bias = bias_covariance(weighing, apart)
     t = np.concatenate([segment.t for segment in found])
     between = np.abs(t[:, None] - t)
     # Ornstein-Uhlenbeck process.
     drift = tuning.DRIFT**2 * np.exp(-between / tuning.DRIFT_TIME)
-    moved = _inertia(weighing)
+    moved = inertia_covariance(weighing)
     out = np.zeros((signals * bins, signals * bins))
     for i, scale in enumerate(weighing.scale.tolist()):
         block = scale**2 * (bias + drift) + weighing.noise.flicker[i] * flicker(between)
@@ -41,7 +41,7 @@ def _each(found: Weighing, name: str) -> Array:
     return np.concatenate([getattr(segment, name) for segment in found.segments])
 
 
-def _bias(weighing: Weighing, apart: float) -> Array:
+def bias_covariance(weighing: Weighing, apart: float) -> Array:
     """(bins, bins) N²: covariance of one signal in units of its scale, without noise: constant bias; bias
     along the path, of which each kind has its own share `apart`, and each turn all; inertia and viscous
     effects of the motion; residual stiction of rests."""
@@ -78,7 +78,7 @@ def _middle(path: Array) -> tuple[float, float]:
     return (high + low) / 2.0, max((high - low) / 2.0, 1e-9)
 
 
-def _inertia(weighing: Weighing) -> Array:
+def inertia_covariance(weighing: Weighing) -> Array:
     """(signals, bins, bins) uncertainty of the torque that moves the arm's own links."""
     motion = _each(weighing, "motion")
     if not motion.shape[1]:

@@ -50,7 +50,7 @@ def of_arm(
     """Error causes of the arm itself, where its hand lifts `lifted` (k,) N and the load has the torques
     `borne` (k, m) N m."""
     hand, signals = trace.hand, seen.observed.shape[1]
-    weight, links, lean = _links(observed, seen.q, trace.gravity)
+    weight, links, lean = link_errors(observed, seen.q, trace.gravity)
     found = [Cause(*link) for link in links]
     for axis in range(2):
         pulled = seen.maps[:, :, axis] * lifted[:, None]
@@ -95,7 +95,7 @@ def hyperpriors(causes: Sequence[Cause]) -> tuple[ScaleHyperprior, ...]:
     return left, ScaleHyperprior(named(causes, GAIN), *tuning.GAINS_OFF)
 
 
-def _links(
+def link_errors(
     observed: WrenchObservation, q: Array, gravity: float
 ) -> tuple[Array, list[tuple[str, Array, float]], Array]:
     """Gravity torques of the arm's links, N m (k, m); effects on them of errors in the mass and the centre of
@@ -112,7 +112,7 @@ def _links(
             continue
         com = sum((part.mass * np.array(part.com) for part in parts), np.zeros(3)) / mass
         centre = joint.frame @ com + joint.origin
-        borne = gravity * _borne(joints[: i + 1], q.shape, observed.turn, centre)
+        borne = gravity * torques_of_force(joints[: i + 1], q.shape, observed.turn, centre)
         holds += mass * borne
         errors.append((f"{LINK} mass at joint {i + 1}", borne[2], tuning.LINK_MASS * mass))
         for axis, letter in enumerate("xyz"):
@@ -126,7 +126,9 @@ def _links(
     return holds[2], errors, holds[:2]
 
 
-def _borne(before: Sequence[Hinge], shape: tuple[int, ...], turn: Array, place: Array) -> Array:
+def torques_of_force(
+    before: Sequence[Hinge], shape: tuple[int, ...], turn: Array, place: Array
+) -> Array:
     """(3, k, m) torques of the joints `before` a place (k, 3) per newton there along each world axis; `turn`:
     axes of the base in the world."""
     torque = np.zeros((3, *shape))

@@ -84,7 +84,7 @@ def own_motion(chain: Chain, q: Array, dq: Array, ddq: Array) -> Array:
         turn, slide = turn + axis * rate, slide + aside * rate
         asides.append((axis, aside))
         pose = hinge.frame, hinge.origin
-        moved.append(_inertial_wrench(chain, joint, pose, (turn, slide), (turned, slid)))
+        moved.append(inertial_wrench(chain, joint, pose, (turn, slide), (turned, slid)))
     out, force, moment = np.zeros(q.shape), np.zeros((count, 3)), np.zeros((count, 3))
     for joint in reversed(range(len(asides))):
         force, moment = force + moved[joint][0], moment + moved[joint][1]
@@ -93,7 +93,7 @@ def own_motion(chain: Chain, q: Array, dq: Array, ddq: Array) -> Array:
     return out
 
 
-def _inertial_wrench(
+def inertial_wrench(
     chain: Chain,
     joint: int,
     pose: tuple[Array, Array],
@@ -112,14 +112,14 @@ def _inertial_wrench(
         passing = slide + np.cross(turn, com)
         pull = link.mass * (slid + np.cross(turned, com) + np.cross(turn, passing))
         tensor = tensor_of(link.inertia)
-        spin = _tensor_product(rotation, tensor, turn)
+        spin = tensor_product(rotation, tensor, turn)
         force += pull
-        own = _tensor_product(rotation, tensor, turned)
+        own = tensor_product(rotation, tensor, turned)
         moment += np.cross(com, pull) + own + np.cross(turn, spin)
     return force, moment
 
 
-def _tensor_product(axes: Array, tensor: Array, vectors: Array) -> Array:
+def tensor_product(axes: Array, tensor: Array, vectors: Array) -> Array:
     """(n, 3) R I R^T v."""
     inside = np.einsum("nji,nj->ni", axes, vectors) @ tensor
     return np.einsum("nij,nj->ni", axes, inside)

@@ -258,7 +258,7 @@ def equations(weighing: Weighing, gravity: float, apart: float = 1.0) -> Rows:
         way=each(WAYS.get(segment.kind, 0.0) for segment in found),
         rest=each(float(segment.at_rest) for segment in found),
         dahl=dahl.reshape(signals * bins, joints * kinds),
-        stiction=_stiction(weighing, maps),
+        stiction=residual_stiction(weighing, maps),
         since=np.array(steps).reshape(-1, signals * len(start)).T,
         signal=np.repeat(np.arange(signals), len(path)),
         freedom=weighing.noise.freedom,
@@ -284,7 +284,7 @@ def each_its_own(blocks: Sequence[Array]) -> list[Array]:
     return wide
 
 
-def _stiction(weighing: Weighing, maps: Array) -> ResidualStiction:
+def residual_stiction(weighing: Weighing, maps: Array) -> ResidualStiction:
     """Columns of the residual stiction, segment by segment."""
     found, signals, count = weighing.segments, int(maps.shape[1]), len(maps)
     own = np.eye(signals) * weighing.scale[:, None]

@@ -169,14 +169,14 @@ def _solved(
     rows = [equations(weighing, gravity, tuning.KINDS_APART[0]) for weighing in weighings]
     # Effects of gains and tilts are in proportion to the load, which is unknown at first.
     mean, covariance = load_model(rows, grasps, np.zeros(count), hand).solve(count)
-    rows, model = _likeliest(weighings, gravity, mean[:count], hand)
+    rows, model = likeliest_model(weighings, gravity, mean[:count], hand)
     for _ in range(tuning.LOAD_ITERATIONS):
         model = load_model(rows, grasps, mean[:count], hand)
         mean, covariance = model.solve(count)
     return rows, model, mean, covariance
 
 
-def _likeliest(
+def likeliest_model(
     weighings: Sequence[Weighing], gravity: float, about: Array, hand: Hand
 ) -> tuple[Sequence[Rows], Model]:
     """Equations and model with the biases of the kinds of segments as far apart as they may be, or less where
@@ -224,7 +224,7 @@ def load_model(rows: Sequence[Rows], grasps: Sequence[float], about: Array, hand
             [row.wrench[:, FORCE_Z], in_each(row, grasps, (TORQUE_X, TORQUE_Y))]
         )
         borne = (vertical @ about)[:, None] * gains[row.signal]
-        design = [vertical, _leaning(row, grasps, about), *left_in, row.dahl, borne]
+        design = [vertical, tilted_weight(row, grasps, about), *left_in, row.dahl, borne]
         designs.append(row.white(np.column_stack(design)))
     shares = tuning.LEFT_SHARES
     even = [1.0 / len(shares)] * len(shares)
@@ -233,7 +233,7 @@ def load_model(rows: Sequence[Rows], grasps: Sequence[float], about: Array, hand
     # Shares of the datasheet's figure: left by this arm at all; of that, left in motion.
     hyperpriors = (
         ScaleHyperprior(slice(first, in_signals.stop), shares, even),
-        ScaleHyperprior(slice(first, in_signals.start), _staying(rows), even),
+        ScaleHyperprior(slice(first, in_signals.start), stiction_scales(rows), even),
         ScaleHyperprior(in_signals, shares, even),
         ScaleHyperprior(slice(len(deviations) - signals, len(deviations)), *tuning.GAINS_OFF),
     )
@@ -246,7 +246,7 @@ def load_model(rows: Sequence[Rows], grasps: Sequence[float], about: Array, hand
     )
 
 
-def _staying(rows: Sequence[Rows]) -> Sequence[Array]:
+def stiction_scales(rows: Sequence[Rows]) -> Sequence[Array]:
     """Scales of the stiction forces at rests, in passes, and common to a rest and its pass, for each of
     `tuning.LEFT_SHARES`."""
     paired = [np.split(row.stiction.paired, [row.stiction.stuck.shape[1]]) for row in rows]
@@ -261,7 +261,7 @@ def _staying(rows: Sequence[Rows]) -> Sequence[Array]:
     return found
 
 
-def _leaning(row: Rows, grasps: Sequence[float], about: Array) -> Array:
+def tilted_weight(row: Rows, grasps: Sequence[float], about: Array) -> Array:
     """(n, 2) signals per newton of horizontal weight along world x and y, where gravity is tilted."""
     leaning = row.wrench[:, LEANING].copy()
     # The weight acts at r = (-M_y, M_x) / F beside the TCP, so that it also turns the hand about the vertical.

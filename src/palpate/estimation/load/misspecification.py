@@ -26,13 +26,13 @@ def tests_of(
     # Tolerated: the uncertainty of kinematics and friction, in proportion to the load.
     rub = float(np.hypot(tuning.RUB_SMALL, tuning.RUB_SHARE * force))
     pull = float(np.hypot(tuning.PULL_SMALL, tuning.PULL_SHARE * force))
-    found = [_sideways(rows, grasps, model, rub), *_vertical(rows, model, rub, pull, left)]
+    found = [sideways_test(rows, grasps, model, rub), *vertical_tests(rows, model, rub, pull, left)]
     if len(grasps) > 1:
-        found.append(_weighings(rows, grasps, model, rub))
+        found.append(weighings_test(rows, grasps, model, rub))
     return tuple(found)
 
 
-def _vertical(
+def vertical_tests(
     rows: Sequence[Rows], model: Model, rub: float, pull: float, left: float
 ) -> list[FitTest]:
     """Test for vertical forces, one at a time: in proportion to the height, changing sign with the direction,
@@ -84,7 +84,9 @@ def _finding(name: str, force: float) -> str:
     )
 
 
-def _sideways(rows: Sequence[Rows], grasps: Sequence[float], model: Model, small: float) -> FitTest:
+def sideways_test(
+    rows: Sequence[Rows], grasps: Sequence[float], model: Model, small: float
+) -> FitTest:
     """Test for a sideways force, or a moment about the vertical, in any grasp; `small` N (1 sigma)
     is tolerated."""
     columns = [row.white(in_each(row, grasps, SIDEWAYS)) for row in rows]
@@ -102,7 +104,7 @@ def _sideways(rows: Sequence[Rows], grasps: Sequence[float], model: Model, small
     return chi_squared("sideways", statistic, count, finding, model.freedom)
 
 
-def _weighings(
+def weighings_test(
     rows: Sequence[Rows], grasps: Sequence[float], model: Model, small: float
 ) -> FitTest:
     """Test for the same force in every grasp."""

@@ -121,17 +121,19 @@ def _differences(stretches: Sequence[_Stretch], block: float) -> _Differences | 
     size = max(1, round(block / max(period, TINY)))
     total, weight, count = np.zeros(stretches[0].left.shape[1]), 0.0, 0
     for stretch in stretches:
-        second = _second(stretch.left, size)
+        second = second_differences(stretch.left, size)
         total = total + (second**2).sum(axis=0)
         # White noise of unit variance has 6 / size in each, minus the part in the fitted basis.
-        weight += 6.0 * len(second) / size - float((_second(stretch.basis, size) ** 2).sum())
+        weight += 6.0 * len(second) / size - float(
+            (second_differences(stretch.basis, size) ** 2).sum()
+        )
         count += len(second)
     if weight * size < 1.0:
         return None
     return _Differences(total / weight, size, period, count)
 
 
-def _second(signals: Array, size: int) -> Array:
+def second_differences(signals: Array, size: int) -> Array:
     """(k, m) second differences of means over blocks of `size` rows."""
     count = len(signals) // size
     blocks = signals[: count * size].reshape(count, size, signals.shape[1])

@@ -237,7 +237,7 @@ def weighing(trace: Trace, recording: Recording) -> Weighing:
     moving = commanded(trace.samples)
     found = [signals.segment(cut, [cut.rows]) for cut in rests if not moving[cut.rows].any()]
     binned = _binned(signals, passes)
-    found += [one for one in binned if any(_comparable(one, other) for other in binned)]
+    found += [one for one in binned if any(comparable_passes(one, other) for other in binned)]
     here = mean_pose(trace.of(recording))
     found += [_turned(signals, *one, here, trace.gravity) for one in turned]
     if not any(segment.loaded for segment in found):
@@ -358,7 +358,7 @@ class _Signals:
         )
 
 
-def _comparable(one: Segment, other: Segment) -> bool:
+def comparable_passes(one: Segment, other: Segment) -> bool:
     """Two passes, one with the load and one without, have the same motion, so that the inertia of the arm,
     far larger than that of the load, cancels."""
     if one.kind != other.kind or one.loaded == other.loaded:
@@ -378,10 +378,10 @@ def _rests(trace: Trace, recording: Recording, load: LoadRows, path: Path | None
     for loaded, mask in ((True, load.loaded), (False, load.empty)):
         for rows in runs(here & mask):
             if rows.stop - rows.start >= tuning.REST_ROWS:
-                yield Cut(f"rest {_arrival(samples, rows.start, path)}", loaded, rows)
+                yield Cut(f"rest {arrival(samples, rows.start, path)}", loaded, rows)
 
 
-def _arrival(samples: Samples, row: int, path: Path | None) -> str:
+def arrival(samples: Samples, row: int, path: Path | None) -> str:
     """Direction of the arm's arrival at the rest at `row`: `up` or `down` the path, or `beside` it."""
     if path is None:
         return "beside"
