@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from palpate.estimation import tuning
 from palpate.estimation.view import FitView
-from palpate.geometry.pose import Array, Pose
-from palpate.trace.recording import Recording
+from palpate.geometry.pose import Array, Pose, rotations
+from palpate.trace.recording import Hand, Recording
 from palpate.trace.samples import Samples, Trace, once
 
 Mask = NDArray[np.bool_]
@@ -96,6 +96,18 @@ def mean_pose(samples: Samples) -> Pose:
     return Pose.of(
         samples.pose_world_tcp[:, :3].mean(axis=0), (quaternions * signs[:, None]).mean(axis=0)
     )
+
+
+def tip_height(samples: Samples, hand: Hand) -> Array:
+    """(n,) world z of the lower fingertip, m.
+
+    From the TCP the tips lie `tip_offset` along the tool axis z, and half the opening to either side along
+    the closing direction y. When the hand leans in that direction, one tip is lower than the other by the
+    opening times the sine of the lean, and touches first.
+    """
+    turned = rotations(samples.pose_world_tcp[:, 3:])
+    middle = samples.pose_world_tcp[:, 2] + hand.tip_offset * turned[:, 2, 2]
+    return middle - samples.width / 2 * np.abs(turned[:, 2, 1])
 
 
 def aligned(samples: Samples, pose: Pose) -> Mask:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from palpate.estimation import tuning
 from palpate.estimation.joint_friction import joint_friction_force
 from palpate.estimation.load.segments import load_rows
-from palpate.estimation.motion import Mask
+from palpate.estimation.motion import Mask, tip_height
 from palpate.geometry.pose import Array, rotations
 from palpate.parameter import Parameter
 from palpate.trace.recording import Hand, LeafRun, Recording
@@ -89,18 +89,6 @@ class Descent:
         """The first row of the contact at which the force has risen to `force` N."""
         after = np.flatnonzero(self.smooth[self.onset :] >= force)
         return self.onset + int(after[0]) if len(after) else len(self.z) - 1
-
-
-def tip_height(samples: Samples, hand: Hand) -> Array:
-    """(n,) world z of the lower fingertip, m.
-
-    From the TCP the tips lie `tip_offset` along the tool axis z, and half the opening to either side along
-    the closing direction y. When the hand leans in that direction, one tip is lower than the other by the
-    opening times the sine of the lean, and touches first.
-    """
-    turned = rotations(samples.pose_world_tcp[:, 3:])
-    middle = samples.pose_world_tcp[:, 2] + hand.tip_offset * turned[:, 2, 2]
-    return middle - samples.width / 2 * np.abs(turned[:, 2, 1])
 
 
 def leans(samples: Samples) -> Array:

@@ -112,7 +112,7 @@ def parting_of(number: int, drag: Drag, sliding: Sliding, values: Array) -> Part
     coefficient."""
     mass, mass_std = apparent_mass(number, drag, sliding)
     normal = np.maximum(drag.normal, tuning.NORMAL_MIN)
-    ratio = (drag.tangential - sliding.besides(number) - mass * drag.acceleration) / normal
+    ratio = (drag.tangential - sliding.other_causes(number) - mass * drag.acceleration) / normal
     scatter = max(drag.row_variance(), drag.noise)
     noise = np.hypot(np.sqrt(scatter) / normal, tuning.STATIC_NOISE)
     # From the visible rise to steady sliding: the hand follows soon after the breakaway.

@@ -179,7 +179,7 @@ class Sliding:
         row[MU] = 0.0
         return float(row @ self.found.mean), float(np.sqrt(row @ self.found.covariance @ row))
 
-    def besides(self, drag: int) -> Array:
+    def other_causes(self, drag: int) -> Array:
         """(n,) N, force by other causes than friction of the object in each row of a drag."""
         others = self.found.mean.copy()
         others[MU] = 0.0
