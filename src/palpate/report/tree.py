@@ -1,9 +1,9 @@
-"""The plan's tree with what became of each node."""
+"""The plan's tree with the result of each node."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
 
 from palpate.planning.plan import Node, Plan
 from palpate.trace.recording import LeafRun
@@ -14,7 +14,7 @@ from palpate.vocabulary.registry import vocabulary
 LEAF = "→"
 LONGEST_LABEL = 160
 NARROWEST = 0.6
-"""Per cent: a leaf that took no time is still seen."""
+"""Per cent: least width of a leaf, so that one without duration is visible."""
 
 FATES = {"SUCCESS": "success", "FAILURE": "failure", "INVALID": "stopped"}
 
@@ -54,18 +54,16 @@ def aftermath(plan: Plan, trace: Trace | None) -> list[Branch]:
     """Actions of a controlled stop, outside of the plan."""
     if trace is None:
         return []
-    planned: set[str] = set()
-    if plan.tree is not None:
-        planned = {path for path, _ in plan.tree.walk()}
-    beside: list[Branch] = []
-    for run in trace.leaves:
-        if run.node not in planned:
-            beside.append(_leaf(run.primitive, run.label, run, _end(trace)))
-    return beside
+    planned = {path for path, _ in plan.tree.walk()} if plan.tree is not None else set[str]()
+    return [
+        _leaf(run.primitive, run.label, run, _end(trace))
+        for run in trace.leaves
+        if run.node not in planned
+    ]
 
 
 def first_failure(tree: Branch | None) -> Branch | None:
-    """The leaf that failed, or else was stopped, first."""
+    """The first leaf that failed, else the first that was stopped."""
     leaves = list(_leaves(tree)) if tree is not None else []
     for fate in ("failure", "stopped"):
         for leaf in leaves:
@@ -102,52 +100,45 @@ def _leaf(primitive: str, label: str, run: LeafRun | None, end: float) -> Branch
     label = label[:LONGEST_LABEL]
     if run is None:
         return Branch(LEAF, label, group, "waiting", summary)
+    left, width = _place(run.start, run.end, end)
     return Branch(
         LEAF,
         label,
         group,
         FATES[run.status],
         summary,
-        f"{run.end - run.start:.1f} s",
-        *_place(run.start, run.end, end),
-        run.message,
+        duration=f"{run.end - run.start:.1f} s",
+        left=left,
+        width=width,
+        message=run.message,
     )
 
 
 def _composite(node: Node, path: str, runs: Mapping[str, LeafRun], end: float) -> Branch:
-    """A composite lasts from its first leaf's start to its last leaf's end."""
     composite = COMPOSITES[node.type]
-    children: list[Branch] = []
-    for i, child in enumerate(node.children):
-        children.append(_branch(child, f"{path}.children[{i}]", runs, end))
-    label, fate = node.name or node.type, _fate(children)
-    under = [leaf for at, leaf in runs.items() if at.startswith(f"{path}.")]
-    if not under:
-        return Branch(
-            composite.symbol, label, "composite", fate, composite.summary, children=tuple(children)
-        )
-    start, stop = min(leaf.start for leaf in under), max(leaf.end for leaf in under)
-    return Branch(
+    children = tuple(
+        _branch(child, f"{path}.children[{i}]", runs, end) for i, child in enumerate(node.children)
+    )
+    # A failed or stopped child decides; success takes all children.
+    fates = {child.fate for child in children}
+    fate = "success" if fates == {"success"} else "waiting"
+    fate = next((decisive for decisive in ("failure", "stopped") if decisive in fates), fate)
+    branch = Branch(
         composite.symbol,
-        label,
+        node.name or node.type,
         "composite",
         fate,
         composite.summary,
-        f"{stop - start:.1f} s",
-        *_place(start, stop, end),
-        children=tuple(children),
+        children=children,
     )
-
-
-def _fate(children: Sequence[Branch]) -> str:
-    """A composite's fate, from its children's: failure outweighs all else."""
-    fates = {child.fate for child in children}
-    for fate in ("failure", "stopped"):
-        if fate in fates:
-            return fate
-    return "success" if fates == {"success"} else "waiting"
+    leaves = [leaf for at, leaf in runs.items() if at.startswith(f"{path}.")]
+    if not leaves:
+        return branch
+    start, stop = min(leaf.start for leaf in leaves), max(leaf.end for leaf in leaves)
+    left, width = _place(start, stop, end)
+    return replace(branch, duration=f"{stop - start:.1f} s", left=left, width=width)
 
 
 def _place(start: float, stop: float, end: float) -> tuple[float, float]:
-    """Left and width in a run that lasts until `end`, per cent."""
+    """Left and width in per cent of a run that lasts until `end`."""
     return round(100 * start / end, 2), round(max(100 * (stop - start) / end, NARROWEST), 2)

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from palpate.geometry.pose import Array
-from palpate.report.axis import Axis
+from palpate.report.numbers import Axis
 
 POINTS = 400
 """Of a line: its shape on a wide screen."""

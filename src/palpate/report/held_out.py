@@ -1,10 +1,10 @@
-"""Motions that were held out: what was predicted of them and what was felt, in words and as small
-plots."""
+"""Held-out validation on the page: predicted and measured joint torques, in words and as small plots."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
@@ -15,11 +15,11 @@ from palpate.runs.figures import significant
 from palpate.twin.held_out.judged import Curve, HeldOut, Motion
 
 SHOWN = 3
-"""Panels a motion: the signals that feel most of the object."""
+"""Panels of a motion: the signals that the object acts on most."""
 GAP = 0.4
 """s between two bins of a signal from which no line joins them."""
 WIDTH, HEIGHT, EDGE = 300.0, 130.0, 8.0
-"""Of a panel, and how much of it stays free at its edges."""
+"""Size of a panel, and its margin."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,52 +81,45 @@ def _said(motion: Motion) -> str:
     )
 
 
-def _panels(curve: Curve) -> list[Panel]:
-    felt = np.abs(np.array(curve.twin)).max(axis=1)
-    most = np.argsort(-felt, kind="stable")[:SHOWN]
-    return [_panel(curve, int(i)) for i in sorted(most.tolist())]
-
-
-def _panel(curve: Curve, i: int) -> Panel:
-    t, twin, guess = np.array(curve.t), np.array(curve.twin[i]), np.array(curve.template[i])
-    felt, std = np.array(curve.measured[i]), np.array(curve.std[i])
-    spread = np.concatenate([twin, guess, felt - std, felt + std])
-    low, high = float(spread.min()), float(spread.max())
-
-    def across(values: Array) -> Array:
-        share: Array = (values - t[0]) / max(float(t[-1] - t[0]), 1e-9)
-        return np.asarray(np.round(EDGE + (WIDTH - 2 * EDGE) * share, 1), dtype=np.float64)
-
-    def up(values: Array) -> Array:
-        share: Array = (values - low) / max(high - low, 1e-9)
-        return np.asarray(
-            np.round(HEIGHT - EDGE - (HEIGHT - 2 * EDGE) * share, 1), dtype=np.float64
+def _panels(curve: Curve) -> Iterator[Panel]:
+    """Panels of the signals with the largest predicted values, in the curve's order."""
+    t = np.array(curve.t)
+    peaks = np.abs(np.array(curve.twin)).max(axis=1)
+    largest: list[int] = np.argsort(-peaks, kind="stable").tolist()
+    breaks: list[int] = (np.flatnonzero(np.diff(t) > GAP) + 1).tolist()
+    parts = [slice(first, last) for first, last in pairwise([0, *breaks, len(t)])]
+    for i in sorted(largest[:SHOWN]):
+        twin, guess = np.array(curve.twin[i]), np.array(curve.template[i])
+        measured, std = np.array(curve.measured[i]), np.array(curve.std[i])
+        spread = np.concatenate([twin, guess, measured - std, measured + std])
+        low, high = float(spread.min()), float(spread.max())
+        x = _scaled(t, (float(t[0]), float(t[-1])), (EDGE, WIDTH - EDGE))
+        up = partial(_scaled, ends=(low, high), pixels=(HEIGHT - EDGE, EDGE))
+        columns = (x, up(measured), up(measured - std), up(measured + std))
+        signal = curve.signals[i]
+        _, joint, number = signal.rpartition("joint")  # `fr3_joint4` is joint 4
+        yield Panel(
+            name=f"joint {number.strip('_')}" if joint else signal,
+            unit="N" if signal.startswith("F") else "N·m",
+            low=f"{low:.3g}",
+            high=f"{high:.3g}",
+            start=f"{t[0]:.1f}",
+            end=f"{t[-1]:.1f}",
+            points=tuple(Point(*row) for row in np.column_stack(columns).tolist()),
+            twin=tuple(_line(x[part], up(twin)[part]) for part in parts),
+            template=tuple(_line(x[part], up(guess)[part]) for part in parts),
         )
 
-    x = across(t)
-    columns = (x, up(felt), up(felt - std), up(felt + std))
-    points = tuple(Point(*row) for row in np.column_stack(columns).tolist())
-    lines = [tuple(_line(x, up(values), part) for part in _parts(t)) for values in (twin, guess)]
-    unit = "N" if curve.signals[i].startswith("F") else "N·m"
-    ends = (f"{low:.3g}", f"{high:.3g}", f"{t[0]:.1f}", f"{t[-1]:.1f}")
-    return Panel(_name(curve.signals[i]), unit, *ends, points, *lines)
+
+def _scaled(values: Array, ends: tuple[float, float], pixels: tuple[float, float]) -> Array:
+    """Map `values` linearly from `ends` to `pixels`, to a tenth of a pixel."""
+    share = (values - ends[0]) / max(ends[1] - ends[0], 1e-9)
+    return np.asarray(np.round(pixels[0] + (pixels[1] - pixels[0]) * share, 1), dtype=np.float64)
 
 
-def _name(signal: str) -> str:
-    """`joint 4` of `fr3_joint4`."""
-    _, found, number = signal.rpartition("joint")
-    return f"joint {number.strip('_')}" if found else signal
-
-
-def _parts(t: Array) -> Sequence[slice]:
-    """Rows that a line joins."""
-    breaks: list[int] = (np.flatnonzero(np.diff(t) > GAP) + 1).tolist()
-    return [slice(first, last) for first, last in pairwise([0, *breaks, len(t)])]
-
-
-def _line(x: Array, y: Array, rows: slice) -> str:
-    points = list(zip(x[rows].tolist(), y[rows].tolist(), strict=True))
-    if len(points) == 1:
+def _line(x: Array, y: Array) -> str:
+    points = list(zip(x.tolist(), y.tolist(), strict=True))
+    if len(points) == 1:  # a single point is drawn as a short dash
         middle, height = points[0]
         points = [(middle - EDGE, height), (middle + EDGE, height)]
     return " ".join(f"{a:g},{b:g}" for a, b in points)
