@@ -13,7 +13,7 @@ import numpy as np
 
 from palpate import pipeline
 from palpate.geometry.pose import Array
-from palpate.pictures.footage import Footage
+from palpate.pictures.film import Footage
 from palpate.runs.run import Run
 from palpate.scenarios.catalogue import scenario, scenarios
 from palpate.studies.workers import spread

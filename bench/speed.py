@@ -17,7 +17,7 @@ import mujoco
 from bench.variety import crowd
 from palpate import pipeline
 from palpate.cells.simulated import simulated_cell
-from palpate.pictures.footage import Footage
+from palpate.pictures.film import Footage
 from palpate.scenarios.catalogue import scenario
 from palpate.stages.executing import perform
 

@@ -12,9 +12,8 @@ from PIL import Image, ImageDraw, ImageFont
 
 from palpate import pipeline
 from palpate.estimation.estimate import rounded
-from palpate.pictures.framing import framing
-from palpate.pictures.moments import frames_of
-from palpate.pictures.renderer import Painter, Pixels
+from palpate.pictures.film import frames_of
+from palpate.pictures.renderer import Painter, Pixels, framing
 from palpate.runs.run import Run
 from palpate.scenarios.catalogue import FIRST, scenario
 from palpate.trace.recording import LeafRun

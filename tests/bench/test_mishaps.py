@@ -8,7 +8,7 @@ import pytest
 
 from bench.mishaps import dropped, faults, mishaps, table
 from palpate.errors import InputError
-from palpate.pictures.footage import Footage
+from palpate.pictures.film import Footage
 
 BALL = '<mujoco><worldbody><body name="ball"><freejoint/><geom size=".03"/></body></worldbody></mujoco>'
 

@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 
 from palpate.errors import InputError
-from palpate.pictures.dress import dress, looks_in
-from palpate.pictures.looks.catalogue import LOOKS, parts_of
-from palpate.pictures.looks.part import Fit
+from palpate.pictures.dress import LOOKS, dress, looks_in, parts_of
+from palpate.pictures.looks.mesh import Fit
 from palpate.pictures.stage import staged
 from palpate.scenarios.catalogue import scenario, scenarios
 

@@ -86,7 +86,7 @@ def test_an_arm_of_other_frames_keeps_its_own_shapes() -> None:
     assert meshes(staged(cell(height=0.34))) == ["robot/fr3_link0"]
 
 
-def test_nothing_is_needed_and_nothing_is_fetched(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_arm_keeps_its_own_shapes_without_the_package(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "mujoco_menagerie", None)
     menagerie._source.cache_clear()
     assert meshes(staged(cell())) == []

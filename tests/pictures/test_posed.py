@@ -19,7 +19,7 @@ def place(cell: PosedCell, name: str) -> np.ndarray:
     return cell.data.body(name).xpos.copy()
 
 
-def test_what_is_held_moves_with_the_hand_and_stays_where_it_is_let_go() -> None:
+def test_a_held_object_moves_with_the_hand_and_stays_where_it_is_released() -> None:
     scene = bench(BOTTLE, MUG)
     cell, q = PosedCell(scene), np.array(scene.arm.home)
     cell.show(q, 0.08, OVER, None)
@@ -33,7 +33,7 @@ def test_what_is_held_moves_with_the_hand_and_stays_where_it_is_let_go() -> None
     assert np.allclose(place(cell, "mug"), scene.bodies["mug"].pose_world.position)
 
 
-def test_put_back_is_where_the_scene_has_it() -> None:
+def test_put_back_restores_the_poses_of_the_scene() -> None:
     scene = bench(BOTTLE)
     cell, q = PosedCell(scene), np.array(scene.arm.home)
     cell.show(q, 0.06, OVER, "bottle")

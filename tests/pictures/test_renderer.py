@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from palpate.pictures.framing import extent, framing
+from palpate.pictures.renderer import extent, framing
 
 SCENE = """<mujoco><worldbody><geom type="plane" size="9 9 .1"/>
   <body name="a" pos="1 0 .5"><geom type="box" size=".1 .2 .3"/></body>
@@ -71,7 +71,7 @@ def test_without_opengl_one_line_says_how_to_get_it() -> None:
     assert answer.count("\n") == 1
 
 
-def test_what_was_tried_ahead_says_the_same() -> None:
+def test_a_trial_ahead_gives_the_same_answer() -> None:
     ahead = ASK.replace("print", "look_ahead(); look_ahead(); print")
     answer = available_under(ahead, MUJOCO_GL="egl", MUJOCO_EGL_DEVICE_ID="77")
     assert answer.startswith("False no usable OpenGL (egl:")

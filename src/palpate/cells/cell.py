@@ -8,7 +8,7 @@ from palpate.parameter import Parameter
 from palpate.robots.robot import Robot
 
 if TYPE_CHECKING:
-    from palpate.pictures.footage import Footage
+    from palpate.pictures.film import Footage
     from palpate.scene.poses import CameraEntry
 
 

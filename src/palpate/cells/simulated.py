@@ -18,7 +18,7 @@ from palpate.cells.view import closer_png, workspace_png
 from palpate.errors import InputError
 from palpate.mjcf.body import Body
 from palpate.parameter import Parameter
-from palpate.pictures.footage import Footage
+from palpate.pictures.film import Footage
 from palpate.pictures.renderer import gl_available
 from palpate.scene.load import load_scene
 from palpate.scene.scene import Scene

@@ -1,32 +1,53 @@
-"""Visual shapes of bodies for pictures alone, added to a copy of the scene.
+"""Looks: visual shapes of bodies for pictures alone, added to a copy of the scene.
 
-A scene says it in MJCF's own words, `<custom><text name="look:bottle" data="bottle WATER"/>`: the
-body's name, a name from `looks.catalogue`, and what is written on it or what is in it. Collision
-shapes, masses and everything that moves stay as they are, and a run without pictures knows nothing
-of it.
+A scene states a look in MJCF, `<custom><text name="look:bottle" data="bottle WATER"/>`: the body's
+name, a name of `LOOKS`, and the words on it or its content. Collision shapes, masses and joints stay as
+they are, and a run without pictures does not use looks.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 import mujoco
 import numpy as np
 
+from palpate.errors import unknown_name
 from palpate.geometry.pose import Array
-from palpate.pictures.looks.catalogue import parts_of
-from palpate.pictures.looks.part import Colour, Fit, Part
+from palpate.pictures.looks import boxes, things, vessels
+from palpate.pictures.looks.mesh import Fit, Part
+from palpate.pictures.renderer import CORNERS, Pixels, geom_rgba
 
 WORD = "look:"
 """Prefix of the `<text>` that states a body's look."""
-HIDDEN = 3
-"""The group of shapes that are there for collisions, and not drawn."""
-SHOWN = 2
-"""And of those that are drawn."""
+HIDDEN, SHOWN = 3, 2
+"""Groups of shapes for collisions alone, and of those that are drawn."""
 
 Looks = Mapping[str, str]
 """By the body's name."""
+
+LOOKS: Mapping[str, Callable[[Fit, str], list[Part]]] = {
+    "ball": things.ball,
+    "block": boxes.block,
+    "board": boxes.board,
+    "bottle": vessels.bottle,
+    "bowl": vessels.bowl,
+    "candle": things.candle,
+    "carton": boxes.carton,
+    "cloth": things.cloth,
+    "cup": vessels.cup,
+    "hammer": things.hammer,
+    "mug": vessels.mug,
+    "open_box": boxes.open_box,
+    "shut_box": boxes.shut,
+    "soap": things.soap,
+    "table": boxes.table,
+    "thermometer": things.thermometer,
+    "tin": vessels.tin,
+}
+TABLE = "table"
+"""The look of supports. It is fitted to the largest shape alone: the top, without legs of its own."""
 
 
 def looks_in(spec: mujoco.MjSpec) -> dict[str, str]:
@@ -35,39 +56,73 @@ def looks_in(spec: mujoco.MjSpec) -> dict[str, str]:
     return {text.name.removeprefix(WORD): text.data for text in texts if text.name.startswith(WORD)}
 
 
+def parts_of(look: str, fit: Fit) -> list[Part]:
+    """The parts of a look in the body's frame: `look` is its name and, after a blank, the words on it
+    or its content.
+
+    Raises:
+        InputError: unknown look; the message lists the valid ones.
+    """
+    name, _, words = look.partition(" ")
+    if name not in LOOKS:
+        raise unknown_name("look", name, LOOKS)
+    parts = LOOKS[name](fit, words.strip())
+    return [replace(part, mesh=part.mesh.moved(fit.centre)) for part in parts]
+
+
 def dress(spec: mujoco.MjSpec, looks: Looks) -> None:
     """Give the bodies of `spec` that `looks` names their shapes for pictures, in place.
 
     Raises:
-        InputError: there is no such look.
+        InputError: unknown look.
     """
-    here = {body.name: body for body in _bodies(spec)}
+    bodies: list[mujoco.MjsBody] = list(spec.bodies)
+    here = {body.name: body for body in bodies if body.name != spec.worldbody.name}
     worn = {name: look for name, look in looks.items() if name in here}
     if not worn:
         return
     plain = spec.compile()
-    floor = _floor(plain)
+    data = mujoco.MjData(plain)
+    mujoco.mj_kinematics(plain, data)
     for name, look in worn.items():
-        fit = _fit(plain, name, floor)
+        fit = _fit(plain, data, name, look)
         if fit is None:
             continue
-        for geom in _geoms(here[name]):
+        geoms: list[mujoco.MjsGeom] = list(here[name].geoms)
+        for geom in geoms:
             geom.group = HIDDEN
         for number, part in enumerate(parts_of(look, fit)):
-            _add(spec, here[name], f"look:{name}:{number}", part)
+            _add(spec, here[name], f"{WORD}{name}:{number}", part)
 
 
-def _bodies(spec: mujoco.MjSpec) -> list[mujoco.MjsBody]:
-    bodies: list[mujoco.MjsBody] = list(spec.bodies)
-    return [body for body in bodies if body.name != spec.worldbody.name]
-
-
-def _geoms(body: mujoco.MjsBody) -> list[mujoco.MjsGeom]:
-    return list(body.geoms)
+def _fit(model: mujoco.MjModel, data: mujoco.MjData, name: str, look: str) -> Fit | None:
+    """Box that a look of the body fills; None for a body without shapes."""
+    body = model.body(name)
+    geoms = range(int(body.geomadr[0]), int(body.geomadr[0] + body.geomnum[0]))
+    if not geoms or geoms[0] < 0:
+        return None
+    largest = max(geoms, key=lambda geom: float(np.prod(model.geom_aabb[geom, 3:])))
+    if look.partition(" ")[0] == TABLE:
+        geoms = [largest]
+    corners: list[Array] = []
+    for geom in geoms:
+        turn = np.empty(9)
+        mujoco.mju_quat2Mat(turn, model.geom_quat[geom])
+        local = model.geom_aabb[geom, :3] + CORNERS * model.geom_aabb[geom, 3:]
+        corners.append(model.geom_pos[geom] + local @ turn.reshape(3, 3).T)
+    points = np.concatenate(corners)
+    low, high = points.min(axis=0), points.max(axis=0)
+    # The floor is the lowest plane of the world.
+    planes = (model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE) & (model.geom_bodyid == 0)
+    floor = model.geom_pos[planes, 2]
+    above = float(data.body(name).xpos[2]) - float(floor.min()) if len(floor) else 0.0
+    red, green, blue = (float(value) for value in geom_rgba(model, largest)[:3])
+    drop = max(0.0, above + float(low[2]))
+    return Fit((low + high) / 2, (high - low) / 2, (red, green, blue), drop)
 
 
 def _add(spec: mujoco.MjSpec, body: mujoco.MjsBody, name: str, part: Part) -> None:
-    """Add a surface in the body's own frame."""
+    """Add a part to a body as a mesh with its material."""
     mesh = spec.add_mesh(name=name)
     mesh.uservert = part.mesh.vertices.ravel()
     mesh.userface = corners = part.mesh.faces.ravel().tolist()
@@ -79,10 +134,10 @@ def _add(spec: mujoco.MjSpec, body: mujoco.MjsBody, name: str, part: Part) -> No
         shininess=0.2 + 0.7 * part.shine,
     )
     if part.print is not None:
-        # MuJoCo counts a picture's rows from its head.
+        # MuJoCo counts a picture's rows from the top.
         mesh.usertexcoord = np.column_stack([part.mesh.uv[:, 0], 1 - part.mesh.uv[:, 1]]).ravel()
         mesh.userfacetexcoord = corners
-        material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = _texture(spec, name, part.print)
+        add_texture(spec, material, part.print)
     body.add_geom(
         name=name,
         type=mujoco.mjtGeom.mjGEOM_MESH,
@@ -95,54 +150,9 @@ def _add(spec: mujoco.MjSpec, body: mujoco.MjsBody, name: str, part: Part) -> No
     )
 
 
-def _texture(spec: mujoco.MjSpec, name: str, pixels: np.ndarray) -> str:
-    """The name of a texture of these pixels."""
-    texture = spec.add_texture(name=name, type=mujoco.mjtTexture.mjTEXTURE_2D)
+def add_texture(spec: mujoco.MjSpec, material: mujoco.MjsMaterial, pixels: Pixels) -> None:
+    """Give a material a texture of its own name."""
+    texture = spec.add_texture(name=material.name, type=mujoco.mjtTexture.mjTEXTURE_2D)
     texture.height, texture.width, texture.nchannel = pixels.shape
     texture.data = np.ascontiguousarray(pixels).tobytes()
-    return name
-
-
-def _fit(model: mujoco.MjModel, name: str, floor: float | None) -> Fit | None:
-    """Space for a look of the body; None for a body without shapes."""
-    body = model.body(name)
-    geoms = range(int(body.geomadr[0]), int(body.geomadr[0] + body.geomnum[0]))
-    if not geoms or geoms[0] < 0:
-        return None
-    data = mujoco.MjData(model)
-    mujoco.mj_kinematics(model, data)
-    above = 0.0 if floor is None else float(data.body(name).xpos[2]) - floor
-    largest = max(geoms, key=lambda geom: float(np.prod(model.geom_aabb[geom, 3:])))
-    colour = _colour(model, largest)
-    main = _around([_corners(model, largest)], colour, above)
-    return replace(_around([_corners(model, geom) for geom in geoms], colour, above), main=main)
-
-
-def _around(corners: list[Array], colour: Colour, above: float) -> Fit:
-    """The box around points, with the body's frame so far `above` the floor, m."""
-    points = np.concatenate(corners)
-    low, high = points.min(axis=0), points.max(axis=0)
-    return Fit((low + high) / 2, (high - low) / 2, colour, max(0.0, above + float(low[2])))
-
-
-def _corners(model: mujoco.MjModel, geom: int) -> Array:
-    """(8, 3) of the box around a geom, in its body's frame."""
-    signs = np.array(np.meshgrid([-1, 1], [-1, 1], [-1, 1])).reshape(3, 8).T
-    local = model.geom_aabb[geom, :3] + signs * model.geom_aabb[geom, 3:]
-    turn = np.empty(9)
-    mujoco.mju_quat2Mat(turn, model.geom_quat[geom])
-    return model.geom_pos[geom] + local @ turn.reshape(3, 3).T
-
-
-def _colour(model: mujoco.MjModel, geom: int) -> Colour:
-    """A geom's own colour, or its material's."""
-    material = int(model.geom_matid[geom])
-    rgba = model.geom_rgba[geom] if material < 0 else model.mat_rgba[material]
-    return float(rgba[0]), float(rgba[1]), float(rgba[2])
-
-
-def _floor(model: mujoco.MjModel) -> float | None:
-    """World z of the lowest plane, m."""
-    planes = model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE
-    heights = model.geom_pos[planes & (model.geom_bodyid == 0), 2]
-    return float(heights.min()) if len(heights) else None
+    material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = material.name

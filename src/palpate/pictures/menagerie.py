@@ -1,15 +1,14 @@
-"""The proper shape of an arm: the meshes of MuJoCo Menagerie, where they are on this computer.
+"""The meshes of MuJoCo Menagerie for an arm in pictures, where they are on this computer.
 
-They are for pictures alone, on a copy of the scene; an arm moves and collides as its own description
-says. Nothing is downloaded here: `pip install 'palpate[menagerie]'`, then
-`mujoco-menagerie prefetch franka_emika_panda`, or MENAGERIE_ROOT at a checkout, brings them. Without, the arm
-is drawn by its own simple shapes.
+They are put on a copy of the scene; an arm moves and collides by its own description. Nothing is
+downloaded here: `pip install 'palpate[menagerie]'`, then `mujoco-menagerie prefetch
+franka_emika_panda`, or MENAGERIE_ROOT at a checkout, brings them. Without, the arm is drawn by its own
+simple shapes.
 """
 
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterator, Sequence
 from functools import cache
 from pathlib import Path
 
@@ -22,85 +21,76 @@ log = logging.getLogger(__name__)
 
 PANDA, IIWA = "franka_emika_panda", "kuka_iiwa_14"
 FILES = {PANDA: "panda.xml", IIWA: "iiwa14.xml"}
-LINKS = 8
-"""Of an arm, the base among them."""
 SHOWN, HIDDEN = 2, 3
 """Groups of shapes that are drawn, and that are not."""
 SAME = 1e-3
-"""m, and of a quaternion's parts: frames that differ by more are those of another arm."""
+"""m, and of a quaternion's parts: frames that differ by more belong to another arm."""
 MARK = "menagerie:"
+"""Prefix of the names of added meshes and materials."""
 
-
-def _bodies() -> dict[str, tuple[str, str]]:
-    """By our name of a body, the model in which it has its shape, and its name there. A Research 3 has
-    a Panda's links; the hand is the same on all of ours."""
-    found = {f"fr3_link{i}": (PANDA, f"link{i}") for i in range(LINKS)}
-    found |= {f"iiwa_link{i}": (IIWA, f"link{i}" if i else "base") for i in range(LINKS)}
-    for ours in ("hand", "left_finger", "right_finger"):
-        found[ours] = found[f"iiwa_{ours}"] = (PANDA, ours)
-    return found
-
-
-BODIES = _bodies()
+HAND = ("hand", "left_finger", "right_finger")
+BODIES = {
+    **{f"fr3_link{i}": (PANDA, f"link{i}") for i in range(8)},
+    "iiwa_link0": (IIWA, "base"),
+    **{f"iiwa_link{i}": (IIWA, f"link{i}") for i in range(1, 8)},
+    **{arm + part: (PANDA, part) for arm in ("", "iiwa_") for part in HAND},
+}
+"""By our name of a body, the model in which it has its shape, and its name there. A Research 3 has a
+Panda's links; the hand is the same on all of ours."""
 
 
 def shape_arm(spec: mujoco.MjSpec) -> None:
-    """Give the arm in `spec`, if there is one, its meshes, in place; leave it as it is where they are
-    not to be had, or are of another arm."""
-    for body in _of_an_arm(spec):
-        model, name = BODIES[body.name.removeprefix(PREFIX)]
-        source = _source(model)
-        there = None if source is None else source.body(name)
-        if source is None or there is None or not _alike(body, there):
-            continue
-        for geom in _geoms(body):
-            geom.group = HIDDEN
-        for geom in _geoms(there):
-            if geom.type == mujoco.mjtGeom.mjGEOM_MESH and not (geom.contype or geom.conaffinity):
-                _draw(spec, body, source, geom)
-
-
-def _of_an_arm(spec: mujoco.MjSpec) -> list[mujoco.MjsBody]:
+    """Give the arm in `spec`, if there is one, its meshes, in place; a body whose mesh is not installed,
+    or belongs to another arm, keeps its own shapes."""
     bodies: list[mujoco.MjsBody] = list(spec.bodies)
-    return [body for body in bodies if body.name.removeprefix(PREFIX) in BODIES]
+    for body in bodies:
+        model, name = BODIES.get(body.name.removeprefix(PREFIX), ("", ""))
+        source = _source(model) if model else None
+        theirs = None if source is None else source.body(name)
+        if source is None or theirs is None or not _same_frame(body, theirs):
+            continue
+        own: list[mujoco.MjsGeom] = list(body.geoms)
+        for geom in own:
+            geom.group = HIDDEN
+        meshes: list[mujoco.MjsGeom] = list(theirs.geoms)
+        for geom in meshes:
+            if geom.type == mujoco.mjtGeom.mjGEOM_MESH and not (geom.contype or geom.conaffinity):
+                _add_mesh(spec, body, source, geom)
 
 
-def _geoms(body: mujoco.MjsBody) -> list[mujoco.MjsGeom]:
-    return list(body.geoms)
-
-
-def _alike(one: mujoco.MjsBody, other: mujoco.MjsBody) -> bool:
-    """True if two bodies have the same frame in their parents; a base stands anywhere, and a hand
-    is mounted as its arm wants it."""
+def _same_frame(one: mujoco.MjsBody, other: mujoco.MjsBody) -> bool:
+    """Test for the same pose in the parent body."""
+    # A base may stand anywhere, and a hand is mounted by its arm's description.
     if other.name in ("link0", "base", "hand"):
         return True
     apart = np.abs(np.array(one.pos) - other.pos).max()
-    aligned = abs(float(_unit(one.quat) @ _unit(other.quat)))
-    return bool(apart < SAME and aligned > 1 - SAME)
+    quats = [np.asarray(body.quat, dtype=np.float64) for body in (one, other)]
+    mine, theirs = (quat / np.linalg.norm(quat) for quat in quats)
+    return bool(apart < SAME and abs(float(mine @ theirs)) > 1 - SAME)
 
 
-def _unit(quaternion: object) -> np.ndarray:
-    values = np.asarray(quaternion, dtype=np.float64)
-    return values / np.linalg.norm(values)
-
-
-def _draw(
+def _add_mesh(
     spec: mujoco.MjSpec, body: mujoco.MjsBody, source: mujoco.MjSpec, geom: mujoco.MjsGeom
 ) -> None:
     """Add a mesh of the source to a body, in its own colour."""
     mesh, material = source.mesh(geom.meshname), source.material(geom.material)
     assert mesh is not None
-    named = f"{MARK}{source.modelname}:{geom.meshname}"
-    if spec.mesh(named) is None:
-        copied = spec.add_mesh(name=named)
-        copied.file, copied.scale = str(_file(source, mesh)), mesh.scale
+    name = f"{MARK}{source.modelname}:{geom.meshname}"
+    if spec.mesh(name) is None:
+        copied = spec.add_mesh(name=name)
+        copied.file = str(Path(source.modelfiledir) / source.meshdir / mesh.file)
+        copied.scale = mesh.scale
         copied.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL
+    rgba = geom.rgba if material is None else material.rgba
+    paint = MARK + ",".join(f"{part:.3f}" for part in rgba)
+    if spec.material(paint) is None:
+        spec.add_material(name=paint, rgba=rgba, specular=0.35, shininess=0.5)
     body.add_geom(
         type=mujoco.mjtGeom.mjGEOM_MESH,
-        meshname=named,
+        meshname=name,
         pos=geom.pos,
         quat=geom.quat,
-        material=_paint(spec, geom.rgba if material is None else material.rgba),
+        material=paint,
         mass=0.0,
         contype=0,
         conaffinity=0,
@@ -108,41 +98,23 @@ def _draw(
     )
 
 
-def _paint(spec: mujoco.MjSpec, rgba: Sequence[float] | np.ndarray) -> str:
-    """The name of a material of a colour, which is that of paint."""
-    named = MARK + ",".join(f"{part:.3f}" for part in rgba)
-    if spec.material(named) is None:
-        spec.add_material(name=named, rgba=rgba, specular=0.35, shininess=0.5)
-    return named
-
-
-def _file(source: mujoco.MjSpec, mesh: mujoco.MjsMesh) -> Path:
-    return Path(source.modelfiledir) / source.meshdir / mesh.file
-
-
 @cache
 def _source(model: str) -> mujoco.MjSpec | None:
     """A model of the menagerie; None where it is not on this computer, or cannot be read."""
-    folder = next(_folders(model), None)
-    if folder is None:
-        return None
-    try:
-        return mujoco.MjSpec.from_file(str(folder / FILES[model]))
-    except (ValueError, OSError) as error:
-        log.warning("the arm is drawn without meshes: %s", error)
-        return None
-
-
-def _folders(model: str) -> Iterator[Path]:
-    """Folders in which the package keeps its models."""
     try:
         import mujoco_menagerie as menagerie  # pyright: ignore[reportMissingModuleSource]
     except ImportError:
-        return
+        return None
     kept, robot = menagerie.Cache(), menagerie.get(model)
-    places = [kept.root / model] if kept.root else []
+    folders = [kept.root / model] if kept.root else []
     if kept.is_cached(robot):
-        places.append(kept.model_path(robot))
-    for place in places:
-        if (place / FILES[model]).is_file():
-            yield place
+        folders.append(kept.model_path(robot))
+    for folder in folders:
+        file = folder / FILES[model]
+        if file.is_file():
+            try:
+                return mujoco.MjSpec.from_file(str(file))
+            except (ValueError, OSError) as error:
+                log.warning("the arm is drawn without meshes: %s", error)
+                return None
+    return None

@@ -1,6 +1,6 @@
-"""The workplace as it is believed to be, posed: D with the nominal arm in it, at measured joint angles.
+"""The workplace posed as believed: the scene with the nominal arm, at measured joint angles.
 
-It is a picture for people. What the hidden world, or a real workplace, does otherwise is not in it.
+It is a picture for people: deviations of the hidden world, or of a real workplace, are not in it.
 """
 
 from __future__ import annotations
@@ -10,36 +10,43 @@ import numpy as np
 
 from palpate.geometry.pose import Array, Pose
 from palpate.mjcf.compile import compile_model
-from palpate.pictures.footage import Footage
+from palpate.pictures.film import Footage
 from palpate.robots.model import PREFIX
 from palpate.scene.scene import Scene
 from palpate.trace.samples import Trace
 
 FRAME_PERIOD = 1.0 / 30.0
-"""s between two frames of what is played again, as of the simulated camera."""
+"""s between two frames of a replay, as of the simulated camera."""
 
 
 class PosedCell:
-    """D and the arm, and where everything is after what has been grasped and let go of so far.
+    """The scene and the arm, with every object where it was last put down.
 
     Attributes:
-        spec: what the model was compiled from.
+        spec: source of the model.
         model, data: of MuJoCo; `data` has the poses of all bodies after `show`.
     """
 
     def __init__(self, scene: Scene) -> None:
         self.spec = scene.spec_with(scene.arm.spec())
-        self.model = compile_model(self.spec)
-        self.data = mujoco.MjData(self.model)
-        self._arm = [self._address(name) for name in scene.arm.joints]
-        self._fingers = [self._address(name) for name in scene.arm.hand.fingers]
-        self._bodies = self._free_bodies(scene)
-        self._at_first = {name: scene.bodies[name].pose_world for name in self._bodies}
+        self.model = model = compile_model(self.spec)
+        self.data = mujoco.MjData(model)
+        arm = scene.arm
+        # Addresses in qpos, of the arm's joints and of the objects with a free joint.
+        self._arm = [int(model.joint(PREFIX + name).qposadr[0]) for name in arm.joints]
+        self._fingers = [int(model.joint(PREFIX + name).qposadr[0]) for name in arm.hand.fingers]
+        self._bodies: dict[str, int] = {}
+        for name in scene.objects:
+            body = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, name)
+            joint = int(model.body_jntadr[body]) if body > 0 else -1
+            if joint >= 0 and model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_FREE:
+                self._bodies[name] = int(model.jnt_qposadr[joint])
+        self._initial = {name: scene.bodies[name].pose_world for name in self._bodies}
         self.put_back()
 
     def put_back(self) -> None:
-        """Put everything where D has it; the hand is empty."""
-        self._poses = dict(self._at_first)
+        """Put everything where the scene has it; the hand is empty."""
+        self._poses = dict(self._initial)
         self._held: tuple[str, Pose] | None = None
 
     def show(self, q: Array, width: float, pose_world_tcp: Pose, holding: str | None) -> None:
@@ -48,19 +55,18 @@ class PosedCell:
         Args:
             q: (7,) rad.
             width: m between the fingers.
-            pose_world_tcp: where the TCP is.
+            pose_world_tcp: pose of the TCP.
             holding: the object between the fingers, which moves along with them.
         """
         self.carry(pose_world_tcp, holding)
         self.data.qpos[self._arm] = q
         self.data.qpos[self._fingers] = width / 2
         for name, address in self._bodies.items():
-            pose = self._poses[name]
-            self.data.qpos[address : address + 7] = pose.vector
+            self.data.qpos[address : address + 7] = self._poses[name].vector
         mujoco.mj_kinematics(self.model, self.data)
 
     def carry(self, pose_world_tcp: Pose, holding: str | None) -> None:
-        """Move the hand: what it holds keeps its pose in it; what it let go of stays where it is."""
+        """Move the hand: a held object keeps its pose in it, a released one its pose in the world."""
         if holding not in self._poses:
             self._held = None
             return
@@ -68,36 +74,21 @@ class PosedCell:
             self._held = (holding, pose_world_tcp.inverse() @ self._poses[holding])
         self._poses[holding] = pose_world_tcp @ self._held[1]
 
-    def _address(self, joint: str) -> int:
-        """Address of a joint of the arm in qpos."""
-        return int(self.model.joint(PREFIX + joint).qposadr[0])
-
-    def _free_bodies(self, scene: Scene) -> dict[str, int]:
-        """Addresses of the free objects' poses in qpos."""
-        found: dict[str, int] = {}
-        for name in scene.objects:
-            body = mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_BODY, name)
-            joint = int(self.model.body_jntadr[body]) if body > 0 else -1
-            if joint >= 0 and self.model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_FREE:
-                found[name] = int(self.model.jnt_qposadr[joint])
-        return found
-
 
 class Replay:
-    """A trace in a posed cell: everything where it was at a time. Going forward is quick, going back
-    begins anew.
-
-    Args:
-        cell: what is posed.
-        trace: what is played.
-    """
+    """Replay of a trace in a posed cell; going back in time starts from the beginning again."""
 
     def __init__(self, cell: PosedCell, trace: Trace) -> None:
         self._cell, self._trace = cell, trace
         self._begin()
 
+    def _begin(self) -> None:
+        self._now, self._ended = -np.inf, 0
+        self._holding: str | None = None
+        self._cell.put_back()
+
     def show(self, t: float) -> None:
-        """Pose everything as it was at robot time `t`, s."""
+        """Pose everything as at robot time `t`, s."""
         if t < self._now:
             self._begin()
         self._now = t
@@ -106,16 +97,12 @@ class Replay:
             leaf = leaves[self._ended]
             self._ended += 1
             if leaf.context is not None and leaf.context.holding != self._holding:
-                self._cell.carry(self._tcp(leaf.end), self._holding)
+                # Grasped or released here: with the old object up to this pose, with the new one after.
+                for holding in (self._holding, leaf.context.holding):
+                    self._cell.carry(self._tcp(leaf.end), holding)
                 self._holding = leaf.context.holding
-                self._cell.carry(self._tcp(leaf.end), self._holding)
         samples, row = self._trace.samples, self._row(t)
         self._cell.show(samples.q[row], float(samples.width[row]), self._tcp(t), self._holding)
-
-    def _begin(self) -> None:
-        self._now, self._ended = -np.inf, 0
-        self._holding: str | None = None
-        self._cell.put_back()
 
     def _row(self, t: float) -> int:
         return min(int(np.searchsorted(self._trace.t, t)), len(self._trace.t) - 1)

@@ -1,8 +1,7 @@
-"""Off-screen pictures of MuJoCo models: which OpenGL there is, a camera that frames the work,
-light, PNG.
+"""Off-screen pictures of MuJoCo models: the OpenGL backend, cameras that frame points, painting, PNG.
 
-Pictures are a courtesy: without a usable OpenGL everything else goes on, and `gl_available` says
-why and what to do.
+Pictures are optional: without a usable OpenGL everything else goes on, and `gl_available` states the
+reason and the remedy.
 """
 
 from __future__ import annotations
@@ -12,8 +11,10 @@ import io
 import os
 import subprocess
 import sys
+from collections.abc import Collection, Sequence
 from copy import copy
 from functools import cache
+from itertools import product
 
 import mujoco
 import numpy as np
@@ -21,15 +22,12 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from palpate.geometry.pose import Array
-from palpate.pictures.framing import framing
 
 Pixels = NDArray[np.uint8]
 """(height, width, 3) RGB."""
 
-
 AMBIENT = 0.35
 """Least share of light from everywhere, so that shadows are not black; MuJoCo's default is 0.1."""
-
 SHADOW_MAP = 1024
 """Pixels: 2048 would leave a few dots less on walls that light grazes, for 0.06 s of a processor more
 a picture."""
@@ -37,8 +35,15 @@ PACKING = 2
 """Compression level of PNG, 0 to 9: MuJoCo's pictures become a fifth larger than with 6, in a
 quarter of the time."""
 
-_REMEDY = "for pictures install a software OpenGL (Debian, Ubuntu: apt-get install libegl1 libgl1-mesa-dri)"
+AZIMUTH, ELEVATION = 145.0, -22.0
+"""degrees, MuJoCo's free camera: from in front of the arm, over its left shoulder's side, a little
+from above."""
+EMPTY_EXTENT = np.array([[-0.5, -0.5, 0.0], [0.5, 0.5, 0.8]])
+"""m: view of an empty scene, about a table top."""
+CORNERS = np.array(np.meshgrid([-1, 1], [-1, 1], [-1, 1])).reshape(3, 8).T
+"""(8, 3) signs of a box's corners."""
 
+_REMEDY = "for pictures install a software OpenGL (Debian, Ubuntu: apt-get install libegl1 libgl1-mesa-dri)"
 _OFF = {"disable", "disabled", "off", "false", "0"}
 _PROBE = """
 import mujoco
@@ -46,6 +51,8 @@ context = mujoco.GLContext(64, 64)
 context.make_current()
 mujoco.MjrContext(mujoco.MjModel.from_xml_string("<mujoco/>"), 100)
 """
+_begun: dict[str, subprocess.Popen[str]] = {}
+"""Trials of backends that run in the background."""
 
 
 def gl_available() -> tuple[bool, str]:
@@ -58,7 +65,7 @@ def gl_available() -> tuple[bool, str]:
 
 
 def look_ahead() -> None:
-    """Begin to try the first backend, beside other work; `gl_available` waits for what comes of it."""
+    """Start the trial of the first backend in the background; `gl_available` waits for its result."""
     chosen = _chosen()
     backend = _backends(chosen)[0]
     known = _usable.cache_info().currsize or backend in _begun
@@ -71,24 +78,6 @@ def _chosen() -> str:
     return os.environ.get("MUJOCO_GL", "").lower().strip()
 
 
-@cache
-def _usable() -> tuple[bool, str]:
-    """The first backend that works, or why none does.
-
-    Each backend is tried in a process of its own, because a driver that fails may take its process
-    along and PyOpenGL binds to the first backend for good. The first that works is put in
-    `MUJOCO_GL`.
-    """
-    reasons: list[str] = []
-    for backend in _backends(_chosen()):
-        reason = _probe(backend)
-        if reason is None:
-            _select(backend)
-            return True, backend or "native OpenGL"
-        reasons.append(f"{backend or 'OpenGL'}: {reason}")
-    return False, f"no usable OpenGL ({'; '.join(reasons)}); {_REMEDY}"
-
-
 def _backends(chosen: str) -> tuple[str, ...]:
     """Backends to try: the user's choice, else the platform's; "" is MuJoCo's own choice."""
     if chosen:
@@ -96,29 +85,46 @@ def _backends(chosen: str) -> tuple[str, ...]:
     return ("egl", "osmesa") if sys.platform == "linux" else ("",)
 
 
-def _probe(backend: str) -> str | None:
-    """None when a context can be made, else the last line of what went wrong."""
+@cache
+def _usable() -> tuple[bool, str]:
+    """Select the first backend that works, or state why none does.
+
+    Each backend is tried in a process of its own, because a driver that fails may take its process
+    along and PyOpenGL binds to the first backend for good. The first that works is put in
+    `MUJOCO_GL`.
+    """
+    reasons: list[str] = []
+    for backend in _backends(_chosen()):
+        reason = _failure(backend)
+        if reason is None:
+            if backend and os.environ.get("MUJOCO_GL") != backend:
+                os.environ["MUJOCO_GL"] = backend
+                # MuJoCo read its environment when it was imported.
+                importlib.reload(importlib.import_module("mujoco.rendering.classic.gl_context"))
+            return True, backend or "native OpenGL"
+        reasons.append(f"{backend or 'OpenGL'}: {reason}")
+    return False, f"no usable OpenGL ({'; '.join(reasons)}); {_REMEDY}"
+
+
+def _failure(backend: str) -> str | None:
+    """The last line of a trial's error; None when it could make a context."""
     try:
         trial = _begun.pop(backend, None) or _trial(backend)
     except OSError as error:
         return str(error)
     with trial:
         try:
-            _, told = trial.communicate(timeout=60)
+            _, errors = trial.communicate(timeout=60)
         except subprocess.TimeoutExpired as error:
             trial.kill()
             return str(error)
     if trial.returncode == 0:
         return None
-    return (told.strip().splitlines() or [f"exit {trial.returncode}"])[-1][:160]
-
-
-_begun: dict[str, subprocess.Popen[str]] = {}
-"""Trials of backends that nobody has waited for yet."""
+    return (errors.strip().splitlines() or [f"exit {trial.returncode}"])[-1][:160]
 
 
 def _trial(backend: str) -> subprocess.Popen[str]:
-    """A process that makes a context.
+    """Start a process that makes a context.
 
     Raises:
         OSError: it cannot be started.
@@ -137,25 +143,21 @@ def _trial(backend: str) -> subprocess.Popen[str]:
     )
 
 
-def _select(backend: str) -> None:
-    """Make MuJoCo use `backend`, although it read its environment when it was imported."""
-    if backend and os.environ.get("MUJOCO_GL") != backend:
-        os.environ["MUJOCO_GL"] = backend
-        importlib.reload(importlib.import_module("mujoco.rendering.classic.gl_context"))
-
-
 class Painter:
-    """Renders one model, again and again. A context manager; use it in one thread.
+    """Renderer of one model. A context manager; use it in one thread.
+
+    Args:
+        width, height: of the picture, pixels.
+        draft: no shadows, coarser curves and edges: a film's frame takes 12 ms of a processor without
+            a GPU, where shadows would make that 30.
 
     Raises:
         RuntimeError: no usable OpenGL (ask `gl_available` first).
     """
 
     def __init__(
-        self, model: mujoco.MjModel, width: int = 960, height: int = 600, *, draft: bool = False
+        self, model: mujoco.MjModel, width: int, height: int, *, draft: bool = False
     ) -> None:
-        """Pixels of the picture; a `draft` has no shadows, and coarser curves and edges: a frame
-        of a film takes 12 ms of a processor without a GPU, where shadows would make that 30."""
         usable, reason = gl_available()
         if not usable:
             raise RuntimeError(reason)
@@ -173,8 +175,7 @@ class Painter:
         self._renderer = mujoco.Renderer(model, height, width)
 
     def paint(self, data: mujoco.MjData, camera: mujoco.MjvCamera | str) -> Pixels:
-        """The picture from a free camera, or from the model's named one. `data` must be
-        forwarded."""
+        """Render forwarded `data` from a free camera, or from a named one of the model."""
         self._renderer.update_scene(data, camera)
         return self._renderer.render()
 
@@ -183,7 +184,7 @@ class Painter:
         return framing(points, aspect=self.aspect, fovy=float(self.model.vis.global_.fovy), **view)
 
     def close(self) -> None:
-        """Let the OpenGL context go. May be called twice."""
+        """Free the OpenGL context. May be called twice."""
         self._renderer.close()
 
     def __enter__(self) -> Painter:
@@ -194,7 +195,87 @@ class Painter:
 
 
 def png(pixels: Pixels) -> bytes:
-    """Encoded losslessly."""
+    """PNG file of a picture, lossless."""
     buffer = io.BytesIO()
     Image.fromarray(pixels).save(buffer, "PNG", optimize=False, compress_level=PACKING)
     return buffer.getvalue()
+
+
+def forwarded(model: mujoco.MjModel, qpos: Array | None = None) -> mujoco.MjData:
+    """Forwarded data at configuration `qpos` (nq,), or at the model's initial one."""
+    data = mujoco.MjData(model)
+    if qpos is not None:
+        data.qpos[:] = qpos
+    mujoco.mj_forward(model, data)
+    return data
+
+
+def geom_rgba(model: mujoco.MjModel, geom: int) -> Array:
+    """(4,) red, green, blue and opacity of a geom, 0 to 1: its material's, else its own."""
+    material = int(model.geom_matid[geom])
+    return model.geom_rgba[geom] if material < 0 else model.mat_rgba[material]
+
+
+def extent(model: mujoco.MjModel, data: mujoco.MjData, bodies: Collection[str] = ()) -> Array:
+    """World corners (n, 3), m, of the boxes around the geoms of the named bodies and their children
+    (all, when none is named), without planes, which have no end."""
+    # A parent comes before its children in MuJoCo's order.
+    wanted = [not bodies]
+    for body in range(1, model.nbody):
+        named = model.body(body).name in bodies
+        wanted.append(not bodies or named or wanted[int(model.body_parentid[body])])
+    corners: list[Array] = []
+    for geom in range(model.ngeom):
+        is_plane = model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_PLANE
+        if wanted[int(model.geom_bodyid[geom])] and not is_plane:
+            local = model.geom_aabb[geom, :3] + CORNERS * model.geom_aabb[geom, 3:]
+            corners.append(data.geom_xpos[geom] + local @ data.geom_xmat[geom].reshape(3, 3).T)
+    return np.concatenate(corners) if corners else EMPTY_EXTENT
+
+
+def padded(points: Array, low: Sequence[float], high: Sequence[float]) -> Array:
+    """Corners (8, 3) of the box around points (n, 3), enlarged by `low` (3,) m at its lower and by
+    `high` (3,) m at its upper end."""
+    least, most = points.min(axis=0) - np.array(low), points.max(axis=0) + np.array(high)
+    return np.array(list(product(*zip(least, most, strict=True))))
+
+
+def directions(azimuth: float, elevation: float) -> tuple[Array, Array, Array]:
+    """Unit vectors (3,) forward, to the right and upward of MuJoCo's free camera, degrees."""
+    az, el = np.radians([azimuth, elevation])
+    forward = np.array([np.cos(el) * np.cos(az), np.cos(el) * np.sin(az), np.sin(el)])
+    right = np.array([np.sin(az), -np.cos(az), 0.0])
+    return forward, right, np.cross(right, forward)
+
+
+def framing(
+    points: Array,
+    *,
+    aspect: float,
+    fovy: float,
+    azimuth: float = AZIMUTH,
+    elevation: float = ELEVATION,
+    margin: float = 1.08,
+) -> mujoco.MjvCamera:
+    """The nearest free camera of that direction that has all `points` (n, 3) in view.
+
+    `fovy` (degrees) must be the model's `vis.global_.fovy`; `aspect` is width over height.
+    """
+    forward, right, up = directions(azimuth, elevation)
+    lookat = (points.min(0) + points.max(0)) / 2
+    offset = points - lookat
+    # Centre the projection, not the box: perspective makes near corners larger.
+    for axis in (up, right):
+        values = offset @ axis
+        lookat = lookat + axis * float((values.min() + values.max()) / 2)
+    offset = points - lookat
+    # A point is in view if it is no farther beside the axis than its depth times the tangent.
+    tangent = np.tan(np.radians(fovy) / 2)
+    needed = margin * np.maximum(
+        abs(offset @ up) / tangent, abs(offset @ right) / (tangent * aspect)
+    )
+    camera = mujoco.MjvCamera()
+    camera.lookat[:] = lookat
+    camera.distance = float(np.max(needed - offset @ forward))
+    camera.azimuth, camera.elevation = azimuth, elevation
+    return camera

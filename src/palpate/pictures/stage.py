@@ -1,103 +1,216 @@
-"""A scene as it is drawn: dressed, in its room, and lit. Its configurations are the scene's own."""
+"""A scene as it is drawn: with looks, in a room, and lit. Its configurations are the scene's own.
+
+The room is there so that a picture looks like a place, and nothing in it is black or burnt out; nothing
+collides with it.
+"""
 
 from __future__ import annotations
 
 import mujoco
+import numpy as np
 
 from palpate.geometry.pose import Array
-from palpate.pictures.dress import Looks, dress, looks_in
-from palpate.pictures.framing import extent
-from palpate.pictures.lab import LAB, ROOM, furnish
+from palpate.pictures.dress import TABLE, Looks, add_texture, dress, looks_in
+from palpate.pictures.looks.prints import concrete
 from palpate.pictures.menagerie import shape_arm
+from palpate.pictures.renderer import extent
 
 UNSEEN = 5
-"""The group of what is not drawn."""
-TABLE = "table"
-"""The look of what things stand on."""
+"""Group of what is not drawn."""
+ROOM, LAB = "world", "lab"
+"""The body whose look is the room, and that look."""
+FLOOR = "palpate_floor"
+WALL_TINT, FLOOR_TINT = (0.86, 0.88, 0.89, 1.0), (0.74, 0.76, 0.78, 1.0)
+BEHIND, BESIDE, BEYOND = -1.15, 1.75, 0.5
+"""Places of the walls, behind the arm and to its left, and their least distance from any object, m."""
+HEIGHT, LENGTH = 3.0, 9.0
+"""Of the walls, m."""
+PANEL, GAP = 1.1, 0.012
+"""Width of a wall's panels, and of the joint between two, m."""
+DOWN = 0.75
+"""From a table to the floor, where a scene has none, m."""
+AMBIENT, HEADLIGHT = 0.36, 0.14
+"""Shares of light from everywhere, and from the camera."""
+LAMPS = (
+    ((0.50, -1.35, 2.35), 0.22),
+    ((0.59, -1.27, 2.38), 0.22),
+    ((0.44, -1.25, 2.32), 0.22),
+)
+"""m from the middle of the objects, and brightness: one lamp as three beside each other, whose shadows
+make one with a soft edge."""
+INNER = 0.35
+"""Share of the lamp's cone within which objects cast shadows: the arm and its workspace are in it, and
+each gets more of the shadow map."""
+WINDOW = ((0.4, 2.4, 1.6), (0.2, -0.9, -0.75), 0.20)
+"""A window at the other side: place, direction, brightness. It casts no shadow."""
 
 
 def staged(spec: mujoco.MjSpec, looks: Looks | None = None, *, soft: bool = True) -> mujoco.MjModel:
-    """`spec`, which stays as it is, as a model for pictures: `looks` of its bodies (what the scene
-    itself says of them, unless given), around it the room, where the scene wants it or has neither
-    floor nor light; in its own room with `soft` shadows or, in half the time, hard ones.
+    """A model for pictures of `spec`, which is not changed: with `looks` of its bodies (default: those
+    that the scene states), and with the room where the scene states it or has neither floor nor light.
+    `soft` shadows take twice the time of hard ones.
 
     Raises:
-        InputError: there is no such look.
+        InputError: unknown look.
     """
     drawn = spec.copy()
     worn = looks_in(spec) if looks is None else looks
     things = loose_things(spec)
     dress(drawn, worn)
     shape_arm(drawn)
+    lights: list[mujoco.MjsLight] = list(drawn.lights)
+    textures: list[mujoco.MjsTexture] = list(drawn.textures)
+    has_sky = any(texture.type == mujoco.mjtTexture.mjTEXTURE_SKYBOX for texture in textures)
     if worn.get(ROOM) == LAB:
-        furnish(drawn, things, soft)
-    elif _is_bare(drawn):
-        furnish(drawn, things, soft=False)
+        _furnish(drawn, things, soft)
+    elif not (lights or has_sky or _planes(drawn)):
+        _furnish(drawn, things, soft=False)
     else:
-        _light(drawn)
+        if not has_sky:
+            drawn.add_texture(
+                name="palpate_sky",
+                type=mujoco.mjtTexture.mjTEXTURE_SKYBOX,
+                builtin=mujoco.mjtBuiltin.mjBUILTIN_GRADIENT,
+                rgb1=[0.90, 0.93, 0.96],
+                rgb2=[0.62, 0.70, 0.79],
+                width=128,
+                height=768,
+            )
+        if not lights:
+            drawn.worldbody.add_light(
+                name="palpate_lamp",
+                pos=[0.6, -0.8, 2.6],
+                dir=[-0.1, 0.3, -1.0],
+                diffuse=[0.6, 0.6, 0.6],
+                specular=[0.2, 0.2, 0.2],
+                castshadow=True,
+            )
     model = drawn.compile()
-    # Sites mark places: there is nothing to be seen of them.
+    # Sites mark places: they are not drawn.
     model.site_group[:] = UNSEEN
     return model
 
 
 def loose_things(spec: mujoco.MjSpec) -> Array:
-    """Corners (n, 3), m, of what can move freely, else of what has a look and is no table, else of
-    everything."""
+    """Corners (n, 3), m, of the bodies with a free joint, else of those with a look other than a
+    table's, else of everything."""
     model = spec.compile()
-    data = mujoco.MjData(model)
-    mujoco.mj_kinematics(model, data)
     others = [name for name, look in looks_in(spec).items() if look not in (LAB, TABLE)]
-    return extent(model, data, free_bodies(model) or others)
+    return _extent(model, free_bodies(model) or others)
 
 
 def ground_level(spec: mujoco.MjSpec, things: Array) -> float:
-    """World z of the top of what looks like a table, m, else of the foot of the things."""
+    """World z of the highest table, m, else of the lower end of `things` (n, 3)."""
     tables = [name for name, look in looks_in(spec).items() if look == TABLE]
     if not tables:
         return float(things[:, 2].min())
-    model = spec.compile()
+    return float(_extent(spec.compile(), tables)[:, 2].max())
+
+
+def _extent(model: mujoco.MjModel, names: list[str]) -> Array:
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
-    return float(extent(model, data, tables)[:, 2].max())
+    return extent(model, data, names)
 
 
 def free_bodies(model: mujoco.MjModel) -> list[str]:
-    """The names of what can move freely."""
-    joints = range(model.njnt)
-    free = [i for i in joints if model.jnt_type[i] == mujoco.mjtJoint.mjJNT_FREE]
-    return [model.body(int(model.jnt_bodyid[i])).name for i in free]
+    """Names of the bodies with a free joint."""
+    free = np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_FREE)
+    return [model.body(int(model.jnt_bodyid[joint])).name for joint in free]
 
 
-def _is_bare(spec: mujoco.MjSpec) -> bool:
-    """True if nothing is said of light and floor."""
-    planes = [g for g in spec.worldbody.geoms if g.type == mujoco.mjtGeom.mjGEOM_PLANE]
-    return not (list(spec.lights) or planes or _has_sky(spec))
+def _planes(spec: mujoco.MjSpec) -> list[mujoco.MjsGeom]:
+    return [geom for geom in spec.worldbody.geoms if geom.type == mujoco.mjtGeom.mjGEOM_PLANE]
 
 
-def _has_sky(spec: mujoco.MjSpec) -> bool:
-    textures: list[mujoco.MjsTexture] = list(spec.textures)
-    return any(texture.type == mujoco.mjtTexture.mjTEXTURE_SKYBOX for texture in textures)
-
-
-def _light(spec: mujoco.MjSpec) -> None:
-    """Add what a picture needs and the scene lacks: a sky, a lamp with shadow."""
-    if not _has_sky(spec):
-        spec.add_texture(
-            name="palpate_sky",
-            type=mujoco.mjtTexture.mjTEXTURE_SKYBOX,
-            builtin=mujoco.mjtBuiltin.mjBUILTIN_GRADIENT,
-            rgb1=[0.90, 0.93, 0.96],
-            rgb2=[0.62, 0.70, 0.79],
-            width=128,
-            height=768,
-        )
-    if not list(spec.lights):
+def _furnish(spec: mujoco.MjSpec, things: Array, soft: bool) -> None:
+    """Put the room around corners (n, 3) m of what is in it, with a lamp, `soft` or single, and a
+    window, in place of the scene's own lights."""
+    low, high = things.min(axis=0), things.max(axis=0)
+    floor = _floor(spec, float(low[2]))
+    _walls(spec, floor, min(BEHIND, low[0] - BEYOND), max(BESIDE, high[1] + BEYOND))
+    lights: list[mujoco.MjsLight] = list(spec.lights)
+    for light in lights:
+        spec.delete(light)
+    spec.visual.map.shadowscale = INNER
+    head = spec.visual.headlight
+    head.ambient[:], head.diffuse[:], head.specular[:] = AMBIENT, HEADLIGHT, 0.0
+    target = np.array([*((low + high) / 2)[:2], low[2]])
+    lamps = LAMPS if soft else ((LAMPS[0][0], sum(bright for _, bright in LAMPS)),)
+    for number, (place, bright) in enumerate(lamps):
         spec.worldbody.add_light(
-            name="palpate_lamp",
-            pos=[0.6, -0.8, 2.6],
-            dir=[-0.1, 0.3, -1.0],
-            diffuse=[0.6, 0.6, 0.6],
-            specular=[0.2, 0.2, 0.2],
+            name=f"palpate_lamp_{number}",
+            pos=target + place,
+            dir=-np.array(place),
+            diffuse=[bright, 0.985 * bright, 0.95 * bright],
+            specular=[bright / 2] * 3,
+            ambient=[0, 0, 0],
+            cutoff=70,
+            exponent=1,
             castshadow=True,
         )
+    place, way, bright = WINDOW
+    spec.worldbody.add_light(
+        name="palpate_window",
+        type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL,
+        pos=place,
+        dir=way,
+        diffuse=[0.92 * bright, 0.97 * bright, bright],
+        specular=[0, 0, 0],
+        ambient=[0, 0, 0],
+        castshadow=False,
+    )
+
+
+def _floor(spec: mujoco.MjSpec, table: float) -> float:
+    """Paint the planes of the world, or add one below `table`, m; return the z of the lowest, m."""
+    material = spec.add_material(
+        name=FLOOR, rgba=FLOOR_TINT, specular=0.1, shininess=0.1, texrepeat=[0.5, 0.5]
+    )
+    material.texuniform = True
+    add_texture(spec, material, concrete())
+    planes = _planes(spec)
+    for plane in planes:
+        plane.material = FLOOR
+    if planes:
+        return float(min(plane.pos[2] for plane in planes))
+    spec.worldbody.add_geom(
+        name=FLOOR,
+        type=mujoco.mjtGeom.mjGEOM_PLANE,
+        size=[5, 5, 0.1],
+        pos=[0, 0, table - DOWN],
+        material=FLOOR,
+        contype=0,
+        conaffinity=0,
+    )
+    return table - DOWN
+
+
+def _walls(spec: mujoco.MjSpec, floor: float, behind: float, beside: float) -> None:
+    """Build a wall of panels at x = `behind`, another at y = `beside`, m."""
+    wall, skirting = "palpate_wall", "palpate_skirting"
+    spec.add_material(name=wall, rgba=WALL_TINT, specular=0.05, shininess=0.1)
+    spec.add_material(name=skirting, rgba=[0.45, 0.47, 0.50, 1], specular=0.1)
+    half, middle, foot = (PANEL - GAP) / 2, floor + HEIGHT / 2, floor + 0.05
+    for number in range(-4, 5):
+        place = number * PANEL
+        add_box(spec, wall, [behind, place, middle], [0.02, half, HEIGHT / 2])
+        add_box(spec, wall, [place, beside, middle], [half, 0.02, HEIGHT / 2])
+    add_box(spec, skirting, [behind, 0, foot], [0.032, LENGTH / 2, 0.05])
+    add_box(spec, skirting, [0, beside, foot], [LENGTH / 2, 0.032, 0.05])
+    # Dark sheets behind the panels show in the joints.
+    add_box(spec, skirting, [behind - 0.03, 0, middle], [0.02, LENGTH / 2, HEIGHT / 2])
+    add_box(spec, skirting, [0, beside + 0.03, middle], [LENGTH / 2, 0.02, HEIGHT / 2])
+
+
+def add_box(spec: mujoco.MjSpec, material: str, pos: list[float], size: list[float]) -> None:
+    """Add a box to the world that is seen and collides with nothing."""
+    spec.worldbody.add_geom(
+        type=mujoco.mjtGeom.mjGEOM_BOX,
+        pos=pos,
+        size=size,
+        material=material,
+        mass=0.0,
+        contype=0,
+        conaffinity=0,
+    )

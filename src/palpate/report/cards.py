@@ -9,11 +9,10 @@ import numpy as np
 
 from palpate.parameter import Parameter
 from palpate.quantities.catalogue import catalogue
+from palpate.report.charts import Chart, charts
 from palpate.report.data import Measured, ParameterRow, stated_as
-from palpate.report.evidence.chart import Chart
-from palpate.report.evidence.charts import charts
-from palpate.report.evidence.windows import Evidence, evidence, quantity_label
 from palpate.report.numbers import Axis, error_text, plain, with_spread, with_unit
+from palpate.report.windows import Evidence, evidence, quantity_label
 from palpate.runs.figures import figures, in_a_line
 from palpate.trace.samples import Trace
 
@@ -104,7 +103,7 @@ def _card(measured: Measured, trace: Trace | None, anchor: str) -> Card:
         further=tuple(further),
         evidence=tuple(windows),
         anchor=anchor,
-        charts=charts(measured, trace) if trace is not None else (),
+        charts=charts(measured) if trace is not None and len(trace.samples) else (),
     )
 
 

@@ -12,10 +12,10 @@ from palpate.report.assets import picture_uri, plotly, policy, script, template,
 from palpate.report.cards import FEW, cards, forest, in_words, parameter_groups
 from palpate.report.changes import change, diff_lines
 from palpate.report.data import ReportData
-from palpate.report.evidence.windows import windows
 from palpate.report.held_out import predictions
 from palpate.report.plots import FAILED, GROUPS, Figure, timeline
 from palpate.report.tree import Branch, aftermath, branches, first_failure, primitive_groups
+from palpate.report.windows import windows
 
 VERDICTS = {
     "running": "Under way",

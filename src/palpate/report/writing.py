@@ -10,15 +10,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from palpate.pictures.dress import looks_in
-from palpate.pictures.filming import Filming
-from palpate.pictures.moments import (
-    Film,
-    film_speed,
-    frames_of,
-    render_before_after,
-    render_moment,
-    render_scene,
-)
+from palpate.pictures.film import Film, Filming, film_speed, frames_of
+from palpate.pictures.moments import render_before_after, render_moment, render_scene
 from palpate.pictures.renderer import gl_available, png
 from palpate.report.data import report_data
 from palpate.report.page import write_report
@@ -27,7 +20,7 @@ from palpate.runs.keeper import shortfall
 from palpate.scene.camera import load_image
 
 if TYPE_CHECKING:
-    from palpate.pictures.footage import Footage
+    from palpate.pictures.film import Footage
     from palpate.runs.run import Run
     from palpate.trace.samples import Trace
 

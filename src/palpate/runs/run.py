@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from palpate.execution.rehearsal import Rehearsal
     from palpate.execution.runner import Execution
     from palpate.geometry.pose import Array
-    from palpate.pictures.footage import Footage
+    from palpate.pictures.film import Footage
     from palpate.planning.model.dialogue.conversation import Conversation
     from palpate.scene.pictured.detected import DetectedScene
     from palpate.settings import Settings

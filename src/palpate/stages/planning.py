@@ -25,7 +25,7 @@ from palpate.scene.poses import Poses, read_poses, seen_by
 from palpate.scene.scene import Scene
 from palpate.settings import Settings
 from palpate.stages.workplace import connected, pictures_of
-from palpate.vocabulary.admissible.room import require_room
+from palpate.vocabulary.admissible.reach import require_room
 
 
 def preflight(settings: Settings) -> None:

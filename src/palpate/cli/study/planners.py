@@ -10,15 +10,17 @@ from typing import Annotated
 import typer
 
 from palpate.cli.console import aside
-from palpate.cli.options.results import AsJson
+from palpate.cli.options import AsJson
 from palpate.cli.study.options import (
     FIRST,
     InFlight,
+    OfTrials,
     Planners,
+    Prompts,
     Results,
     Tasks,
-    TrialOptions,
     Trials,
+    conditions,
 )
 
 
@@ -32,7 +34,8 @@ def ablation(
     configuration: Annotated[
         list[str] | None, typer.Option("--configuration", help="Default: all.")
     ] = None,
-    shared: TrialOptions,
+    shared: OfTrials,
+    prompt: Prompts = None,
     as_json: AsJson = False,
 ) -> None:
     """The paper's table II: ablation of the parts of the prompt.
@@ -42,18 +45,18 @@ def ablation(
     from palpate.cli.show.studies.planners import show_trials
     from palpate.studies.planners import ablation as studies
 
-    conditions = shared.conditions()
+    asked = conditions(shared)
     with _page_beside(out):
         found = studies.ablation(
             names or FIRST,
             planner,
             out,
-            conditions,
+            asked,
             trials,
             configurations=configuration or studies.CONFIGURATIONS,
             in_flight=workers,
             say=aside,
-            prompts=shared.prompt or ["full"],
+            prompts=prompt or ["full"],
         )
     show_trials(found, studies.published_ablation(), as_json)
 
@@ -65,7 +68,8 @@ def repeatability(
     planner: Planners,
     trials: Trials = 20,
     workers: InFlight = 4,
-    shared: TrialOptions,
+    shared: OfTrials,
+    prompt: Prompts = None,
     as_json: AsJson = False,
 ) -> None:
     """The paper's table III: repeated trials of the same task.
@@ -75,17 +79,17 @@ def repeatability(
     from palpate.cli.show.studies.planners import show_trials
     from palpate.studies.planners import ablation as studies
 
-    conditions = shared.conditions()
+    asked = conditions(shared)
     with _page_beside(out):
         found = studies.repeatability(
             names or FIRST,
             planner,
             out,
-            conditions,
+            asked,
             trials,
             in_flight=workers,
             say=aside,
-            prompts=shared.prompt or ["full"],
+            prompts=prompt or ["full"],
         )
     show_trials(found, studies.published_repeatability(), as_json)
 
