@@ -72,7 +72,9 @@ def test_what_is_done_when_it_is_interrupted_is_kept_and_shown(
     study = ("study", "accuracy", "one_missing_mass", "--workers", 1, "--out", "kept")
     assert palpate(*study, "--seeds", 5).status == 4
     assert len((tmp_path / "kept" / "rows.jsonl").read_text(encoding="utf-8").splitlines()) == 2
-    assert "2 runs in simulated worlds" in (tmp_path / "kept" / "index.html").read_text(encoding="utf-8")
+    assert "2 runs in simulated worlds" in (tmp_path / "kept" / "index.html").read_text(
+        encoding="utf-8"
+    )
 
 
 def test_other_settings_are_refused_in_the_words_of_the_command_line(
