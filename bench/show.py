@@ -13,8 +13,7 @@ from bench import mishaps
 from bench.bounds.efficiency import OverBound
 from bench.campaign import ledger
 from bench.campaign.page import counts
-from bench.deceptions.coverage import Coverage, coverage
-from bench.deceptions.page import by_world, worst
+from bench.deceptions.page import Coverage, by_world, coverage, worst
 from bench.mishaps import Ending
 from palpate.cli.console import out, print_json
 from palpate.cli.show.layout import Column, print_rows
