@@ -27,6 +27,20 @@ Act = Callable[["mujoco.MjModel", "mujoco.MjData", float], None]
 Spoil = Callable[["Samples"], "Samples"]
 """Replaces the samples that are logged."""
 
+CALLS = frozenset(
+    (
+        "hold",
+        "close",
+        "move_joints",
+        "move_pose",
+        "move_axis",
+        "swing",
+        "open_gripper",
+        "close_gripper",
+    )
+)
+"""Calls without a result that a fault may make fail, or ignore."""
+
 
 class FaultyRobot:
     """Implementation of `palpate.robots.robot.Robot` that is sound until `moment` (s of robot time).
@@ -57,8 +71,17 @@ class FaultyRobot:
         robot.world.watch = self._step
 
     def __getattr__(self, name: str) -> Any:
-        """Everything without a fault: limits, hand, gravity, thresholds."""
-        return getattr(self._robot, name)
+        """Calls of the robot that may raise or do nothing; limits, hand, gravity, thresholds as they
+        are."""
+        member = getattr(self._robot, name)
+        if name not in CALLS:
+            return member
+
+        def call(*args: Any, **more: Any) -> None:
+            if self._call(name):
+                member(*args, **more)
+
+        return call
 
     @property
     def struck(self) -> bool:
@@ -93,38 +116,6 @@ class FaultyRobot:
         if self.spoil is None or not self.struck:
             return samples
         return self.spoil(samples)
-
-    def hold(self) -> None:
-        if self._call("hold"):
-            self._robot.hold()
-
-    def close(self) -> None:
-        self._call("close")
-        self._robot.close()
-
-    def move_joints(self, *args: Any, **more: Any) -> None:
-        if self._call("move_joints"):
-            self._robot.move_joints(*args, **more)
-
-    def move_pose(self, *args: Any, **more: Any) -> None:
-        if self._call("move_pose"):
-            self._robot.move_pose(*args, **more)
-
-    def move_axis(self, *args: Any, **more: Any) -> None:
-        if self._call("move_axis"):
-            self._robot.move_axis(*args, **more)
-
-    def swing(self, *args: Any, **more: Any) -> None:
-        if self._call("swing"):
-            self._robot.swing(*args, **more)
-
-    def open_gripper(self, *args: Any, **more: Any) -> None:
-        if self._call("open_gripper"):
-            self._robot.open_gripper(*args, **more)
-
-    def close_gripper(self, *args: Any, **more: Any) -> None:
-        if self._call("close_gripper"):
-            self._robot.close_gripper(*args, **more)
 
     def _call(self, name: str) -> bool:
         """True if a call is executed; raises the fault's error."""

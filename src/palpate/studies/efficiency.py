@@ -107,6 +107,8 @@ def efficiency_figure(rows: Sequence[Comparison]) -> Figure:
         "data": bars,
         "layout": {
             "title": {"text": "Intent-driven against exhaustive"},
+            "height": 520,
+            "margin": {"t": 110},
             "barmode": "group",
             "bargap": 0.3,
             "plot_bgcolor": "#fff",
