@@ -30,7 +30,7 @@ def plotly() -> tuple[Markup, str]:
 
     source = (files("plotly") / "package_data" / "plotly.min.js").read_bytes()
     packed = base64.b64encode(gzip.compress(source, PACKING, mtime=0)).decode()
-    return Markup(packed), _sha256(source)
+    return Markup(packed), sha256_source(source)
 
 
 @cache
@@ -52,19 +52,20 @@ def template(package: str, name: str) -> Template:
     """Load a page's template from its package; `style.css` and `study.html` are available to all."""
     from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined, select_autoescape
 
+    # Studies keep their templates in their own package.
     own, shared = PackageLoader(package, "."), PackageLoader("palpate.report", ".")
     environment = Environment(
         loader=ChoiceLoader([own, shared]),
         autoescape=select_autoescape(),
         undefined=StrictUndefined,
-        finalize=_escaped_controls,
+        finalize=escaped_controls,
         trim_blocks=True,
         lstrip_blocks=True,
     )
     return environment.get_template(name)
 
 
-def _escaped_controls(value: Any) -> Any:
+def escaped_controls(value: Any) -> Any:
     """Text and markup with control characters made visible, such as those that reverse the direction
     of writing."""
     if isinstance(value, int | float):
@@ -75,20 +76,21 @@ def _escaped_controls(value: Any) -> Any:
 
 def policy() -> str:
     """Content security policy: only the page's own scripts run, and nothing is ever fetched."""
-    own, plots = _sha256(script().encode()), plotly()[1]
+    # The hashes allow exactly these two scripts; a page may quote text from files and models.
+    own, plots = sha256_source(script().encode()), plotly()[1]
     return (
         "default-src 'none'; img-src data: blob:; media-src data:; "
         f"style-src 'unsafe-inline'; script-src {own} {plots}"
     )
 
 
-def _sha256(content: bytes) -> str:
+def sha256_source(content: bytes) -> str:
     return f"'sha256-{base64.b64encode(hashlib.sha256(content).digest()).decode()}'"
 
 
 def video_uri(mp4: bytes | None) -> str | None:
     """A film as a data URI."""
-    return _uri("video/mp4", mp4) if mp4 else None
+    return data_uri("video/mp4", mp4) if mp4 else None
 
 
 def picture_uri(picture: bytes | None) -> str | None:
@@ -100,14 +102,14 @@ def picture_uri(picture: bytes | None) -> str | None:
     try:
         with Image.open(io.BytesIO(picture), formats=("PNG", "JPEG")) as image:
             if len(picture) <= MAX_IMAGE:
-                return _uri(f"image/{(image.format or 'png').lower()}", picture)
+                return data_uri(f"image/{(image.format or 'png').lower()}", picture)
             scaled, buffer = image.convert("RGB"), io.BytesIO()
             scaled.thumbnail((IMAGE_WIDTH, IMAGE_WIDTH))
             scaled.save(buffer, "JPEG", quality=86)
-            return _uri("image/jpeg", buffer.getvalue())
+            return data_uri("image/jpeg", buffer.getvalue())
     except (OSError, ValueError, Image.DecompressionBombError):
         return None
 
 
-def _uri(mime: str, content: bytes) -> str:
+def data_uri(mime: str, content: bytes) -> str:
     return f"data:{mime};base64,{base64.b64encode(content).decode()}"

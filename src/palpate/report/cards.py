@@ -79,10 +79,10 @@ class Card:
 
 def cards(measured: Sequence[Measured], trace: Trace | None) -> list[Card]:
     """Cards, one per estimate."""
-    return [_card(m, trace, f"estimate-{i + 1}") for i, m in enumerate(measured)]
+    return [estimate_card(m, trace, f"estimate-{i + 1}") for i, m in enumerate(measured)]
 
 
-def _card(measured: Measured, trace: Trace | None, anchor: str) -> Card:
+def estimate_card(measured: Measured, trace: Trace | None, anchor: str) -> Card:
     estimate = measured.estimate
     unit = estimate.unit
     further = [
@@ -99,7 +99,7 @@ def _card(measured: Measured, trace: Trace | None, anchor: str) -> Card:
         verdict=estimate.verdict,
         contradiction=estimate.contradiction,
         method=estimate.method,
-        intervals=tuple(_intervals(measured)),
+        intervals=tuple(component_intervals(measured)),
         further=tuple(further),
         evidence=tuple(windows),
         anchor=anchor,
@@ -107,7 +107,7 @@ def _card(measured: Measured, trace: Trace | None, anchor: str) -> Card:
     )
 
 
-def _intervals(measured: Measured) -> Iterable[Interval]:
+def component_intervals(measured: Measured) -> Iterable[Interval]:
     estimate = measured.estimate
     truths: Sequence[float | None] = measured.truth or ()
     if len(truths) != len(estimate.values):
@@ -115,16 +115,16 @@ def _intervals(measured: Measured) -> Iterable[Interval]:
     for i, (figure, truth) in enumerate(zip(figures(estimate), truths, strict=True)):
         value = float(estimate.values[i])
         low, high = estimate.intervals[i].tolist()
-        half = max((high - low) / 2, 1e-12)
+        half = max((high - low) / 2, 1e-12)  # an exact value has an interval of no width
         reach = MARGIN * half
         if truth is not None:  # a truth farther away than `OFF_SCALE` is drawn at the bar's end
             reach = max(reach, min(TRUTH_MARGIN * abs(truth - value), OFF_SCALE * half))
         bar = Axis(value - reach, value + reach)
-        left, right = _clipped(bar, low), _clipped(bar, high)
+        left, right = clipped_percent(bar, low), clipped_percent(bar, high)
         revealed = None
         if truth is not None:
             error = error_text(value, truth, estimate.unit, relative=not figure.axis)
-            at, covered = _clipped(bar, truth), low <= truth <= high
+            at, covered = clipped_percent(bar, truth), low <= truth <= high
             revealed = Truth(f"{truth:.6g}", at, error, covered, truth)
         yield Interval(
             axis=figure.axis,
@@ -141,7 +141,7 @@ def _intervals(measured: Measured) -> Iterable[Interval]:
         )
 
 
-def _clipped(bar: Axis, value: float) -> float:
+def clipped_percent(bar: Axis, value: float) -> float:
     """Position on the bar in per cent, at one of its ends for a value outside."""
     return min(max(bar.per_cent(value), 0.0), 100.0)
 
@@ -194,10 +194,11 @@ def forest(cards: Sequence[Card]) -> list[Scale]:
     kinds: dict[tuple[str, str], list[Card]] = {}
     for card in cards:
         kinds.setdefault((card.quantity, card.unit), []).append(card)
-    return [_scale(quantity, unit, of) for (quantity, unit), of in kinds.items()]
+    return [quantity_scale(quantity, unit, of) for (quantity, unit), of in kinds.items()]
 
 
-def _scale(quantity: str, unit: str, cards: Sequence[Card]) -> Scale:
+def quantity_scale(quantity: str, unit: str, cards: Sequence[Card]) -> Scale:
+    # Components of a vector are rows of their own, on the scale of their quantity.
     rows = [(card, interval) for card in cards for interval in card.intervals]
     rows.sort(key=lambda row: row[1].number, reverse=True)
     ends: list[float] = []
@@ -246,12 +247,12 @@ def parameter_groups(
             found[stated_as(m.estimate.parameter)] = m
     groups: dict[str, list[Row]] = {}
     for row in rows:
-        shown = Row(quantity_label(row.quantity), row.state, _value(row, found), row.asked)
+        shown = Row(quantity_label(row.quantity), row.state, value_text(row, found), row.asked)
         groups.setdefault(row.object, []).append(shown)
     return groups
 
 
-def _value(row: ParameterRow, found: Mapping[Parameter, Measured]) -> str:
+def value_text(row: ParameterRow, found: Mapping[Parameter, Measured]) -> str:
     """The scene's value, followed by an arrow and the measured one."""
     unit = catalogue()[row.quantity].unit if row.quantity in catalogue() else ""
     before = plain(row.value) if row.value else UNSTATED[row.state]

@@ -47,23 +47,23 @@ def diff_lines(diff: str) -> list[DiffLine]:
         blocks.append([DiffLine(kind, line if kind == "hunk" else line[1:]) for line in group])
     for i, (old, new) in enumerate(pairwise(blocks)):
         if (old[0].kind, new[0].kind, len(old)) == ("del", "add", len(new)):
-            blocks[i], blocks[i + 1] = _refined(old, new), _refined(new, old)
+            blocks[i], blocks[i + 1] = with_middles(old, new), with_middles(new, old)
     return list(chain.from_iterable(blocks))
 
 
-def _refined(block: Sequence[DiffLine], other: Sequence[DiffLine]) -> list[DiffLine]:
+def with_middles(block: Sequence[DiffLine], other: Sequence[DiffLine]) -> list[DiffLine]:
     """Set off each line's middle from the beginning and end that it shares with its counterpart."""
     found: list[DiffLine] = []
     for line, counterpart in zip(block, other, strict=True):
         mine, theirs = line.text, counterpart.text
-        head = _common_length(mine, theirs)
-        tail = _common_length(mine[head:][::-1], theirs[head:][::-1])
+        head = common_prefix_length(mine, theirs)
+        tail = common_prefix_length(mine[head:][::-1], theirs[head:][::-1])
         end = len(mine) - tail
         found.append(DiffLine(line.kind, mine[:head], mine[head:end], mine[end:]))
     return found
 
 
-def _common_length(one: str, other: str) -> int:
+def common_prefix_length(one: str, other: str) -> int:
     """Length of the common prefix."""
     pairs = enumerate(zip(one, other, strict=False))
     return next((i for i, (a, b) in pairs if a != b), min(len(one), len(other)))
@@ -98,6 +98,7 @@ def change(before: bytes | None, after: bytes | None) -> Change | None:
     one, other = pictures
     if one.shape != other.shape:
         return None
+    # int16, because differences of uint8 wrap around.
     apart = np.abs(one.astype(np.int16) - other.astype(np.int16)).max(axis=2) > SEEN
     share = float(apart.mean())
     if share < LEAST:

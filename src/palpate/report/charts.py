@@ -67,8 +67,8 @@ def fit_figure(view: FitView, measured: Measured) -> Figure:
     shown = [view.measured, view.predicted]
     certain = std <= WIDE * stated
     shown += [(view.measured + sign * std)[certain] for sign in (-1.0, 1.0)]
-    data = list(_prediction(view, measured, shown))
-    data += _points(view, std, view.measured, "y")
+    data = list(prediction_traces(view, measured, shown))
+    data += measured_traces(view, std, view.measured, "y")
     layout: Figure = {
         "height": TALL if residuals else SHORT,
         "margin": {"l": 58, "r": 14, "t": 40, "b": 44},
@@ -84,36 +84,36 @@ def fit_figure(view: FitView, measured: Measured) -> Figure:
         "xaxis": {
             "title": {"text": escape(view.axes[0])},
             "anchor": "y2" if residuals else "y",
-            "range": _range(view.x, 0.04),
+            "range": axis_range(view.x, 0.04),
             "zeroline": False,
         },
         "yaxis": {
             "title": {"text": escape(view.axes[1]), "standoff": 6},
             "automargin": True,
             "domain": (0.42, 1.0) if residuals else (0.0, 1.0),
-            "range": _range(np.concatenate(shown), 0.08),
+            "range": axis_range(np.concatenate(shown), 0.08),
             "zeroline": False,
         },
     }
     if residuals:
         left = view.measured - view.predicted
-        data += [{**one, "showlegend": False} for one in _points(view, std, left, "y2")]
+        data += [{**one, "showlegend": False} for one in measured_traces(view, std, left, "y2")]
         near = np.concatenate([(left - std)[certain], (left + std)[certain], left, [0.0]])
         layout["yaxis2"] = {
             "title": {"text": "residual", "standoff": 6},
             "automargin": True,
             "domain": (0.0, 0.34),
-            "range": _range(near, 0.1),
+            "range": axis_range(near, 0.1),
         }
     return {"data": data, "layout": layout}
 
 
-def _range(values: Array, air: float) -> tuple[float, float]:
+def axis_range(values: Array, air: float) -> tuple[float, float]:
     axis = Axis.around(values[np.isfinite(values)], air)
     return axis.low, axis.high
 
 
-def _prediction(view: FitView, measured: Measured, shown: list[Array]) -> Iterator[Figure]:
+def prediction_traces(view: FitView, measured: Measured, shown: list[Array]) -> Iterator[Figure]:
     """Predicted curve; with its 95 % interval and the truth if the view has slopes, ∂prediction/∂value. Values
     that the axis must include are added to `shown`."""
     estimate, name = measured.estimate, "the fit"
@@ -145,7 +145,7 @@ def _prediction(view: FitView, measured: Measured, shown: list[Array]) -> Iterat
         yield _curve("the truth", x, truth, line={"color": TRUTH, "width": 2, "dash": "dash"})
 
 
-def _points(view: FitView, std: Array, values: Array, axis: str) -> Iterator[Figure]:
+def measured_traces(view: FitView, std: Array, values: Array, axis: str) -> Iterator[Figure]:
     """Measured values, or their residuals, group by group: points with error bars, or a curve."""
     used = np.ones(len(view.x), dtype=bool) if view.used is None else view.used
     groups = [view.groups] * len(view.x) if isinstance(view.groups, str) else view.groups

@@ -121,13 +121,14 @@ class ReportData:
 def report_data(run: Run, pictures: Pictures, scratch: Path, place: Path) -> ReportData:
     """Collect the page's data; `scratch` holds the run's files, which are or will be at `place`."""
     settings, done, twin, film = run.settings, run.execution, run.finished, pictures.film
+    # The page links to the files that exist already.
     files = (path for path in scratch.rglob("*") if path.is_file())
     data = ReportData(
         request=settings.request,
         status=run.status,
         plan=run.plan,
         world=run.world or "nothing was moved",
-        parameters=tuple(_parameter_rows(run)),
+        parameters=tuple(parameter_rows(run)),
         measured=tuple(Measured(e, run.truth.get(e.parameter)) for e in run.estimates),
         findings=tuple(f"{f.path}: {f.message}" for f in run.findings),
         trace=run.trace_if_any,
@@ -144,7 +145,7 @@ def report_data(run: Run, pictures: Pictures, scratch: Path, place: Path) -> Rep
         total_seconds=run.total_seconds,
         command=shlex.join(reproducing(settings, place.absolute())),
         answer=answer(run),
-        warnings=tuple(_warnings(run)),
+        warnings=tuple(run_warnings(run)),
     )
     if done is not None:
         data = replace(
@@ -166,7 +167,7 @@ def stated_as(parameter: Parameter) -> Parameter:
     return Parameter(parameter.object, quantity.known_as())
 
 
-def _parameter_rows(run: Run) -> Iterator[ParameterRow]:
+def parameter_rows(run: Run) -> Iterator[ParameterRow]:
     """Missing, known and assumed parameters of the scene, body by body."""
     asked = {stated_as(parameter) for parameter in run.plan.parameters}
     for body in run.scene.bodies.values():
@@ -179,7 +180,7 @@ def _parameter_rows(run: Run) -> Iterator[ParameterRow]:
             yield ParameterRow(name, quantity, "assumed", Parameter(name, quantity) in asked)
 
 
-def _warnings(run: Run) -> Iterator[str]:
+def run_warnings(run: Run) -> Iterator[str]:
     if run.drawn:
         yield (
             "Simulated, and made up: the run was given neither a robot nor a world, so the true values were "
@@ -195,12 +196,12 @@ def twin_checks(validation: Validation) -> dict[str, str]:
     rests = "yes" if validation.settled else "no"
     return {
         "Comes to rest": f"{rests}, after moving {1e3 * validation.drift:.2f} mm",
-        "Plan replayed in the twin": _residual_text(validation.twin),
-        "Plan replayed in the scene as given": _residual_text(validation.template),
+        "Plan replayed in the twin": residual_text(validation.twin),
+        "Plan replayed in the scene as given": residual_text(validation.template),
     }
 
 
-def _residual_text(residual: Residual) -> str:
+def residual_text(residual: Residual) -> str:
     parts: list[str] = []
     if residual.force is not None:
         parts.append(f"{residual.force:.3f} N")

@@ -64,12 +64,14 @@ def predictions(held: HeldOut | None) -> list[Prediction]:
     found: list[Prediction] = []
     for motion in held.motions if held is not None else ():
         title = motion.motion[:1].upper() + motion.motion[1:]
-        panels = tuple(_panels(motion.curve))
-        found.append(Prediction(title, motion.agrees, _said(motion), motion.disagreement, panels))
+        panels = tuple(signal_panels(motion.curve))
+        found.append(
+            Prediction(title, motion.agrees, prediction_text(motion), motion.disagreement, panels)
+        )
     return found
 
 
-def _said(motion: Motion) -> str:
+def prediction_text(motion: Motion) -> str:
     way = "more" if motion.weight > 0 else "less"
     weight, std = rounded(1e3 * abs(motion.weight), 1e3 * motion.weight_std)
     return (
@@ -81,10 +83,11 @@ def _said(motion: Motion) -> str:
     )
 
 
-def _panels(curve: Curve) -> Iterator[Panel]:
+def signal_panels(curve: Curve) -> Iterator[Panel]:
     """Panels of the signals with the largest predicted values, in the curve's order."""
     t = np.array(curve.t)
     peaks = np.abs(np.array(curve.twin)).max(axis=1)
+    # Joints on which the object has no lever show noise alone.
     largest: list[int] = np.argsort(-peaks, kind="stable").tolist()
     breaks: list[int] = (np.flatnonzero(np.diff(t) > GAP) + 1).tolist()
     parts = [slice(first, last) for first, last in pairwise([0, *breaks, len(t)])]
@@ -93,8 +96,8 @@ def _panels(curve: Curve) -> Iterator[Panel]:
         measured, std = np.array(curve.measured[i]), np.array(curve.std[i])
         spread = np.concatenate([twin, guess, measured - std, measured + std])
         low, high = float(spread.min()), float(spread.max())
-        x = _scaled(t, (float(t[0]), float(t[-1])), (EDGE, WIDTH - EDGE))
-        up = partial(_scaled, ends=(low, high), pixels=(HEIGHT - EDGE, EDGE))
+        x = scaled_to_pixels(t, (float(t[0]), float(t[-1])), (EDGE, WIDTH - EDGE))
+        up = partial(scaled_to_pixels, ends=(low, high), pixels=(HEIGHT - EDGE, EDGE))
         columns = (x, up(measured), up(measured - std), up(measured + std))
         signal = curve.signals[i]
         _, joint, number = signal.rpartition("joint")  # `fr3_joint4` is joint 4
@@ -106,18 +109,20 @@ def _panels(curve: Curve) -> Iterator[Panel]:
             start=f"{t[0]:.1f}",
             end=f"{t[-1]:.1f}",
             points=tuple(Point(*row) for row in np.column_stack(columns).tolist()),
-            twin=tuple(_line(x[part], up(twin)[part]) for part in parts),
-            template=tuple(_line(x[part], up(guess)[part]) for part in parts),
+            twin=tuple(polyline(x[part], up(twin)[part]) for part in parts),
+            template=tuple(polyline(x[part], up(guess)[part]) for part in parts),
         )
 
 
-def _scaled(values: Array, ends: tuple[float, float], pixels: tuple[float, float]) -> Array:
+def scaled_to_pixels(
+    values: Array, ends: tuple[float, float], pixels: tuple[float, float]
+) -> Array:
     """Map `values` linearly from `ends` to `pixels`, to a tenth of a pixel."""
     share = (values - ends[0]) / max(ends[1] - ends[0], 1e-9)
     return np.asarray(np.round(pixels[0] + (pixels[1] - pixels[0]) * share, 1), dtype=np.float64)
 
 
-def _line(x: Array, y: Array) -> str:
+def polyline(x: Array, y: Array) -> str:
     points = list(zip(x.tolist(), y.tolist(), strict=True))
     if len(points) == 1:  # a single point is drawn as a short dash
         middle, height = points[0]

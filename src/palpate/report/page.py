@@ -52,13 +52,14 @@ def render_report(data: ReportData) -> str:
     tree = branches(data.plan, data.trace)
     failure = first_failure(tree)
     nodes = data.plan.tree.walk() if data.plan.tree is not None else ()
+    # Leaves of a controlled stop lie outside of the tree: their paths begin with another word.
     begun: int | None = None
     if data.status == "aborted" and data.trace is not None:
         begun = sum(leaf.node.startswith("tree") for leaf in data.trace.leaves)
     return template("palpate.report", "template.html").render(
         data=data,
-        verdict=_verdict(data),
-        verdict_line=_verdict_line(data),
+        verdict=verdict_title(data),
+        verdict_line=verdict_sentence(data),
         actions=sum(not node.children for _, node in nodes),
         begun=begun,
         cards=made,
@@ -78,12 +79,12 @@ def render_report(data: ReportData) -> str:
         failed=FAILED,
         policy=policy(),
         script=script(),
-        **_pictures(data),
-        **_figure(data),
+        **picture_uris(data),
+        **timeline_figure(data),
     )
 
 
-def _verdict(data: ReportData) -> str:
+def verdict_title(data: ReportData) -> str:
     """The headline."""
     if data.status == "aborted" and data.held is not None and data.held.became != "put down":
         how = "still holds" if data.held.became == "held" else "lost"
@@ -91,7 +92,7 @@ def _verdict(data: ReportData) -> str:
     return VERDICTS[data.status]
 
 
-def _verdict_line(data: ReportData) -> str:
+def verdict_sentence(data: ReportData) -> str:
     """The run in one sentence."""
     if data.status == "rejected":
         return "The arm did not move."
@@ -105,7 +106,7 @@ def _verdict_line(data: ReportData) -> str:
     return f"{found} of {wanted} {unknowns} measured."
 
 
-def _pictures(data: ReportData) -> dict[str, Any]:
+def picture_uris(data: ReportData) -> dict[str, Any]:
     changed = change(data.before, data.after)
     return {
         "workspace": picture_uri(data.workspace),
@@ -117,14 +118,14 @@ def _pictures(data: ReportData) -> dict[str, Any]:
     }
 
 
-def _figure(data: ReportData) -> dict[str, Any]:
+def timeline_figure(data: ReportData) -> dict[str, Any]:
     """The timeline, and plotly.js to draw it, if anything was executed."""
     figure: Figure | None = None
     library = ""
     if data.trace is not None and len(data.trace.samples):
         named = windows(data.trace, [m.estimate for m in data.measured])
         figure = timeline(data.trace, named, primitive_groups())
-        library, _ = plotly()
+        library, _ = plotly()  # 2 MB, only for pages that draw something
     return {"figure": figure, "plotly": library}
 
 

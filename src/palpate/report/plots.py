@@ -50,10 +50,10 @@ def timeline(trace: Trace, windows: Mapping[Recording, str], groups: Mapping[str
     start, end = (min(times), max(times)) if times else (0.0, 1.0)
     return {
         "data": [
-            *_forces(trace.samples),
-            *_heights(trace),
-            *_contacts(trace),
-            _leaf_bars(trace.leaves, groups),
+            *force_traces(trace.samples),
+            *height_traces(trace),
+            *contact_traces(trace),
+            leaf_bars(trace.leaves, groups),
         ],
         "layout": {
             "height": 680,
@@ -82,8 +82,8 @@ def timeline(trace: Trace, windows: Mapping[Recording, str], groups: Mapping[str
                 "fixedrange": True,
                 "autorange": "reversed",
             },
-            "shapes": _shapes(trace.leaves, windows),
-            "annotations": _names(windows, end - start),
+            "shapes": background_shapes(trace.leaves, windows),
+            "annotations": window_names(windows, end - start),
         },
     }
 
@@ -101,6 +101,7 @@ def decimate(t: Array, y: Array, limit: int = MAX_POINTS) -> tuple[Array, Array]
     blocks."""
     if len(t) <= limit:
         return t, y
+    # Plain subsampling would lose contacts that last a few milliseconds.
     edges = np.linspace(0, len(t), limit // 2 + 1).astype(int)
     kept: list[int] = []
     for start, stop in pairwise(edges):
@@ -110,7 +111,7 @@ def decimate(t: Array, y: Array, limit: int = MAX_POINTS) -> tuple[Array, Array]
     return t[rows], y[rows]
 
 
-def _line(name: str, t: Array, y: Array, colour: str, axis: str = "y", **more: Any) -> Figure:
+def time_series(name: str, t: Array, y: Array, colour: str, axis: str = "y", **more: Any) -> Figure:
     x, y = decimate(t, y)
     return {
         "type": "scatter",
@@ -129,30 +130,30 @@ def packed(values: NDArray[Any]) -> dict[str, str]:
     return {"dtype": "f4", "bdata": base64.b64encode(values.astype("<f4").tobytes()).decode()}
 
 
-def _forces(samples: Samples) -> list[Figure]:
+def force_traces(samples: Samples) -> list[Figure]:
     force = samples.wrench[:, :3]
     return [
-        _line("F<sub>x</sub>", samples.t, force[:, 0], X),
-        _line("F<sub>y</sub>", samples.t, force[:, 1], Y),
-        _line("F<sub>z</sub>", samples.t, force[:, 2], Z),
-        _line("|F|", samples.t, np.linalg.norm(force, axis=1), NORM, opacity=0.75),
+        time_series("F<sub>x</sub>", samples.t, force[:, 0], X),
+        time_series("F<sub>y</sub>", samples.t, force[:, 1], Y),
+        time_series("F<sub>z</sub>", samples.t, force[:, 2], Z),
+        time_series("|F|", samples.t, np.linalg.norm(force, axis=1), NORM, opacity=0.75),
     ]
 
 
-def _heights(trace: Trace) -> list[Figure]:
+def height_traces(trace: Trace) -> list[Figure]:
     s, hidden = trace.samples, {"visible": "legendonly"}
     dotted = {"line": {"color": FAINT, "width": 1.2, "dash": "dot"}}
     return [
-        _line("TCP z", s.t, s.pose_world_tcp[:, 2], Z, "y2", opacity=0.6),
-        _line("fingertips z", s.t, tip_height(s, trace.hand), MARK, "y2"),
-        _line("commanded z", s.t, s.target_world_tcp[:, 2], FAINT, "y2", **dotted),
-        _line("TCP x", s.t, s.pose_world_tcp[:, 0], X, "y2", **hidden),
-        _line("TCP y", s.t, s.pose_world_tcp[:, 1], Y, "y2", **hidden),
-        _line("finger opening", s.t, s.width, NORM, "y2", **hidden),
+        time_series("TCP z", s.t, s.pose_world_tcp[:, 2], Z, "y2", opacity=0.6),
+        time_series("fingertips z", s.t, tip_height(s, trace.hand), MARK, "y2"),
+        time_series("commanded z", s.t, s.target_world_tcp[:, 2], FAINT, "y2", **dotted),
+        time_series("TCP x", s.t, s.pose_world_tcp[:, 0], X, "y2", **hidden),
+        time_series("TCP y", s.t, s.pose_world_tcp[:, 1], Y, "y2", **hidden),
+        time_series("finger opening", s.t, s.width, NORM, "y2", **hidden),
     ]
 
 
-def _contacts(trace: Trace) -> list[Figure]:
+def contact_traces(trace: Trace) -> list[Figure]:
     """Contacts of guarded motions."""
     touches = trace.leaf_runs("MoveUntilContact")
     if not touches or not len(trace.samples):
@@ -172,7 +173,7 @@ def _contacts(trace: Trace) -> list[Figure]:
     ]
 
 
-def _leaf_bars(leaves: Sequence[LeafRun], groups: Mapping[str, str]) -> Figure:
+def leaf_bars(leaves: Sequence[LeafRun], groups: Mapping[str, str]) -> Figure:
     """A bar per leaf, from its first tick to its last."""
     colours: list[str] = []
     lanes: list[int] = []
@@ -181,7 +182,7 @@ def _leaf_bars(leaves: Sequence[LeafRun], groups: Mapping[str, str]) -> Figure:
         colour = GROUPS.get(groups.get(leaf.primitive, ""), NORM)
         colours.append({"FAILURE": FAILED, "INVALID": STOPPED}.get(leaf.status, colour))
         # Leaves of a Parallel overlap in time: each takes the first lane that is free.
-        lane = _first_free(busy_until, leaf.start + 1e-6)
+        lane = first_free_lane(busy_until, leaf.start + 1e-6)
         busy_until[lane : lane + 1] = [leaf.end]
         lanes.append(lane)
     return {
@@ -207,12 +208,12 @@ def _leaf_bars(leaves: Sequence[LeafRun], groups: Mapping[str, str]) -> Figure:
     }
 
 
-def _first_free(busy_until: Sequence[float], time: float) -> int:
+def first_free_lane(busy_until: Sequence[float], time: float) -> int:
     """The first lane that is free at `time`, or a new one after the last."""
     return next((lane for lane, end in enumerate(busy_until) if end <= time), len(busy_until))
 
 
-def _shapes(leaves: Sequence[LeafRun], windows: Iterable[Recording]) -> list[Figure]:
+def background_shapes(leaves: Sequence[LeafRun], windows: Iterable[Recording]) -> list[Figure]:
     """A dotted line at the start of each leaf, and a shaded box for each recording."""
     dotted = {"line": {"color": FAINT, "width": 0.6, "dash": "dot"}}
     shaded = {"fillcolor": MARK, "opacity": 0.16, "line": {"color": MARK, "width": 1}}
@@ -228,12 +229,12 @@ def _shape(kind: str, start: float, end: float, bottom: float, **style: Any) -> 
     return {"type": kind, "xref": "x", "yref": "paper", "layer": "below", **place, **style}
 
 
-def _names(windows: Mapping[Recording, str], span: float) -> list[Figure]:
+def window_names(windows: Mapping[Recording, str], span: float) -> list[Figure]:
     """A name above each window, on the first of three lines where it does not overlap another."""
     taken_until = [-np.inf] * 3
     out: list[Figure] = []
     for recording, name in sorted(windows.items(), key=lambda item: item[0].start):
-        line = min(_first_free(taken_until, recording.start), len(taken_until) - 1)
+        line = min(first_free_lane(taken_until, recording.start), len(taken_until) - 1)
         # A character takes about 0.8 % of the figure's width.
         taken_until[line] = recording.start + span * 0.008 * (len(name) + 2)
         out.append(

@@ -46,7 +46,7 @@ def branches(plan: Plan, trace: Trace | None) -> Branch | None:
     runs: dict[str, LeafRun] = {}
     if trace is not None:
         runs = {leaf.node: leaf for leaf in trace.leaves}
-    return _branch(plan.tree, "tree", runs, _end(trace))
+    return branch_of(plan.tree, "tree", runs, last_end(trace))
 
 
 def aftermath(plan: Plan, trace: Trace | None) -> list[Branch]:
@@ -55,7 +55,7 @@ def aftermath(plan: Plan, trace: Trace | None) -> list[Branch]:
         return []
     planned = {path for path, _ in plan.tree.walk()} if plan.tree is not None else set[str]()
     return [
-        _leaf(run.primitive, run.label, run, _end(trace))
+        leaf_branch(run.primitive, run.label, run, last_end(trace))
         for run in trace.leaves
         if run.node not in planned
     ]
@@ -63,7 +63,7 @@ def aftermath(plan: Plan, trace: Trace | None) -> list[Branch]:
 
 def first_failure(tree: Branch | None) -> Branch | None:
     """The first leaf that failed, else the first that was stopped."""
-    leaves = list(_leaves(tree)) if tree is not None else []
+    leaves = list(leaves_of(tree)) if tree is not None else []
     for fate in ("failure", "stopped"):
         for leaf in leaves:
             if leaf.fate == fate:
@@ -71,35 +71,35 @@ def first_failure(tree: Branch | None) -> Branch | None:
     return None
 
 
-def _leaves(branch: Branch) -> Iterator[Branch]:
+def leaves_of(branch: Branch) -> Iterator[Branch]:
     if not branch.children:
         yield branch
     for child in branch.children:
-        yield from _leaves(child)
+        yield from leaves_of(child)
 
 
-def _end(trace: Trace | None) -> float:
+def last_end(trace: Trace | None) -> float:
     """End of the last leaf, robot time (s)."""
     if trace is None or not trace.leaves:
         return 1.0
     return max(leaf.end for leaf in trace.leaves)
 
 
-def _branch(node: Node, path: str, runs: Mapping[str, LeafRun], end: float) -> Branch:
+def branch_of(node: Node, path: str, runs: Mapping[str, LeafRun], end: float) -> Branch:
     if node.type in COMPOSITES:
-        return _composite(node, path, runs, end)
+        return composite_branch(node, path, runs, end)
     arguments = ", ".join(str(value) for _, value in node.args)
-    return _leaf(node.type, f"{node.type}({arguments})", runs.get(path), end)
+    return leaf_branch(node.type, f"{node.type}({arguments})", runs.get(path), end)
 
 
-def _leaf(primitive: str, label: str, run: LeafRun | None, end: float) -> Branch:
+def leaf_branch(primitive: str, label: str, run: LeafRun | None, end: float) -> Branch:
     group = summary = ""
     if (declared := vocabulary().primitives.get(primitive)) is not None:
         group, summary = declared.group, declared.summary()
     label = label[:LONGEST_LABEL]
     if run is None:
         return Branch(LEAF, label, group, "waiting", summary)
-    left, width = _place(run.start, run.end, end)
+    left, width = placement(run.start, run.end, end)
     return Branch(
         LEAF,
         label,
@@ -113,10 +113,11 @@ def _leaf(primitive: str, label: str, run: LeafRun | None, end: float) -> Branch
     )
 
 
-def _composite(node: Node, path: str, runs: Mapping[str, LeafRun], end: float) -> Branch:
+def composite_branch(node: Node, path: str, runs: Mapping[str, LeafRun], end: float) -> Branch:
     composite = COMPOSITES[node.type]
     children = tuple(
-        _branch(child, f"{path}.children[{i}]", runs, end) for i, child in enumerate(node.children)
+        branch_of(child, f"{path}.children[{i}]", runs, end)
+        for i, child in enumerate(node.children)
     )
     # A failed or stopped child decides; success takes all children.
     fates = {child.fate for child in children}
@@ -130,14 +131,15 @@ def _composite(node: Node, path: str, runs: Mapping[str, LeafRun], end: float) -
         composite.summary,
         children=children,
     )
+    # A composite lasts from its first leaf's start to its last leaf's end.
     leaves = [leaf for at, leaf in runs.items() if at.startswith(f"{path}.")]
     if not leaves:
         return branch
     start, stop = min(leaf.start for leaf in leaves), max(leaf.end for leaf in leaves)
-    left, width = _place(start, stop, end)
+    left, width = placement(start, stop, end)
     return replace(branch, duration=f"{stop - start:.1f} s", left=left, width=width)
 
 
-def _place(start: float, stop: float, end: float) -> tuple[float, float]:
+def placement(start: float, stop: float, end: float) -> tuple[float, float]:
     """Left and width in per cent of a run that lasts until `end`."""
     return round(100 * start / end, 2), round(max(100 * (stop - start) / end, NARROWEST), 2)

@@ -66,10 +66,10 @@ def evidence(recording: Recording, trace: Trace) -> Evidence:
     if context.at:
         words.append(f"at {context.at}")
     when = f"{recording.start:.2f}–{recording.end:.2f} s"
-    return Evidence(", ".join(words), when, _reading(recording, trace))
+    return Evidence(", ".join(words), when, reading_text(recording, trace))
 
 
-def _reading(recording: Recording, trace: Trace) -> str:
+def reading_text(recording: Recording, trace: Trace) -> str:
     """Mean ± standard deviation of the recording's main signal, and the number of samples."""
     samples = trace.of(recording)
     if recording.reading:

@@ -49,6 +49,7 @@ def pictures_in(folder: Path, run: Run) -> Pictures:
 
     workspace, before, after = (content(name) for name in STILLS)
     stills = Pictures(workspace, before, after)
+    # A film by a camera takes precedence over one rendered from the trace.
     for believed, name in FILMS.items():
         video = content(name)
         if video is not None and run.execution is not None:
@@ -152,16 +153,16 @@ def write_all(
     """
     missing: list[str] = []
     pictures = Pictures()
-    with _collecting("the pictures were not read again", missing):
+    with collecting_shortfalls("the pictures were not read again", missing):
         pictures = pictures_in(folder, run)
-    with _collecting("the pictures were not made", missing):
+    with collecting_shortfalls("the pictures were not made", missing):
         pictures = (darkroom.stills if darkroom else take_stills)(run, pictures)
-    with _collecting("the film was not made", missing):
+    with collecting_shortfalls("the film was not made", missing):
         pictures = take_film(run, pictures, darkroom.filming if darkroom else None)
-    with _collecting("the pictures were not written", missing):
+    with collecting_shortfalls("the pictures were not written", missing):
         write_images(pictures, folder)
     with (
-        _collecting("report.html was not written", missing),
+        collecting_shortfalls("report.html was not written", missing),
         replacing(folder / "report.html") as part,
     ):
         write_report(part, report_data(run, pictures, folder, place or folder))
@@ -169,7 +170,7 @@ def write_all(
 
 
 @contextmanager
-def _collecting(failure: str, shortfalls: list[str]) -> Generator[None]:
+def collecting_shortfalls(failure: str, shortfalls: list[str]) -> Generator[None]:
     """Turn an exception of the block into a line of `shortfalls`."""
     try:
         yield
