@@ -6,8 +6,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from palpate.cells.driver import Driver, Finding
-from palpate.cells.teach import GuidedHand
+from palpate.cells.cell import Driver, Finding
 from palpate.errors import InputError
 from palpate.geometry.pose import Pose
 from palpate.parameter import Parameter
@@ -15,6 +14,7 @@ from palpate.robots.franky.address import SCHEME, Address, read_address
 from palpate.robots.franky.preflight import clear, require_answer
 
 if TYPE_CHECKING:
+    from palpate.cells.teach import GuidedHand
     from palpate.pictures.film import Footage
     from palpate.robots.description import RobotDescription
     from palpate.robots.franky.robot import FrankyRobot
@@ -24,36 +24,36 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FrankyCell:
-    """A real workplace with a Franka in it. Implements `palpate.cells.cell.Cell` and, of an arm that is
-    stopped before it is connected, `palpate.robots.robot.Recoverable`."""
+    """A real workplace with a Franka in it. Implements `palpate.cells.cell.Cell` and, for an arm that
+    is stopped before it is connected, `palpate.robots.robot.Recoverable`."""
 
     address: Address
     scene: Scene | None
 
     @property
     def description(self) -> str:
-        """For the report."""
+        """See `Cell`."""
         return f"Franka at {self.address}"
 
     @property
     def simulated(self) -> bool:
-        """Never, as far as it knows."""
+        """False, whatever answers at the address."""
         return False
 
     def picture(self, camera: CameraEntry | None = None) -> bytes | None:
-        """It has no camera: give images=."""
+        """None: the cell has no camera; give images=."""
         return None
 
     def robot(self) -> FrankyRobot:
-        """The arm, as it stands; see `Cell`."""
+        """See `Cell`."""
         from palpate.robots.franky.robot import FrankyRobot
         from palpate.robots.franky.session import Session
 
-        if self.scene is None:
+        scene = self.scene
+        if scene is None:
             raise InputError("a robot needs a scene to work in: give scene=D.xml")
         session = Session(self.address)
         try:
-            scene = self.scene
             return FrankyRobot(session, scene.arm.real(), scene.pose_world_base, scene.gravity)
         except BaseException:
             session.close()
@@ -68,7 +68,7 @@ class FrankyCell:
         return None
 
     def truth(self, parameter: Parameter) -> tuple[float, ...] | None:
-        """Nobody knows."""
+        """None: unknown."""
         return None
 
 
@@ -97,7 +97,7 @@ def examine(url: str, arm: RobotDescription, may_hold: Callable[[], bool]) -> It
 
 
 def guided(url: str, scene: Scene) -> GuidedHand:
-    """The hand at a URL, to be led by a person.
+    """The hand at a URL, for guiding by a person.
 
     Raises:
         InputError: no such URL.

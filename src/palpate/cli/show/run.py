@@ -23,10 +23,9 @@ if TYPE_CHECKING:
     from palpate.estimation.estimate import Estimate
     from palpate.execution.runner import Observer
     from palpate.interrupt import Interrupts
-    from palpate.live.groot.publisher import GrootPublisher
-    from palpate.live.pace import RealTime
+    from palpate.live.groot import GrootPublisher
+    from palpate.live.observers import RealTime, View
     from palpate.live.page import LivePage
-    from palpate.live.together import View
     from palpate.runs.run import Run
     from palpate.settings import Settings
     from palpate.twin.held_out.judged import Motion
@@ -40,11 +39,11 @@ MANY_MOTIONS = 4
 def live_view(*others: View | None) -> Generator[tuple[Observer, Callable[[str], None]]]:
     """The live view on stderr, and on the others that there are, and a way to name the present
     stage."""
+    from palpate.live.observers import Views
     from palpate.live.terminal import LiveTree
-    from palpate.live.together import Together
 
     with LiveTree(err) as live:
-        views = Together(live, *(view for view in others if view is not None))
+        views = Views(live, *(view for view in others if view is not None))
         yield views, views.progress
 
 
@@ -79,7 +78,7 @@ def groot(wanted: WatchOptions) -> Generator[GrootPublisher | None]:
     if not wanted.groot:
         yield None
         return
-    from palpate.live.groot.publisher import GrootPublisher
+    from palpate.live.groot import GrootPublisher
 
     with GrootPublisher(wanted.groot_port) as publisher:
         err.print(f"[dim]Groot2[/] {publisher.url}", soft_wrap=True)
@@ -88,7 +87,7 @@ def groot(wanted: WatchOptions) -> Generator[GrootPublisher | None]:
 
 def pace(wanted: WatchOptions, settings: Settings) -> RealTime | None:
     """A simulated arm takes its time where somebody watches elsewhere than here."""
-    from palpate.live.pace import RealTime
+    from palpate.live.observers import RealTime
 
     watched = wanted.live or wanted.groot
     return RealTime() if watched and settings.robot is None else None
